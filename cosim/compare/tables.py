@@ -97,12 +97,16 @@ def _at(level: str) -> Callable:
     return lambda d: str(d["place_levels"][level])
 
 
+FINEST = "the finest level at which the place is right, as in the next columns"
+
+
 def names(each: Iterable[dict]) -> Table:
     """Return the Table of the names given to every fault that a detector alarmed on, designed for or not."""
     columns = (
         NAME, GROUP, Column("alarmed on", "alarmed_on", doc="faults, designed for or not"),
         Column("class right", "class_right"), Column("class wrong", "class_wrong", doc="ambiguous is neither"),
-        *(Column(f"right {level}", _at(level), doc="finest level at which the place is right") for level in LEVELS[1:]),
+        *(Column(f"right {level}", _at(level), doc="" if i else FINEST)
+          for i, level in enumerate(LEVELS[1:])),
         Column("place wrong", "place_wrong"), Column("wrong name", "name_wrong", doc="class or place"),
     )  # fmt: skip
     return of(columns, each)

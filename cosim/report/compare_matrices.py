@@ -91,7 +91,8 @@ def _cell(name, cell):
         look = first[1]
         told = first[0] if kinds <= {"quiet", "not_valid"} else f"{first[0]} {cell['detected']}/{cell['runs']}"
     else:
-        look = "c-part" if kinds & {"named", "ambiguous", "misnamed"} else first[1]
+        wrong = OUTCOMES["misnamed"][1] if "misnamed" in kinds else first[1]
+        look = "c-part" if kinds & {"named", "ambiguous"} else wrong
         told = " ".join(f"{OUTCOMES[o][0]}{n}" for o, n in found)
     border = " designed" * (cell["word"] == coverage.DESIGNED and cell["lane"])
     more = f"{coverage.WORDS[cell['word']]}; " + ", ".join(f"{n} {OUTCOMES[o][2]}" for o, n in found)

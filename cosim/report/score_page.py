@@ -1,6 +1,7 @@
 """The page of a score: detectors over all faults, by family, without a fault, against each other; from its JSON."""
 
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -77,6 +78,9 @@ def front(each: list[dict]) -> Figure:
     figure.layout["yaxis"] = style_axis(categoryarray=[d["id"] for d in reversed(own)], categoryorder="array")
     figure.layout["xaxis"] = style_axis("faults", domain=[0.0, 0.6], range=[0.0, 1.0], tickformat=".0%")
     rate = {"type": "log", "dtick": 1, "exponentformat": "none", "domain": [0.66, 1.0], "anchor": "y"}
+    bounds = [math.log10(d["false_alarms_per_hour_high"]) for d in own if d["false_alarms_per_hour_high"]]
+    if bounds:  # whole decades, so that one has a tick
+        rate["range"] = [math.floor(min(bounds) - 0.1), math.ceil(max(bounds) + 0.1)]
     figure.layout["xaxis2"] = style_axis("false alarms per hour, below", **rate)
     for d in own:
         common = {"y": [d["id"]], "meta": {"detector": d["id"]}}
