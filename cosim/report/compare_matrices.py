@@ -119,7 +119,7 @@ def confusions(rows: pd.DataFrame) -> list[tuple[str, Table]]:
         columns = [c for c in counts.columns if c not in last] + last
         heads = (Column({"none": "no alarm"}.get(c, c.replace("_", " ")), right=False) for c in columns)
         made = Table("", "fault", *heads, kind="matrix")
-        made.caption = f"{rest} further kinds of fault: never an alarm." if rest else ""
+        made.caption = f"{rest} further kind{'s' * (rest > 1)} of fault: never an alarm." if rest else ""
         for case in sorted(counts.index, key=lambda c: _order(c) if c != "no fault" else (99, "")):
             cells = [(int(counts.loc[case, c]), c) for c in columns]
             made.add(case if case == "no fault" else coverage.label(case),
