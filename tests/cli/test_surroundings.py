@@ -16,7 +16,7 @@ from killed import heeds_ctrl_c
 import cosim
 from actuators import subprocess_env
 from actuators.source_hash import cache_root
-from cosim.campaign import store
+from cosim.campaign import parts
 from cosim.files import left_by
 from cosim.flight.plugins import GuestError, load
 from cosim.log import recover
@@ -242,8 +242,8 @@ def test_names_that_are_not_utf8_are_names(tmp_path):
     assert replay(log, output=tmp_path / f"{strange}2.mcap").exact
     recover(log, tmp_path / f"{strange}3.mcap")
     assert flight_report(log, tmp_path / f"{strange}.html").stat().st_size > 10_000
-    store.write(table, pa.table({"t_s": [0.0, 0.1]}))
-    assert store._whole(table, pa.schema([]), ()).num_rows == 2
+    parts.write(table, pa.table({"t_s": [0.0, 0.1]}))
+    assert parts.table_of(table, pa.schema([]), ()).num_rows == 2
     (tmp_path / f"{strange}.csv").write_text("t_s,n_z\n0,1\n0.1,1\n")
     assert "n_z" in draft(tmp_path / f"{strange}.csv")
     with pytest.raises(GuestError, match="not UTF-8"):
