@@ -234,22 +234,22 @@ def test_a_manifest_says_what_was_flown_with_what_and_what_it_took(flown):
 
 
 def test_rows_survive_being_there_twice(tmp_path):
-    scenarios = pd.DataFrame({"run": ["a", "b"], "order": [0, 1], "toml": ["", ""]})
-    store = Store(tmp_path, scenarios)
+    scenarios = pd.DataFrame({"run": ["a", "b"], "order": [0, 1]})
+    store = Store(tmp_path, scenarios, ["", ""])
     store.add([failed("b", "infeasible", "x")], [])
     store.add([failed("a", "infeasible", "x"), failed("b", "infeasible", "x")], [])
     assert list(store.rows()["run"]) == ["a", "b"]
-    store.consolidate(store.rows())
+    assert store.consolidate(tmp_path, {}) == {"a": "infeasible", "b": "infeasible"}
     assert len(list((tmp_path / "parts").glob("rows-*"))) == 1
-    assert Store(tmp_path, scenarios).finished == {"a", "b"}
+    assert Store(tmp_path, scenarios, ["", ""]).finished == {"a", "b"}
 
 
 def test_resuming_flies_runs_that_failed_again_and_keeps_the_flight(tmp_path):
-    scenarios = pd.DataFrame({"run": ["a", "b", "c"], "order": [0, 1, 2], "toml": ["", "", ""]})
-    store = Store(tmp_path, scenarios)
+    scenarios = pd.DataFrame({"run": ["a", "b", "c"], "order": [0, 1, 2]})
+    store = Store(tmp_path, scenarios, [""] * 3)
     store.add([failed("a", "crashed", "x"), failed("b", "error", "y")], [])
     store.add([failed("c", "infeasible", "z")], [])
-    again = Store(tmp_path, scenarios)
+    again = Store(tmp_path, scenarios, [""] * 3)
     assert again.finished == {"c"}
     again.add([failed("a", "completed", "") | {"lane": i} for i in range(2)], [])
     assert list(zip(again.rows()["run"], again.rows()["status"])) == [

@@ -54,13 +54,13 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
             "threshold": 0.00147263, "share": 0.0,
         },
         "ofc_monitor flight": {
-            "threshold": 0.0005, "share": 0.0, "usual": 0.0179712, "most": 0.0104889,
+            "threshold": 0.0005, "share": 0.0, "usual": 0.00636745, "most": 0.0104889,
         },
     },
     "ema": {
         "ema_kalman_flight flight": {
-            "pair_threshold": 0.000197956, "th_speed": 0.00027, "rho_speed": 1.05645e-07, "th_f":
-            0.163634, "rho_f": 0.0, "th_vel": 2.17956, "rho_vel": 0.0117193, "rho_rate": 0.0153128,
+            "pair_threshold": 0.000197956, "th_speed": 0.00027, "rho_speed": 1.05834e-07, "th_f":
+            0.163827, "rho_f": 0.0, "th_vel": 2.17956, "rho_vel": 0.0117193, "rho_rate": 0.0153128,
             "th_jump": 0.000296349, "th_R1": 0.000564234, "z_gain": 2.0, "th_rough": 10.39,
         },
         "position_monitor flight_ema": {
