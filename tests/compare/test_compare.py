@@ -158,6 +158,9 @@ def test_report_compares_one_log_and_many_cells(logs):
     made.rows, made.detectors = many.reset_index(drop=True), stats.detectors(many)
     text = render(made)
     assert '"heatmap"' in text and "NaN" not in text.split('id="figures">')[1].split("</script>")[0]
+    assert "alarms all the time" not in text
+    made.detectors[0]["credible"] = False
+    assert f"{made.detectors[0]['id']}: alarms all the time and therefore tells nothing" in render(made)
 
 
 def test_command_prints_one_json_object(logs, tmp_path, capsys):

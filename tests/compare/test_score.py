@@ -210,6 +210,7 @@ def test_the_log_score_is_what_was_given_to_the_truth():
     assert log_score(told, ("none", "sensor"), 10, 30) == pytest.approx(0.0)
     assert log_score(told, ("sensor",), 0, 10) == pytest.approx(UNSAID)
     assert log_score(told, ("sensor",), 5, 5) is None
+    assert log_score([(0, {"a": 0.8, "b": 0.7})], ("a", "b"), 0, 1) == 0.0  # more than certain earns nothing
     rng, p = np.random.default_rng(3), 0.3  # proper: on average nothing scores better than the truth
     hits = rng.random(20_000) < p
     each = {q: [log_score([(0, {"a": q, "b": 1 - q})], c, 0, 1) for c in ("b", "a")] for q in (0.2, 0.3, 0.4)}
