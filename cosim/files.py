@@ -156,7 +156,7 @@ class Part:
 
 def interrupted() -> None:
     """Remove what an interrupt has left half written: it may strike before anybody knows of a part."""
-    for place in _half:
+    for place in tuple(_half):
         with contextlib.suppress(OSError):
             place.unlink()
 

@@ -25,7 +25,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Compile what the whole suite flies before its processes start: each would compile the same at the same time."""
     if config.args_source is pytest.Config.ArgsSource.TESTPATHS and not hasattr(config, "workerinput"):
         compiling.prepare(
-            cosim.load_scenario("cruise", ["elevator.left_outer=ema"]),
+            cosim.load_scenario("cruise", ["elevator.left_outer=ema", f"detectors.enabled={list(registry.records())}"]),
             lambda i, n: print(f"\rcompiled {i} of {n}", end="\n" if i == n else "", flush=True),
         )
 

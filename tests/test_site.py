@@ -100,6 +100,25 @@ def test_links_that_lead_nowhere_and_loads_from_elsewhere_are_found(site, tmp_pa
     assert len(site.links.wrong(tmp_path)) == 3
 
 
+def test_the_page_of_installing_has_every_extra_and_installs_as_the_package_check_does():
+    page = (ROOT / "cosim" / "site" / "pages" / "install.md").read_text(encoding="utf-8")
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    assert set(re.findall(r"^\| `(\w+)` \|", page, re.M)) == set(extras)
+    checked = (ROOT / ".ci" / "package").read_text(encoding="utf-8")
+    for line in ("pip install {}/cosim_fdi-*.whl", "cosim run"):
+        assert f"$ .venv/bin/{line.format('DIR')}\n" in page
+        assert line.format('"$to"').replace("pip install", 'pip" install -q') in checked
+
+
+def test_code_that_a_page_shows_is_as_wide_as_its_column():
+    """Longer lines scroll; the code of a figure is folded away, and an output has its own size."""
+    wide = []
+    for path in sorted((ROOT / "cosim" / "site" / "pages").rglob("*.md")):
+        for head, code in re.findall(r"^```(\w[^\n]*)\n(.*?)^```$", path.read_text(encoding="utf-8"), re.S | re.M):
+            wide += [f"{path.name}: {line}" for line in code.splitlines() if len(line) > 87 and "figure=" not in head]
+    assert wide == []
+
+
 def test_a_wheel_has_no_site():
     wheel = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]["build"]["targets"]
     assert wheel["wheel"]["exclude"] == ["cosim/site"]

@@ -18,19 +18,20 @@ on: a campaign's seeds start there unless it says otherwise.
 """
 
 import functools
+import itertools
 import json
 import time
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Executor
 from contextlib import nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from cosim.campaign.packed import Packed
 from cosim.campaign.pool import outcomes
-from cosim.campaign.store import GO_ON, CampaignError, Store, folder
+from cosim.campaign.store import GO_ON, CampaignError, Store, folder, load
 from cosim.campaign.worker import run_id
 from cosim.errors import LogError, OutputError, told_at_call
 from cosim.files import regular, replace, replace_text
@@ -52,18 +53,42 @@ CORE = (
 FLUSH_S, FLUSH_RUNS = 2.0, 16  # finished runs are safe on disk after at most that
 
 
-@dataclass(frozen=True)
 class CampaignResult:
-    """What a campaign came to: all rows, timings, the Parquet file (None without a folder), and counts of runs."""
+    """What a campaign came to: all rows, timings, the Parquet file (None without a folder), and counts of runs.
 
-    frame: pd.DataFrame  # a row per run, fault and detector lane; columns: cosim/campaign/README.md
-    timing: pd.DataFrame  # a row per run: how long it took [s]
-    parquet: Path | None  # the file of the rows, None without a folder
-    done: int  # runs with a row
-    failed: int  # of these, without a flight: infeasible, error or crashed
-    resumed: int  # of these, found in the folder
-    damaged: tuple[str, ...] = ()  # files of the folder that were no more whole: their runs were flown again
-    notes: tuple[str, ...] = ()  # what is worth knowing and no error
+    parquet     the file of the rows, None without a folder
+    done        runs with a row
+    failed      of these, without a flight: infeasible, error or crashed
+    resumed     of these, found in the folder
+    damaged     files of the folder that were no more whole: their runs were flown again
+    notes       what is worth knowing and no error
+
+    Rows in a folder are read when they are asked for.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        status: Mapping[str, str],
+        resumed: int = 0,
+        parquet: Path | None = None,
+        notes: tuple[str, ...] = (),
+    ):
+        """Take the `store` of the rows and {run: status}."""
+        self.parquet, self.resumed, self.notes = parquet, resumed, notes
+        self.done, self.damaged = len(status), tuple(store.damaged)
+        self.failed = sum(s in ("infeasible", "error", "crashed") for s in status.values())
+        self._store = store
+
+    @functools.cached_property
+    def frame(self) -> pd.DataFrame:
+        """A row per run, fault and detector lane; columns: cosim/campaign/README.md."""
+        return load(self.parquet.parent)[0] if self.parquet else self._store.rows().assign(kept="")
+
+    @functools.cached_property
+    def timing(self) -> pd.DataFrame:
+        """A row per run, and per detector: how long it took [s], a step [us]."""
+        return self._store.timing()
 
     def __repr__(self) -> str:
         counts = self.frame.drop_duplicates("run")["status"].value_counts()
@@ -108,29 +133,42 @@ def run_many(
     elevator fault. `labels` is a list of dicts beside the scenarios, for columns label.<name>. Raises CampaignError,
     OutputError; an error of a flight is a row.
     """
-    runs, named = _runs(map(identified, scenarios), labels)
-    brought = dict.fromkeys(f for s in runs.values() for f in s.brought.items())
+    runs, packed, named, brought = _runs(scenarios, labels)
     with folder(out) if out else nullcontext():
-        store = Store(out, table(runs, named), resume=resume, anew=anew, files=brought)
+        about = table(runs, packed, named)
+        texts = (s.portable_toml(aircraft=False) for s in packed)
+        store = Store(out, about, texts, resume=resume, anew=anew, files=brought)
         resumed = len(store.finished)
-        _tell_guests(runs.values(), store.out)
-        todo = [(run, scenario) for run, scenario in runs.items() if run not in store.finished]
+        _tell_guests(packed, store.out)
+        todo = [(run, s) for run, s in zip(runs, packed.held) if run not in store.finished]
         if todo and executor is None:
             from cosim.flight.loop.compiling import prepare
 
-            prepare(todo[0][1])  # here, with a word, and not in every worker at once
+            prepare(todo[0][1].scenario())  # here, with a word, and not in every worker at once
         _fly(todo, store, progress, len(runs), workers=workers, executor=executor, achieved=achieved)
-        frame = store.rows()
-        frame["kept"] = _kept(frame, keep, runs, store.out)
-        parquet = store.consolidate(frame)
-        if store.out:
-            from cosim.campaign import manifest
+        if store.out is None:
+            frame = store.rows(("run", "status"))
+            return CampaignResult(store, dict(zip(frame["run"], frame["status"])))
+        status = store.consolidate(store.out, _kept(store, keep, dict(zip(runs, packed.held))))
+        _manifest(store, brought)
+    return CampaignResult(store, status, resumed, store.out / "runs.parquet", _left_out(store))
 
-            manifest.write(store.out, frame, store.timing(), brought)
-    by_run = frame.drop_duplicates("run")
-    failed = int(by_run["status"].isin(("infeasible", "error", "crashed")).sum())
-    timing, damaged = store.timing(), tuple(store.damaged)
-    return CampaignResult(frame, timing, parquet, len(by_run), failed, resumed, damaged, _left_out(store))
+
+def _manifest(store, brought):
+    """Write the manifest of a folder whose rows are consolidated."""
+    import pyarrow.parquet as pq
+
+    from cosim.campaign import manifest
+
+    seeds, took = store.scenarios["seed"], store.timing()["core_s"].dropna()
+    rows = pq.read_metadata(store.out / "runs.parquet").num_rows
+    about = {
+        "runs": len(seeds),
+        "rows": rows,
+        "seeds": [int(seeds.min()), int(seeds.max())],
+        "flights_per_core_s": len(took) / float(took.sum()) if took.sum() > 0.0 else None,
+    }
+    manifest.write(store.out, about, brought)
 
 
 def _left_out(store):
@@ -159,17 +197,22 @@ def _tell_guests(scenarios, out):
 
 
 def _runs(scenarios, labels):
-    """Return ({run: Scenario}, labels in the same order); equal scenarios once."""
-    runs, named = {}, []
-    scenarios = list(scenarios)
-    for scenario, label in zip(scenarios, labels or [{}] * len(scenarios), strict=True):
+    """Return (runs, Packed scenarios, labels in the same order, {(key, UserFile)} that fly in them); equal scenarios
+    once.
+    """
+    runs: dict[str, None] = {}  # in order
+    packed, named, brought = Packed(), [], {}
+    both = zip(scenarios, itertools.repeat({}) if labels is None else labels, strict=labels is not None)
+    for scenario, label in ((identified(s), label) for s, label in both):
         run = run_id(scenario)
         if run not in runs:
-            runs[run] = scenario
+            runs[run] = None
+            packed.append(scenario)
             named.append(label)
+            brought.update(dict.fromkeys(scenario.brought.items()))
     if not runs:
         raise CampaignError("has no run", place="campaign")
-    return runs, named
+    return list(runs), packed, named, brought
 
 
 def _fly(todo, store, progress, total, **how):
@@ -189,19 +232,19 @@ def _fly(todo, store, progress, total, **how):
         store.add(rows, timing)
 
 
-def _kept(frame, keep, runs, out):
-    """Choose runs by the rules `keep`, fly them again with a log in `out`/logs; return the column `kept`."""
-    if not keep or out is None:
-        return ""
-    from cosim.campaign.log_selection import choose
+def _kept(store, keep, runs):
+    """Choose runs by the rules `keep`, fly them again with a log in the folder's `logs`; return {run: rules}."""
+    if not keep:
+        return {}
+    from cosim.campaign.log_selection import COLUMNS, choose
 
-    chosen = choose(frame, keep)
-    (out / "logs").mkdir(exist_ok=True)
+    chosen = choose(store.rows(COLUMNS), keep)
+    (store.out / "logs").mkdir(exist_ok=True)
     for run in chosen:
-        path = out / "logs" / f"{run}.mcap"
+        path = store.out / "logs" / f"{run}.mcap"
         if not path.exists():
-            replace(path, functools.partial(_logged, runs[run], path))
-    return frame["run"].map(lambda run: ",".join(chosen.get(run, ())))
+            replace(path, functools.partial(_logged, runs[run].scenario(), path))
+    return chosen
 
 
 def _logged(scenario, path, part):
@@ -216,18 +259,21 @@ def _logged(scenario, path, part):
         raise KeyboardInterrupt
 
 
-def table(runs: Mapping[str, Scenario], labels: Iterable[dict] | None = None) -> pd.DataFrame:
-    """Return the frame run, order, toml, label.*, and the keys of CORE and those that vary, of {run: Scenario}."""
-    flat = [flatten(s.model_dump(mode="python", exclude_none=True, exclude={"title"})) for s in runs.values()]
-    keys = dict.fromkeys(k for row in flat for k in row)
-    varying = [k for k in keys if k in CORE or len({row.get(k) for row in flat}) > 1 or k.startswith("faults.")]
-    out = pd.DataFrame(
-        {"run": list(runs), "order": range(len(runs)), "toml": [s.portable_toml(aircraft=False) for s in runs.values()]}
-    )
-    for name in dict.fromkeys(k for row in labels or () for k in row):
-        out[f"label.{name}"] = _typed([row.get(name) for row in labels or ()])
-    columns = {k: [row.get(k) for row in flat] for k in varying}
-    return pd.concat([out, pd.DataFrame({k: _typed(v) for k, v in columns.items()})], axis=1)
+def table(runs: Iterable[str], scenarios: Iterable[Scenario], labels: Iterable[dict] = ()) -> pd.DataFrame:
+    """Return the frame run, order, label.*, and the keys of CORE and those that vary, of `runs` and their scenarios."""
+    runs, labels = list(runs), list(labels)
+    columns: dict[str, list] = {}
+    for n, scenario in enumerate(scenarios):
+        row = flatten(scenario.model_dump(mode="python", exclude_none=True, exclude={"title"}))
+        columns.update({key: [None] * n for key in row if key not in columns})
+        for key, column in columns.items():
+            value, last = row.get(key), column[-1] if n else None
+            column.append(last if type(last) is type(value) and last == value else value)  # equal values are held once
+    out = pd.DataFrame({"run": runs, "order": range(len(runs))})
+    for name in dict.fromkeys(k for row in labels for k in row):
+        out[f"label.{name}"] = _typed([row.get(name) for row in labels])
+    varying = {k: v for k, v in columns.items() if k in CORE or k.startswith("faults.") or len(set(v)) > 1}
+    return pd.concat([out, pd.DataFrame({k: _typed(v) for k, v in varying.items()})], axis=1)
 
 
 def flatten(node: Any, path: str = "") -> dict:

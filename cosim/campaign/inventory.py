@@ -6,6 +6,7 @@ from typing import Any
 
 from cosim.campaign.spec import builtin_campaigns, load_campaign
 from cosim.errors import CosimError, did_you_mean
+from cosim.flight.plugins import law
 from cosim.scenario import catalog as c
 from cosim.scenario import vocabulary
 from cosim.scenario.aircraft import load_aircraft
@@ -50,6 +51,7 @@ def inventory() -> dict[str, Any]:
         },
         "classes": [{"name": name, "summary": text} for name, text in MEANINGS.items()],
         "signals": vocabulary.inventory(),
+        "law": law.inventory(),
         "tolerances": [
             {"group": group, "name": name, "unit": unit, "summary": text}
             for group in GROUPS

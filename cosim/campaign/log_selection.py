@@ -14,6 +14,8 @@ Flights repeat bit for bit, so a log is written by flying the run again: no flig
 
 import pandas as pd
 
+COLUMNS = ("id", "concerned", "false_alarms", "delay_s", "delay_periods", "amplitude_mm", "rod_mm", "r_max_before",
+           "estimate_rmse")  # fmt: skip  # of a row, by which runs are chosen
 RULES = ("false_alarm", "missed", "late", "residual", "estimate", "departed")
 
 

@@ -7,8 +7,6 @@ from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
 
-import pandas as pd
-
 from cosim.campaign.store import fingerprint
 from cosim.errors import OutputError
 from cosim.files import regular, replace_text
@@ -36,16 +34,12 @@ def _git(*words):
     return told.stdout.strip()
 
 
-def write(out: Path, frame: pd.DataFrame, timing: pd.DataFrame, brought: Iterable[tuple[str, UserFile]] = ()) -> None:
-    """Write the manifest of a finished campaign into its folder `out`, from its rows, what the clock measured, and the
-    user's files that flew, (key, UserFile).
+def write(out: Path, about: dict, brought: Iterable[tuple[str, UserFile]] = ()) -> None:
+    """Write the manifest of a finished campaign into its folder `out`: what it tells of itself (`about`: runs, rows,
+    seeds, flights per second of a core), the code, and the user's files that flew, (key, UserFile).
     """
-    runs, took = frame.drop_duplicates("run"), timing["core_s"].dropna()
     about = {
-        "runs": len(runs),
-        "rows": len(frame),
-        "seeds": [int(runs["seed"].min()), int(runs["seed"].max())] if "seed" in runs else None,
-        "flights_per_core_s": len(took) / float(took.sum()) if took.sum() > 0.0 else None,
+        **about,
         "digest": fingerprint()["digest"],
         **about_the_code(),
         "user_files": [{"key": key, **file._asdict()} for key, file in brought],

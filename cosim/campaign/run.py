@@ -66,7 +66,7 @@ def run_campaign(
 def _with(scenarios, guests):
     """Return the scenarios with guests, by files that every process finds."""
     files = [Path(g).resolve() if os.path.isfile(g) else g for g in guests]
-    return [identified(with_detectors(s, files)) for s in scenarios]
+    return (identified(with_detectors(s, files)) for s in scenarios)
 
 
 def folder(campaign: str | Path) -> Path:
@@ -99,9 +99,7 @@ def cluster(address: str) -> Iterator[tuple]:
         yield client.get_executor(pure=False), sum(client.nthreads().values())
 
 
-def rerun(
-    campaign: str | Path, run: str, *, out: str | Path | None = None, guests: Iterable[str | Path] = ()
-) -> tuple:
+def rerun(campaign: str | Path, run: str, *, out: str | Path | None = None, guests: Iterable[str | Path] = ()) -> tuple:
     """Fly run `run` of a campaign again with a log; return (scenario, Result, repeats, same_code).
 
     `repeats` tells whether every detector's row in the campaign's folder is the same again, `same_code` whether the

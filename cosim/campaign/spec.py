@@ -40,6 +40,7 @@ from pathlib import Path
 from cosim.campaign import EVALUATION_SEED
 from cosim.campaign.draw import draw, unit_cube
 from cosim.campaign.log_selection import RULES
+from cosim.campaign.packed import Packed
 from cosim.campaign.store import CampaignError
 from cosim.errors import CosimError, Mistakes, did_you_mean, joined
 from cosim.scenario import Scenario, load_scenario, parse
@@ -103,11 +104,11 @@ class Campaign:
     def __len__(self) -> int:
         return sum(map(len, self.parts))
 
-    def scenarios(self) -> tuple[list[Scenario], list[dict]]:
+    def scenarios(self) -> tuple[Packed, list[dict]]:
         """Return (scenarios, labels): every run, in order. Raises ScenarioError for one that cannot be."""
         if len(self) > MOST:
             raise CampaignError(f"has {len(self)} runs", place=self.name, allowed=f"1 to {MOST}")
-        made: list = []
+        made = Packed()
         labels = []
         wrong: dict = {}  # of what every run has in common once
         n = -1

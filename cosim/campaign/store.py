@@ -14,40 +14,23 @@ Rows come in any order and may be there twice when a campaign was killed between
 import contextlib
 import functools
 import hashlib
+import itertools
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from actuators.source_hash import closure
+from cosim.campaign import parts
+from cosim.campaign.parts import ROWS, SCENARIOS, TIMING, table_of, write_blocks
 from cosim.errors import CosimError, OutputError
-from cosim.files import FULL, SPACE, beside, held, regular, replace_text, sweep
-from cosim.judge.row import FIELDS, Field
+from cosim.files import FULL, SPACE, held, regular, replace_text, sweep
 from cosim.scenario.brought import changed
 from cosim.scenario.user_file import UserFile
 from cosim.texts import from_json, read
 
-
-def _schema(fields: Iterable[Field]) -> pa.Schema:
-    """Return the schema of `fields`; unit and meaning are metadata of each."""
-    told = ((f, {"unit": f.unit, "meaning": f.meaning}) for f in fields)
-    return pa.schema([pa.field(f.name, pa.type_for_alias(f.type), metadata=about) for f, about in told])
-
-
-ROWS = _schema(FIELDS)
-TIMING = _schema([
-    Field("run", "string", "", "run"),
-    Field("id", "string", "", "detector; null for the whole run"),
-    Field("wall_time_s", "double", "s", "time of the flight by the clock"),
-    Field("startup_s", "double", "s", "time before its first tick"),
-    Field("core_s", "double", "s", "processor time of the whole run, its twin and judgement"),
-    Field("step_us", "double", "us", "time per step and lane"),
-])  # fmt: skip
-SCENARIOS = _schema([Field("run", "string", "", "run"), Field("order", "int64", "", "position in the campaign"),
-                     Field("toml", "string", "", "the expanded scenario")])  # and what varies
 FLYING = ("actuators", "fdi", "aircraft")  # with what a worker imports of cosim: what decides about a row
 USER_FILES = "user_files.json"
 TABLES = ("scenarios.parquet", "runs.parquet", "timing.parquet")
@@ -56,6 +39,7 @@ DECIDING = (".py", ".json", ".npz", ".toml", ".xml")
 
 
 GO_ON = "Free space there, then go on with --resume"
+KEYS = ("run", "lane", "fault", "status")  # of a row
 AGAIN = ("error", "crashed")  # statuses of runs that are flown again on resuming: a full disk or a kill may have passed
 
 
@@ -87,7 +71,7 @@ def folder(out: str | Path) -> Iterator[None]:
     out = Path(out)
     try:
         own = _ours(out)
-        foreign = [] if own else [name for name in FILES if (out / name).is_file()] + _parts(out)
+        foreign = [] if own else [name for name in FILES if (out / name).is_file()] + parts.names(out)
         if foreign:
             said = f"holds a {foreign[0]} that no campaign wrote"
             raise OutputError(said, place=str(out), remedy="Choose another place with -o")
@@ -111,13 +95,8 @@ def _ours(out):
         told = from_json(read(about, error=CampaignError), place=str(about)) if about.is_file() else None
         if isinstance(told, dict) and set(told) == set(fingerprint()):
             return True
-    scenarios = _whole(out / "scenarios.parquet", SCENARIOS, SCENARIOS.names)
-    return scenarios is not None or any(_part(out / name, ROWS) for name in _parts(out))
-
-
-def _parts(out):
-    """Return the names of what stands where a campaign merges, and removes, its parts."""
-    return [f"parts/{p.name}" for kind in ("rows", "timing") for p in sorted((out / "parts").glob(f"{kind}-*.parquet"))]
+    scenarios = table_of(out / "scenarios.parquet", SCENARIOS, SCENARIOS.names)
+    return scenarios is not None or any(parts.whole(out / name, "rows") for name in parts.names(out))
 
 
 class Store:
@@ -127,13 +106,14 @@ class Store:
         self,
         out: str | Path | None,
         scenarios: pd.DataFrame,
+        texts: Iterable[str] = (),
         *,
         resume: bool = True,
         anew: bool = False,
         files: Iterable[tuple[str, UserFile]] = (),
     ):
-        """Open folder `out` (None for memory only) for `scenarios`, a frame with run, order, toml, ..., in which
-        `files` of a user's fly, (key, UserFile).
+        """Open folder `out` (None for memory only) for `scenarios`, a frame with run, order, ..., of which `texts` are
+        the expanded TOML, and in which `files` of a user's fly, (key, UserFile).
 
         Raises CampaignError when the folder holds rows and `resume` is false, rows of other code, or of a file that has
         changed, unless such runs are to fly `anew`; OutputError when it cannot be written.
@@ -146,14 +126,14 @@ class Store:
         self.damaged: list[str] = []  # parts of the folder that are left out and flown again
         self.others: dict[str, int] = {}  # rows in the folder of each run that is not in `scenarios`: left out
         if self.out:
-            self._open(self.out, resume, anew, list(files))
+            self._open(self.out, iter(texts), resume, anew, list(files))
 
-    def _open(self, out, resume, anew, files):
+    def _open(self, out, texts, resume, anew, files):
         here = fingerprint()
         about = out / "campaign.json"
         regular(about, OutputError)
         (out / "parts").mkdir(parents=True, exist_ok=True)
-        found = _read(out, "rows", self.damaged)
+        found = parts.read(out, "rows", KEYS, self.damaged)
         if found is not None and not resume:
             raise CampaignError(
                 f"holds {found['run'].nunique()} runs already",
@@ -179,58 +159,66 @@ class Store:
         replace_text(about, json.dumps(here, indent=1))
         if files or told.exists():
             replace_text(told, json.dumps([[key, *file] for key, file in files], indent=1))
-        write(out / "scenarios.parquet", pa.Table.from_pandas(self.scenarios, preserve_index=False))
+        write_blocks(out / "scenarios.parquet", self._told(texts))
+
+    def _told(self, texts):
+        """Yield the tables of scenarios.parquet; `texts` yields the TOML of each."""
+        for i in range(0, len(self.scenarios), parts.BLOCK):
+            block = self.scenarios.iloc[i : i + parts.BLOCK]
+            block.insert(2, "toml", list(itertools.islice(texts, len(block))))
+            yield pa.Table.from_pandas(block, preserve_index=False)
 
     def add(self, rows: list[dict], timing: list[dict]) -> None:
         """Take the rows and timings of some finished runs; they are safe when this returns."""
         if self.out and rows:
             name = hashlib.sha256("".join(sorted({r["run"] for r in rows})).encode()).hexdigest()[:16]
-            write(self.out / "parts" / f"timing-{name}.parquet", pa.Table.from_pylist(timing, TIMING))
-            write(self.out / "parts" / f"rows-{name}.parquet", pa.Table.from_pylist(rows, ROWS))
+            parts.add(self.out, "timing", name, timing)
+            parts.add(self.out, "rows", name, rows)
         else:
             self._rows += rows
             self._timing += timing
 
-    def rows(self) -> pd.DataFrame:
-        """Return every row as a frame, in the order of the scenarios, with the scenario's columns."""
-        found = _read(self.out, "rows") if self.out else pa.Table.from_pylist(self._rows, ROWS).to_pandas()
+    def rows(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
+        """Return every row as a frame, in the order of the scenarios, with the scenario's columns; of the rows' own,
+        `columns` and KEYS alone where given.
+        """
+        if self.out is None:
+            return _joined(self.scenarios, pa.Table.from_pylist(self._rows, ROWS).to_pandas())
+        found = parts.read(self.out, "rows", columns and list(dict.fromkeys([*KEYS, *columns])))
         return _joined(self.scenarios, ROWS.empty_table().to_pandas() if found is None else found)
 
     def timing(self) -> pd.DataFrame:
         """Return what the clock measured: run, id (null for the whole run), wall_time_s, startup_s, core_s, step_us."""
-        found = _read(self.out, "timing") if self.out else pa.Table.from_pylist(self._timing, TIMING).to_pandas()
-        return (TIMING.empty_table().to_pandas() if found is None else found).drop_duplicates(["run", "id"])
+        if self.out is None:
+            return _timed(pa.Table.from_pylist(self._timing, TIMING).to_pandas())
+        found = table_of(self.out / "timing.parquet", TIMING, ("run",))
+        return (TIMING.empty_table() if found is None else found).to_pandas()
 
-    def consolidate(self, frame: pd.DataFrame) -> Path | None:
-        """Write `frame` to runs.parquet and the timings to timing.parquet; merge the parts into one file each."""
-        if not self.out:
-            return None
-        write(self.out / "runs.parquet", _table(frame))
-        write(self.out / "timing.parquet", pa.Table.from_pandas(self.timing(), TIMING, preserve_index=False))
-        for kind, schema in (("timing", TIMING), ("rows", ROWS)):
-            _merge(self.out / "parts", kind, schema)
-        return self.out / "runs.parquet"
+    def consolidate(self, out: Path, kept: Mapping[str, Sequence[str]]) -> dict[str, str]:
+        """Write runs.parquet in the folder `out`, with the rules by which logs are `kept`, and timing.parquet,
+        both in the order of the runs, a block of them at a time; merge the parts into one file each. Return
+        {run: status} of every run that has a row.
+        """
+        order = dict(zip(self.scenarios["run"], self.scenarios["order"]))
+        status: dict[str, str] = {}
 
+        def joined():
+            for found in parts.ordered(out, "rows", order):
+                about = self.scenarios[self.scenarios["run"].isin(set(found["run"]))]
+                frame = _joined(about, found)
+                status.update(zip(frame["run"], frame["status"]))
+                yield _table(frame.assign(kept=frame["run"].map(lambda run: ",".join(kept.get(run, ())))))
 
-def _merge(folder, kind, schema):
-    """Make one file of the parts of a kind, one after the other: memory is that of the largest."""
-    parts, damaged = sorted(folder.glob(f"{kind}-*.parquet")), []
-    if len(parts) < 2:
-        return
-    merged = folder / f"{kind}-{hashlib.sha256(''.join(p.name for p in parts).encode()).hexdigest()[:16]}.parquet"
-    regular(merged, OutputError)
-    with beside(merged) as whole, whole.open("wb") as file, pq.ParquetWriter(file, schema, compression="zstd") as out:
-        for p in parts:
-            table = _part(p, schema)
-            if table is None:
-                damaged.append(p)
-            else:
-                out.write_table(table)
-    for p in parts:
-        if p in damaged:  # stays for whoever wants to look at it, and is named once
-            p.rename(p.with_suffix(".damaged"))
-        elif p != merged:
-            p.unlink()
+        def timed():
+            yield TIMING.empty_table()
+            for found in parts.ordered(out, "timing", order):
+                yield pa.Table.from_pandas(_timed(found), TIMING, preserve_index=False)
+
+        write_blocks(out / "runs.parquet", joined())
+        write_blocks(out / "timing.parquet", timed())
+        for kind in parts.KINDS:
+            parts.merge(out, kind)
+        return status
 
 
 def brought_to(folder: Path) -> list[tuple[str, UserFile]]:
@@ -257,50 +245,12 @@ def flown_with(folder: Path) -> object:
 def _joined(scenarios, found):
     lost = found["status"].isin(AGAIN)
     found = found[~lost | ~found["run"].isin(found.loc[~lost, "run"])]  # a run that was flown again
-    about = scenarios.drop(columns="toml")
-    merged = about.merge(found.drop_duplicates(["run", "lane", "fault"]), on="run", how="inner")
+    merged = scenarios.merge(found.drop_duplicates(["run", "lane", "fault"]), on="run", how="inner")
     return merged.sort_values(["order", "lane", "fault"], kind="stable").reset_index(drop=True)
 
 
-def _read(out, kind, damaged=None):
-    """Return all whole parts of a kind as one frame, None without one; `damaged` takes the names of the others."""
-    whole = []
-    for path in sorted((out / "parts").glob(f"{kind}-*.parquet")):
-        table = _part(path, ROWS if kind == "rows" else TIMING)
-        if table is not None:
-            whole.append(table)
-        elif damaged is not None:
-            damaged.append(str(path))
-    return pa.concat_tables(whole).to_pandas() if whole else None
-
-
-def _part(path, schema):
-    """Return the table of a part with the columns of `schema`, null where it has none; None when it is damaged."""
-    table = _whole(path, schema, [name for name in ("run", "status") if name in schema.names])
-    return None if table is None else table.select(schema.names)
-
-
-def _whole(path, schema, keys):
-    """Return a Parquet file as a table, the columns of `schema` with their types, null where it has none; None when it
-    cannot be read, or lacks one of the columns `keys` or a value of them.
-    """
-    if not path.is_file():  # a pipe would wait for ever
-        return None
-    try:
-        with path.open("rb") as file:
-            table = pq.read_table(file)
-        table.validate(full=True)
-        held = table.column_names
-        if len(set(held)) != len(held) or any(name not in held or table[name].null_count for name in keys):
-            return None
-        for f in schema:
-            if f.name in held:
-                table = table.set_column(held.index(f.name), f, table[f.name].cast(f.type))
-            else:
-                table = table.append_column(f, pa.nulls(table.num_rows, f.type))
-        return table
-    except (pa.ArrowException, OSError, ValueError, KeyError):
-        return None
+def _timed(found):
+    return found.drop_duplicates(["run", "id"]).reset_index(drop=True)
 
 
 def _table(frame):
@@ -313,13 +263,6 @@ def _table(frame):
     return table
 
 
-def write(path: Path, table: pa.Table) -> None:
-    """Write a Parquet file that is there completely or not at all."""
-    regular(path, OutputError)
-    with beside(path) as part, part.open("wb") as file:  # Arrow takes no name that is not UTF-8
-        pq.write_table(table, file, compression="zstd")
-
-
 def load(folder: str | Path) -> tuple[pd.DataFrame, pd.DataFrame | None]:
     """Return (rows, timing) of a campaign folder as frames: of one that was killed, what was finished by then.
 
@@ -328,20 +271,21 @@ def load(folder: str | Path) -> tuple[pd.DataFrame, pd.DataFrame | None]:
     folder = Path(folder)
     damaged = []
     if (folder / "runs.parquet").exists():
-        table = _whole(folder / "runs.parquet", ROWS, ("run", "order", "lane", "status"))
-        told = _whole(folder / "scenarios.parquet", SCENARIOS, SCENARIOS.names)
+        table = table_of(folder / "runs.parquet", ROWS, ("run", "order", "lane", "status"))
+        told = table_of(folder / "scenarios.parquet", SCENARIOS, SCENARIOS.names)
         if table is not None and (told is None or not {*table["run"].to_pylist()} - {*told["run"].to_pylist()}):
-            timing = _whole(folder / "timing.parquet", TIMING, ("run",))
+            timing = table_of(folder / "timing.parquet", TIMING, ("run",))
             return table.to_pandas(), None if timing is None else timing.to_pandas()
         damaged.append(str(folder / "runs.parquet"))
-    found = _read(folder, "rows", damaged)
+    found = parts.read(folder, "rows", damaged=damaged)
     if found is None:
         named = f"; damaged: {', '.join(damaged)}" if damaged else ""
         remedy = "`cosim campaign` makes one, --resume flies again what is lost"
         raise CampaignError(f"holds no whole run of a campaign{named}", place=str(folder), remedy=remedy)
-    frame = _joined(_scenarios(folder), found).assign(kept="")
+    frame = _joined(_scenarios(folder).drop(columns="toml"), found).assign(kept="")
     frame.attrs["damaged"] = damaged
-    return frame, _read(folder, "timing")
+    timing = parts.read(folder, "timing")
+    return frame, None if timing is None else _timed(timing)
 
 
 def scenario_texts(folder: str | Path) -> dict[str, str]:
@@ -351,7 +295,7 @@ def scenario_texts(folder: str | Path) -> dict[str, str]:
 
 
 def _scenarios(folder):
-    found = _whole(folder / "scenarios.parquet", SCENARIOS, SCENARIOS.names)
+    found = table_of(folder / "scenarios.parquet", SCENARIOS, SCENARIOS.names)
     if found is None:
         remedy = "`cosim campaign --resume` writes it anew"
         raise CampaignError("is damaged or missing", place=str(folder / "scenarios.parquet"), remedy=remedy)

@@ -8,6 +8,7 @@ import queue
 import threading
 from collections.abc import Callable
 
+from cosim.campaign.packed import Pickled
 from cosim.errors import TrimError
 from cosim.judge.row import rows as judge_rows
 from cosim.scenario import Scenario
@@ -35,8 +36,8 @@ def fly(run: str, scenario: Scenario, achieved: bool) -> tuple[list[dict], list[
 
 
 def each(fly: Callable, jobs: list, achieved: bool) -> list[tuple[str, list[dict], list[dict]]]:
-    """Return [(run, rows, timing)] of `jobs`, (run, scenario), each by `fly`."""
-    return [(run, *fly(run, scenario, achieved)) for run, scenario in jobs]
+    """Return [(run, rows, timing)] of `jobs`, (run, Scenario or Pickled), each by `fly`."""
+    return [(run, *fly(run, s.scenario() if isinstance(s, Pickled) else s, achieved)) for run, s in jobs]
 
 
 def _fly(run, scenario, achieved):

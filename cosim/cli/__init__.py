@@ -28,11 +28,11 @@ def main() -> None:
         try:
             run()
         except SystemExit as end:
+            _clear()
             _leave(end.code)
             raise
     except KeyboardInterrupt:
-        if "cosim.files" in sys.modules:
-            sys.modules["cosim.files"].interrupted()
+        _clear()
         sys.exit(130)
     except ImportError as error:
         if not any(word in str(error) for word in ("failed to map segment", "annot allocate memory")):
@@ -44,6 +44,12 @@ def main() -> None:
         if not isinstance(error.__cause__, KeyboardInterrupt):
             raise
         sys.exit(130)
+
+
+def _clear() -> None:
+    """Remove what an interrupt has left half written before anybody knew of it."""
+    if "cosim.files" in sys.modules:
+        sys.modules["cosim.files"].interrupted()
 
 
 def _leave(status: object) -> None:

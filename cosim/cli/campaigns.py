@@ -4,6 +4,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Group
+from rich.text import Text
 
 from cosim.cli import flight, tables
 from cosim.cli.app import answer, app, err, notes, out
@@ -199,7 +201,7 @@ def compare(
             show_default=False,
         ),
     ] = None,
-    output: Annotated[Path | None, output_option("DIR", "Write report and tables to this folder.")] = None,
+    output: Annotated[Path | None, output_option("DIR", "Folder for report and tables. Default: write none.")] = None,
     overwrite: OverwriteOption = False,
     workers: WorkersOption = None,
     readme: ReadmeOption = None,
@@ -212,7 +214,6 @@ def compare(
     json_: JsonOption = False,
 ) -> None:
     """Compare detectors on the same flights: who sees what, when."""
-    from cosim.cli.compare import compare as table
     from cosim.compare import compare as work
     from cosim.judge.result import plain
     from cosim.report import write_comparison
@@ -236,7 +237,24 @@ def compare(
     if readme:
         write(made, readme)
     found = made.to_dict() | {"predictive": plain(made.predictive(fault_rate or ()))}
-    answer(json_, found, table)
+    answer(json_, found, compared)
+
+
+def compared(found: dict) -> Group:
+    """Return the table of a comparison: `found` is the JSON of `cosim compare`."""
+    from cosim.compare.tables import by_level, detectors, pairs, predictive  # `--help` needs no pandas
+
+    lost = f"; {found['failed']} could not be flown" if found["failed"] else ""
+    mute = [d for d in found["detectors"] if d["not_valid"] and d["why_not_valid"]]
+    why = [f"{d['id']} not valid: {d['why_not_valid']}" for d in mute]
+    files = [Text(f"{key:<7}{found[key]}") for key in ("report", "table") if found[key]]
+    head = Text(f"{found['runs']} flights, {found['source']}{lost}")
+    beside = [pairs(found["pairs"])] if found.get("pairs") else []
+    joint = found.get("levels") and any(d["level"] == "both" for d in found["detectors"])
+    more = [by_level(found["levels"])] if joint else []
+    more += [predictive(found["predictive"])] if found.get("predictive") else []
+    why_not = (Text(line, "dim") for line in why)
+    return Group(head, *beside, detectors(found["detectors"]), *why_not, *more, *files)
 
 
 def provoked(found: dict, path: Path) -> str:

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any
 
+import typer
 from rich.console import Group
 from rich.text import Text
 
@@ -15,13 +16,18 @@ from cosim.files import columns, replace
 @app.command()
 def envelope(
     output: Annotated[Path, output_option("DIR", "Folder of page and table.")] = Path("logs/envelope"),
+    flown: Annotated[
+        Path | None,
+        typer.Option("--flown", metavar="DIR", help="A campaign: where detectors judge, see.", show_default=False),
+    ] = None,
     overwrite: OverwriteOption = False,
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:
     """Map where the aircraft trims and where its actuators stall.
 
-    Over mass, CG, altitude and speed; where it does not trim, it says why.
+    Over mass, CG, altitude and speed; where it does not trim, it says why. With --flown also where detectors are
+    valid and how much they see, by kind of fault, in detectors.csv.
     """
     from cosim.campaign.envelope import summary, trim_map
 
@@ -38,8 +44,24 @@ def envelope(
     found = summary(trims)
     envelope_report(trims, found, paths["report"])
     replace(paths["table"], lambda part: trims.to_csv(part, index=False, float_format="%.6g"), signs["table"])
+    seen = _seen(flown, output / "detectors.csv") if flown else None
     found |= {key: str(path) for key, path in paths.items()}
-    answer(json_, found, shown)
+    answer(json_, found, lambda _: Group(shown(found), *([seen] if seen else [])))
+
+
+def _seen(flown, path):
+    """Write where the detectors of a campaign judge and see; return the Table of where they do least."""
+    from cosim.compare import CompareError, read
+    from cosim.compare.over_envelope import over_envelope, weakest
+
+    sign = columns("id", "family")
+    reserve(path, sign)
+    frame, _, tomls, source = read([flown])
+    found = over_envelope(frame, tomls, source)
+    if found.empty:
+        raise CompareError("has no fault that a detector is designed for", place=source)
+    replace(path, lambda part: found.to_csv(part, index=False, float_format="%.6g"), sign)
+    return weakest(found)
 
 
 def shown(found: dict[str, Any]) -> Group:

@@ -19,14 +19,17 @@ def shown(found: dict[str, Any], scenario: "Scenario") -> Group:
 
     told = [d for d in found["detectors"] if d["id"] not in narrator.APART]
     beside = [*narrator.silent(found, scenario), *(narrator.apart(found) if told else [])]
-    effect = narrator.consequences(found.get("consequences"))
+    moved = narrator.consequences(found.get("consequences"))
+    onset = min((f.start_s for f in scenario.faults), default=0.0)
+    calm = scenario.flight.weather == "still air" and scenario.manoeuvre.kind == "cruise"
+    besides = "" if calm else ", gusts and manoeuvres included"
     return Group(
         *(Text(text, style="bold") for text in narrator.sentences(found, scenario)),
         _detectors(told or found["detectors"], scenario),
         *(Text(text, style="dim") for text in beside),
         Text(f"\n{scenario.title or 'flight'}\n{narrator.point(scenario)}"),
         *_faults(narrator.faults(scenario, found.get("achieved"))),
-        *([Text.assemble(("effect ", "red"), effect)] if effect else []),
+        *([Text.assemble(("flown  ", "red"), f"from {onset:g} s on{besides}: {moved}")] if moved else []),
         _footer(found),
     )
 

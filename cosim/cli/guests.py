@@ -91,13 +91,13 @@ def map_(
 
 @app.command()
 def check(
-    what: Annotated[str, typer.Argument(metavar="FILE.py|NAME|DIR", help="A detector's file, or an aircraft.")],
+    what: Annotated[str, typer.Argument(metavar="FILE.py|NAME|DIR", help="A detector, a law; an aircraft.")],
     json_: JsonOption = False,
 ) -> None:
-    """Say whether a detector or an aircraft keeps its contract.
+    """Say whether a detector, law or aircraft keeps its contract.
 
-    A detector: causal, deterministic, restartable, bounded, whole on dropouts. An aircraft: what is missing, signs,
-    trim, hinge moments, effectors. Exit status 1: it does not.
+    A detector: causal, deterministic, restartable, bounded, whole on dropouts. A law: flies, repeats, bears lost
+    measurements. An aircraft: what is missing, signs, trim, hinge moments, effectors. Exit status 1: it does not.
     """
     from cosim.scenario.aircraft import ships
 

@@ -28,6 +28,7 @@ TOPICS = {
     "detectors": "who watches: detectors.enabled",
     "classes": "words of a verdict: what a detector says is wrong",
     "signals": "what a detector may read",
+    "law": "what a control law of yours may read and command: law.file",
     "tolerances": "numbers of the aircraft and its actuators that a scenario may multiply",
     "keys": "tables and keys of a scenario",
     "examples": "programs to start from: cosim example NAME",
@@ -43,6 +44,10 @@ LISTS = {  # topic -> title, columns of its table
     ),
     "classes": ("Classes that a verdict may name", ("class:name", "what is wrong:summary")),
     "signals": ("Signals that a detector may read", ("signal:name", "unit", "what it is:summary")),
+    "law": (
+        "A class Law: __init__(dt, start), update(t, y, ask) returns {command: value}",
+        ("name", "unit", "what it is:summary"),
+    ),
     "examples": ("Examples: cosim example NAME copies one here", ("name", "what it does:summary")),
 }
 

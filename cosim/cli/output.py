@@ -13,6 +13,7 @@ from cosim.errors import CosimError, OutputError, ScenarioError
 from cosim.files import Part, Sign, failed, overwriting
 
 LONGEST = 100  # characters of a log's name
+FILES = (".html", ".htm", ".csv", ".parquet", ".json", ".toml", ".mcap", ".md", ".png", ".svg", ".pdf")  # no folder's
 
 
 def reserve(
@@ -81,8 +82,18 @@ def loaded(scenario: str, overrides: Sequence[str]) -> Any:
 
 
 def output_option(metavar: str, about: str) -> Any:
-    """Return the option -o of a command: the file or folder that it writes."""
-    return typer.Option("--output", "-o", metavar=metavar, help=about)
+    """Return the option -o of a command: the file or folder (DIR) that it writes."""
+    return typer.Option("--output", "-o", metavar=metavar, help=about, callback=_folder if metavar == "DIR" else None)
+
+
+def _folder(path: Path | None) -> Path | None:
+    """Refuse a file, or the name of one, where a folder is written."""
+    if path and not path.is_dir() and (path.exists() or path.suffix in FILES):
+        other = path.with_suffix("")
+        said = "-o takes the folder of what is written, and this is a file's name"
+        remedy = "Name a folder" + ("" if other.is_file() else f": -o {other}")
+        raise OutputError(said, place=str(path), remedy=remedy)
+    return path
 
 
 def _overwriting(ctx: typer.Context, allowed: bool):

@@ -34,7 +34,7 @@ def score(
     limit: Annotated[
         int | None, typer.Option("--limit", metavar="N", min=1, help="Only N flights, evenly over the families.")
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="A look in a minute: 40 flights.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="A look in a minute: 40 flights, no sizes.")] = False,
     recordings: Annotated[
         Path | None,
         typer.Option("--recordings", metavar="DIR", help="Default: in your cache.", show_default=False),
@@ -98,12 +98,13 @@ def ids(found: dict) -> list[str]:
 def shown(found: dict) -> Group:
     """Return the tables of a score: `found` is its JSON."""
     from cosim.compare import tables as made
+    from cosim.report.score_page import flights
 
     each, gone = found["detectors"], found.get("lost", ())
     lines = [Text(f"not scored: {g['file']}: {g['why']}") for g in gone]
     lines += [Text(f"{key:<7}{found[key]}") for key in ("report", "table") if key in found]
     families = [made.scored_families(each)] if len(each) <= FEW else []
     pairs = [made.pairs(found["pairs"])] if 0 < len(found["pairs"]) <= MOST else []
-    flown = f"{found['benchmark']}: {found['flights']} flights, content {found['content']}"
+    flown = f"{found['benchmark']}: {flights(found)}, content {found['content']}"
     clock = f"flown or found in {found['flying_s']:.0f} s, scored in {found['scoring_s']:.0f} s"
     return Group(Text(flown), made.detectors(each, scored=True), *families, *pairs, Text(clock), *lines)

@@ -20,7 +20,7 @@ from cosim.compare import bound, figures, metrics, side_by_side, tables
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError, told_at_call
-from cosim.flight.plugins import load, with_detectors
+from cosim.flight.plugins import loaded, with_detectors
 from cosim.judge.result import plain
 from cosim.scenario.brought import identified
 
@@ -189,7 +189,7 @@ def read(
         scenarios = [identified(with_detectors(s, guests)) for s in matrix()]
         result = run_many(scenarios, workers=workers, progress=progress)
         return *compare_rows.of_result(result, scenarios), "built-in matrix"
-    folders, own = [s for s in paths if s.is_dir()], [load(g) for g in guests]
+    folders, own = [s for s in paths if s.is_dir()], loaded(guests)
     if len(folders) == 1 == len(paths):
         logs = sorted(folders[0].glob("*.mcap"))
         if (folders[0] / "scenarios.parquet").is_file() or not logs:

@@ -29,7 +29,7 @@ from cosim.compare import extreme_value
 from cosim.compare.metrics import rate
 from cosim.compare.rice_rate import Gaussian, gaussian
 from cosim.errors import did_you_mean
-from cosim.flight.plugins import load
+from cosim.flight.plugins import loaded
 from fdi import registry
 
 HELD_OUT = (1.0, 0.3, 0.1)  # per hour: where the fit of half of the flights is held against the count of the rest
@@ -65,7 +65,7 @@ def false_alarms(
     with faults or parts; GuestError for a file without a detector.
     """
     files = [str(Path(name).resolve()) for name in detectors if Path(name).suffix == ".py"]
-    guests = [load(file) for file in files]
+    guests = loaded(files)
     ids = [name for name in detectors if Path(name).suffix != ".py"]
     for name in ids:
         if name not in registry.SHIPPED:

@@ -97,12 +97,16 @@ def _at(level: str) -> Callable:
     return lambda d: str(d["place_levels"][level])
 
 
+FINEST = "the finest level at which the place is right, as in the next columns"
+
+
 def names(each: Iterable[dict]) -> Table:
     """Return the Table of the names given to every fault that a detector alarmed on, designed for or not."""
     columns = (
         NAME, GROUP, Column("alarmed on", "alarmed_on", doc="faults, designed for or not"),
         Column("class right", "class_right"), Column("class wrong", "class_wrong", doc="ambiguous is neither"),
-        *(Column(f"right {level}", _at(level), doc="finest level at which the place is right") for level in LEVELS[1:]),
+        *(Column(f"right {level}", _at(level), doc="" if i else FINEST)
+          for i, level in enumerate(LEVELS[1:])),
         Column("place wrong", "place_wrong"), Column("wrong name", "name_wrong", doc="class or place"),
     )  # fmt: skip
     return of(columns, each)
@@ -182,6 +186,8 @@ def scored_sizes(each: Sequence[dict]) -> Table:
     cells = {(d["id"], f["family"]): f for d in each for f in d["families"]}
     for name in dict.fromkeys(f["family"] for d in each for f in d["families"]):
         own = [cells.get((d["id"], name), {"designed": 0}) for d in each]
+        if not any(f["designed"] for f in own):  # none of these flights, or nobody sees them
+            continue
         unit, bound = (next((f[k] for f in own if f["designed"] and f[k]), None) for k in ("unit", "bound_mm"))
         best = min((f["a90_95"] for f in own if f["designed"] and f["a90_95"]), default=None)
         told = "" if bound is None else f", bound {number(bound, 2)}"

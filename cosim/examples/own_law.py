@@ -1,6 +1,6 @@
 """Fly a control law of your own, and the shipped one with another gain, beside it.
 
-`cosim.flight.plugins.law` lists what a law may read (SENSORS), command (SURFACES) and is asked for (DEMANDS).
+`cosim list law` has what a law may read, command and is asked for; `cosim check mine.py` flies it.
 """
 
 from pathlib import Path

@@ -92,7 +92,8 @@ def said(watch: Watch, runs: Runs, fault: Mapping | None = None, others: Sequenc
 
     Where the lane has an alarm for each part, it blames those of the fault's parts whose alarms are up, and every other
     one that is up and is no part of the `others`; its alarm is up for the fault while there is one of these. The class
-    is the lane's while its culprit is one of the fault's parts, else that of the kind of part.
+    is the lane's while its culprit is one of the fault's parts, or names one beside others, else that of the kind of
+    part.
     """
     alarm, verdict, part = (runs[c] for c in (watch.alarm, watch.verdict, watch.culprit))
     own = dict(watch.alarms)
@@ -106,7 +107,7 @@ def said(watch: Watch, runs: Runs, fault: Mapping | None = None, others: Sequenc
     theirs = {c for f in others for c in members_of(own, f, watch.level)} - set(mine)
     blamed = [BOTH.join(c for c, there in zip(own, pattern) if there and c not in theirs) for pattern in patterns.T]
     met = np.array([bool(set(mine) & set(names.split(BOTH))) for names in blamed])[which]
-    first = np.isin(part, [watch.culprits.index(c) for c in mine])
+    first = np.isin(part, [i for i, c in enumerate(watch.culprits) if set(mine) & set(c.split(BOTH))])
     kind = {"sensor": code.SENSOR, "engine": code.THRUST}.get(fault["targets"][0].split(".")[0], code.AMBIGUOUS)
     verdict = np.where(met & ~first, kind, verdict)
     some = np.array([bool(names) for names in blamed])[which]

@@ -4,6 +4,7 @@ Every sampled topic is a protobuf message whose fields are all `double` and alwa
 size: tag, 8 bytes, tag, 8 bytes... Any protobuf decoder reads it; numpy packs and unpacks a whole chunk at once.
 """
 
+import functools
 import json
 import re
 from dataclasses import dataclass, field
@@ -20,6 +21,7 @@ FORMAT = "1"  # of the rules in this package; a reader refuses any other
 LIBRARY = f"cosim-log {FORMAT}"
 OURS = marked(b"\x89MCAP0", b"cosim-log ")  # the sign of a log that the project wrote, be it whole or not
 MAX_FIELDS = 2047  # the largest field number whose tag still takes two bytes
+KEPT = 256  # schemas that are remembered: every flight of a process has the same hundred
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 _TOPIC = re.compile(r"(/[A-Za-z0-9_]+)+\Z")
 
@@ -153,7 +155,8 @@ def schema_name(topic: str) -> str:
     return "cosim." + topic.strip("/").replace("/", "_")
 
 
-def schema_data(topic: str, fields: Any) -> Any:
+@functools.lru_cache(KEPT)
+def schema_data(topic: str, fields: tuple[str, ...]) -> bytes:
     """Return the FileDescriptorSet of a message with one `double` per field, numbered from 1 in order."""
     files = FileDescriptorSet()
     file = files.file.add(name=f"cosim{topic}.proto", package="cosim", syntax="proto3")
@@ -179,12 +182,17 @@ def channel_metadata(topic: Any) -> dict:
     }
 
 
-def parse_topic(channel: Any, schema: Any) -> TopicInfo:
-    """Return the TopicInfo of a channel record and its schema; raises ValueError when they are not ours."""
-    files = FileDescriptorSet.FromString(schema.data)
+@functools.lru_cache(KEPT)
+def _fields(data):
+    files = FileDescriptorSet.FromString(data)
     if len(files.file) != 1 or len(files.file[0].message_type) != 1:
         raise ValueError("the schema does not describe exactly one message")
-    fields = tuple(f.name for f in files.file[0].message_type[0].field)
+    return tuple(f.name for f in files.file[0].message_type[0].field)
+
+
+def parse_topic(channel: Any, schema: Any) -> TopicInfo:
+    """Return the TopicInfo of a channel record and its schema; raises ValueError when they are not ours."""
+    fields = _fields(schema.data)
     units = tuple(json.loads(channel.metadata["units"]))
     every = int(channel.metadata["every"])
     check_topic(channel.topic, fields, units, every)

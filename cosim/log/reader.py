@@ -27,6 +27,13 @@ BLOCK = 32  # chunks that are read at a time where a part of a topic is asked fo
 MOST_DRAWN = 4000  # samples of a curve
 
 
+class Units(dict[str, str]):
+    """{column: unit} in `attrs` of a table: pandas copies those deeply for every column that is taken."""
+
+    def __deepcopy__(self, memo: Any) -> "Units":
+        return Units(self)
+
+
 @told_at_call
 def open_log(path: str | Path, *, limits: Any = None, tolerant: bool = False) -> "Log":
     """Open a log strictly: checksums, structure and limits are checked before anything is returned.
@@ -186,7 +193,7 @@ class Log:
             self._index[key] = pd.Index(self.ticks(topic, start, stop) * self.dt_ns / 1e9, name="t_s")
         made = pd.DataFrame(values, index=self._index[key], columns=names, copy=False)
         units = dict(zip(info.fields, info.units))
-        made.attrs["units"] = {name: units[name] for name in names}
+        made.attrs["units"] = Units((name, units[name]) for name in names)
         return made
 
     def frame(
@@ -275,7 +282,7 @@ class Log:
                 raise _Unknown(f"topic {topic} has no field {field!r}{near}; log.topics[{topic!r}].fields has all")
         frames = self.frames(dict.fromkeys(topic for topic, _ in pairs))
         made = pd.concat([frames[topic][field].rename(name) for name, (topic, field) in zip(names, pairs)], axis=1)
-        made.attrs["units"] = {n: frames[topic].attrs["units"][field] for n, (topic, field) in zip(names, pairs)}
+        made.attrs["units"] = Units((n, frames[topic].attrs["units"][field]) for n, (topic, field) in zip(names, pairs))
         return made
 
     def messages(self, topic: str) -> list[Any]:

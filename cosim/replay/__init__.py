@@ -20,7 +20,7 @@ from actuators.block import SWEEP, Entry
 from actuators.object_cache import PLAIN
 from actuators.precompile import compile_ahead, cores
 from cosim.errors import told_at_call
-from cosim.flight.plugins import load
+from cosim.flight.plugins import loaded
 from cosim.flight.plugins.plain import SLOW
 from cosim.judge.column_store import SPAN, ColumnStore
 from cosim.judge.detection import columns, watch_of
@@ -131,7 +131,7 @@ def replay(
     version laid out differently is named in `left_out` and in a note, the others are replayed; where it is chosen, or
     there is no other, it is an error. Raises LogError, ReplayError, GuestError.
     """
-    given = [load(file) for file in guests]
+    given = loaded(guests)
     check_start(start_s)
     if str(path).lower().endswith((".csv", ".parquet")):
         raise ReplayError("is a table, no log", place=str(path), remedy="--map says which columns detectors read")

@@ -10,9 +10,8 @@ from fdi import registry
 from fdi.common import why as reason
 
 TOLD_S = 1.0  # shorter times out of range are not told
-FROM_START_S = 60.0  # an alarm that comes so soon after the detector's first valid sample, ...
-FROM_START = 0.1  # ... or within such a share of its valid time,
-MOST = 0.5  # and stands for such a share of it, speaks against the model
+DECIDES_S = 2.0  # that a detector may take to decide, beside the time until it is ready
+MOST = 0.5  # an alarm that stands for this share of the valid time so far, at any moment, speaks against the model
 
 
 def caveats(made: Any, done: list) -> list[str]:
@@ -98,21 +97,22 @@ def _lanes(done, dt, t_0):
         if broken.any():
             out.append(f"{said}: its numbers are not finite from {t_0 + np.argmax(broken) * step:.6g} s on: not valid")
         if valid.any():
-            out += _standing(said, valid, again[:, names.index("alarm")] > 0.5, step, t_0)
+            waited = int(np.argmax(valid))
+            if "why" in names:
+                waited = int(np.count_nonzero(again[:waited, names.index("why")] == reason.NOT_READY))
+            out += _standing(said, valid, again[:, names.index("alarm")] > 0.5, waited, step, t_0)
     return out
 
 
-def _standing(said, valid, alarm, step, t_0):
-    """Tell of an alarm that covers most of a recording from its start."""
-    on = np.flatnonzero(valid & alarm)
-    all_, first = np.flatnonzero(valid), int(np.argmax(valid))
-    if len(on) < MOST * len(all_):
+def _standing(said, valid, alarm, waited, step, t_0):
+    """Tell of an alarm that covers a recording from its start, within the `waited` ticks that the detector needs."""
+    on = alarm[valid]
+    share = np.cumsum(on) / np.arange(1, len(on) + 1)
+    if share[min(2 * int(max(waited, DECIDES_S / step)), len(on)) - 1 :].min() < MOST:
         return []
-    waited = np.count_nonzero(valid[: on[0]])
-    if waited * step > FROM_START_S and waited > FROM_START * len(all_):
-        return []
+    began, first = np.flatnonzero(valid)[np.argmax(on)], int(np.argmax(valid))
     return [
-        f"{said}: alarms for {100.0 * len(on) / len(all_):.0f} % of its valid time, from {t_0 + on[0] * step:.6g} s "
+        f"{said}: alarms for {100.0 * share[-1]:.0f} % of its valid time, from {t_0 + began * step:.6g} s "
         f"(valid from {t_0 + first * step:.6g} s): more likely a model, unit or sign that does not fit than a fault; "
         "check the map's units and signs, then design for this aircraft (cosim design --aircraft)"
     ]

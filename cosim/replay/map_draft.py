@@ -21,24 +21,26 @@ from cosim.scenario.vocabulary import words
 
 NAMES = {  # word of the vocabulary -> what people call it, as tokens that a column's name must hold
     "alpha": ("alpha", "aoa", "angle of attack", "al", "alf"), "beta": ("beta", "aos", "sideslip", "be", "bet"),
-    "cas": ("cas", "kcas", "ias", "vcas"), "tas": ("tas", "ktas", "vtas", "airspeed", "va"), "mach": ("mach",),
+    "cas": ("cas", "kcas", "ias", "kias", "vcas"), "tas": ("tas", "ktas", "vtas", "airspeed", "va"), "mach": ("mach",),
     "h_inertial": ("h inertial", "inertial altitude"),
-    "h_baro": ("h baro", "baro", "altitude", "alt", "palt", "hqnh"),
+    "h_baro": ("h baro", "baro", "altitude", "pressure altitude", "alt", "palt", "hp", "hqnh"),
     "hdot": ("hdot", "vertical speed", "climb rate", "vs", "alt rate"),
     "v_ground": ("v ground", "ground speed", "gs"), "p": ("p", "roll rate", "prgx"), "q": ("q", "pitch rate", "qrgy"),
-    "r": ("r", "yaw rate", "rrgz"), "phi": ("phi", "bank", "roll"), "theta": ("theta", "pitch", "the"),
+    "r": ("r", "yaw rate", "rrgz"),
+    "phi": ("phi", "bank", "roll", "roll att", "roll attitude", "roll angle", "bank angle"),
+    "theta": ("theta", "pitch", "the", "pitch att", "pitch attitude", "pitch angle"),
     "psi": ("psi", "heading", "hdg", "yaw"), "pdot": ("pdot", "p dot", "roll acceleration"),
     "qdot": ("qdot", "q dot", "pitch acceleration"), "rdot": ("rdot", "r dot", "yaw acceleration"),
     "n_x": ("n x", "nx", "ax", "long acc"), "n_y": ("n y", "ny", "ay", "lat acc"),
     "n_z": ("n z", "nz", "load factor", "az", "an", "norm acc"), "n1": ("n1",),
     "mass": ("mass", "gross weight", "gw"), "cg": ("cg",),
-    "deflection": ("delv", "de", "delta e", "elevator"),
+    "deflection": ("delv", "de", "delta e", "elev", "elevator"),
     "de_cmd": ("de cmd", "elev cmd", "elevator cmd", "elevator command"),
     "da_cmd": ("da cmd", "ail cmd", "aileron command"), "dr_cmd": ("dr cmd", "rud cmd", "rudder command"),
     "stab_cmd": ("stab cmd", "stabiliser command", "stabilizer command"),
     "throttle_cmd": ("throttle cmd", "throttle", "thr"),
     "valve_command": ("valve", "valve cmd", "servo valve", "sv", "u"), "current_command": ("current cmd", "i cmd"),
-    "rod": ("rod", "ram", "stroke", "lvdt"), "surface": ("surf", "surface", "rvdt", "deflection"),
+    "rod": ("rod", "ram", "stroke", "lvdt"), "surface": ("surf", "surface", "rvdt", "deflection", "elev", "elevator"),
     "pressure": ("dp", "delta p", "pressure", "press"), "velocity": ("velocity", "motor speed", "omega"),
     "position": ("position", "screw", "pos"), "current": ("current", "amps", "motor current"),
     "hm0": ("hm0",), "hmd": ("hmd",), "hinge_moment": ("hinge moment", "hinge", "load"),
@@ -49,6 +51,8 @@ UNIT = {  # how units stand in names, beside the writings of cosim/replay/units.
     "percent": "%", "bar": "bar", "psi": "psi", "mpa": "MPa", "kpa": "kPa", "ma": "mA", "a": "A", "rpm": "rpm",
     "g": "g", "t": "t", "kg": "kg", "lb": "lb", "lbfft": "lbf ft", "nm": "N m",
 }  # fmt: skip
+KNOTS = {"kcas", "kias", "ktas"}  # the unit is in the name of the speed
+EDGE = {"teu": -1, "ted": 1}  # trailing edge up, down: ours is + down
 FILLERS = re.compile(r"(d?adc|ahrs|irs|ins|vane|air|b|cg)\d*")  # systems and axes: they say nothing of what is measured
 SURE = 0.6  # of a name understood: below it a line is a comment
 SPEEDS = {"tas": "m/s", "cas": "m/s", "h_baro": "m"}  # their units are asked of the Mach number
@@ -56,11 +60,12 @@ WHOLE = {name for names in NAMES.values() for name in names if " " not in name}
 PLACES = {"left": "lh l port", "right": "rh r starboard", "inner": "in inboard ib", "outer": "out outboard ob"}
 SHORT = {"li": "left inner", "lo": "left outer", "ri": "right inner", "ro": "right outer", "lib": "left inner",
          "lob": "left outer", "rib": "right inner", "rob": "right outer"}  # fmt: skip
-# of the SI unit, beyond which a column is in another one
 # degrees that an angle does not exceed: beyond them a column is in some other unit, counts of a servo say
 MOST_DEG = {**dict.fromkeys(("alpha", "beta", "theta", "deflection", "surface"), 90.0), "phi": 185.0, "psi": 365.0}
 FIXED = ("mass", "cg", "hm0", "hmd", "hinge_moment")  # may be constant; a sensor or a command that is says nothing
-LARGEST = {"rad": 1.6, "m": 1.0, "rad/s": 3.0, "rad/s2": 6.0, "-": 1.6}
+LARGEST = {  # of the SI unit, beyond which a column is in another one
+    "rad": 1.6, "m": 1.0, "rad/s": 3.0, "rad/s2": 6.0, "-": 1.6,
+}  # fmt: skip
 OTHER = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s2", "m": "mm", "-": "%"}
 POINT = {"mass": ("mass_t", 1e-3, 200.0), "cg": ("cg_pct", 100.0, 30.0), "h_baro": ("altitude_ft", 1 / 0.3048, 20000.0),
          "cas": ("cas_kt", 3600 / 1852, 290.0)}  # fmt: skip
@@ -85,6 +90,11 @@ class Guess:
     def name(self) -> str:
         """Return the signal's name in a map."""
         return f"{self.lane}.{self.word}" if self.lane else self.word
+
+    @property
+    def named(self) -> bool:
+        """Tell whether the unit stands in the channel's name."""
+        return "unit by its name" in self.why
 
 
 def draft(
@@ -142,7 +152,7 @@ class _Draft:
     def prove(self, name, why, **changes):
         """Take a unit or a sign for proved; where the name of the channel says another unit, say so."""
         old = self.out[name]
-        lies = old.why.endswith("name") and changes.get("unit", old.unit) != old.unit
+        lies = old.named and changes.get("unit", old.unit) != old.unit
         self.set(name, fit=1.0, proof=True, why=f"{why}, though its name says {old.unit}" if lies else why, **changes)
         return lies
 
@@ -152,13 +162,12 @@ class _Draft:
         moved = out.pop("deflection", None)
         if moved is not None and "de_cmd" not in out:
             out["de_cmd"] = replace(moved, word="de_cmd", proxy="the measured deflection")
-        for name, unit in physics.air({n: self.y(n) for n in ("mach", *SPEEDS) if n in out}).items():
-            self.prove(name, f"{out[name].why.split(',')[0]}, Mach and the others ask for {unit}", unit=unit)
+        self._air()
         if "n_z" in out and (gravity := physics.gravity(self.y("n_z"))):
             unit, sign, offset, why, proof = gravity
             self.set("n_z", unit=unit, sign=sign, offset=offset, fit=1.0, proof=proof, why=why)
             for name in {"n_x", "n_y"} & out.keys():
-                if not out[name].why.endswith("name"):
+                if not out[name].named:
                     self.set(name, unit=unit, why=f"as {out['n_z'].channel}")
         _alike(out)
         if self.beside("theta", "n_x", "tas"):
@@ -171,14 +180,16 @@ class _Draft:
             unit = physics.climb_unit(self.t("hdot"), self.y("hdot"), self.y("h_baro"), h.unit)
             if unit:
                 self.set("hdot", unit=unit, fit=1.0, proof=True, why=f"the rate of change of {h.channel}")
-            elif not out["hdot"].why.endswith("name"):
+            elif not out["hdot"].named:
                 self.set("hdot", unit="m/s", fit=0.3)
         for word, angle in (("p", "phi"), ("q", "theta"), ("r", "psi")):
             if self.beside(word, angle):
                 unit, sign = physics.rate_unit(self.t(word), self.y(word), self.y(angle), out[angle].unit)
                 if unit:
-                    why = f"the rate of change of {out[angle].channel}"
-                    self.set(word, unit=unit, sign=sign, fit=1.0, proof=True, why=why)
+                    rate, of = out[word].channel, out[angle].channel
+                    self.set(word, unit=unit, sign=sign, fit=1.0, proof=True, why=f"the rate of change of {of}")
+                    if out[angle].fit < SURE:
+                        self.set(angle, fit=1.0, proof=True, why=f"{out[angle].why}, {rate} is its rate of change")
         _alike(out)  # with what is proved by now
         rods = [g for g in out.values() if g.word == "rod"]
         if self.beside("de_cmd", "q") and not rods:
@@ -189,6 +200,17 @@ class _Draft:
             if self.beside(rod, name) and physics.correlation(self.y(rod), self.y(name)) < -0.5:
                 self.set(name, sign=-1, why=f"{out[name].why}, runs against the rod")  # all are + trailing edge down
         return out
+
+    def _air(self):
+        """Take the units that Mach number, speeds and altitude allow together; one they refute does not fly."""
+        for name, units in physics.air({n: self.y(n) for n in ("mach", *SPEEDS) if n in self.out}).items():
+            g = self.out[name]
+            span = g.why.split(",")[0]
+            if len(units) == 1:
+                self.prove(name, f"{span}, Mach and the others ask for {units[0]}", unit=units[0])
+            elif g.unit not in units:
+                why = f"{span}, Mach allows {' or '.join(units)}"
+                self.set(name, unit=units[0], fit=min(g.fit, 0.5 * SURE), why=why)
 
     def _as_small(self):
         """Take angles and rates that are named in degrees for radians, one of the file being proved to be, where they
@@ -204,7 +226,7 @@ def _alike(out):
     for si in ("rad", "rad/s", "rad/s2"):
         same = {n: g for n, g in out.items() if n in words() and words()[n].unit == si}
         proved = [g.unit for g in same.values() if g.proof]
-        own = {n: g for n, g in same.items() if not g.why.endswith("name")}
+        own = {n: g for n, g in same.items() if not g.named}
         units = proved or [g.unit for g in own.values() if "too large" in g.why and g.fit >= SURE]
         for name, g in own.items():
             if units and not g.proof and (proved or "too large" not in g.why):
@@ -217,10 +239,13 @@ def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, eng
     tokens = _tokens(channel[: bracket.start()] if bracket and known(bracket[1]) else channel) or [""]
     unit = known(bracket[1]) if bracket else ""
     unit = unit or next((UNIT[t] for t in reversed(tokens[1:]) if t in UNIT), "")
+    sign = next((EDGE[t] for t in tokens if t in EDGE), 0)
+    tokens = [t for t in tokens if t not in EDGE] or [""]
     rest = [t for t in tokens if UNIT.get(t) != unit or t == tokens[0]] if unit else tokens
     place = [long for long, short in PLACES.items() if set(rest) & {long, *short.split()}]
     said = [t for t in rest if not any(t in (long, *short.split()) for long, short in PLACES.items())]
     meant = [t for t in rest if not FILLERS.fullmatch(t)] or rest
+    sent, unit = bool({"cmd", "command"} & set(rest)), unit or ("kt" if KNOTS & set(tokens) else "")
     for word, names in NAMES.items():
         if word == "n1":
             if engines != 2 or place not in (["left"], ["right"]):
@@ -229,12 +254,12 @@ def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, eng
         local = word == "hinge_moment" or (word in words() and bool(words()[word].technologies))
         held = said if local else meant
         found = max((n for n in names if set(n.split()) <= set(held)), key=len, default="")
-        if not found:
+        if not found or (sent and not word.endswith(("cmd", "command"))):
             continue
         if len(found) < 3 and len(found.split()) < len(held) and names != NAMES["n1"]:  # the R of DLC_R is no yaw rate
             continue
-        if local and len(found) < 2 and not place:  # u beside v and w is a speed, "left u" a command
-            continue
+        if local and not place and (len(found) < 2 or found in NAMES["deflection"]):
+            continue  # u beside v and w is a speed, "left u" a command; a segment's elevator has its place
         si = {"hinge_moment": "N m", "deflection": "rad"}.get(word) or words()[word].unit
         allowed = factors(si, {"Pa": 1.0} if word == "pressure" else {"N": 1.0} if word == "hinge_moment" else {})
         if unit and unit not in allowed:
@@ -247,7 +272,9 @@ def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, eng
             unit_, why, fit = "deg", f"{why}, too large for degrees", min(fit, 0.5 * SURE)
         elif word not in FIXED and np.isfinite(y).any() and np.nanmin(y) == np.nanmax(y):
             why, fit = f"{why}, constant", min(fit, 0.5 * SURE)
-        yield Guess(channel, word, _segment(place, segments) if local else "", unit_, why, fit)
+        up = sign if word in ("surface", "deflection", "de_cmd") else 0
+        why += f", trailing edge {'down' if up > 0 else 'up'} by its name" if up else ""
+        yield Guess(channel, word, _segment(place, segments) if local else "", unit_, why, fit, up or 1)
 
 
 def _time(path: Path, columns: tuple[str, ...] = ()) -> str | None:

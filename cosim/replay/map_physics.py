@@ -12,12 +12,18 @@ SPEEDS = {"m/s": 1.0, "kt": M_S_PER_KT, "ft/s": M_PER_FT, "km/h": 1.0 / 3.6}
 HEIGHTS = {"m": 1.0, "ft": M_PER_FT}
 FITS = 0.04  # relative error of the air data up to which units are taken for proved: other air than standard is in it
 CLEAR = 2.0  # so many times worse is the next best that says something else
+LEVELS = np.arange(-500.0, 15001.0, 250.0)[:, None]  # altitudes of a file that has none [m]
+SPAN_S = 0.5  # over which an angle's change is compared with its rate: a sample's noise is small beside it
 MOST_G = 9.0  # of a manned or small aircraft
 GRAVITY = {"g": 1.0, "m/s2": 1.0 / G0, "ft/s2": M_PER_FT / G0}
 
 
-def air(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
-    """Return {mach, tas, cas or h_baro: unit} as far as those that are there prove units together; {} otherwise."""
+def air(columns: Mapping[str, np.ndarray]) -> dict[str, list[str]]:
+    """Return {tas, cas or h_baro: the units that Mach number and all others allow, best first} of those of `columns`.
+
+    One unit is proved, a unit that is not listed is refuted. Without an altitude it is what fits best at each sample.
+    {} where the columns cannot be judged, or no units agree (standard atmosphere, FITS).
+    """
     mach = columns.get("mach")
     speeds = [name for name in ("tas", "cas") if name in columns]
     if mach is None or not speeds:
@@ -26,24 +32,27 @@ def air(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
     rows = np.isfinite(np.array([y[:n] for y in columns.values()])).all(axis=0) & (mach[:n] > 0.1)
     if rows.sum() < 10:
         return {}
-    data = {name: y[:n][rows] for name, y in columns.items()}
-    heights = HEIGHTS if "h_baro" in data else {"": 0.0}
+    data = {name: y[:n][rows][:: max(1, rows.sum() // 500)] for name, y in columns.items()}
+    own = "h_baro" in data
     found = []
-    for units in itertools.product(heights, *(SPEEDS for _ in speeds)):
-        h = data["h_baro"] * heights[units[0]] if units[0] else np.full(rows.sum(), 3000.0)
+    for units in itertools.product(HEIGHTS if own else ("",), *(SPEEDS for _ in speeds)):
+        h = data["h_baro"] * HEIGHTS[units[0]] if own else LEVELS
         found.append((_error(data, h, dict(zip(speeds, units[1:]))), units))
-    found.sort()
-    error, best = found[0]
+    error, best = min(found)
+    if error >= FITS:
+        return {}
     out = {}
     for i, name in enumerate(("h_baro", *speeds)):
-        other = next((e for e, units in found if units[i] != best[i]), np.inf)
-        if best[i] and error < (FITS if "h_baro" in data else 3.0 * FITS) and other > CLEAR * error:
-            out[name] = best[i]
+        each = {unit: min(e for e, units in found if units[i] == unit) for _, units in found if (unit := units[i])}
+        near = [unit for unit in sorted(each, key=lambda u: each[u]) if each[unit] <= max(CLEAR * error, FITS)]
+        if best[i]:
+            out[name] = near
     return out
 
 
 def _error(data, h, units):
-    """Return the median relative error of the speeds that Mach number and altitude `h` [m] ask for."""
+    """Return the median relative error of the speeds that Mach number and altitude ask for: `h` [m] (samples,), or
+    (levels, 1) of which the best counts at each sample."""
     if not (np.abs(h) < 25e3).all():
         return np.inf
     kelvin = np.maximum(288.15 - 0.0065 * h, 216.65)
@@ -55,7 +64,8 @@ def _error(data, h, units):
         impact = static * ((1.0 + 0.2 * mach * mach) ** 3.5 - 1.0)
         asked = 340.294 * np.sqrt(5.0 * ((1.0 + impact) ** (2.0 / 7.0) - 1.0))
         errors.append(data["cas"] * SPEEDS[units["cas"]] / asked - 1.0)
-    return float(max(np.median(np.abs(e)) for e in errors))
+    worst = np.max(np.abs(errors), axis=0)
+    return float(np.median(worst if worst.ndim == 1 else worst.min(axis=0)))
 
 
 def gravity(y: np.ndarray) -> tuple[str, int, float, str, bool] | None:
@@ -73,13 +83,22 @@ def gravity(y: np.ndarray) -> tuple[str, int, float, str, bool] | None:
 
 
 def rate(t: np.ndarray, y: np.ndarray, angle: np.ndarray) -> tuple[float, float] | None:
-    """Return (slope, correlation) of a rate over the derivative of its angle, None where neither moves."""
-    return _line(_smooth(_derivative(t, angle)), _smooth(y))
+    """Return (slope, correlation) of a rate's mean over SPAN_S, five samples at least, over the change of its angle in
+    it per second, None where one of them does not move."""
+    if len(t) < 21 or not (np.diff(t) > 0.0).all():
+        return None
+    n = max(5, round(SPAN_S / float(np.median(np.diff(t)))))
+    if n >= len(t):
+        return None
+    mean = np.convolve(0.5 * (y[1:] + y[:-1]), np.ones(n) / n, "valid")  # of the trapezia between the samples
+    return _line((angle[n:] - angle[:-n]) / (t[n:] - t[:-n]), mean)
 
 
 def rate_unit(t: np.ndarray, y: np.ndarray, angle: np.ndarray, unit: str) -> tuple[str, int]:
     """Return (unit, sign) of a rate whose angle is in `unit`; unit "" where the numbers prove none."""
-    slope, r = rate(t, y, angle) or (0.0, 0.0)
+    turns, good = np.array(angle, float), np.isfinite(angle)
+    turns[good] = np.unwrap(turns[good], period=2.0 * np.pi if unit == "rad" else 360.0)
+    slope, r = rate(t, y, turns) or (0.0, 0.0)
     per_rad = abs(slope) / (1.0 if unit == "rad" else RAD_PER_DEG)
     found = _nearest(per_rad, {"rad/s": 1.0, "deg/s": 1.0 / RAD_PER_DEG}, 0.75, 1.33)
     return (found if abs(r) >= 0.8 else ""), -1 if slope < 0.0 else 1

@@ -91,7 +91,8 @@ def _cell(name, cell):
         look = first[1]
         told = first[0] if kinds <= {"quiet", "not_valid"} else f"{first[0]} {cell['detected']}/{cell['runs']}"
     else:
-        look = "c-part" if kinds & {"named", "ambiguous", "misnamed"} else first[1]
+        wrong = OUTCOMES["misnamed"][1] if "misnamed" in kinds else first[1]
+        look = "c-part" if kinds & {"named", "ambiguous"} else wrong
         told = " ".join(f"{OUTCOMES[o][0]}{n}" for o, n in found)
     border = " designed" * (cell["word"] == coverage.DESIGNED and cell["lane"])
     more = f"{coverage.WORDS[cell['word']]}; " + ", ".join(f"{n} {OUTCOMES[o][2]}" for o, n in found)
@@ -118,7 +119,7 @@ def confusions(rows: pd.DataFrame) -> list[tuple[str, Table]]:
         columns = [c for c in counts.columns if c not in last] + last
         heads = (Column({"none": "no alarm"}.get(c, c.replace("_", " ")), right=False) for c in columns)
         made = Table("", "fault", *heads, kind="matrix")
-        made.caption = f"{rest} further kinds of fault: never an alarm." if rest else ""
+        made.caption = f"{rest} further kind{'s' * (rest > 1)} of fault: never an alarm." if rest else ""
         for case in sorted(counts.index, key=lambda c: _order(c) if c != "no fault" else (99, "")):
             cells = [(int(counts.loc[case, c]), c) for c in columns]
             made.add(case if case == "no fault" else coverage.label(case),

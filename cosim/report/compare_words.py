@@ -22,7 +22,7 @@ def summary(rows: pd.DataFrame, each: list[dict], grouped: pd.DataFrame, sized: 
         if ofc:
             parts.append(("Oscillations", ofc))
         parts.append(("Blind", _blind(grouped)))
-        parts.append(("Names", _names(rows)))
+        parts.append(("Names", _names(rows, each)))
     parts.append(("False alarms", _false(rows, each)))
     parts.append(("Read with care", _care(rows, each)))
     return parts
@@ -106,23 +106,18 @@ def _short(cases, most=5):
     return listed(names) if len(names) <= most else f"{', '.join(names[:most])} and {len(names) - most} more"
 
 
-def _names(rows):
-    own = rows[rows["detected"] & (rows["outcome"].isin(("named", "ambiguous", "misnamed")))]
-    if own.empty:
+def _names(rows, each):
+    """Tell what became of the faults that detectors designed for them saw: the sums of the table's columns."""
+    seen, named, unsure, wrong = (sum(d[k] for d in each) for k in ("detected", "named", "ambiguous", "misnamed"))
+    if not seen:
         return []
-    counts = own["outcome"].value_counts()
-    wrong = own["outcome"] == "misnamed"
-    crossed = own[wrong & ((own["isolated_class"] == "sensor") != own["case"].map(_is_sensor).astype(bool))]
-    sensor = crossed["case"].map(_is_sensor).astype(bool)
-    severe = crossed[(crossed["isolated_class"] == "sensor") | sensor]
-    told = (
-        f"{counts.get('named', 0)} of {len(own)} detections named the fault right, {counts.get('ambiguous', 0)} "
-        f"called it ambiguous, {counts.get('misnamed', 0)} gave another name"
-    )
-    if len(severe):
-        who = ", ".join(f"{n} {k}" for n, k in severe["id"].value_counts().items())
-        severely = f"in {len(severe)} a sensor fault was called an actuator's, or the reverse"
-        return [f"{told}; {severely} ({who})"]
+    told = (f"of {seen} detections by detectors designed for the fault {named} named it right, {unsure} called it "
+            f"ambiguous, {wrong} gave another name")  # fmt: skip
+    own = stats.designed_for(rows[rows["detected"] & (rows["outcome"] == "misnamed")])
+    crossed = own[(own["isolated_class"] == "sensor") != own["case"].map(_is_sensor).astype(bool)]
+    if len(crossed):
+        who = ", ".join(f"{n} {k}" for n, k in crossed["id"].value_counts().items())
+        told += f"; in {len(crossed)} a sensor fault was called an actuator's, or the reverse ({who})"
     return [told]
 
 

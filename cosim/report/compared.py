@@ -29,22 +29,21 @@ def _log(low, high):
     }
 
 
-def delays(rows: pd.DataFrame) -> Figure:
-    """Return the share of designed-for faults that each detector had noticed so long after the onset."""
+def delays(rows: pd.DataFrame) -> Figure | None:
+    """Return the share of designed-for faults that each detector had noticed so long after the onset, or None without
+    such a fault."""
     own = rows[(rows["word"] == DESIGNED) & rows["concerned"] & ~rows["not_valid"]]
+    if own.empty:
+        return None
+    swings = own["frequency_hz"].notna().any()
     figure = Figure(
         "delays", "A curve ends at the share that was seen at all: missed faults stay in the count.", 330, time=False
     )
     figure.layout = base(figure.height) | {"hovermode": "closest"}
     _beside(figure)
-    grid(
-        figure.layout,
-        ["All faults it was designed for", "Oscillations, in periods of the fault"],
-        ["share noticed", ""],
-        2,
-        time=False,
-    )
-    for i, unit in ((1, "seconds after the onset"), (2, "periods after the onset")):
+    titles = ["All faults it was designed for", "Oscillations, in periods of the fault"][: 1 + swings]
+    grid(figure.layout, titles, ["share noticed", ""][: 1 + swings], 1 + swings, time=False)
+    for i, unit in ((1, "seconds after the onset"), (2, "periods after the onset"))[: 1 + swings]:
         figure.layout[axis("yaxis", i)] |= {"range": [0.0, 1.03], "tickformat": ".0%"}
         figure.layout[axis("xaxis", i)] |= _log(0.01, 100.0)
         figure.layout[axis("xaxis", i)]["title"]["text"] = unit
@@ -144,8 +143,9 @@ def sweeps(rows: pd.DataFrame) -> Figure:
     return figure
 
 
-def roc(rows: pd.DataFrame) -> Figure:
-    """Return the operating curves of all detectors: faults seen against false alarms, by run-level maxima."""
+def roc(rows: pd.DataFrame) -> Figure | None:
+    """Return the operating curves of all detectors: faults seen against false alarms, by run-level maxima; None where
+    no detector has both."""
     figure = Figure(
         "roc",
         "By the largest |r| of each flight, over all thresholds; dots: as shipped. With n fault-free flights "
@@ -176,7 +176,7 @@ def roc(rows: pd.DataFrame) -> Figure:
                 hover=f"{name} as shipped<extra></extra>",
             ),
         ]  # fmt: skip
-    return figure
+    return figure if figure.data else None
 
 
 def cost(found: list[dict]) -> Figure | None:

@@ -69,12 +69,13 @@ def _decades(low, high):
 def _points(figure, panel, own, seen):
     """Draw every flight: filled where it was seen, a cross where not; faults of several segments beside."""
     side = own["target"].str.endswith(("left", "right", "all"))
+    named = {trace["name"] for trace in figure.data}
     for mask, symbol, colour, name in (
         (seen, "circle", "--blue", "seen"),
         (~seen, "x-thin-open", "--fault", "not seen"),
     ):
         part, wide = own[mask], side[mask]
-        if not len(part) and panel > 1:
+        if not len(part):
             continue
         marks = ["diamond" if w and symbol == "circle" else symbol for w in wide]
         told = [
@@ -85,7 +86,7 @@ def _points(figure, panel, own, seen):
         figure.data.append(
             points(
                 panel, x=(part["frequency_hz"] * np.where(wide, 1.13, 1.0)).tolist(), y=part["amplitude_mm"].tolist(),
-                name=name, legendgroup=name, showlegend=panel == 1, customdata=told,
+                name=name, legendgroup=name, showlegend=name not in named, customdata=told,
                 marker={"symbol": marks or symbol, "size": 9, "color": colour, "line": {"width": 2, "color": colour}},
                 hover="%{y:.2f} mm achieved<br>%{customdata[0]}<br>%{customdata[1]}<extra></extra>",
             )

@@ -1,6 +1,7 @@
 """The page of a score: detectors over all faults, by family, without a fault, against each other; from its JSON."""
 
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -29,10 +30,11 @@ def render(found: dict, beside: Sequence[dict] = ()) -> str:
     each = [*found["detectors"], *beside]
     figure = front(each)
     lost = f"; {found['infeasible']} points do not trim" if found["infeasible"] else ""
+    fitted = any(f.get("a90") is not None for d in each for f in d["families"])
     return page(
         "score.html",
         title=f"Score of {_some(found)} on {found['benchmark']}",
-        subtitle=f"{found['flights']} recorded flights, the same for all{lost}",
+        subtitle=f"{flights(found)} recorded, the same for all{lost}",
         figures=[figure],
         chips=[(d["id"], d["level"], d["detected"] > 0) for d in each],
         found=found,
@@ -40,7 +42,7 @@ def render(found: dict, beside: Sequence[dict] = ()) -> str:
         seeds=", ".join(f"{k.replace('_', ' ')} {v}" for k, v in found["seeds"].items()),
         front=figure,
         detectors=tables.detectors(each, scored=True),
-        sizes=tables.scored_sizes(each),
+        sizes=tables.scored_sizes(each) if fitted else None,
         quiet=tables.quiet(each),
         families=tables.scored_families(each),
         honest=tables.probabilities(each),
@@ -49,6 +51,12 @@ def render(found: dict, beside: Sequence[dict] = ()) -> str:
             (d["id"], f"not valid in {d['not_valid']}: {d['why_not_valid']}") for d in each if d["why_not_valid"]
         ],
     )
+
+
+def flights(found: dict) -> str:
+    """Return how many flights a score has run on, and of how many: "40 of the 642 flights"."""
+    n, whole = found["flights"], found.get("of", found["flights"])
+    return f"{n} flights" if n == whole else f"{n} of the {whole} flights"
 
 
 def _some(found):
@@ -70,6 +78,9 @@ def front(each: list[dict]) -> Figure:
     figure.layout["yaxis"] = style_axis(categoryarray=[d["id"] for d in reversed(own)], categoryorder="array")
     figure.layout["xaxis"] = style_axis("faults", domain=[0.0, 0.6], range=[0.0, 1.0], tickformat=".0%")
     rate = {"type": "log", "dtick": 1, "exponentformat": "none", "domain": [0.66, 1.0], "anchor": "y"}
+    bounds = [math.log10(d["false_alarms_per_hour_high"]) for d in own if d["false_alarms_per_hour_high"]]
+    if bounds:  # whole decades, so that one has a tick
+        rate["range"] = [math.floor(min(bounds) - 0.1), math.ceil(max(bounds) + 0.1)]
     figure.layout["xaxis2"] = style_axis("false alarms per hour, below", **rate)
     for d in own:
         common = {"y": [d["id"]], "meta": {"detector": d["id"]}}
@@ -99,7 +110,7 @@ def write_readme(found: dict, path: str | Path) -> None:
 
 def markdown(found: dict) -> str:
     """Return the table of all detectors as Markdown."""
-    told = f"`{found['benchmark']}`, {found['flights']} of its flights, content `{found['content']}`:"
+    told = f"`{found['benchmark']}`, {flights(found)}, content `{found['content']}`:"
     return f"{told}\n\n{tables.detectors(found['detectors'], scored=True).upto(5).markdown()}"
 
 

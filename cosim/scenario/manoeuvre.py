@@ -1,6 +1,6 @@
 """Manoeuvres a scenario can fly, each with its own few numbers."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -101,17 +101,6 @@ class ThreeTwoOneOne(_Manoeuvre):
         return raw
 
 
-KINDS: dict[str, type[BaseModel]] = {
-    "cruise": Cruise,
-    "aoa_protection": AoaProtection,
-    "nose_up": NoseUp,
-    "pitch_protection": PitchProtection,
-    "coordinated_turn": CoordinatedTurn,
-    "yaw_angle": YawAngle,
-    "nz_doublet": NzDoublet,
-    "three_two_one_one": ThreeTwoOneOne,
-    "inputs": Inputs,
-}
 Manoeuvre = Annotated[
     Cruise
     | AoaProtection
@@ -124,3 +113,6 @@ Manoeuvre = Annotated[
     | Inputs,
     Field(discriminator="kind"),
 ]
+KINDS: dict[str, type[BaseModel]] = {
+    get_args(kind.model_fields["kind"].annotation)[0]: kind for kind in get_args(get_args(Manoeuvre)[0])
+}

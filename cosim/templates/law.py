@@ -11,7 +11,7 @@ class Law:
     def update(self, t, y, ask):
         """Return commands [rad, throttle 0..1] for measurements y [SI, NaN while invalid] and what the pilot asks for.
 
-        A command that is left out keeps its last value; `cosim.flight.plugins.law` lists what there is.
+        A command that is left out keeps its last value; `cosim list law` has every name.
         """
         elevator = self.start.elevator - 0.06 * ask.nz_dem + 0.3 * y.q  # trailing edge down +, pitches down
         return {"elevator": elevator, "aileron": -y.phi - y.p}

@@ -33,16 +33,16 @@ def blocks(y: np.ndarray, features: list, valid: np.ndarray, dt: float, hold: fl
     return np.stack([y[at], *(np.broadcast_to(f, len(y))[at] for f in features)], axis=1)
 
 
-def quantile(y: np.ndarray, x: np.ndarray, level: float) -> np.ndarray:
+def quantile(y: np.ndarray, x: np.ndarray, level: float, least: float = LEAST) -> np.ndarray:
     """Return weights (features,) >= 0 so that y (n,) stays below x (n, features) @ weights in a share `level`.
 
-    The first is at least LEAST of the median of y: no threshold is nothing where all that it grows with is.
+    The first is at least `least` of the median of y: no threshold is nothing where all that it grows with is.
     """
     size, most = np.maximum(np.abs(x).max(axis=0), 1e-300), max(float(np.abs(y).max()), 1e-300)
     scaled, n = x / size, len(y)
     cost = np.concatenate([(1.0 - level) * scaled.sum(axis=0), np.ones(n)])
     found = linprog(cost, A_ub=hstack([csr_matrix(-scaled), -identity(n)]).tocsr(), b_ub=-y / most,
-                    bounds=[(LEAST * float(np.median(y)) * size[0] / most, None)] + [(0, None)] * (len(cost) - 1),
+                    bounds=[(least * float(np.median(y)) * size[0] / most, None)] + [(0, None)] * (len(cost) - 1),
                     method="highs")  # fmt: skip
     return found.x[: x.shape[1]] * most / size
 
@@ -62,7 +62,9 @@ def exceeded(largest: np.ndarray, probability: float) -> float:
     return float(max(u + over.mean() * max(np.log(len(over) / len(largest) / probability), 0.0), largest.max()))
 
 
-def limit(flights: list[np.ndarray], probability: float, place: str = "") -> tuple[np.ndarray, dict]:
+def limit(
+    flights: list[np.ndarray], probability: float, place: str = "", least: float = LEAST
+) -> tuple[np.ndarray, dict]:
     """Return (weights (features,), how they were found) of the limit that a flight passes with `probability`.
 
     `flights` holds (blocks, 1 + features) for each flight, y first; flights without a block count as far below. Of
@@ -74,7 +76,7 @@ def limit(flights: list[np.ndarray], probability: float, place: str = "") -> tup
         raise DesignError("no flight shows what this threshold is for", place=place, remedy="train with more flights")
     best: tuple = (np.inf, np.zeros(rows.shape[1] - 1), {})
     for level in LEVELS if rows.shape[1] > 2 else (1.0,):
-        w = quantile(rows[:, 0], rows[:, 1:], level) if rows.shape[1] > 2 else np.ones(1)
+        w = quantile(rows[:, 0], rows[:, 1:], level, least) if rows.shape[1] > 2 else np.ones(1)
         if not (rows[:, 1:] @ w > 0.0).all():
             continue
         ratio = np.array([(f[:, 0] / (f[:, 1:] @ w)).max() if len(f) else 0.0 for f in flights])

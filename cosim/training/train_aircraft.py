@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import minimum_filter1d
 
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import sources
@@ -20,7 +21,7 @@ from cosim.flight.loop.signals import detect, fly
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
 from cosim.training.flights import AIR, DT, FLIGHT_S, NOISE_SCALE, TOLERANCE, drawn_manoeuvre, scenario, trimming
-from cosim.training.threshold_fit import HELD, PROBABILITY, blocks, limit
+from cosim.training.threshold_fit import HELD, LEAST, PROBABILITY, blocks, limit
 from cosim.training.trainer import Trained, Training, decimals
 from fdi import registry
 from fdi.common import bank
@@ -37,13 +38,17 @@ GUSTS = ("light", "moderate")  # that teach what the airframe has in rfafe_airfr
 BANK = ("bank_threshold", "bank_doubt", "bank_stir")
 TAUGHT_S, ALIKE_S = 50.0, 0.25  # to learn what the airframe has in rfafe_airframe's estimate; it is alike for so long
 LARGEST = {"gust_max"}
-PIECES = {"floor"}  # a row for each PIECE_S of a flight; it has no share in PROBABILITY: other tests need gusts
+# a row for each PIECE_S of a flight; they have no share in PROBABILITY: other tests need gusts
+PIECES = {"floor", *(f"least_{part}" for part in LPV_PARTS)}
+# of the median of lpv_smo's estimate of the elevators, its limit's constant: what a protection leaves in it is seen
+# neither in gusts nor in the angle of attack; with LEAST 2 of 352 other flights alarmed, long after one
+CONSTANT = 3.0
 DOUBLE = 2.0  # of the deviations over the training flights
-LPV = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha", "f_sigma", "gust", "path", "alpha_0", "valid")
+LPV = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha", "f_sigma", "sigma", "rms", "path", "alpha_0", "valid")
 ELEVATORS = (("hydraulic", "hydraulic", "ema", "ema"), ("hydraulic",) * 4)
 FLIGHTS, FIRST_SEED = 384, 31_000
-# and for the floor of lpv_smo STILL flights in still air with every coefficient as it is known: then nothing but noise
-# is in its estimates, and its limits, which grow with gusts, come down to it after a minute
+# and for lpv_smo STILL flights in still air with every coefficient as it is known: then nothing but noise is in its
+# estimates, and its limits, which grow with gusts, come down to it after a minute
 STILL, STILL_S, STILL_ALPHA = 24, 400.0, 12.9
 PIECE_S = 60.0  # of a flight: for so long PROBABILITY is
 HALF_S = 1.0  # between half periods that count together
@@ -74,27 +79,36 @@ def flown(flight: dict) -> pd.DataFrame:
 
 
 def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray, still: bool = False) -> dict[str, np.ndarray]:
-    """Return the blocks of the three estimates: 1, rms of gusts, distance from where offsets were learned.
+    """Return the blocks of the three estimates: 1, rms of gusts, distance from where offsets were learned; likewise of
+    an oscillation. A `still` flight tells only how far beyond their predicted standard deviation the estimates last.
 
     The floor is what alternates beyond the limit that these three make; in a `still` flight, where nothing but noise
     does, whatever that limit is, so that the floor does not hang on the limit of the training before.
     """
     log = watched(frame, "lpv_smo", p, LPV)
-    features = [1.0, np.sqrt(log["gust"]), np.abs(log["path"] - log["alpha_0"])]
+    features = [1.0, log["rms"], np.abs(log["path"] - log["alpha_0"])]
     hold, valid, dt = HELD * float(p["t_confirm"][0]), log["valid"] > 0.5, frame.attrs["dt"]
-    out = {part: blocks(np.abs(log[f"f_hat_{part}"]), features, valid, dt, hold) for part in LPV_PARTS}
-    q = p.copy()
-    q["swing_threshold"], q["swing_gust"] = 0.0, 0.0  # the shape of an oscillation is asked, its size is what is found
-    fits = watched(frame, "lpv_smo", q, ("bank_cos", "bank_sin", "bank_new", "hit"))
-    size = np.hypot(fits["bank_cos"][:, 0], fits["bank_sin"][:, 0])
-    size = np.where((fits["hit"] >= p["hits"][0] - 1.0) & (fits["bank_new"] > 0.5), size, 0.0)
-    swings = [blocks(size[:, k], features[:2], valid, dt) for k in range(size.shape[1])]
-    out["swing"] = np.concatenate(swings)  # one limit for all frequencies: few flights pass the shape of each
-    most = 0.0 if still else sum(p[f"{n}_elevator"][0] * x for n, x in zip("tgs", features, strict=True))
-    swung = np.where(valid & (np.abs(log["f_hat_elevator"]) >= most), log["f_hat_elevator"] / log["f_sigma"], 0.0)
     n = round(PIECE_S / dt)
-    found = [alternating(swung[k : k + n], dt) for k in range(0, max(len(swung) - n // 2, 1), n)]
-    return out | {"floor": np.array([[level, 1.0] for level in found])}
+    pieces = [slice(k, k + n) for k in range(0, max(len(frame) - n // 2, 1), n)]
+    if still:
+        most, out = 0.0, {}
+        for part, sigma in zip(LPV_PARTS, (log["f_sigma"], *log["sigma"].T)):
+            size = np.divide(np.abs(log[f"f_hat_{part}"]), sigma, out=np.zeros(len(frame)), where=valid)
+            lasting = minimum_filter1d(size, round(hold / dt))
+            out[f"least_{part}"] = np.array([[lasting[k].max(), 1.0] for k in pieces])
+    else:
+        most = sum(p[f"{n}_elevator"][0] * x for n, x in zip("tgs", features, strict=True))
+        out = {part: blocks(np.abs(log[f"f_hat_{part}"]), features, valid, dt, hold) for part in LPV_PARTS}
+        q = p.copy()
+        for part in ("threshold", "gust", "away"):  # the shape of an oscillation is asked, its size is what is found
+            q[f"swing_{part}"] = 0.0
+        fits = watched(frame, "lpv_smo", q, ("bank_cos", "bank_sin", "bank_new", "hit"))
+        size = np.hypot(fits["bank_cos"][:, 0], fits["bank_sin"][:, 0])
+        size = np.where((fits["hit"] >= p["hits"][0] - 1.0) & (fits["bank_new"] > 0.5), size, 0.0)
+        swings = [blocks(size[:, k], features, valid, dt) for k in range(size.shape[1])]
+        out["swing"] = np.concatenate(swings)  # one limit for all frequencies: few flights pass the shape of each
+    swung = np.where(valid & (np.abs(log["f_hat_elevator"]) >= most), log["f_hat_elevator"] / log["f_sigma"], 0.0)
+    return out | {"floor": np.array([[alternating(swung[k], dt), 1.0] for k in pieces])}
 
 
 def alternating(y: np.ndarray, dt: float) -> float:
@@ -218,9 +232,9 @@ def surveyed(
 
 
 def surveyed_still(index: int, first_seed: int = FIRST_SEED) -> dict[str, dict[str, list]]:
-    """Return what lpv_smo's survey finds for its PIECES in one still flight, plain data."""
+    """Return what lpv_smo's survey finds in one still flight, plain data."""
     found = survey_lpv_smo(flown(still(index, first_seed)), fitted("lpv_smo"), still=True)
-    return {"lpv_smo": {part: found[part].tolist() for part in PIECES}}
+    return {"lpv_smo": {part: rows.tolist() for part, rows in found.items()}}
 
 
 def taught(index: int, first_seed: int = FIRST_SEED) -> list[float]:
@@ -276,7 +290,7 @@ def limits(values: list[dict], prior: dict) -> list[Trained]:
     out = []
     for name in [n for n in SURVEYS if any(n in v for v in values)]:  # an aircraft may lack one's inputs
         own = [v[name] for v in values if v.get(name)]
-        parts = [part for part in own[0] if part not in LARGEST]
+        parts = [part for part in dict.fromkeys(part for v in own for part in v) if part not in LARGEST]
         tests = [part.split()[0] for part in parts]  # "swing 3" is of the test "swing"
         share = PROBABILITY / len(set(tests) - PIECES)
         made: dict[str, list] = {}
@@ -288,7 +302,8 @@ def limits(values: list[dict], prior: dict) -> list[Trained]:
             rows = [np.array(v[part]) for v in own if part in v]
             if part in PIECES:
                 rows = [piece[None] for flight in rows for piece in flight]
-            w, found[part] = limit(rows, share / tests.count(test), f"{name}, {part}")
+            least = CONSTANT if (name, part) == ("lpv_smo", "elevator") else LEAST
+            w, found[part] = limit(rows, share / tests.count(test), f"{name}, {part}", least)
             made[part] = w.tolist()
         about: dict[str, Any] = {"air": list(TRAINED_IN[name]), "found": found}
         rounded = decimals
@@ -307,7 +322,10 @@ def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
     if name == "lpv_smo":
         level = {f"{letter}_{part}": made[part][i] for part in LPV_PARTS for i, letter in enumerate("tgs")}
         level["floor"] = made["floor"][0]
-        return level | {f"swing_{n}": [w] * bank.K for n, w in zip(("threshold", "gust"), made["swing"], strict=True)}
+        if least := [made[f"least_{part}"][0] for part in LPV_PARTS if f"least_{part}" in made]:
+            level["least"] = least
+        swing = zip(("threshold", "gust", "away"), made["swing"], strict=True)
+        return level | {f"swing_{n}": [w] * bank.K for n, w in swing}
     if name == "control_redundancy":
         return {part: w[0] for part, w in made.items()}
     if name == "rfafe_airframe":

@@ -81,7 +81,8 @@ def flights(first_seed: int = FIRST_SEED, number: int = FLIGHTS) -> list[dict[st
 def _gain_z(log: np.ndarray, p: Any) -> np.ndarray:
     """Return by how many of its own deviations a gain exceeds its threshold, (ticks,); 0 while it is not learned."""
     a, b, da, db = np.array([gains.gain_and_magnets(sums, p) for sums in log["gain_sum"]]).T
-    gain = (np.abs(a) - p["th_a"]) / np.hypot(da, log["gain_doubt"])
+    hidden = np.array([gains.lag(x) for x in log])
+    gain = (np.abs(a) - hidden - p["th_a"]) / np.hypot(da, log["gain_doubt"])
     magnets = (np.abs(b) - p["th_b"]) / np.hypot(db, log["magnets_doubt"])
     gain = np.where(log["gain_learned"] > 0.5, gain, 0.0)
     return np.maximum(np.maximum(gain, np.where(log["magnets_learned"] > 0.5, magnets, 0.0)), 0.0)
@@ -118,7 +119,7 @@ def survey(recorded: Any) -> dict[str, dict[str, Any]]:
     p = ema_kalman_flight.params()
     p["th_rough"] = 1e9  # a sample counts in full
     fields = ("r_pair", "r_speed", "r_velocity", "r_jump", "R1", "f_power", "w_power", "off_power", "gain_doubt",
-              "gain_learned", "magnets_doubt", "magnets_learned", "effort", "x_hat", "gain_sum",
+              "gain_learned", "gain_own", "magnets_doubt", "magnets_learned", "effort", "x_hat", "gain_sum",
               "rough_power", "rough_both", "f_usual", "r_friction")  # fmt: skip
     log = detect(recorded, ema_kalman_flight, lanes("ema_kalman_flight"), p, fields)[:, round(START_S / DT) :]
     found: dict[str, list] = {test: [] for test in (*TESTS, *ROUGH, *NOTED)}

@@ -26,7 +26,7 @@ from cosim.scenario import Scenario
 from cosim.training.trainer import FOLDER
 from fdi.common import compact
 from fdi.common.verdict import class_name
-from fdi.joint import places, tables
+from fdi.joint import joint, places, tables
 
 CAMPAIGN, FIRST_SEED, DRAWS = "joint", 40_000, 35
 NOT_LEARNED = ("pairs", "kinds not in the rates", "fault-free")  # parts of the campaign that begin so
@@ -145,3 +145,4 @@ def store(found: dict[str, Any]) -> None:
     """Write the rates where `joint` reads them."""
     replace_text(FOLDER / "joint.json", compact.text(found))
     tables.stored.cache_clear()
+    joint.of_layout.cache_clear()

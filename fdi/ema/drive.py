@@ -16,8 +16,12 @@ fault began says which it is:
 | current sensor | f = a + b t, a sine or a share of d, which the motor has not felt | SENSOR |
 
 A difference that the motor has not felt is the current sensor's: `felt` is the share of f that the innovations of the
-velocity hold (`torque`). A name is given when one hypothesis leaves what noise leaves and the others several times as
-much.
+velocity hold (`torque`). Friction keeps a part of what the drive does from the motor: of K_T f it feels at least
+
+    must = sum |f| max(|f| - T / K_T, 0) / sum f^2,   T the most that a healthy drive rubs,
+
+the gain of a dead zone, 1 - 2 / pi (asin a + a sqrt(1 - a^2)) for a sine with a = T over its amplitude. A name is given
+when one hypothesis leaves what noise leaves and the others several times as much.
 
 What gain and magnets this drive has: `gains`.
 """
@@ -53,6 +57,8 @@ SENSOR = -1.0  # the current sensor, beside the class codes
 ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
 USUAL, TAU_USUAL = 0.5, 10.0  # what f usually has beside zero and pole of an amplifier off both ways; memory [s]
 TAU_FELT = 0.03  # lag of what the motor feels [s]
+HEALTHY = 0.03  # of the stall torque: one and a half times the friction of a healthy drive (actuators.ema.actuator)
+SLOWEST, WIDE = 0.4, 1.5  # slowest oscillation that a short window may hold a part of [Hz]; from one to the next
 TAU_LOAD = 2.0  # memory of the load before a fault [s]
 
 PARAMS = [
@@ -105,6 +111,8 @@ STATE = [
     ("drive_hz", "f8", "Hz"),  # frequency of the oscillation
     # what each hypothesis leaves over what there is: added, in place, stuck, loss, bias, magnets, line
     ("left", "f8", (7,), "-"),
+    ("must", "f8", "-"),  # share of f that the motor must feel, were f real
+    ("curved", "f8", "-"),  # what the best sine, slow ones too, leaves over what a bias or a line does, over the noise
     ("jumped", "f8", "A"),  # what the current jumped to and stays at, 0 where it did not
 ]
 
@@ -183,9 +191,11 @@ def explain(x, p, slow, measured):
     i = int(x.slow_head if slow else x.even_head) - n
     i = i + RING if i < 0 else i
     ff, fd, dd, f1, d1, ww, fw, dw, ft, tt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    through, rubs = 0.0, HEALTHY * p.I_max
     for k in range(n):
         f, d, w = sample(x, slow, 0, i), sample(x, slow, 1, i), sample(x, slow, 2, i)
         ff += f * f
+        through += math.fabs(f) * max(math.fabs(f) - rubs, 0.0)
         fd += f * d
         dd += d * d
         f1 += f
@@ -215,6 +225,12 @@ def explain(x, p, slow, measured):
     x.left[0], x.left[1], x.left[2], x.left[3], x.left[4] = added / ff, instead / ff, stuck / ff, loss / ff, bias / ff
     x.left[5] = weak / ff
     x.left[6] = max(ff - f1 * f1 / n - ft * ft / tt, 0.0) / ff
+    x.must = through / ff
+    slowest, hz = added, SLOWEST
+    while hz < 0.5 / (n * (EVEN_S * SLOW if slow else EVEN_S)):
+        slowest = min(slowest, sine_leaves(x, slow, 0, n, hz, False, own))
+        hz *= WIDE
+    x.curved = (slowest - min(bias, x.left[6] * ff)) / (wide * wide)
     least, which = 1e300, -1
     for k in range(6):
         if x.left[k] * ff < least:
@@ -253,7 +269,7 @@ def begin(x):
     """Start anew: nothing is wrong with the drive."""
     x.f_age = 0.0
     x.drive_name = x.drive_vote = NONE
-    x.drive_hz = x.drive_votes = x.jumped = 0.0
+    x.drive_hz = x.drive_votes = x.jumped = x.must = x.curved = 0.0
     for k in range(7):
         x.left[k] = 1.0
 
@@ -267,6 +283,13 @@ def smooth(x, k, value, dt):
     a = min(dt / TAU_FELT, 1.0)
     x.smoothed[k] += a * (value - x.smoothed[k])
     return x.smoothed[k] * math.sqrt((2.0 - a) / a)
+
+
+@kernel
+def felt_sigma(x, p, dt):
+    """Return the deviation of `felt`: that of the innovation, which `smooth` has made alike over TAU_FELT."""
+    a = min(dt / TAU_FELT, 1.0)
+    return p.S_root * math.sqrt((2.0 - a) / a / max(x.felt_den, 1e-9))
 
 
 @kernel

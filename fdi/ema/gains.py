@@ -16,6 +16,7 @@ KNOWN_NOW = 0.0045  # deviation of the gain when it is asked whether it stands o
 STANDS = 0.7  # of a gain's threshold: keeps the alarm
 RELEASE = 0.5  # [s]: what shows it has a memory of its own
 HEALED, HEALED_B = 2.0, 2.5  # of that: a gain, magnets that surely are less have healed
+ENDED = 8.0  # log likelihood of a gain that has ended over one of which STANDS is left
 # by how much the gain of the current may be less, and more, than nominal before it is learned. Two numbers of 10 % over
 # two of 10 %: .67 to 1.49
 TOLERANCE = (0.33, 0.5)
@@ -38,6 +39,8 @@ PARAMS = [
 STATE = [
     ("gain_sum", "f8", (6,)),  # ff, fd, fw, dd, dw, ww, as long as it takes to know
     ("gain_now", "f8", (6,)),  # over TAU_NOW
+    ("gain_fault", "f8", "-"),  # gain error while it shows
+    ("gain_ended", "f8", "-"),  # log likelihood that it has ended since, over that it stands (cumulative sum)
     ("gain_own", "f8", "-"),  # of this drive, less one
     ("gain_doubt", "f8", "-"),  # deviation with which it was learned
     ("gain_learned", "f8", "-"),  # times
@@ -51,6 +54,12 @@ STATE = [
     ("hot_gain", "f8", "-"),  # 1 while a gain is off
     ("weak", "f8", "-"),  # 1 where it is the magnets'
 ]
+
+
+@kernel
+def lag(x):
+    """Return what zero and pole of the amplifier may hide of the gain until it has been learned for the last time."""
+    return LAG * math.fabs(x.gain_own) if x.gain_learned < len(LEARN) else 0.0
 
 
 @kernel
@@ -150,7 +159,7 @@ def gains(x, p, f, d, w, dt):
     a, x.gain_b, da, db = gain_and_magnets(x.gain_sum, p)
     x.gain_a = a
     over_a = math.fabs(a) if x.gain_learned > 0.5 else outside(a, TOLERANCE)
-    over_a -= p.z_gain * math.sqrt(da * da + x.gain_doubt * x.gain_doubt)
+    over_a -= p.z_gain * math.sqrt(da * da + x.gain_doubt * x.gain_doubt) + lag(x)
     over_b = math.fabs(x.gain_b) if x.magnets_learned > 0.5 else outside(x.gain_b, OFF_B)
     over_b -= p.z_gain * math.sqrt(db * db + x.magnets_doubt * x.magnets_doubt)
     x.r_gain = max(over_a / p.th_a, over_b / p.th_b)
@@ -162,10 +171,19 @@ def gains(x, p, f, d, w, dt):
             size, off, least, most = math.fabs(b), 2.0 * db, STANDS * p.th_b, HEALED_B * STANDS * p.th_b
         shows = size - off > least
         sure = shows or size + off < most
+        if x.weak < 0.5:
+            if shows and x.gain_ended == 0.0:
+                x.gain_fault = a
+            f_fault = STANDS * x.gain_fault * d
+            likelier = f_fault * (0.5 * f_fault - f) / (p.sigma_f * p.sigma_f)
+            x.gain_ended = max(x.gain_ended + likelier, 0.0)
+            if x.gain_ended >= ENDED:
+                shows, sure = False, True
     else:
         if x.r_gain < 1.0:
             learn(x, a, da, p)
         shows = x.r_gain >= 1.0
+        x.gain_fault, x.gain_ended = a, 0.0
         if shows:
             x.weak = 1.0 if over_b / p.th_b > over_a / p.th_a else 0.0
     before = x.hot_gain
@@ -173,4 +191,6 @@ def gains(x, p, f, d, w, dt):
         x.gain_timer, x.hot_gain = confirm(x.gain_timer, x.hot_gain, shows, p.even * dt, 0.2, RELEASE)
     if before > 0.5 and x.hot_gain < 0.5:  # healed: what came before is of the fault
         for k in range(6):
+            if x.gain_ended >= ENDED:
+                x.gain_now[k] = 0.0
             x.gain_sum[k] = x.gain_now[k]

@@ -10,10 +10,11 @@ e is position less surface, rigging and windup taken off, in the even samples of
 | loose | none: within the play the surface falls as its load drives it, bounces, and goes over when the load turns |
 
 One of the first three that leaves what noise leaves is the sensor's; where all leave more, and e stays within what a
-worn screw lets it move, the surface is loose. A surface that rests on one side of its play under a load that never
-turns is a bias, e = const: there the two are told apart by the beginning alone, in which a sensor's reading steps
-within a sample and a surface needs sqrt(2 e J / (arm M)), 20 to 60 ms under the usual loads. Bias and drift are judged
-from the beginning on, and a drift begins at zero.
+worn screw lets it move, the surface is loose. A surface that rests on one side of its play is a bias, e = const, but on
+the side to which its hinge moment M drives it, e M < 0: a bias against M is the sensor's. One with it, within the play,
+stays undecided: only the beginning differs, in which a reading steps within a sample and a surface needs
+sqrt(2 e J / (arm M)), 20 to 60 ms under the usual loads. A scale is told where it leaves less than a bias, as which it
+looks while the surface rests. A drift is judged from the beginning on, at zero.
 """
 
 import math
@@ -31,10 +32,12 @@ SHARE, NOISE = 0.003, 1.3  # of what there is, and of noise, that a sensor's hyp
 ZERO = 4.0  # deviations within which a drift begins
 LOOSE, ROUGH = 0.06, 2.2  # and what all must leave where the surface is loose
 VOTES = 2.0  # evaluations in a row
+TAU_LOAD, TURNS = 0.5, 50.0  # lag of the hinge moment [s], and that which surely has a sign [N m]
 
 STATE = [
     ("pair_since", "f8", "-"),  # samples since e began
     ("pair_noise", "f8", "m2"),  # variance of a sample
+    ("pair_load", "f8", "N m"),  # hinge moment, lagged
     ("pair_votes", "f8", "-"),  # evaluations in a row that found it loose
     ("pair_name", "f8", "-"),  # SENSOR, EFFECTIVENESS where it is loose, or NONE
 ]
@@ -46,6 +49,7 @@ def weigh(x, p):
     head = int(x.even_head)
     now = RING - 1 if head == 0 else head - 1
     e = x.even_ring[3, now]
+    x.pair_load += EVEN_S / TAU_LOAD * (x.hm0 + x.hmd * x.x_hat[0] + x.x_hat[5] - x.pair_load)
     if x.pair_noise == 0.0:
         x.pair_noise = 1.5 * p.sigma_pos * p.sigma_pos / p.even  # of both sensors
     if x.sensor < 0.5 and e * e < BEGUN * BEGUN * x.pair_noise:
@@ -77,17 +81,17 @@ def _explain(x, now, n):
         far = max(far, math.fabs(e))
         i = 0 if i == RING - 1 else i + 1
     swing, _ = best_sine(x, False, 3, n, False, (0.0, 0.0))
-    least = min(ee - ey * ey / max(yy, 1e-12), swing)
-    if x.pair_since <= RING:
-        slope = et / tt
-        least = min(least, ee - e1 * e1 / n)
-        first = e1 / n - 0.5 * n * slope
-        if math.fabs(first) <= ZERO * math.sqrt(x.pair_noise) + 2.0 * math.fabs(slope):
-            least = min(least, ee - e1 * e1 / n - et * slope)
-    noise = n * x.pair_noise
+    scale, bias, slope, noise = ee - ey * ey / max(yy, 1e-12), ee - e1 * e1 / n, et / tt, n * x.pair_noise
+    rests = min(min(scale, swing), bias - et * slope)  # of all that is no play at work
+    least = min(swing, scale) if scale < bias - ROUGH * x.pair_noise else swing
+    if far > PLAY or e1 * x.pair_load > TURNS * math.fabs(e1):
+        least = min(least, bias)
+    first = e1 / n - 0.5 * n * slope
+    if x.pair_since <= RING and math.fabs(first) <= ZERO * math.sqrt(x.pair_noise) + 2.0 * math.fabs(slope):
+        least = min(least, bias - et * slope)
     if least <= SHARE * ee + NOISE * noise and (n >= SURE or far > PLAY):
         x.pair_name = SENSOR
-    moves = n >= SURE and least >= LOOSE * ee + ROUGH * noise and far <= PLAY
+    moves = n >= SURE and rests >= LOOSE * ee + ROUGH * noise and far <= PLAY
     x.pair_votes = x.pair_votes + 1.0 if moves else 0.0
     if x.pair_votes >= VOTES:
         x.pair_name = EFFECTIVENESS

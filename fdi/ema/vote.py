@@ -26,7 +26,8 @@ STEADY = 250.0  # samples of a current that only grows, longer than half a perio
 GROWN = 0.12  # of the stall current, so that it is told from what a load model misses
 SURE = 120.0  # information about what the motor has felt [rad2/s2]: the share is known to a tenth
 SURE_READ = 4.0 * SURE  # of a velocity that is off: its own noise is in f, too
-SURE_SINE = 4.0 * SURE  # before a sine is the sensor's: friction keeps a small one in the drive from the motor at first
+SURE_SINE = 3.0  # deviations by which a sine has been felt less than the motor must
+CURVED = 12.0  # energy that a sine leaves over a bias, over the noise's: of so much one in 2,000 is noise
 
 
 @kernel
@@ -61,20 +62,22 @@ def _alone(x, p, dt):
 
 
 @kernel
-def _drive(x, p):
+def _drive(x, p, dt):
     """Return (class, culprit) of what the current says, NONE while it is not sure."""
     if x.drive_name == drive.WEAK:
         return EFFECTIVENESS, 0.0
     moved = x.felt_num * math.fabs(x.felt_num) / max(x.felt_den, 1e-9)  # of the innovations, explained by a torque
     misread = x.read_num * math.fabs(x.read_num) / max(x.read_den, 1e-9)  # by a velocity that is off
-    constant = min(x.left[4], x.left[6]) <= drive.PURE  # or growing, which no fault of the drive adds
+    even = min(x.left[4], x.left[6]) <= drive.PURE  # constant or growing: no fault of the drive adds what stays so
+    constant = even and (x.curved >= CURVED or x.must >= p.felt_least)  # no part of a slow sine that friction hides
     read = x.read_num >= p.felt_least * x.read_den and misread >= max(SURE_READ, 2.0 * moved)
-    if x.hot_f > 0.5 and read and not constant:
+    if x.hot_f > 0.5 and read and not even:
         return SENSOR, VELOCITY
     if x.felt_den >= SURE:
         shaped = min(min(x.left[0], x.left[6]), min(x.left[3], x.left[4]))  # a sine, a drift, a scale, a bias
         most = p.felt_least if constant else p.felt_most
-        told = x.left[0] > drive.PURE or x.felt_den >= SURE_SINE
+        sine = (even or x.left[0] <= drive.PURE) and not constant
+        told = not sine or x.felt + SURE_SINE * drive.felt_sigma(x, p, dt) <= x.must
         if told and x.left[5] > WEAK_LEFT and shaped < 0.5 * x.left[5] and -p.felt_least <= x.felt <= most:
             return SENSOR, CURRENT
         if x.felt >= p.felt_least and moved > misread and x.drive_name != NONE:
@@ -87,7 +90,8 @@ def _drive(x, p):
             return SENSOR, CURRENT
     if x.hot_gain > 0.5 and (x.weak > 0.5 or (x.gain_den >= SURE and x.gain_num >= p.felt_least * x.gain_den)):
         return EFFECTIVENESS, 0.0
-    if x.hot_friction > 0.5 and x.hot_f < 0.5 and x.hot_gain < 0.5 and x.hot_load < 0.5:
+    held = math.fabs(x.x_hat[5]) >= p.th_load  # a screw that jams rubs before the load has wound it up
+    if x.hot_friction > 0.5 and x.hot_f < 0.5 and x.hot_gain < 0.5 and not held:
         return EFFECTIVENESS, 0.0
     return NONE, 0.0
 
@@ -147,7 +151,7 @@ def decide(x, p, dt):
         return
     calm = x.sensor < 0.5 and x.r_speed < 0.7 and x.r_pair < 1.0
     if calm and x.alarm_age >= p.t_name and x.age_vel == 0.0:
-        said, who = _drive(x, p)
+        said, who = _drive(x, p, dt)
         if said != NONE:
             x.verdict, x.culprit = said, who
             return

@@ -28,6 +28,7 @@ other one stands in `second` and `verdict_2`.
 Work is done when a token changes or an age passes; otherwise a tick only looks at its inputs.
 """
 
+import functools
 from collections import Counter
 from typing import Any
 
@@ -172,7 +173,13 @@ def params(
 
 def fitted(site: Site, levels: str = "both", rates: str = "measured") -> np.ndarray:
     """Return PARAMS for a loop."""
-    return params(site.technologies, levels=levels, rates=rates)
+    return of_layout(tuple((site.technologies or {}).items()), levels, rates).copy()
+
+
+@functools.cache
+def of_layout(technologies: tuple[tuple[str, str], ...], levels: str, rates: str) -> np.ndarray:
+    """Return `params` of segments ((segment, technology), ...); its tables are made once in a process."""
+    return params(dict(technologies), levels=levels, rates=rates)
 
 
 def _padded(values, shape):

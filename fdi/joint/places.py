@@ -117,6 +117,4 @@ def hypotheses(technology: Mapping[str, str]) -> list[Hypothesis]:
 
 def mirrored(name: Any) -> Any:
     """Return a name with left and right exchanged."""
-    if "left" in name:
-        return name.replace("left", "right")
-    return name.replace("right", "left")
+    return name.replace("left", "?").replace("right", "left").replace("?", "right")

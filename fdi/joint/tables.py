@@ -86,7 +86,7 @@ def _culprits(detector, hypothesis):
         sensor = place.removesuffix("_sensor").rpartition("_")[2] if place.endswith("_sensor") else ""
         right = {sensor, "elevator", f"elevator_{hypothesis.side}"}
         if not hypothesis.side and len(hypothesis.segments) > 1:
-            right |= {"elevator_left", "elevator_right"}
+            right |= {"elevator_left", "elevator_right", "elevator_left and elevator_right"}
     else:
         right = {place, "engine"} if place in ENGINES else {place}
     for group in record.shares:

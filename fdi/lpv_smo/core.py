@@ -8,6 +8,7 @@ from actuators.block import kernel
 from actuators.constants import G0, M_S_PER_KT, RAD_PER_DEG
 from fdi.common.decision import usable
 from fdi.common.why import BOX_MASS, LOST_SENSOR, VALID
+from fdi.kinematic.wind import ACROSS, ALONG, GUST_S, PRIOR, SURE, WALK
 from fdi.lpv_smo.kernels import affine, affine_scalar, held_first_order, trim_map, unit_vector_step
 
 N, P, M, R, T = 7, 6, 2, 4, 35  # states, outputs, inputs, scheduling parameters, terms of a cubic trim map
@@ -126,16 +127,63 @@ def outputs(x, u, p, dt):
     for i in range(P):
         x.b[i] = x.s[i]
         x.s[i] = (
-            p.mix[b, i, 0] * u.h + p.mix[b, i, 1] * u.theta / RAD_PER_DEG + p.mix[b, i, 2] * x.v_s
+            p.mix[b, i, 0] * u.h + p.mix[b, i, 1] * u.theta / RAD_PER_DEG + p.mix[b, i, 2] * x.speed
             + p.mix[b, i, 3] * u.q / RAD_PER_DEG + p.mix[b, i, 4] * x.z[0] + p.mix[b, i, 5] * x.z[1]
         )  # fmt: skip
+
+
+@kernel
+def drift(x, u, p, dt):
+    """Advance the steady wind in the axes of the heading, x.ahead against the flight and x.across from the left [m/s],
+    as `fdi.kinematic.wind` does; set x.speed and x.over, speed and angle of attack over the air that drifts with it,
+    x.side, sideslip over the ground [rad], and x.doubt, what the deviation of x.across may be worth as a gust [rad].
+
+    Airspeed less ground speed has the wind ahead, and gusts. In a bank lateral velocity over the ground lowers the
+    aircraft: V slip = sin(phi) (V_air sin(beta) + cos(phi) wind). Without one it turns the path while the aircraft
+    rolls: until a bank has told the wind, limits are wider there.
+    """
+    air = usable(u.tas, u.tas_valid) > 0.5
+    if x.age == 0.0:
+        x.ahead, x.ahead_var = u.tas - x.v_s if air else 0.0, PRIOR
+        x.across, x.across_var, x.lean, x.tilt, x.spin = 0.0, PRIOR * PRIOR, 0.0, 0.0, 0.0
+    phi = u.phi if usable(u.phi, u.phi_valid) > 0.5 else 0.0
+    roll = u.p if usable(u.p, u.p_valid) > 0.5 else 0.0
+    yaw = u.r if usable(u.r, u.r_valid) > 0.5 else 0.0
+    vane = air and usable(u.beta, u.beta_valid) > 0.5
+    sp, cp, speed = math.sin(phi), math.cos(phi), max(x.v_s, 10.0)
+    lateral = u.tas * math.sin(u.beta) if vane else 0.0
+    turn = dt * (u.q * sp + yaw * cp) / math.cos(u.theta)
+    x.ahead, x.across = x.ahead - turn * x.across, x.across + turn * x.ahead
+    x.ahead_var += WALK * WALK * dt
+    x.across_var += WALK * WALK * dt
+    c = 1.0 - math.exp(-dt / p.tau_f)  # slip has passed that lag
+    x.lean += c * (sp * lateral - x.lean)
+    x.tilt += c * (sp * cp - x.tilt)
+    rough, white, x.pull = speed * speed * x.gust, 2.0 * GUST_S / dt, 0.0
+    if air:
+        gain = x.ahead_var / (x.ahead_var + white * (ALONG * ALONG + rough))
+        x.pull = gain * (u.tas - x.v_s - x.ahead) / dt
+        x.ahead += x.pull * dt
+        x.ahead_var -= gain * x.ahead_var
+    if vane and x.age > p.t_settle:
+        s = x.tilt * x.tilt * x.across_var + white * (ACROSS * ACROSS + sp * sp * rough)
+        gain = x.tilt * x.across_var / s
+        x.across += gain * (speed * x.slip * RAD_PER_DEG - x.lean - x.tilt * x.across)
+        x.across_var -= gain * x.tilt * x.across_var
+    below = x.v_s * math.sin(u.alpha_ground) + x.ahead * math.sin(u.theta)
+    x.over = math.atan2(below, x.v_s * math.cos(u.alpha_ground) + x.ahead * math.cos(u.theta))
+    x.speed = x.v_s + x.ahead
+    x.side = math.atan((lateral + cp * x.across) / speed)
+    x.spin += c * (roll * math.cos(x.over) + yaw * math.sin(x.over) - x.spin)
+    x.doubt = SURE * math.sqrt(x.across_var) * cp / speed * math.fabs(x.spin) / max(-x.A[0, 0], 0.1)
 
 
 @kernel
 def bank(x, u, p):
     """Fill x.d with what bank and lateral rates add to the wings-level equations, in canonical coordinates.
 
-    alpha' += g/V cos(theta) cos(alpha) (cos phi - 1),   theta' += q (cos phi - 1) - r sin phi
+    alpha' += g/V cos(theta) cos(alpha) (cos phi - 1) - (p cos(alpha) + r sin(alpha)) tan(side)
+    theta' += q (cos phi - 1) - r sin phi
     Z' += V sin(alpha) cos(theta) (1 - cos phi),  V' -= g of the same,   q' += ((Izz - Ixx) p r - Ixz (p^2 - r^2)) / Iyy
 
     A_55 = M_q + M_alphadot counts the rate of alpha as wings level has it: `adot` of it goes with alpha'.
@@ -148,12 +196,14 @@ def bank(x, u, p):
     phi = u.phi if usable(u.phi, u.phi_valid) > 0.5 else 0.0
     roll = u.p if usable(u.p, u.p_valid) > 0.5 else 0.0
     yaw = u.r if usable(u.r, u.r_valid) > 0.5 else 0.0
-    lost, alpha, speed = 1.0 - math.cos(phi), x.alpha_hat, max(x.v_s, 10.0)
+    lost, alpha, speed = 1.0 - math.cos(phi), x.alpha_hat, max(x.speed, 10.0)
     tilt = math.sin(alpha) * math.cos(u.theta) * lost
     d0 = -G0 / speed * math.cos(u.theta) * math.cos(alpha) * lost / RAD_PER_DEG
+    if p.gust > 0.5:
+        d0 -= (roll * math.cos(x.over) + yaw * math.sin(x.over)) * math.tan(x.side) / RAD_PER_DEG
     d1 = speed * tilt
     d2 = -(u.q * lost + yaw * math.sin(phi)) / RAD_PER_DEG
-    d3 = -G0 * tilt
+    d3 = -G0 * tilt + x.pull
     b = int(x.box)
     d4 = (p.inertia[0] * roll * yaw - p.inertia[1] * (roll * roll - yaw * yaw)) / RAD_PER_DEG + p.adot * x.A[4, 4] * d0
     for i in range(N):
@@ -229,7 +279,7 @@ def gust(x, u, p, dt):
     An extension, off in the paper, whose angle of attack is that over the ground too (tables 2, 3): of a gust a that
     meets the wing, xi = A_11 a, which no fault of the n_z or alpha sensor moves.
     """
-    measured = u.alpha_ground / RAD_PER_DEG
+    measured = x.over / RAD_PER_DEG
     rate = x.A[0, 0] * (measured - x.eq[0]) + x.B[0, 1] * (x.u_s - x.eq[N + 1]) + x.d[0]
     rate += x.B[0, 0] * (x.u_e - x.eq[N])
     for i in range(P):
@@ -239,7 +289,7 @@ def gust(x, u, p, dt):
         return
     # the air's own speed along the path, as far as it changes: forces depend on airspeed, the states on ground speed
     if usable(u.tas, u.tas_valid) > 0.5:
-        x.wind += (1.0 - math.exp(-dt / p.tau_f)) * (u.tas - x.v_s - x.wind_0 - x.wind)
+        x.wind += (1.0 - math.exp(-dt / p.tau_f)) * (u.tas - x.speed - x.wind)
     # what sideslip adds to Z' in a bank, the observer takes for an angle of attack
     x.slip += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat / RAD_PER_DEG - measured - x.slip)
     # backward Euler: (measured - ground) / tau_f stands for xi over the tick
@@ -315,5 +365,6 @@ def reconstruct(x, u, p, dt):
     x.f_hat_alpha = (f_a - x.offset[2]) * RAD_PER_DEG
     if p.noise[b, 0] > 0.0:
         x.f_sigma = p.noise[b, 0] / math.fabs(E)
+        x.sigma[0], x.sigma[1] = p.noise[b, 1] * math.fabs(k / x.A[0, 0]), p.noise[b, 2] / math.fabs(x.A[0, 0])
     else:  # white noise of q through a difference and the lag: variance (c / h)^2 (1 + c / (2 - c)) sigma^2
         x.f_sigma = p.sigma_q * c / dt * math.sqrt(1.0 + c / (2.0 - c)) / math.fabs(E)

@@ -32,7 +32,7 @@ PARAMS = dtype(
         ("rate_a", "f8", "deg/s"),  # at most so fast is the command followed, 0 for no limit
         ("delay", "f8", "-"),  # of the commands, as long as that of q
         ("sigma_q", "f8", "rad/s"),  # noise of q per sample, for f_sigma of the paper's observer
-        ("noise", "f8", (NB, 2)),  # sd of two estimates from sensor noise, times |E|, times |A_11| (fdi.lpv_smo.noise)
+        ("noise", "f8", (NB, 3)),  # sd of the estimates from sensor noise, as `fdi.lpv_smo.noise` scales them
         ("floor", "f8", "-"),  # sd of f_hat_elevator below which no half period counts
         ("bank", "f8", "-"),  # 1: bank and lateral rates are taken into account
         ("adot", "f8", "-"),  # share of the damping in pitch that is due to the rate of the angle of attack
@@ -43,6 +43,7 @@ PARAMS = dtype(
         ("t_elevator", "f8", "rad"),  # thresholds in still air at trim
         ("t_n_z", "f8", "g"),
         ("t_alpha", "f8", "rad"),
+        ("least", "f8", (3,), "-"),  # no less, in standard deviations that sensor noise gives each estimate
         # growth with the distance of the angle of attack from where offsets were learned, or from trim: what the
         # coefficients and the affine model have wrong
         ("s_elevator", "f8", "-"),
@@ -53,6 +54,7 @@ PARAMS = dtype(
         ("g_alpha", "f8", "-"),
         ("away_max", "f8", "rad"),  # beyond this |alpha - alpha_eq| the affine model is not believed
         ("alpha_max", "f8", "rad"),  # nor beyond this angle of attack, flown or of trim, where lift is no longer linear
+        ("mach_max", "f8", "-"),  # nor beyond this Mach number, where coefficients turn faster than a box follows
         ("lift_min", "f8", "1/s"),  # nor where the path turns by less than this per angle: beside where it trims
         ("t_recover", "f8", "s"),  # nor for so long after it was
         ("gust_0", "f8", "rad"),  # rms of gusts assumed at the start
@@ -65,7 +67,8 @@ PARAMS = dtype(
         ("t_learn", "f8", "s"),  # offsets are learned up to this time, 0 for none
         *frequencies.PARAMS,
         ("swing_threshold", "f8", (frequencies.K,), "rad"),  # amplitude of an oscillation of the elevator's estimate
-        ("swing_gust", "f8", (frequencies.K,), "-"),  # and its growth with the rms of gusts
+        ("swing_gust", "f8", (frequencies.K,), "-"),  # its growth with the rms of gusts
+        ("swing_away", "f8", (frequencies.K,), "-"),  # and with the distance of the angle of attack
         ("coherence", "f8", "-"),  # least agreement of its two periods
         ("purity", "f8", "-"),  # least share of the window's power that it explains
         ("hits", "f8", "-"),  # fits in a row that must pass
@@ -95,6 +98,8 @@ INPUTS = dtype(
         ("alpha_ground_valid", "f8", "-"),
         ("tas", "f8", "m/s"),  # true airspeed, likewise; without it the air's own speed counts as steady
         ("tas_valid", "f8", "-"),
+        ("beta", "f8", "rad"),  # sideslip of the vane, likewise; without it the aircraft counts as not slipping
+        ("beta_valid", "f8", "-"),
         ("phi", "f8", "rad"),
         ("phi_valid", "f8", "-"),
         ("p", "f8", "rad/s"),
@@ -128,6 +133,7 @@ STATE = dtype(
         ("f_hat_n_z_raw", "f8", "g"),  # as printed
         ("f_hat_alpha", "f8", "rad"),
         ("f_sigma", "f8", "rad"),  # one sigma of f_hat_elevator from sensor noise; the paper's observer: from q alone
+        ("sigma", "f8", (2,)),  # one sigma of f_hat_n_z [g] and f_hat_alpha [rad], likewise
         ("alpha_hat", "f8", "rad"),  # estimate of the unmeasured state
         ("gust_hat", "f8", "rad"),  # angle of the gust that was taken out
         ("e_norm", "f8", "deg, m, m/s, deg/s"),  # |e_y|, paper's units
@@ -146,9 +152,20 @@ STATE = dtype(
         ("rate", "f8", "deg/s"),
         ("xi", "f8", "deg/s"),
         ("push", "f8", "m/s2"),  # acceleration along the path that the model does not know of, through the lag
-        ("wind", "f8", "m/s"),  # airspeed less ground speed, through the lag, less what it was at the start
-        ("wind_0", "f8", "m/s"),
+        ("wind", "f8", "m/s"),  # airspeed less that over the drifting air, through the lag
         ("slip", "f8", "deg"),  # alpha_hat less alpha_ground, through the lag
+        ("ahead", "f8", "m/s"),  # steady wind against the heading, from left to right of it, their variances
+        ("across", "f8", "m/s"),
+        ("pull", "f8", "m/s2"),  # of speed, that the estimate of x.ahead makes and no force
+        ("ahead_var", "f8", "m2/s2"),
+        ("across_var", "f8", "m2/s2"),
+        ("speed", "f8", "m/s"),  # over the air that drifts with that wind, and the angle of attack over it
+        ("over", "f8", "rad"),
+        ("lean", "f8", "m/s"),  # what the air's lateral velocity makes of slip, and a unit of that wind, lagged
+        ("tilt", "f8", "-"),
+        ("side", "f8", "rad"),  # sideslip over the ground
+        ("spin", "f8", "rad/s"),  # rate about the path, through the lag
+        ("doubt", "f8", "rad"),  # what the wind's deviation may be worth as an angle of a gust
         ("learned", "f8", "-"),  # 1 when the offset holds
         ("n_learn", "f8", "-"),
         ("sums", "f8", (3,)),  # running means of the offset: deg, g, deg
@@ -158,6 +175,7 @@ STATE = dtype(
         ("away", "f8", "rad"),  # path less alpha_eq
         ("calm", "f8", "s"),  # time since it was beyond away_max
         ("gust", "f8", "rad2"),  # mean square of gusts
+        ("rms", "f8", "rad"),  # its root, with the doubt about the wind: what limits grow with
         ("rho", "f8", (R,)),  # t, %, kt, -
         ("line", "f8", (DELAY, M), "deg"),  # commands of the last ticks
         ("head", "f8", "-"),

@@ -30,13 +30,14 @@ In flight three things go beyond the paper, all off by default (`fitted` switche
 
 - Several boxes, each with a model and gains of its own whose inequalities hold at its vertices
   (`fdi.lpv_smo.boxes`); the state goes over from one to the next. `why` says what it is outside of.
-- Gusts. The states are those of the path over the ground (tables 2, 3), the forces those of the air. A gust of angle a
-  turns the path by xi = A_11 a, which the measured angle over the ground shows (`core.gust`) and which no fault of n_z
-  or of the vane moves; what a does to the three estimates is taken out of them, and likewise what the air's own speed
-  does (airspeed less ground speed). The tail meets it later than the wing, which is what a rate of pitch of -a' would
-  do. Thrust acts on pitch through the engines' arm: nu of the speed channel says how
-  much.
-- Each estimate is judged by itself, against a threshold that grows with the rms of a: a fault does not raise it.
+- Wind and gusts. A steady wind is learned (`core.drift`); the states are those of the path over the air that drifts
+  with it (over the ground in tables 2, 3), the forces those of the air. A gust of angle a turns the path by
+  xi = A_11 a, which that angle shows (`core.gust`) and which no fault of n_z or of the vane moves; what a does to the
+  three estimates is taken out of them, and likewise what the air's own speed does. The tail meets it later than the
+  wing, which is what a rate of pitch of -a' would do. Thrust acts on pitch through the engines' arm: nu of the speed
+  channel says how much.
+- Each estimate is judged by itself, against a threshold that grows with the rms of a: a fault does not raise it. It is
+  no less than `least` deviations of what sensor noise makes of the estimate (`fdi.lpv_smo.noise`).
 
 (2) leaves out the feedthrough of the elevator fault into n_z: `f_hat_n_z_raw` is the printed reconstruction,
 `f_hat_n_z` subtracts D51 f_hat_e. All reconstructions pass one lag `tau_f` (0.2 s in the paper): an OFC of
@@ -58,9 +59,9 @@ from fdi.common.decision import confirm, usable
 from fdi.common.record import Detector, Estimate, Site
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, SENSOR
-from fdi.common.why import BANK, BOX_ALPHA, LOST_SENSOR, NOT_READY, VALID
+from fdi.common.why import BANK, BOX_ALPHA, BOX_MACH, LOST_SENSOR, NOT_READY, VALID
 from fdi.lpv_smo.boxes import load as load_boxes
-from fdi.lpv_smo.core import NB, M, N, P, R, T, bank, gust, inputs, observe, outputs, reconstruct
+from fdi.lpv_smo.core import NB, M, N, P, R, T, bank, drift, gust, inputs, observe, outputs, reconstruct
 from fdi.lpv_smo.fields import INPUTS, PARAMS, STATE
 from fdi.lpv_smo.model import LpvModel, powers
 from fdi.lpv_smo.noise import deviations
@@ -86,7 +87,7 @@ DETECTOR = Detector(
         **dict.fromkeys(("de_lo", "de_li", "de_ri", "de_ro"), "de_cmd"),  # a measured surface would hide its fault
         **{"stab": "stab_cmd", "h": "h_inertial", "V": "v_ground"},
         **{w: w for w in ("alpha_ground", "tas", "theta", "q", "n_z", "alpha", "mass", "cg", "cas", "mach")},
-        **{w: w for w in ("phi", "p", "r")},
+        **{w: w for w in ("beta", "phi", "p", "r")},
     },
     group="airframe motion",
     designed_for={  # [Alwi14]: steps of elevator, n_z and alpha
@@ -114,7 +115,7 @@ DETECTOR = Detector(
     design="lpv_smo_boxes",
     range={  # around all boxes, with the margin of `core`; which box holds a point is decided there
         "mass": (176e3, 428e3), "cg": (0.184, 0.436), "cas": (104.4 * M_S_PER_KT, 408.0 * M_S_PER_KT),
-        "mach": (0.12, 0.92),
+        "mach": (0.12, 0.9),
     },
     fit=lambda site: fitted(site),
 )  # fmt: skip
@@ -144,7 +145,7 @@ def params(
         PARAMS, K=K, delta=delta, tau_f=tau_f, tau_g=tau_g, tau_v=tau_v, tau_rho=tau_rho, omega_a=omega_a,
         rate_a=rate_a, delay=delay, sigma_q=sigma_q, t_settle=t_settle, t_learn=t_learn, gust=float(gust),
         inertia=inertia, adot=adot, thrust=thrust, gradient=gradient, bank=float(bank),
-        n_box=len(designs), **frequencies.design(dt), **thresholds("lpv_smo", which, own),
+        n_box=len(designs), mach_max=1.0, **frequencies.design(dt), **thresholds("lpv_smo", which, own),
     )  # fmt: skip
     for k, (one, its) in enumerate(designs):
         for name, value in _box(one, its).items():
@@ -176,8 +177,8 @@ def _pad(stack):
 
 
 def fitted(site: Site, paper: bool = False) -> np.ndarray:
-    """Return PARAMS for a loop: commands as late as q is, through a lag as slow as its servos; all boxes, gusts taken
-    out. With `paper` the paper's own box and observer.
+    """Return PARAMS for a loop: commands as late as q is, through a lag as slow as its servos; all boxes, none of them
+    believed beyond the Mach number of the fastest, gusts taken out. With `paper` the paper's own box and observer.
     """
     about = site.aircraft()
     model = about.model
@@ -193,6 +194,7 @@ def fitted(site: Site, paper: bool = False) -> np.ndarray:
         thrust=(rz * tx - rx * tz) / tx / yy / RAD_PER_DEG,
     )  # fmt: skip
     if not paper:
+        made["mach_max"] = made["high"][0, : int(made["n_box"][0]), R - 1].max()
         made["noise"][0, : int(made["n_box"][0])] = deviations(made.tobytes(), site.dt)
     return made
 
@@ -221,14 +223,14 @@ def _declare(x, p, i, f, most, dt):
 
 
 @kernel
-def _oscillation(x, p, gust, dt):
+def _oscillation(x, p, gust, away, dt):
     """Hold an oscillation of the elevator's estimate that keeps its phase over two periods, for HELD."""
     frequencies.push(x, p, x.f_hat_elevator, 0.0)
     x.swing = max(x.swing - dt, 0.0)
     for k in range(frequencies.K):
         if x.bank_new[k] < 0.5:
             continue
-        most = p.swing_threshold[k] + p.swing_gust[k] * gust
+        most = p.swing_threshold[k] + p.swing_gust[k] * gust + p.swing_away[k] * away
         good = frequencies.mixed(x, k, 1.0, 0.0) >= most * most
         if good:
             agreement, purity, _ = frequencies.character(x, p, k, 1.0, 0.0)
@@ -242,13 +244,15 @@ def _oscillation(x, p, gust, dt):
 def _decide(x, p, dt):
     """Declare each fault by its own estimate; of those declared the summary names the one that has been so longest."""
     away = math.fabs(x.path - x.alpha_0 if x.learned > 0.5 else x.away)
-    gust = math.sqrt(x.gust)
+    gust = x.rms
     x.since += dt
-    _oscillation(x, p, gust, dt)
-    a, x.alarm_elevator = _declare(x, p, 0, x.f_hat_elevator, p.t_elevator + p.s_elevator * away + p.g_elevator * gust,
-                                   dt)  # fmt: skip
-    b, x.alarm_n_z = _declare(x, p, 1, x.f_hat_n_z, p.t_n_z + p.s_n_z * away + p.g_n_z * gust, dt)
-    c, x.alarm_alpha = _declare(x, p, 2, x.f_hat_alpha, p.t_alpha + p.s_alpha * away + p.g_alpha * gust, dt)
+    _oscillation(x, p, gust, away, dt)
+    most_e = max(p.t_elevator + p.s_elevator * away + p.g_elevator * gust, p.least[0] * x.f_sigma)
+    most_n = max(p.t_n_z + p.s_n_z * away + p.g_n_z * gust, p.least[1] * x.sigma[0])
+    most_a = max(p.t_alpha + p.s_alpha * away + p.g_alpha * gust, p.least[2] * x.sigma[1])
+    a, x.alarm_elevator = _declare(x, p, 0, x.f_hat_elevator, most_e, dt)
+    b, x.alarm_n_z = _declare(x, p, 1, x.f_hat_n_z, most_n, dt)
+    c, x.alarm_alpha = _declare(x, p, 2, x.f_hat_alpha, most_a, dt)
     x.r = max(a, max(b, c))
     x.culprit, longest = 0.0, 0.0
     for i in range(3):
@@ -299,13 +303,15 @@ def step(x, u, p, dt):
         x.age = 0.0
         _silent(x, why)
         return
+    x.speed = x.v_s
+    if p.gust > 0.5:
+        drift(x, u, p, dt)
     outputs(x, u, p, dt)
     bank(x, u, p)
     observe(x, p, dt)
     if p.gust > 0.5:
         gust(x, u, p, dt)
     if x.age == 0.0:
-        x.wind_0 = u.tas - x.v_s if usable(u.tas, u.tas_valid) > 0.5 else 0.0
         x.gust, x.path, x.calm = max(x.gust, p.gust_0 * p.gust_0), x.alpha_hat, 0.0
     x.age += dt
     x.path += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat - x.path)
@@ -315,8 +321,10 @@ def step(x, u, p, dt):
         # gust_hat is not one of the three estimates, so that no fault of a sensor passes for weather
         more = min(math.fabs(x.gust_hat), p.gust_max) ** 2 - x.gust
         x.gust += (1.0 - math.exp(-dt / (p.tau_blow if more > 0.0 else p.tau_gust))) * more
+    x.rms = math.sqrt(x.gust + x.doubt * x.doubt)
     air = x.path + x.gust_hat  # without the vane, whose fault is no stall
-    steep = max(max(x.path, air), x.eq[0] * RAD_PER_DEG) > p.alpha_max or -x.A[0, 0] < p.lift_min
+    # where lift has bent, gust_hat is what is missing of it: level flight in the gusts that blow must not get there
+    steep = max(max(x.path, air), x.eq[0] * RAD_PER_DEG + math.sqrt(x.gust)) > p.alpha_max or -x.A[0, 0] < p.lift_min
     linear = math.fabs(x.away) <= p.away_max and not steep
     x.calm = x.calm + dt if linear else 0.0
     if why == VALID:
@@ -324,6 +332,8 @@ def step(x, u, p, dt):
             why = LOST_SENSOR
         elif x.age <= p.t_settle or (x.learned < 0.5 and p.t_learn > 0.0):
             why = NOT_READY
+        elif x.rho[R - 1] > p.mach_max:  # offsets are learned there, too
+            why = BOX_MACH
         elif x.calm < min(x.age, p.t_recover) - 0.5 * dt or x.gust > (NEAR * p.gust_max) ** 2:
             why = BOX_ALPHA
         elif p.bank_max > 0.0 and math.fabs(u.phi) > p.bank_max and usable(u.phi, u.phi_valid) > 0.5:

@@ -1,4 +1,4 @@
-"""What sensor noise makes of two fault estimates of `fdi.lpv_smo.lpv_smo`, elevator and angle of attack.
+"""What sensor noise makes of the fault estimates of `fdi.lpv_smo.lpv_smo`: elevator, load factor, angle of attack.
 
 A sample of white noise is an impulse. Its response through the observer's linear part, both lags of the estimate and
 the correction for gusts is summed in squares, for each of the four readings whose noise matters (SIGMA). The injection
@@ -21,8 +21,9 @@ LASTS = 8.0  # the response is summed for so many of both lags
 
 @functools.cache
 def deviations(given: bytes, dt: float) -> np.ndarray:
-    """Return (boxes, 2): standard deviation of f_hat_elevator times |E|, and of f_hat_alpha times |A_11| [rad], at the
-    middle of every box: with E and A_11 of where it flies they hold over a box.
+    """Return (boxes, 3): standard deviation of f_hat_elevator times |E| [rad], of f_hat_n_z times |A_11 / k| [g], k the
+    load factor per angle of a gust, and of f_hat_alpha times |A_11| [rad], at the middle of every box: with E, k and
+    A_11 of where it flies they hold over a box.
 
     `given` is one record of PARAMS as bytes, with `gust`. Noise of another rate has the same power per time as at DT.
     """
@@ -41,12 +42,14 @@ def deviations(given: bytes, dt: float) -> np.ndarray:
     lag = {name: 1.0 - np.exp(-dt / one[name]) if one[name] > 0.0 else 1.0 for name in ("tau_f", "tau_g", "tau_v")}
     c, d, tau = lag["tau_f"], lag["tau_g"], one["tau_f"]
     k_e, turn = A[:, 4, :1] / E, B[:, :1, 0] / A00
+    k, k_v = A[:, 5, :1] / one["a_f"][:n, :1], A[:, 5, 3:4] / one["a_f"][:n, :1]
+    D51 = np.einsum("br,br->b", middle, one["D51"][:n])[:, None]
     along = one["gradient"] * A[:, 4, 4:5] / E / one["tau_g"]
     size = np.diag(list(SIGMA.values()))  # (source, reading)
     s = phi = np.zeros((n, len(SIGMA), P))
-    f = free = np.zeros((n, len(SIGMA), 2))
+    f = free = np.zeros((n, len(SIGMA), 3))
     v = w = ground = rate = slip = wind = push = gust = np.zeros((n, len(SIGMA)))
-    square = np.zeros((n, 2))
+    square = np.zeros((n, 3))
     for tick in range(round(LASTS * (tau + one["tau_g"]) / dt)):  # as `core` does, all boxes and sources at once
         theta, speed, q, measured = size.T if tick == 0 else 0.0 * size
         v = v + lag["tau_v"] * (speed - v)
@@ -57,8 +60,9 @@ def deviations(given: bytes, dt: float) -> np.ndarray:
         turned = x_1[..., None] * A10[:, None] + now @ A11.transpose(0, 2, 1)
         nu = (now - s) / dt - 0.5 * (turned + phi)
         s, phi = now, turned
-        raw = nu @ W[:, (0, 2)].transpose(0, 2, 1)
-        f = f + c * (np.stack([raw[..., 0] / E, raw[..., 1]], -1) - f)
+        raw = nu @ W.transpose(0, 2, 1)
+        raw[..., 0] /= E
+        f = f + c * (raw - f)
         rising = A00 * measured + (now @ A01[..., None])[..., 0]
         ground = (ground + 0.5 * dt * (rate + rising) + dt / tau * measured) / (1.0 + dt / tau)
         rate = rising
@@ -70,7 +74,9 @@ def deviations(given: bytes, dt: float) -> np.ndarray:
         f_e = f[..., 0] - (A[:, 4, 3:4] * wind + one["thrust"] * thrust) / E - k_e * (blown - slip)
         f_e = f_e / (1.0 - k_e * turn)
         a = blown - turn * f_e
-        free = free + d * (np.stack([f_e + along * (a - gust), f[..., 1] - (a - slip)], -1) - free)
+        f_e = f_e + along * (a - gust)
+        f_n = f[..., 1] - D51 * f_e - k * (a - slip) - k_v * wind
+        free = free + d * (np.stack([f_e, f_n, f[..., 2] - (a - slip)], -1) - free)
         gust = gust + d * (a - gust)
         square = square + (free**2).sum(1)
-    return np.sqrt(square * (DT / dt)) * np.abs(np.hstack([E, A00])) * RAD_PER_DEG
+    return np.sqrt(square * (DT / dt)) * np.abs(np.hstack([E * RAD_PER_DEG, A00 / k, A00 * RAD_PER_DEG]))

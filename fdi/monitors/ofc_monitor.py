@@ -2,7 +2,7 @@
 
     m     = the command through the servo's own third-order reference model (rod estimate of a healthy actuator)
     e     = y_rod - m - sum_k theta_k L_k m,  split into sub-bands by second-order high- and low-pass filters
-    r     = largest |e_band| / (threshold + share of the reference's motion in the band)
+    r     = largest |e_band| / (threshold + (share + UNKNOWN unknown) of the reference's motion there)
 
 In each sub-band the crossings of alternately +threshold and -threshold are counted over a sliding window of as
 many half periods of the band's lowest frequency. An alarm needs `half_periods` of them.
@@ -14,8 +14,9 @@ the Laguerre functions L_k = a / (s + a) ((s - a) / (s + a))^k, k = 0 to 3. thet
 last LEARN seconds without an alarm, from what a healthy servo leaves on the mean (`usual`); in the first seconds at
 once, and taken back where an oscillation is counted meanwhile. `departure` is the largest gain of what has been learned
 beside that; beyond `most`, which the tolerances do not reach, the servo is not the one that the thresholds are made
-for, and the monitor is not valid. Whether an oscillation adds to the command or has taken its place is told by
-fdi/monitors/liquid_or_solid.py.
+for, and the monitor is not valid. `unknown` is the share of theta that is still the usual one, for want of motion to
+learn from, as in the first manoeuvre after still air. Whether an oscillation adds to the command or has taken its place
+is told by fdi/monitors/liquid_or_solid.py.
 """
 
 import math
@@ -45,6 +46,8 @@ HIGH_HZ = 0.4  # high-pass of what is learned and weighed [Hz]
 MEMORY = 2.0  # of the reference's motion, in periods of the band's lower edge
 LEARN = 20.0  # memory of the servo's response: some ten periods of the lowest sub-band [s]
 BLOCK = 3.0  # what is learned is one to two blocks old: an oscillation has been counted by then [s]
+# of the reference's motion: what the response of a servo 10 % off makes beside the usual one in a first manoeuvre
+UNKNOWN = 0.2
 PRIOR = 1e-6  # the usual response counts as much as two seconds of a motion of 1 mm [m^2 s]
 N = 4  # Laguerre functions
 AT = (0.9, 2.3, 5.0)  # frequencies at which the departure is taken: the middle of the sub-bands, servo's pole [Hz]
@@ -113,6 +116,7 @@ STATE = dtype(
         ("clock", "f8", "s"),  # since the start
         ("work", "f8", (N, N + 1), "m2 s"),  # scratch
         ("response", "f8", (N,), "-"),  # learned theta
+        ("unknown", "f8", "-"),  # share of it that is the usual one still
         ("departure", "f8", "-"),  # largest gain of what it is beside the usual one
         *liquid_or_solid.STATE,
         ("timer", "f8", "s"),  # time for which the alarm is still held
@@ -241,7 +245,7 @@ def filtered(s, v, a1, g):
 @kernel
 def limit(x, p, b):
     """Return what band b's residual has to exceed [m]."""
-    return p.threshold[b] + p.share[b] * x.ref_peak[b]
+    return p.threshold[b] + (p.share[b] + UNKNOWN * x.unknown) * x.ref_peak[b]
 
 
 @kernel
@@ -297,6 +301,7 @@ def learn(x, e, p, dt):
             x.waiting[i, j] = 0.0 if at_once else x.block[i, j]
             x.block[i, j] = 0.0
     x.block_age = 0.0
+    x.unknown = PRIOR / (PRIOR + x.products[0, 0])  # all four have the same energy: each is the one before, turned
     W = x.work
     for i in range(N):  # Gauss: the matrix is positive by PRIOR
         for j in range(N + 1):
@@ -327,7 +332,7 @@ def forget(x, p):
     """Take back what was learned at once: an oscillation that has been counted since the start was in it."""
     x.products[:] = 0.0
     x.block[:] = 0.0
-    x.block_age, x.departure, x.clock = 0.0, 0.0, 2.0 * BLOCK
+    x.block_age, x.departure, x.unknown, x.clock = 0.0, 0.0, 1.0, 2.0 * BLOCK
     for k in range(N):
         x.response[k] = p.usual[k]
 
@@ -358,7 +363,7 @@ def step(x, u, p, dt):
     if x.started < 0.5:
         if good < 0.5:
             return
-        x.started = 1.0
+        x.started = x.unknown = 1.0
         x.q_est = x.target
         for i in range(HISTORY + 1):
             x.past[i] = x.target

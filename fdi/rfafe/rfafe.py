@@ -35,7 +35,7 @@ __all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "Design", "Design
            "estimate_E", "first_order", "fit_first_order", "global_model", "init", "params", "reduce_E", "rollout",
            "separate", "step"]
 
-CULPRITS = ("", "elevator_left", "elevator_right")
+CULPRITS = ("", "elevator_left", "elevator_right", "elevator_left and elevator_right")
 # What an oscillation of the command of a side of this kind comes out as, f_hat over fault, beyond a first-order model:
 # a resonance (rad/s, damping), fitted to flights with 1 deg at 0.4 to 6.1 Hz. An electromechanical side has none to
 # 4.3 Hz, and at 6.1 Hz its rate limit lets half of 1 deg through
@@ -189,8 +189,10 @@ def step(x, u, p, dt):
     x.f_hat_left = _evened(x, p, 0)
     x.f_hat_right = _evened(x, p, 1)
     x.f_hat = x.f_hat_left if math.fabs(x.f_hat_left) >= math.fabs(x.f_hat_right) else x.f_hat_right
-    x.alarm_elevator_left = 1.0 if x.alarm > 0.5 and (x.culprit == 1.0 or x.both > 0.5) else 0.0
-    x.alarm_elevator_right = 1.0 if x.alarm > 0.5 and (x.culprit == 2.0 or x.both > 0.5) else 0.0
+    if x.alarm > 0.5 and x.both > 0.5:
+        x.culprit = 3.0
+    x.alarm_elevator_left = 1.0 if x.culprit == 1.0 or x.culprit == 3.0 else 0.0
+    x.alarm_elevator_right = 1.0 if x.culprit >= 2.0 else 0.0
 
 
 @kernel

@@ -13,6 +13,8 @@ import time
 import numpy as np
 import pandas as pd
 import pytest
+import worker_calls
+from worker_calls import die_once, flights, killed
 
 from cosim.campaign import flatten, manifest, run_many
 from cosim.campaign import pool as campaign_pool
@@ -21,14 +23,6 @@ from cosim.campaign.store import FILES, CampaignError, Store, fingerprint, load
 from cosim.campaign.worker import failed, run_id
 from cosim.errors import OutputError
 from cosim.scenario import load_scenario
-
-FEW = '["iotsekf", "position_monitor"]'
-
-
-def flights(n, *more):
-    """Return n short flights with an oscillation, each with its own seed."""
-    keys = ("duration_s=3", "faults.0.start_s=1", "faults.0.frequency_hz=3", f"detectors.enabled={FEW}", *more)
-    return [load_scenario("liquid-ofc", [*keys, f"seed={1_000_000 + i}"]) for i in range(n)]
 
 
 def infeasible():
@@ -122,9 +116,9 @@ def test_a_folder_with_other_files_takes_a_campaign_and_keeps_them(tmp_path):
 
 SCRIPT = """
 import sys
-sys.path[:0] = [{root!r}, {tests!r}]
+sys.path[:0] = [{root!r}, {helpers!r}]
 import cosim.campaign
-from test_campaign import flights
+from worker_calls import flights
 if __name__ == "__main__":
     cosim.campaign.FLUSH_RUNS = 4
     cosim.campaign.run_many(flights(10), workers=2, out={out!r}, progress=lambda done, total: print(done, flush=True))
@@ -134,7 +128,7 @@ if __name__ == "__main__":
 def test_kill_9_and_resume_equals_an_uninterrupted_campaign(tmp_path, monkeypatch):
     killed, whole = tmp_path / "killed", tmp_path / "whole"
     script = tmp_path / "script.py"
-    script.write_text(SCRIPT.format(root=os.getcwd(), tests=os.path.dirname(__file__), out=str(killed)))
+    script.write_text(SCRIPT.format(root=os.getcwd(), helpers=os.path.dirname(worker_calls.__file__), out=str(killed)))
     process = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True, start_new_session=True)
     for line in process.stdout:  # some files of rows are there, some runs are in flight
         if int(line) >= 6:
@@ -151,9 +145,9 @@ def test_kill_9_and_resume_equals_an_uninterrupted_campaign(tmp_path, monkeypatc
 
 
 def test_a_worker_that_dies_loses_no_run(monkeypatch):
-    """The first process that flies run 2 dies; the run is flown again elsewhere."""
+    """The first process that flies the third run dies; the run is flown again elsewhere."""
     monkeypatch.setattr(campaign_pool, "fly", die_once)
-    jobs = [(f"run{i}", None) for i in range(8)]
+    jobs = [(run, None) for run in ("a", "b", "deadly", *"efghi")]
     marker = f"/tmp/cosim-test-{os.getpid()}-{time.monotonic_ns()}"
     monkeypatch.setenv("COSIM_TEST_MARKER", marker)
     try:
@@ -164,24 +158,11 @@ def test_a_worker_that_dies_loses_no_run(monkeypatch):
 
 
 def test_a_run_that_kills_every_worker_is_a_row_and_the_others_fly(monkeypatch):
-    monkeypatch.setattr(campaign_pool, "fly", die_always)
-    found = {run: rows for run, rows, _ in campaign_pool.outcomes([(f"run{i}", None) for i in range(3)], workers=2)}
+    monkeypatch.setattr(campaign_pool, "fly", killed)
+    jobs = [(run, None) for run in ("a", "b", "deadly")]
+    found = {run: rows for run, rows, _ in campaign_pool.outcomes(jobs, workers=2)}
     assert len(found) == 3
-    assert [run for run, rows in found.items() if rows[0]["status"] == "crashed"] == ["run2"]
-
-
-def die_once(run, scenario, achieved):
-    marker = os.environ["COSIM_TEST_MARKER"]
-    if run == "run2" and not os.path.exists(marker):
-        open(marker, "w").close()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return [failed(run, "completed", "")], []
-
-
-def die_always(run, scenario, achieved):
-    if run == "run2":
-        os.kill(os.getpid(), signal.SIGKILL)
-    return [failed(run, "completed", "")], []
+    assert [run for run, rows in found.items() if rows[0]["status"] == "crashed"] == ["deadly"]
 
 
 def test_ids_name_the_scenario_and_nothing_else():
@@ -253,22 +234,22 @@ def test_a_manifest_says_what_was_flown_with_what_and_what_it_took(flown):
 
 
 def test_rows_survive_being_there_twice(tmp_path):
-    scenarios = pd.DataFrame({"run": ["a", "b"], "order": [0, 1], "toml": ["", ""]})
-    store = Store(tmp_path, scenarios)
+    scenarios = pd.DataFrame({"run": ["a", "b"], "order": [0, 1]})
+    store = Store(tmp_path, scenarios, ["", ""])
     store.add([failed("b", "infeasible", "x")], [])
     store.add([failed("a", "infeasible", "x"), failed("b", "infeasible", "x")], [])
     assert list(store.rows()["run"]) == ["a", "b"]
-    store.consolidate(store.rows())
+    assert store.consolidate(tmp_path, {}) == {"a": "infeasible", "b": "infeasible"}
     assert len(list((tmp_path / "parts").glob("rows-*"))) == 1
-    assert Store(tmp_path, scenarios).finished == {"a", "b"}
+    assert Store(tmp_path, scenarios, ["", ""]).finished == {"a", "b"}
 
 
 def test_resuming_flies_runs_that_failed_again_and_keeps_the_flight(tmp_path):
-    scenarios = pd.DataFrame({"run": ["a", "b", "c"], "order": [0, 1, 2], "toml": ["", "", ""]})
-    store = Store(tmp_path, scenarios)
+    scenarios = pd.DataFrame({"run": ["a", "b", "c"], "order": [0, 1, 2]})
+    store = Store(tmp_path, scenarios, [""] * 3)
     store.add([failed("a", "crashed", "x"), failed("b", "error", "y")], [])
     store.add([failed("c", "infeasible", "z")], [])
-    again = Store(tmp_path, scenarios)
+    again = Store(tmp_path, scenarios, [""] * 3)
     assert again.finished == {"c"}
     again.add([failed("a", "completed", "") | {"lane": i} for i in range(2)], [])
     assert list(zip(again.rows()["run"], again.rows()["status"])) == [

@@ -17,6 +17,7 @@ from killed import heeds_ctrl_c
 from rich.console import Console
 from scipy import stats
 from typer.testing import CliRunner
+from worker_calls import deadly
 
 from cosim.campaign import EVALUATION_SEED, pool, run_many
 from cosim.campaign.draw import draw, unit_cube
@@ -371,13 +372,6 @@ def test_a_group_whose_process_dies_is_flown_again_one_by_one(monkeypatch):
     jobs = [(run, SimpleNamespace(seed=1)) for run in ("a", "deadly", "b")]
     found = {run: rows[0]["status"] for run, rows, _ in pool.outcomes(jobs, workers=1)}
     assert found == {"a": "completed", "deadly": "crashed", "b": "completed"}
-
-
-def deadly(run, scenario, achieved):
-    """Fly nothing; one run ends its process."""
-    if run == "deadly":
-        os._exit(9)
-    return [{"run": run, "lane": 0, "status": "completed"}], []
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="copies of processes")

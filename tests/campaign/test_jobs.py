@@ -5,14 +5,11 @@ import os
 from pathlib import Path
 
 import pytest
+from worker_calls import square
 
 from cosim.campaign import jobs
 from cosim.campaign.jobs import work
 from cosim.errors import OutputError
-
-
-def square(x):
-    return {"pid": os.getpid(), "value": x * x}
 
 
 def test_jobs_are_done_once_and_a_line_cut_short_is_done_again(tmp_path):

@@ -6,6 +6,7 @@ import sys
 import pytest
 from rich.console import Console
 
+from cosim import bench, load_scenario
 from cosim.bench import worker_mb
 from cosim.bench.ticks import ELEVEN, measure
 from cosim.cli.bench import compared, read_bench
@@ -48,6 +49,14 @@ def test_the_memory_of_a_worker_is_its_own(monkeypatch):
     held = bytearray(400_000_000)
     held[::4096] = b"x" * len(held[::4096])  # of the process that measures
     assert 0 < worker_mb() < 100
+
+
+def test_every_detector_of_a_flight_has_its_cost_live_and_in_batch(monkeypatch):
+    monkeypatch.setattr(bench, "SAMPLE_TICKS", 100)
+    scenario = load_scenario("liquid-ofc")
+    found = {d["id"]: d for d in bench._detectors(scenario)}
+    assert set(found) == set(scenario.running) and found["iotsekf"]["lanes"] == 2
+    assert all(d["live_us"] > 0.0 and d["batch_us"] > 0.0 for d in found.values())
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"cases": 1}'])

@@ -86,6 +86,16 @@ def test_run_shows_who_alarmed_and_where_the_log_is(flown):
     assert call[1] == Path("logs/liquid-ofc.mcap") and Path("logs").is_dir()
 
 
+@pytest.mark.parametrize(("air", "words"), [("none", "from 12 s on: n_z"), ("light", "from 12 s on, gusts and man")])
+def test_what_the_aircraft_did_is_not_called_the_fault_s_effect(flown, air, words):
+    """n_z and the rest are the flight's from the onset on, measured in its air."""
+    from cosim.judge.consequences import NAMES
+
+    flown.outcome.extra = {"consequences": dict.fromkeys(NAMES, 1.0)}
+    told = cosim("run", "-s", f"flight.turbulence={air}").stdout
+    assert words in told and "effect" not in told
+
+
 def test_run_passes_overrides_and_output(flown, tmp_path):
     assert (
         cosim("run", "cruise", "--set", "seed=7", "-s", "duration_s=2", "-o", tmp_path / "a" / "b.mcap").exit_code == 0

@@ -96,6 +96,22 @@ def test_a_foreign_file_is_refused_before_anything_is_flown_and_stays(words, nam
     assert mine.read_text() == MINE and sorted(p.name for p in tmp_path.iterdir()) == there
 
 
+FOLDERS = ("compare", "campaign", "score", "dataset", "false-alarms", "envelope", "reproduce", "new")
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+@pytest.mark.parametrize("there", [False, True])
+def test_a_file_where_a_folder_is_written_is_refused_in_one_line(name, there, tmp_path):
+    taken = tmp_path / "page.html"
+    if there:
+        taken.write_text(MINE)
+    words = {"campaign": ["fault-free"], "dataset": ["fault-free"], "new": ["law", "mine"], "reproduce": ["jay"]}
+    done = command(name, *words.get(name, []), "-o", taken)
+    assert done.exit_code == 2 and done.stdout == "" and done.stderr.count("\n") == 1
+    assert f"{taken}: -o takes the folder" in done.stderr and f"Name a folder: -o {tmp_path / 'page'}" in done.stderr
+    assert taken.is_file() == there
+
+
 @pytest.mark.parametrize("words", [["run", "cruise", *SHORT], *([name, "LOG"] for name in ("replay", *QUIET))])
 def test_overwrite_replaces_it_and_a_log_takes_the_place_of_a_log(words, flown, tmp_path):
     words = [flown if word == "LOG" else word for word in words]

@@ -16,7 +16,7 @@ from killed import heeds_ctrl_c
 import cosim
 from actuators import subprocess_env
 from actuators.source_hash import cache_root
-from cosim.campaign import store
+from cosim.campaign import parts
 from cosim.files import left_by
 from cosim.flight.plugins import GuestError, load
 from cosim.log import recover
@@ -91,6 +91,15 @@ def test_what_an_interrupt_leaves_half_made_says_nothing(name, tmp_path):
     there = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])}
     told = run("list", "scenarios", env=there, preexec_fn=heeds_ctrl_c)
     assert told.returncode == 130 and not told.stderr, told.stderr.decode()
+
+
+def test_a_command_that_an_interrupt_ends_while_it_opens_its_file_leaves_nothing(tmp_path, command):
+    """Seen with SIGTERM in `replay`, after its log was begun and before anything was there to drop it."""
+    assert command(*SHORT, "-o", tmp_path / "a.mcap").status == 0
+    struck = "def struck(*given):\n    was(*given)\n    raise KeyboardInterrupt\n"
+    first = f"import cosim.files as files\nwas = files._open_alone\n{struck}files._open_alone = struck"
+    told = command("replay", tmp_path / "a.mcap", "-o", tmp_path / "again.mcap", first=first)
+    assert told.status == 130 and [p.name for p in tmp_path.iterdir() if p.suffix == ".mcap"] == ["a.mcap"]
 
 
 def test_what_lies_in_the_current_folder_is_not_taken_for_a_library(tmp_path):
@@ -242,8 +251,8 @@ def test_names_that_are_not_utf8_are_names(tmp_path):
     assert replay(log, output=tmp_path / f"{strange}2.mcap").exact
     recover(log, tmp_path / f"{strange}3.mcap")
     assert flight_report(log, tmp_path / f"{strange}.html").stat().st_size > 10_000
-    store.write(table, pa.table({"t_s": [0.0, 0.1]}))
-    assert store._whole(table, pa.schema([]), ()).num_rows == 2
+    parts.write(table, pa.table({"t_s": [0.0, 0.1]}))
+    assert parts.table_of(table, pa.schema([]), ()).num_rows == 2
     (tmp_path / f"{strange}.csv").write_text("t_s,n_z\n0,1\n0.1,1\n")
     assert "n_z" in draft(tmp_path / f"{strange}.csv")
     with pytest.raises(GuestError, match="not UTF-8"):

@@ -11,7 +11,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import cosim
-from cosim.cli import app, commands, compare, flight, score
+from cosim.cli import app, campaigns, commands, flight, score
 from cosim.table import Table
 
 COUNTS = ("designed", "detected", "named", "ambiguous", "misnamed", "not_valid", "not_excited", "fault_free_alarmed")
@@ -67,7 +67,7 @@ def test_a_word_that_is_wider_than_the_terminal_is_folded(width):
 
 @pytest.mark.parametrize("width", [80, 100])
 def test_compare_and_score_show_every_column_whole(width):
-    for shown in (compare.compare(COMPARED), score.shown(SCORED)):
+    for shown in (campaigns.compared(COMPARED), score.shown(SCORED)):
         text = printed(shown, width)
         assert "…" not in text and "236" in text and "ema_kalman_flight" in text
         assert ("1480/1480" in text) == (width > 80)

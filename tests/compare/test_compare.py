@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shutil
 import tomllib
 
@@ -17,7 +18,11 @@ from cosim.compare import CompareError, compare, stats
 from cosim.compare import rows as compare_rows
 from cosim.compare.matrix import POINT, matrix
 from cosim.flight.simulate import simulate
+from cosim.report import compared
+from cosim.report.compare_matrices import _cell
 from cosim.report.compare_page import render, write_comparison
+from cosim.report.compare_words import summary
+from cosim.report.maps import maps
 from cosim.scenario import load_scenario, parse
 from cosim.scenario.override import apply
 
@@ -89,6 +94,21 @@ def test_compare_of_a_folder_of_logs_writes_table_and_report(logs, tmp_path):
     assert found.report.read_text("utf-8").startswith("<!doctype html>")
 
 
+def test_the_headline_counts_names_as_the_table_of_detectors_does(flights):
+    """A detector that sees what it was not designed for has a column of its own, and no place in the sentence."""
+    result = run_many(flights, workers=0)
+    frame, _, tomls = compare_rows.of_result(result, flights)
+    rows = compare_rows.tidy(frame, tomls)
+    beside = rows["detected"] & (rows["id"] == "iotsekf")
+    assert beside.any()
+    beyond = rows[beside].assign(id="beyond", word="may", outcome="ambiguous")
+    rows = pd.concat([rows, beyond], ignore_index=True)
+    each = stats.detectors(rows)
+    (said,) = dict(summary(rows, each, stats.by_group(rows, each), []))["Names"]
+    columns = [sum(d[key] for d in each) for key in ("detected", "named", "ambiguous", "misnamed")]
+    assert [int(n) for n in re.findall(r"\d+", said)] == columns and sum(d["alarmed_on"] for d in each) > columns[0]
+
+
 def test_compare_of_a_campaign_folder_is_that_of_its_rows(flights, tmp_path):
     run_many(flights, workers=0, out=tmp_path / "c")
     found = compare([tmp_path / "c"])
@@ -138,6 +158,9 @@ def test_report_compares_one_log_and_many_cells(logs):
     made.rows, made.detectors = many.reset_index(drop=True), stats.detectors(many)
     text = render(made)
     assert '"heatmap"' in text and "NaN" not in text.split('id="figures">')[1].split("</script>")[0]
+    assert "alarms all the time" not in text
+    made.detectors[0]["credible"] = False
+    assert f"{made.detectors[0]['id']}: alarms all the time and therefore tells nothing" in render(made)
 
 
 def test_command_prints_one_json_object(logs, tmp_path, capsys):
@@ -165,6 +188,24 @@ def test_delays_are_never_negative_and_missing_ones_are_null(logs):
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+def test_a_comparison_without_a_designed_for_fault_has_no_empty_figure_and_names_its_marks(flights):
+    result = run_many(flights, workers=0)
+    frame, _, tomls = compare_rows.of_result(result, flights)
+    rows = compare_rows.tidy(frame, tomls)
+    blind = rows.assign(word=np.where(rows["case"].notna(), "may", rows["word"]))
+    assert compared.delays(blind) is None and compared.roc(blind) is None
+    assert compared.delays(rows) and compared.roc(rows)
+    for own in (rows, rows[rows["id"] == "iotsekf"], rows[~rows["detected"]]):
+        drawn = maps(own).data
+        assert {t["name"] for t in drawn if t["x"]} == {t["name"] for t in drawn if t["showlegend"]}
+
+
+def test_a_cell_of_wrong_names_only_has_their_colour():
+    cell = {"outcomes": {"misnamed": 7, "quiet": 1}, "word": "may", "lane": True, "detected": 7, "runs": 8}
+    assert "c-wrong" in _cell("x", cell).tone
+    assert "c-part" in _cell("x", cell | {"outcomes": {"misnamed": 7, "ambiguous": 1}}).tone
+
+
 def test_browser_draws_every_figure_of_a_comparison(logs, tmp_path):
     made = compare(logs)
     write_comparison(made, tmp_path / "out")

@@ -3,6 +3,7 @@
 import json
 import math
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
+import cosim
 from cosim.campaign import jobs
 from cosim.campaign.store import CampaignError
 from cosim.campaign.worker import fly
@@ -26,6 +28,7 @@ from cosim.judge.probability import UNSAID, log_score
 from cosim.judge.row import rows
 from cosim.replay import benchmark_recording
 from cosim.report import score_report, write_score
+from cosim.report.score_page import render as scored_page
 from cosim.report.score_page import write_readme
 from cosim.scenario import load_scenario
 from fdi.registry import DEFAULT
@@ -207,6 +210,7 @@ def test_the_log_score_is_what_was_given_to_the_truth():
     assert log_score(told, ("none", "sensor"), 10, 30) == pytest.approx(0.0)
     assert log_score(told, ("sensor",), 0, 10) == pytest.approx(UNSAID)
     assert log_score(told, ("sensor",), 5, 5) is None
+    assert log_score([(0, {"a": 0.8, "b": 0.7})], ("a", "b"), 0, 1) == 0.0  # more than certain earns nothing
     rng, p = np.random.default_rng(3), 0.3  # proper: on average nothing scores better than the truth
     hits = rng.random(20_000) < p
     each = {q: [log_score([(0, {"a": q, "b": 1 - q})], c, 0, 1) for c in ("b", "a")] for q in (0.2, 0.3, 0.4)}
@@ -274,6 +278,25 @@ def test_a_table_or_a_recording_that_is_none_is_one_line(tmp_path):
         tmp_path / "x.parquet",
     )
     assert benchmark_recording.Recording(tmp_path / "x.parquet").column("q").tolist() == [0.0, 1.0]
+
+
+def test_recordings_are_told_from_those_of_other_code_that_flies(monkeypatch):
+    asked, whole = [], benchmark.closure
+    monkeypatch.setattr(benchmark, "closure", lambda path: asked.append(whole(path)) or asked[-1])
+    benchmark.code.__wrapped__()
+    root = Path(cosim.__file__).parent
+    assert {root / "flight" / "tick.py", root / "flight" / "blocks" / "sensors.py"} <= set().union(*asked)
+
+
+def test_a_look_says_of_how_many_flights_and_shows_no_empty_sizes():
+    table = json.loads(BOARD.read_text())
+    assert scored_page(table | {"of": table["flights"]}).count("How large a fault must be") == 1
+    few = table | {"of": table["flights"], "flights": 40}
+    none = dict.fromkeys(("a90", "low", "a90_95"))
+    few["detectors"] = [{**d, "families": [{**f, **none} for f in d["families"]]} for d in table["detectors"]]
+    page = scored_page(few)
+    assert f"40 of the {table['flights']} flights recorded" in page
+    assert "too few for a curve of any family" in page and "Size at which 90 % are seen" not in page
 
 
 def test_the_stored_table_stands_beside_flights_of_the_same_code():

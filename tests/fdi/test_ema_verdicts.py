@@ -13,10 +13,11 @@ from ema_bench import ARM, DT, NO_LOAD, STALL, fly_bench, script, three_two_one_
 
 import cosim
 from actuators.constants import RAD_PER_DEG
+from actuators.ema import jay
 from fdi.common import tuning
 from fdi.common import verdict as v
+from fdi.ema import drive, gains, loose, vote
 from fdi.ema import ema_kalman_flight as flight
-from fdi.ema import vote
 from fdi.ema.ema_kalman import CURRENT, POSITION
 from fdi.ema.ema_kalman_flight import CULPRITS
 from fdi.monitors import position_monitor
@@ -85,6 +86,12 @@ def test_a_small_oscillation_in_place_is_named_while_the_servo_pushes_against_it
     for hz in (0.7, 1.4):
         names = said(flown(tolerance=off, f_u=sine(3.0, hz), s_u=1.0).log)
         assert names in (["ofc_solid"], ["ambiguous", "ofc_solid"]), (hz, names)
+
+
+@pytest.mark.parametrize(("ampere", "hz"), [(1.0, 1.5), (1.3, 0.7), (2.0, 0.7)])
+def test_an_oscillation_of_the_drive_that_friction_keeps_from_the_motor_is_never_the_current_sensors(ampere, hz):
+    names = [said(flown(seed, f_u=sine(ampere, hz)).log) for seed in (8, 10)]
+    assert all(own and set(own) <= {"ambiguous", "ofc_liquid"} for own in names)
 
 
 def test_an_oscillation_that_answers_itself_is_no_hardover():
@@ -208,6 +215,34 @@ def test_play_of_the_screw_is_less_effective_and_no_sensor():
     assert sum("effectiveness" in own for own in names) >= 3
 
 
+@pytest.mark.parametrize(("load", "name"), [(300.0, v.SENSOR), (-300.0, v.NONE), (20.0, v.NONE)])
+def test_a_surface_that_rests_against_its_hinge_moment_is_a_sensor_that_is_wrong(load, name):
+    p = flight.params()
+    x, n, noise = flight.init(p), 50, 6e-5
+    rng = np.random.default_rng(3)
+    x["even_ring"][0, 3, :n] = 1e-3 + noise * rng.standard_normal(n)  # position less surface [m]
+    x["even_ring"][0, 4, :n] = 1e-5 * rng.standard_normal(n)
+    x["even_head"], x["pair_since"], x["pair_noise"] = n, n - 1, noise * noise
+    x["sensor"], x["blame"], x["hm0"], x["pair_load"] = 1.0, 2.0, load, load
+    loose.weigh(x[0], p[0])
+    assert x["pair_name"][0] == name
+
+
+@pytest.mark.parametrize("left", [1.0, 0.0])
+def test_a_gain_that_has_ended_is_told_from_one_that_stands_within_two_seconds(left):
+    p = flight.params()
+    x, off, d = flight.init(p), 0.03, 3.0
+    x["gain_learned"], x["gain_doubt"], x["age"] = 3.0, 1e-3, 20.0
+    rng = np.random.default_rng(4)
+    hot = []
+    for k in range(350):
+        share = off if k < 250 else left * off
+        gains.gains(x[0], p[0], share * d + p["sigma_f"][0] * rng.standard_normal(), d, 0.0, DT)
+        hot.append(x["hot_gain"][0] > 0.5)
+    assert all(hot[100:250])
+    assert hot[-1] == (left > 0.5)
+
+
 SURFACE = {
     "f_s": (lambda t: 0.8 * RAD_PER_DEG + 0 * t, lambda t: 0.3 * RAD_PER_DEG * t, sine(0.6 * RAD_PER_DEG, 1.5)),
     "s_s": (lambda t: 0.4 + 0 * t,), "z_s": (lambda t: 1.0 + 0 * t,),
@@ -323,13 +358,39 @@ def test_a_current_sensor_is_named_by_what_the_motor_has_not_felt_and_not_by_the
     x = flight.init(p)
     x["left"], x["felt_den"] = [0.48, 300.0, 400.0, 1.0, 0.8, 1.0, 0.8], 150.0
     x["felt"] = -0.3
-    assert vote._drive(x[0], p[0]) == (v.SENSOR, CURRENT)
+    assert vote._drive(x[0], p[0], jay.PERIOD) == (v.SENSOR, CURRENT)
     x["felt"] = -0.7
-    assert vote._drive(x[0], p[0]) == (v.NONE, 0.0)
-    x["felt"], x["left"][0, 0] = 0.1, 0.01  # a sine may be in the drive, and in its friction
-    assert vote._drive(x[0], p[0]) == (v.NONE, 0.0)
-    x["felt_den"] = vote.SURE_SINE
-    assert vote._drive(x[0], p[0]) == (v.SENSOR, CURRENT)
+    assert vote._drive(x[0], p[0], jay.PERIOD) == (v.NONE, 0.0)
+    x["felt"], x["left"][0, 0], x["must"] = 0.1, 0.01, 0.5  # a sine may be in the drive, and in its friction
+    assert vote._drive(x[0], p[0], jay.PERIOD) == (v.NONE, 0.0)
+    x["felt_den"] = (vote.SURE_SINE / 0.35 * drive.felt_sigma(x[0], p[0], jay.PERIOD)) ** 2 * 150.0
+    assert vote._drive(x[0], p[0], jay.PERIOD) == (v.SENSOR, CURRENT)
+    x["must"] = 0.4
+    assert vote._drive(x[0], p[0], jay.PERIOD) == (v.NONE, 0.0)
+
+
+@pytest.mark.parametrize("ampere", [1.0, 2.0, 4.0])
+def test_of_a_sine_the_motor_feels_what_is_left_beyond_friction(ampere):
+    p = flight.params()
+    x, n, rubs = flight.init(p), 100, drive.HEALTHY * p["I_max"][0]
+    x["even_ring"][0, 0] = ampere * np.sin(2.0 * np.pi * 2.0 * drive.EVEN_S * np.arange(n))
+    x["even_ring"][0, 2], x["f_age"] = 1.0, n
+    drive.explain(x[0], p[0], False, False)
+    a = min(rubs / ampere, 1.0)
+    gain = 1.0 - 2.0 / np.pi * (np.arcsin(a) + a * np.sqrt(1.0 - a * a))  # of a dead zone
+    assert x["must"][0] == pytest.approx(gain, abs=0.01)
+    assert x["curved"][0] < 0.0  # no bias, and no line
+
+
+def test_a_bias_and_a_slow_sine_are_told_apart_as_soon_as_they_differ():
+    p = flight.params()
+    for n, told in ((10, False), (60, True)):
+        x = flight.init(p)
+        x["even_ring"][0, 0], x["f_age"] = 1.0, n
+        x["even_ring"][0, 2] = 1.0
+        x["even_head"] = n
+        drive.explain(x[0], p[0], False, False)
+        assert (x["curved"][0] >= vote.CURVED) == told
 
 
 def test_sizes_from_which_a_load_or_a_gain_is_a_fault_lie_beyond_what_healthy_drives_pass():
@@ -337,4 +398,4 @@ def test_sizes_from_which_a_load_or_a_gain_is_a_fault_lie_beyond_what_healthy_dr
     p, found = flight.params(), json.loads(trained.read_text(encoding="utf-8"))["training"]["found"]
     # healthy drives at the edges of their tolerances among them
     assert found["load"]["limit"] * 0.5 * p["load_max"][0] < 0.65 * p["th_load"][0]
-    assert found["z_gain"]["largest"] < 0.65 * p["z_gain"][0]
+    assert found["z_gain"]["largest"] < 0.5 * p["z_gain"][0]

@@ -47,6 +47,17 @@ def test_a_filter_that_alarms_places_the_fault_in_the_valve_and_a_monitor_alone_
     assert valve["p"][-1] >= 0.9 and command["p"][-1] >= 0.9
 
 
+def test_both_sides_named_by_one_witness_weigh_against_the_command_of_one():
+    monitors = [("ofc_monitor", s, "ofc_liquid", "", 1.0) for s in ("left_inner", "left_outer")]
+    odds = []
+    for culprit in ("elevator_left and elevator_right", "elevator_left"):
+        log = heard(*monitors, ("rfafe", AIRCRAFT, "ofc_liquid", culprit, 1.0), technology=MIXED)
+        w = dict(zip(places.PLACES, log["place_w"][-1], strict=True))
+        odds.append(w["elevator_command"] / w["elevator_left_command"])
+    assert odds[0] > 1.0 > odds[1]
+    assert places.mirrored("elevator_left and elevator_right") == "elevator_right and elevator_left"
+
+
 def test_nothing_is_said_while_nobody_alarms_and_an_alarm_ends_with_its_last_witness():
     quiet = heard()
     assert not quiet["alarm"].any() and quiet["valid"].all()

@@ -97,6 +97,15 @@ def test_it_says_why_it_is_silent(faulty):
     assert (watched(faulty, bank_max=1e-9)["why"][t > 8.1] == why.BANK).all()
 
 
+def test_no_box_is_believed_beyond_the_fastest_mach_number_that_one_was_fitted_to():
+    frame = flown("flight.altitude_ft=35000", "flight.cas_kt=315", "flight.turbulence=none")
+    assert (frame[WIRES["mach"]] > 0.9).all()
+    log = watched(frame)
+    assert not log["valid"].any() and set(log["why"][frame.index > 8.1]) == {why.BOX_MACH}
+    believed = watched(frame, mach_max=1.0)  # the margin of a box reaches so far
+    assert believed["valid"][-1] == 1.0
+
+
 def test_an_error_of_the_pitch_rate_is_called_neither_n_z_nor_the_vane():
     frame = flown("flight.turbulence=light")
     frame["sensors.q.y_obs"] += 3.0 * RAD_PER_DEG * (frame.index >= 12.0)

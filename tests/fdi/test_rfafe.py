@@ -115,6 +115,14 @@ def test_block_estimates_and_alarms_on_the_right_side(published, side):
     assert first < 1.0 + 3.0  # settling, then three periods
 
 
+def test_both_sides_are_named_where_both_swing(published):
+    left, right = (flight(published, 1.0, 0.64, 2400, side) for side in (0, 1))
+    left["surface"][0, :, 2:] = right["surface"][0, :, 2:]
+    log = fly(rfafe, rfafe.params(stored=stored(published), trim=TRIM), left)
+    assert rfafe.CULPRITS[int(log["culprit"][-1])] == "elevator_left and elevator_right"
+    assert log["alarm_elevator_left"][-1] == log["alarm_elevator_right"][-1] == 1.0
+
+
 def test_a_delayed_actuator_is_no_fault_when_the_command_is_delayed_alike(published):
     t = np.arange(1600) * 0.005
     u = 2.0 * np.sin(2 * np.pi * 0.5 * t)

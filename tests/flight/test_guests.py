@@ -166,6 +166,28 @@ def test_an_installed_package_brings_one_by_entry_point(parity, tmp_path, monkey
         load("instaled")
 
 
+@pytest.mark.parametrize(
+    "command", ["run", "campaign fault-free", "compare", "score", "false-alarms", "replay", "scenario"]
+)
+def test_two_detectors_of_one_id_are_refused_in_one_line(command, parity, flight, tmp_path):
+    """Which of the two has flown would be chance."""
+    other = tmp_path / "another.py"
+    other.write_text(parity.read_text())
+    own = tmp_path / "own.toml"
+    text = cosim.load_scenario("cruise", ["duration_s=2"]).expanded_toml()
+    own.write_text(f'{text}\n[detectors.parity]\nfile = "{parity}"\n')
+    words = {"replay": ["replay", str(flight[0])], "scenario": ["run", str(own)]}.get(command, command.split())
+    named = [str(other)] if command == "scenario" else [str(parity), str(other)]
+    plain = command in ("score", "false-alarms")
+    words += named if plain else [word for file in named for word in ("--detector", file)]
+    if command not in ("replay", "false-alarms"):
+        words += ["-o", str(tmp_path / ("x.mcap" if words[0] == "run" else "x"))]
+    done = CliRunner().invoke(cli.app, words)
+    lines = [line for line in done.stderr.splitlines() if line.startswith("error")]
+    assert done.exit_code == 2 and done.stdout == "" and len(lines) == 1
+    assert f"{other}: has the id 'parity', as {parity}" in lines[0] and "Choose another id" in lines[0]
+
+
 def test_the_command_line_flies_replays_and_says_so(parity, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = ["run", "own.toml", "--detector", str(parity), "--json"]

@@ -80,6 +80,16 @@ def rollout(x, u, p, dt, log=None):
 """
 
 
+def test_a_step_that_is_longer_than_a_tick_is_noted_whatever_the_mean(tmp_path):
+    path = tmp_path / "now_and_then.py"
+    source = (DATA / "guests" / "counting.py").read_text()
+    assert source.count("def update(self, t, y):\n") == 1
+    slow = "def update(self, t, y):\n        if abs(t - 2.0) < 1e-3:\n            import time; time.sleep(0.02)\n"
+    path.write_text(source.replace("def update(self, t, y):\n", slow))
+    line = next(line for line in check(path)["checks"] if line["question"] == "time of a step")
+    assert line["result"] == "note" and "longer than it" in line["answer"]
+
+
 def test_check_detector_finds_one_that_looks_into_the_future(tmp_path):
     (tmp_path / "peek.py").write_text(BLOCK.read_text() + PEEK)
     found = {line["question"]: line for line in check(tmp_path / "peek.py")["checks"]}

@@ -1,13 +1,22 @@
 """Own laws: gains of the shipped one, a class in a file, a compiled block; what is wrong with one is told."""
 
+import json
 import textwrap
+from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import cosim
+from cosim.campaign.inventory import inventory
+from cosim.cli import commands as cli
 from cosim.errors import ScenarioError
-from cosim.flight.plugins.law import SENSORS, SURFACES, gains
+from cosim.flight.blocks import law
+from cosim.flight.loop.wiring import DEMANDS
+from cosim.flight.plugins import check
+from cosim.flight.plugins.check_law import is_law
+from cosim.flight.plugins.law import SENSORS, SURFACES, TRIM, gains
 
 SHORT = ["duration_s=6", "detectors.enabled=[]", "elevator.feedback=measured", "manoeuvre.kind=nz_doublet",
          "manoeuvre.start_s=1", "manoeuvre.width_s=1.5", "manoeuvre.amplitude_g=0.2"]  # fmt: skip
@@ -85,3 +94,41 @@ def test_commands_are_cut_and_what_is_no_number_is_held(tmp_path):
 def test_what_a_law_may_read_and_command_is_listed():
     assert {"alpha", "q", "n_z", "cas"} < set(SENSORS)
     assert tuple(SURFACES) == ("elevator", "aileron", "rudder", "stabiliser", "throttle")
+    listed = {r["name"] for r in inventory()["law"] if r["unit"] and r["summary"]}
+    every = [*(f"y.{n}" for n in SENSORS), *(f"ask.{n}" for n in DEMANDS), *(f"start.{n}" for n in TRIM)]
+    assert listed == {*every, *(f'"{n}"' for n in SURFACES)}
+    assert all(name in CliRunner().invoke(cli.app, ["list", "law"]).stdout for name in listed)
+
+
+def checked(tmp_path, old="", new=""):
+    path = tmp_path / "mine.py"
+    path.write_text(textwrap.dedent(PLAIN).replace(old, new))
+    found = json.loads(CliRunner().invoke(cli.app, ["check", str(path), "--json"]).stdout)
+    return found["keeps"], {line["question"]: (line["result"], line["answer"]) for line in found["checks"]}
+
+
+def test_a_law_is_checked_by_flying_it(tmp_path):
+    keeps, lines = checked(tmp_path)
+    assert keeps and {result for result, _ in lines.values()} == {"good"} and len(lines) == 4
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "question", "says"),
+    [
+        ("y.q", "y.qq", "flies", "`cosim list law` has every name"),
+        ("0.3 * y.q", "-9.0 * y.q", "flies", "departed"),
+        ("self.start = start", "self.start = start; import random; self.start.elevator += 1e-4 * random.random()",
+         "deterministic", "two flights differ"),
+        ("0.3 * y.q", "0.3 * (0.0 if y.q == y.q else 1 / 0)", "lost samples", "ZeroDivisionError"),
+        ("self.start.elevator - ", "0.05 - ", "begins at the trim", "off the trim"),
+    ],
+)  # fmt: skip
+def test_a_check_says_what_a_law_does_not_keep(tmp_path, old, new, question, says):
+    keeps, lines = checked(tmp_path, old, new)
+    assert says in lines[question][1]
+    assert lines[question][0] == ("note" if keeps else "bad") and keeps == (question == "begins at the trim")
+
+
+def test_a_compiled_law_is_told_from_a_detector():
+    assert is_law(Path(law.__file__)) and not is_law(Path(check.__file__))
+    assert not is_law(Path(__file__).parents[1] / "data" / "template_detector.py")

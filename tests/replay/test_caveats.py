@@ -149,18 +149,33 @@ def test_a_channel_that_never_changes_and_a_mass_out_of_the_design_are_told(tmp_
 @pytest.mark.parametrize(
     ("alarm", "words"),
     [
-        ((0.1, 1.0), "alarms for 90 % of its valid time"),
-        ((0.6, 1.0), None),  # a fault, late
+        ((0.001, 1.0), "alarms for 100 % of its valid time"),
+        ((0.1, 1.0), None),  # a fault after a quiet start
+        ((0.6, 1.0), None),
         ((0.0, 0.2), None),
     ],
 )
 def test_an_alarm_from_the_start_is_told_as_a_model_that_does_not_fit(alarm, words):
+    assert_told(alarm, words, n=200_000)
+
+
+@pytest.mark.parametrize(("start", "told"), [(5.0, True), (7.0, False)])
+def test_the_start_is_as_long_as_the_detector_is_not_ready(start, told):
+    """A window of 6 s; what follows a quiet start of 7 s in 30 s of recording is a fault."""
+    assert_told(((6.0 + start) / 30.0, 1.0), "from " if told else None, n=6_000, ready=6.0)
+
+
+def test_a_false_alarm_at_the_start_does_not_make_a_later_fault_a_wrong_model():
+    assert_told((0.4, 1.0), None, n=6_000, blip=slice(0, 100))
+
+
+def assert_told(alarm, words, *, n, ready=0.0, blip=slice(0)):
+    """Check what is told of n ticks of 5 ms with an `alarm` over the shares named, and in the ticks of `blip`."""
     from cosim.replay.map_file import Map
 
-    n = 200_000
-    rows = np.zeros((n, 4))
-    rows[:, 2] = 1.0
-    rows[int(alarm[0] * n) : int(alarm[1] * n), 1] = 1.0
+    rows, k = np.zeros((n, 4)), int(ready / 0.005)
+    rows[k:, 2], rows[:k, 3] = 1.0, 1.0
+    rows[int(alarm[0] * n) : int(alarm[1] * n), 1] = rows[blip, 1] = 1.0
     m = Map.model_validate({"aircraft": "x", "signals": {}})
     said = caveats(prepared(m, 0.0), [(Stub(), "aircraft", None, rows)])
     assert (len(said) == 1 and words in said[0]) if words else not said

@@ -133,3 +133,63 @@ def test_an_unknown_time_column_can_be_named(tmp_path):
     assert made.exit_code == 0 and tomllib.loads(made.stdout)["time"] == "k"
     refused = CliRunner().invoke(cli.app, ["map", str(path)])
     assert refused.exit_code != 0
+
+
+def air_data(seconds=30.0, noise=0.0):
+    """Return a climb at 250 knots as a flight test calls its columns, with noise of a sensor's size."""
+    t, rng = np.arange(0.0, seconds, 0.01), np.random.default_rng(3)
+    h = 5500.0 + 3.0 * t
+    kelvin, cas = 288.15 - 0.0065 * h, 130.0 + 3.0 * np.sin(0.2 * t)
+    impact = (1.0 + 0.2 * (cas / 340.294) ** 2) ** 3.5 - 1.0
+    mach = np.sqrt(5.0 * ((1.0 + impact / (kelvin / 288.15) ** 5.25588) ** (2.0 / 7.0) - 1.0))
+    pitch, roll = 3.0 + np.sin(0.9 * t), 2.0 * np.sin(0.6 * t)
+    flown = {
+        "UTC_SEC": t, "PITCH_ATT_DEG": pitch, "ROLL_REF_UNIT_DEG": roll, "Q_DPS": 0.9 * np.cos(0.9 * t),
+        "P_DPS": 1.2 * np.cos(0.6 * t), "R_DPS": 12.0 + 4.0 * np.cos(0.8 * t),
+        "HDG_DEG": (350.0 + 12.0 * t + 5.0 * np.sin(0.8 * t)) % 360.0,
+        "KCAS": cas * 3600 / 1852, "KTAS": mach * 20.0468 * np.sqrt(kelvin) * 3600 / 1852, "MACH": mach,
+        "HP_FT": h / 0.3048, "ROD_LI_MM": 5.0 * np.sin(t), "ELEV_LI_TEU_DEG": -np.sin(t),
+        "ELEV_RI_TED_DEG": np.sin(t), "ELEV_CMD_TEU_DEG": -np.sin(t + 0.1),
+    }  # fmt: skip
+    spread = {"PITCH_ATT_DEG": 0.01, "ROLL_REF_UNIT_DEG": 0.01, "Q_DPS": 0.05, "P_DPS": 0.05, "R_DPS": 0.05}
+    return {n: y + noise * rng.normal(0.0, spread.get(n, 0.0), len(t)) for n, y in flown.items()}
+
+
+def drafted(tmp_path, columns, **how):
+    pd.DataFrame(columns).to_csv(tmp_path / "flight.csv", index=False)
+    text = draft(tmp_path / "flight.csv", **how)
+    (tmp_path / "map.toml").write_text(text)
+    return text, tomllib.loads(text)["signals"]
+
+
+def test_the_names_of_a_flight_test_are_known(tmp_path):
+    text, found = drafted(tmp_path, air_data(noise=1.0))
+    units = {name: (s["channel"], s.get("unit"), s.get("sign", 1)) for name, s in found.items() if "channel" in s}
+    assert units["cas"][:2] == ("KCAS", "kt") and units["tas"][:2] == ("KTAS", "kt")
+    assert units["h_baro"][:2] == ("HP_FT", "ft")
+    assert units["left_inner.surface"] == ("ELEV_LI_TEU_DEG", "deg", -1)
+    assert units["right_inner.surface"] == ("ELEV_RI_TED_DEG", "deg", 1)
+    assert units["de_cmd"] == ("ELEV_CMD_TEU_DEG", "deg", -1)
+    assert "# not used" not in text
+
+
+def test_an_angle_is_proved_by_its_rate_beside_the_noise_of_sensors(tmp_path):
+    text, found = drafted(tmp_path, air_data(noise=1.0))
+    assert found["theta"]["channel"] == "PITCH_ATT_DEG" and found["phi"]["channel"] == "ROLL_REF_UNIT_DEG"
+    proved = {line.split()[0] for line in text.splitlines() if "# proved" in line}
+    assert {"p", "q", "r", "phi"} <= proved  # the heading passes north
+
+
+@pytest.mark.parametrize("without", [(), ("HP_FT",), ("HP_FT", "KTAS"), ("KCAS",)])
+def test_a_unit_that_mach_refutes_is_not_flown(tmp_path, without):
+    columns = {n: y for n, y in air_data().items() if n not in without}
+    found = drafted(tmp_path, {n.replace("KCAS", "CAS").replace("KTAS", "TAS"): y for n, y in columns.items()})[1]
+    assert {found[n].get("unit") for n in ("cas", "tas") if n in found} <= {"kt"}
+    assert ("tas" in found) == ("KTAS" not in without)
+    assert ("cas" in found) == ("KCAS" not in without and without != ("HP_FT", "KTAS"))  # no altitude: a guess
+
+
+def test_a_speed_is_in_knots_by_its_name_where_nothing_proves_it(tmp_path):
+    columns = {n: y for n, y in air_data().items() if n not in ("MACH", "HP_FT")}
+    found = drafted(tmp_path, columns)[1]
+    assert found["cas"]["unit"] == found["tas"]["unit"] == "kt"

@@ -6,11 +6,14 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from cosim.cli import commands as cli
 from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.bus import Bus
 from cosim.scenario.catalog import SEGMENTS
 from cosim.training import designs as design
+from cosim.training import rfafe as training
 from fdi.rfafe import rfafe, rfafe_airframe
 from fdi.rfafe.store import choose, from_plain, read, side_kinds
 
@@ -26,6 +29,20 @@ def test_a_stale_or_missing_design_is_told(tmp_path):
     assert "there is no rfafe.json" in design.check("rfafe", folder=tmp_path)
     (tmp_path / "rfafe.json").write_text(json.dumps({"source": "other"}))
     assert "another aircraft" in design.check("rfafe", folder=tmp_path)
+
+
+def test_the_command_looks_at_every_design_unless_some_are_named():
+    for names, wanted in (((), set(design.DESIGNS)), (("rfafe",), {"rfafe"})):
+        told = CliRunner().invoke(cli.app, ["design", *names, "--check", "--json"])
+        assert told.exit_code == 0 and json.loads(told.stdout) == {"designs": dict.fromkeys(wanted, ""), "ok": True}
+
+
+def test_the_actuator_of_a_design_is_measured_in_flight(monkeypatch):
+    monkeypatch.setattr(training, "FIT_HZ", (0.5, 1.0, 2.0))  # of nine
+    found = training.actuator.__wrapped__("hydraulic")
+    held = read("rfafe_airframe")["designs"]["hydraulic"]["actuator"]
+    wanted = (held["a_rad_s"], held["gain"], held["tau_s"], held["amplitude_error_2hz"])
+    assert found == pytest.approx(wanted, rel=0.1, abs=0.015)
 
 
 def test_the_digest_sees_numbers_and_nothing_else():

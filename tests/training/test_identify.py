@@ -135,9 +135,9 @@ def test_the_flow_of_a_valve_lies_in_its_interval():
     assert "constant" in flow(np.zeros(n), seen["rod"], None, DT).note
 
 
-def files(tmp_path, extra="", **columns):
-    command = jumpy()
-    table = {"t_s": np.arange(4000) * DT, "cmd": command, "pos": recorded(command), **columns}
+def files(tmp_path, extra="", n=4000, **columns):
+    command = jumpy(n)
+    table = {"t_s": np.arange(n) * DT, "cmd": command, "pos": recorded(command), **columns}
     path, m = tmp_path / "rig.csv", tmp_path / "rig.toml"
     pd.DataFrame({k: v for k, v in table.items() if v is not None}).to_csv(path, index=False)
     signals = f'[signals]\nde_cmd = {{ channel = "cmd"{extra} }}\n"left_inner.surface" = {{ channel = "pos" }}\n'
@@ -170,12 +170,12 @@ def test_thresholds_are_raised_until_a_sluggish_healthy_actuator_is_quiet(tmp_pa
 
 
 def test_without_a_command_it_says_so(tmp_path):
-    path, m = files(tmp_path, extra=', proxy = "the measured deflection"')
+    path, m = files(tmp_path, extra=', proxy = "the measured deflection"', n=1600)
     assert [row["note"] for row in identify(path, m).actuators] == [NO_COMMAND]
 
 
 def test_the_command_prints_and_writes(tmp_path):
-    path, m = files(tmp_path)
+    path, m = files(tmp_path, n=1600)
     run = CliRunner().invoke(cli.app, ["identify", str(path), "--map", str(m), "-o", str(tmp_path / "o"), "--json"])
     told = json.loads(run.stdout)
     assert run.exit_code == 0 and len(told["files"]) == 2

@@ -51,13 +51,13 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
             "threshold": 0.00147263, "share": 0.0,
         },
         "ofc_monitor flight": {
-            "threshold": 0.0005, "share": 0.0, "usual": 0.0179712, "most": 0.0104889,
+            "threshold": 0.0005, "share": 0.0, "usual": 0.00636745, "most": 0.0104889,
         },
     },
     "ema": {
         "ema_kalman_flight flight": {
-            "pair_threshold": 0.000197956, "th_speed": 0.00027, "rho_speed": 1.05645e-07, "th_f":
-            0.163634, "rho_f": 0.0, "th_vel": 2.17956, "rho_vel": 0.0117193, "rho_rate": 0.0153128,
+            "pair_threshold": 0.000197956, "th_speed": 0.00027, "rho_speed": 1.05834e-07, "th_f":
+            0.163827, "rho_f": 0.0, "th_vel": 2.17956, "rho_vel": 0.0117193, "rho_rate": 0.0153128,
             "th_jump": 0.000296349, "th_R1": 0.000564234, "z_gain": 2.0, "th_rough": 10.39,
         },
         "position_monitor flight_ema": {
@@ -66,9 +66,9 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
     },
     "aircraft": {
         "lpv_smo flight": {
-            "t_elevator": 0.00319063, "g_elevator": 0.0, "s_elevator": 0.0, "t_n_z": 0.0015963,
-            "g_n_z": 1.29661, "s_n_z": 0.0, "t_alpha": 0.00136574, "g_alpha": 0.0183416, "s_alpha":
-            0.0, "floor": 0.0, "swing_threshold": 0.00121498, "swing_gust": 0.0144134,
+            "t_elevator": 0.00350669, "g_elevator": 0.0, "s_elevator": 0.0, "t_n_z": 0.0015481,
+            "g_n_z": 1.08214, "s_n_z": 0.0307026, "t_alpha": 0.00158077, "g_alpha": 0.0140427, "s_alpha":
+            0.0, "floor": 0.0, "swing_threshold": 0.00122688, "swing_gust": 0.0136927, "swing_away": 0.0,
         },
         "kinematic flight": {
             "threshold": 0.468345, "gust": 0.000145311, "side": 0.0401258, "side_gust": 0.0,

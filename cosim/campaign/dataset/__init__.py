@@ -22,8 +22,8 @@ from cosim.campaign.dataset import flight
 from cosim.campaign.dataset.columns import chosen, described
 from cosim.campaign.dataset.metadata import croissant, datasheet, provenance
 from cosim.campaign.dataset.splits import empty, splits
+from cosim.campaign.parts import write
 from cosim.campaign.spec import load_campaign
-from cosim.campaign.store import write
 from cosim.campaign.worker import run_id
 from cosim.errors import OutputError
 from cosim.files import replace_text

@@ -20,7 +20,7 @@ from cosim.compare.score import flights as benchmark
 from cosim.compare.score.rows import Scored, scored
 from cosim.compare.score.table import detector
 from cosim.errors import did_you_mean
-from cosim.flight.plugins import GuestError, load
+from cosim.flight.plugins import GuestError, load, loaded
 from cosim.flight.plugins.check import trial
 from cosim.judge.result import plain
 from cosim.texts import from_json, read
@@ -66,7 +66,7 @@ def score(
     lost |= {str(f): found.lost[str(Path(f).resolve())] for f in files if str(Path(f).resolve()) in found.lost}
     files = [f for f in files if str(f) not in lost]
     found.rows = bound.of(found.rows, {f.run: f.toml for f in flights})
-    names = list(dict.fromkeys([*ids, *(load(f).DETECTOR.id for f in files)]))
+    names = list(dict.fromkeys([*ids, *(g.DETECTOR.id for g in loaded(files))]))
     each = [detector(found, name, flights) for name in names]
     ends = found.lanes.drop_duplicates("run").set_index("run")
     onset = ends.filter(regex=r"^faults\.\d+\.start_s$").min(axis=1)
@@ -75,7 +75,7 @@ def score(
     pairs = [p for a, b in matched for p in pair(found.rows, a, b, ends["sim_time_s"] - onset)]
     about = {k: v for k, v in benchmark.manifest(seed, flights).items() if k != "sha256"}
     gone = sum("sha256" not in f.told for f in flights)
-    took = {"flying_s": flown_s, "scoring_s": ran_s}
+    took = {"of": len(benchmark.scenarios(seed)), "flying_s": flown_s, "scoring_s": ran_s}
     listed = [vars(p) for p in pairs]
     marked = {"lost": [{"file": f, "why": why} for f, why in lost.items()]} if lost else {}
     return Score(plain({**about, "infeasible": gone, **took, "detectors": each, "pairs": listed, **marked}), found)
@@ -135,7 +135,7 @@ def stored(path: str | Path, detectors: Sequence[str] = (), seeds: str | Path | 
     if "digest" in told.seeds and seeds is None:
         raise CampaignError("was made on a sealed set", place=str(path), remedy="Give its file: --seeds FILE")
     ids, files = named(detectors or [r for r in rows if r in SHIPPED or r in learned()])
-    asked = [*ids, *(load(f).DETECTOR.id for f in files)]
+    asked = [*ids, *(g.DETECTOR.id for g in loaded(files))]
     if lost := [name for name in asked if name not in rows]:
         raise CampaignError(f"has no row of {lost[0]}", place=str(path), allowed=", ".join(rows))
     if not asked:
@@ -170,4 +170,5 @@ def named(detectors: Sequence[str]) -> tuple[list[str], list[str]]:
             if near:
                 raise CampaignError("no detector of this name", place=file, remedy=near)
         load(file)
+    loaded(files)
     return ids, files

@@ -119,7 +119,7 @@ def code() -> str:
 
     root = Path(__file__).resolve().parents[3]
     files = {p for name in ("actuators", "aircraft") for p in (root / name).rglob("*") if p.suffix in DECIDING}
-    files |= closure(root / "cosim" / "replay" / "thin.py")
+    files |= closure(Path(benchmark_recording.__file__))
     found = hashlib.sha256(json.dumps({n: version(n) for n in ("jsbsim", "numpy", "scipy", "numba")}).encode())
     for path in sorted(files):
         found.update(path.relative_to(root).as_posix().encode() + path.read_bytes())

@@ -9,8 +9,9 @@ import pandas as pd
 import pyarrow as pa
 
 from cosim.campaign import table
+from cosim.campaign.parts import TIMING
 from cosim.campaign.pool import finished
-from cosim.campaign.store import TIMING, Store
+from cosim.campaign.store import Store
 from cosim.campaign.worker import failed
 from cosim.compare import rows as compare_rows
 from cosim.compare.score.flights import RecordedFlight
@@ -78,7 +79,7 @@ def scored(
             rows, timing, logs = rows + numbered, timing + took, logs + said
     tomls = {f.run: f.toml for f in flights}
     scenarios = {run: parse(toml(text, place=run)) for run, text in tomls.items()}
-    store = Store(None, table(scenarios))
+    store = Store(None, table(scenarios, scenarios.values()))
     store.add(rows, timing)
     lanes = store.rows()
     tidied = compare_rows.tidy(lanes, tomls)

@@ -1,5 +1,6 @@
 """Recorder of a flight: topics for everything of a tick, attachments for what replay needs."""
 
+import functools
 import io
 import json
 import os
@@ -177,9 +178,12 @@ def _portable(scenario):
     return toml.dumps(table)
 
 
+_bare = functools.cache(np.lib.format.drop_metadata)  # dtypes that differ in their metadata alone are equal
+
+
 def _array(name, array):
     """Return {attachment: (media type, bytes)} of an array: .npy, or .npz with it as `array` when it is large."""
-    out, array = io.BytesIO(), array.view(np.lib.format.drop_metadata(array.dtype))
+    out, array = io.BytesIO(), array.view(_bare(array.dtype))
     if array.nbytes > LARGE:
         np.savez_compressed(out, array=array)
         return {f"{name}.npz": ("application/zip", out.getvalue())}

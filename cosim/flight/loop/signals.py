@@ -12,6 +12,7 @@ from cosim.errors import ScenarioError, told_at_call
 from cosim.flight.build import build
 from cosim.flight.faults.conditions import known, resolved
 from cosim.flight.fly import record
+from cosim.log.reader import Units
 from cosim.scenario import Scenario, load_scenario
 from cosim.scenario.vocabulary import find, words
 
@@ -51,7 +52,7 @@ def fly(
     rows, status, reason = record(setup, sources)
     dt = setup.loop.dt
     frame = pd.DataFrame(rows, index=pd.Index(np.arange(len(rows)) * dt, name="t"), columns=names, copy=False)
-    frame.attrs = {"units": dict(zip(names, (_unit(setup.loop.bus, n) for n in sources)))}
+    frame.attrs = {"units": Units(zip(names, (_unit(setup.loop.bus, n) for n in sources)))}
     frame.attrs |= {"dt": dt, "status": status, "reason": reason}
     return frame
 

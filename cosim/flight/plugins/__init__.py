@@ -27,7 +27,7 @@ from cosim.texts import half_letter
 from fdi import registry
 from fdi.common.record import Detector
 
-__all__ = ["GuestError", "install", "load", "register", "use", "with_detectors"]
+__all__ = ["GuestError", "install", "load", "loaded", "register", "use", "with_detectors"]
 KEYS = ("file", "sha256")  # of a guest's table, beside its parameters
 GROUP = "cosim.detectors"  # of entry points
 _loaded: dict[tuple[str, str], Any] = {}  # (file, digest) -> guest
@@ -67,6 +67,22 @@ def load(name: str | os.PathLike) -> PlainDetector:
     return install(_loaded[key])
 
 
+def loaded(files: Iterable[str | os.PathLike]) -> list[PlainDetector]:
+    """Return the guests of several files or entry points; raises GuestError, also where two have one id."""
+    out: dict[str, tuple[Any, str | os.PathLike]] = {}
+    for file in files:
+        guest = load(file)
+        before, other = out.setdefault(guest.DETECTOR.id, (guest, file))
+        if before is not guest:
+            raise _twice(guest.DETECTOR.id, other, file)
+    return [guest for guest, _ in out.values()]
+
+
+def _twice(name, one, other):
+    said = f"has the id {name!r}, as {one} has: a flight has one detector of an id"
+    return GuestError(said, place=str(other), remedy="Choose another id, or leave one out")
+
+
 def use(scenario: Scenario) -> None:
     """Load the guests of a scenario that this process does not know yet. Raises GuestError, also when a file is no
     longer the one that the scenario means."""
@@ -91,12 +107,16 @@ def with_detectors(scenario: Scenario, files: Iterable[str | os.PathLike]) -> Sc
     files = list(files)
     if not files:
         return scenario
+    loaded(files)
     table = tomllib.loads(scenario.expanded_toml())
     own = table.setdefault("detectors", {})
     for file in files:
         guest = load(file)
         name = guest.DETECTOR.id
         about = {"file": str(Path(file)), "sha256": guest.sha256} if os.path.isfile(file) else {}
+        named = own.get(name, {}).get("file", "")
+        if about and os.path.isfile(named) and not os.path.samefile(named, file):
+            raise _twice(name, f"{named} of the scenario", file)
         if about or name in own:
             own[name] = {**own.get(name, {}), **about}
         own["enabled"] = list(dict.fromkeys([*own.get("enabled", scenario.detectors.enabled), name]))

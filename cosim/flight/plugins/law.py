@@ -8,8 +8,8 @@ The file has a class `Law`, one object per flight:
             return {"elevator": 0.01, "throttle": 0.6}  # commands [rad, 0..1]; what is left out keeps its last value
 
 or a compiled block of the shipped law's records: rollout = entry(step, STATE, INPUTS, PARAMS), the three from
-`cosim.flight.blocks.law`. Commands are cut at the aircraft's travels, and one that is not finite is held. `SENSORS` are
-what a law may read, `SURFACES` what it may command, `DEMANDS` what the manoeuvre asks for.
+`cosim.flight.blocks.law`. Commands are cut at the aircraft's travels, and one that is not finite is held. `inventory`
+lists every name (`cosim list law`); `cosim check mine.py` flies the law and says whether it keeps this contract.
 """
 
 import math
@@ -27,17 +27,34 @@ from cosim.flight.blocks import law
 from cosim.flight.loop.wiring import DEMANDS
 from cosim.scenario import Scenario
 from cosim.scenario.user_file import load
+from cosim.scenario.vocabulary import words
 
 SENSORS = law.SENSORS
-SURFACES = {  # command -> (field of the shipped law's state, its least and largest in the parameters)
-    "elevator": ("de_cmd", lambda p: (p.de_min, p.de_max)),  # trailing edge down + [rad]
-    "aileron": ("da_cmd", lambda p: (-p.da_max, p.da_max)),  # + rolls right [rad]
-    "rudder": ("dr_cmd", lambda p: (-p.dr_max, p.dr_max)),  # + yaws left [rad]
-    "stabiliser": ("stab_cmd", lambda p: (p.stab_min, p.stab_max)),  # trailing edge down + [rad]
-    "throttle": ("throttle_cmd", lambda p: (0.0, 1.0)),  # [-]
+SURFACES = {  # command -> (field of the shipped law's state, its least and largest in the parameters, unit, meaning)
+    "elevator": ("de_cmd", lambda p: (p.de_min, p.de_max), "rad", "trailing edge down +, pitches down"),
+    "aileron": ("da_cmd", lambda p: (-p.da_max, p.da_max), "rad", "+ rolls right"),
+    "rudder": ("dr_cmd", lambda p: (-p.dr_max, p.dr_max), "rad", "+ yaws left"),
+    "stabiliser": ("stab_cmd", lambda p: (p.stab_min, p.stab_max), "rad", "trailing edge down +"),
+    "throttle": ("throttle_cmd", lambda p: (0.0, 1.0), "-", "0 to 1"),
 }
+ASKED = {  # of DEMANDS: what the manoeuvre asks for
+    "nz_dem": ("g", "load-factor increment over level flight"), "phi_dem": ("rad", "bank, right wing down +"),
+    "psi_dem": ("rad", "change of heading, while hold_psi is 1"), "de_add": ("rad", "to be added to the elevator"),
+    "hold_psi": ("-", "1: hold the heading"), "hold_h": ("-", "1: hold the altitude while nz_dem is 0"),
+    "hold_v": ("-", "1: hold the speed"),
+}  # fmt: skip
 TRIM = {"elevator": "de_0", "stabiliser": "stab_0", "throttle": "throttle_0", "alpha": "alpha_0", "theta": "theta_0",
         "cas": "cas_0", "tas": "tas_0", "altitude": "h_0"}  # fmt: skip
+
+
+def inventory() -> list[dict[str, str]]:
+    """Return {name, unit, summary} of all that a law has and gives: y.alpha, ask.nz_dem, start.cas, "elevator"."""
+    of = {name: (w.unit, w.meaning) for name, w in words().items()} | {"altitude": ("m", "altitude")}
+    of |= {name: (unit, meaning) for name, (*_, unit, meaning) in SURFACES.items()}
+    names = {f"y.{n}": of[n] for n in SENSORS} | {f"ask.{n}": ASKED[n] for n in DEMANDS}
+    names |= {f"start.{n}": (of[n][0], f"at the trim: {of[n][1]}") for n in TRIM}
+    names |= {f'"{n}"': (of[n][0], f"command: {of[n][1]}") for n in SURFACES}
+    return [{"name": name, "unit": unit, "summary": meaning} for name, (unit, meaning) in names.items()]
 
 
 def gains() -> tuple[str, ...]:
@@ -94,12 +111,13 @@ def _plain(kind: Callable, path: Path) -> Callable:
             for word, value in said.items():
                 if word not in SURFACES:
                     raise KeyError(f"commands {word!r}; a law may command {', '.join(SURFACES)}")
-                field, ends = SURFACES[word]
+                field, ends, *_ = SURFACES[word]
                 if math.isfinite(value):
                     low, high = ends(record)
                     now[field] = min(max(float(value), low), high)
         except (Exception, SystemExit) as error:  # whatever a user's law raises
-            raise _wrong(path, f"at {ticks[0] * dt:.3f} s {told(error)}") from None
+            names = "; `cosim list law` has every name" if isinstance(error, AttributeError) else ""
+            raise _wrong(path, f"at {ticks[0] * dt:.3f} s {told(error)}{names}") from None
         ticks[0] += 1
 
     return rollout

@@ -14,7 +14,7 @@ from fdi import registry
 
 KINDS = {  # kind -> what to do with it next
     "detector": ("cosim check {file}", "cosim run --detector {file}"),
-    "law": ("cosim run --set law.file={file}",),
+    "law": ("cosim check {file}", "cosim run --set law.file={file}"),
     "actuator": ("cosim run --set actuators.{name}.file={file} --set elevator.left_inner={name}",),
     "aircraft": ("cosim check {file}", "cosim run cruise --set flight.aircraft={file}"),
     "campaign": ("cosim campaign {file}",),

@@ -5,18 +5,11 @@ import numpy as np
 from actuators.constants import RAD_PER_DEG
 from cosim.flight.detection.detectors import sources
 from cosim.papers.alwi14 import flights as alwi14
+from cosim.papers.alwi14.quiet import SHOWN
 from cosim.papers.drawing import Curve, Drawing, Panel
 
 DEG = RAD_PER_DEG
 LOOKS = ("solid", "dash", "dot", "dashdot", "solid")
-SHOWN = (
-    ("alpha", "angle of attack", "deg", DEG),
-    ("q", "pitch rate", "deg/s", DEG),
-    ("theta", "pitch", "deg", DEG),
-    ("V", "airspeed, change", "m/s", 1.0),
-    ("h", "altitude, change", "m", 1.0),
-    ("n_z", "load factor", "g", 1.0),
-)
 ESTIMATES = (
     ("f_hat_elevator", "elevator fault", "deg", DEG),
     ("f_hat_n_z", "load-factor fault", "g", 1.0),
@@ -64,7 +57,8 @@ def _drawing(faults, beside, title, caption):
 
         return values
 
-    panels = [Panel(f"(a) {word}", unit, each(output(field, scale))) for field, word, unit, scale in SHOWN]
+    change = {field: ", change" * (field in ("V", "h")) for field, *_ in SHOWN}
+    panels = [Panel(f"(a) {word}{change[f]}", unit, each(output(f, scale))) for f, word, unit, scale in SHOWN]
     panels.append(Panel("(b) elevator command", "deg", each(lambda f, _: f["law.law.de_cmd"].to_numpy() / DEG)))
     panels.append(Panel("(b) stabiliser command", "deg", each(lambda f, _: f["law.law.stab_cmd"].to_numpy() / DEG)))
     panels.append(Panel("(c) |e_y|", "", each(lambda _, log: log["e_norm"])))

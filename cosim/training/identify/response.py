@@ -24,6 +24,7 @@ from actuators.simple import identified
 NAMES = ("omega", "zeta", "rate", "dead_band", "delay", "bias")
 NONNEGATIVE = ("dead_band", "delay")
 DELAY, RATE = NAMES.index("delay"), NAMES.index("rate")
+DELTA, NONE = np.array([identified.STATE.names.index("delta")]), np.zeros(0, int)
 UNITS = {"omega": "rad/s", "zeta": "-", "rate": "rad/s", "dead_band": "rad", "delay": "s", "bias": "rad"}
 MEANINGS = {
     "omega": "bandwidth (natural frequency)", "zeta": "damping", "rate": "rate limit",
@@ -71,9 +72,8 @@ def simulate(command: np.ndarray, start: float, dt: float, stops: tuple[float, f
     p = identified.params(lo=stops[0], hi=stops[1], **values)
     u = np.zeros((1, len(command)), identified.INPUTS)
     u["command"] = command
-    log = np.zeros((1, len(command)), identified.STATE)
-    identified.rollout(identified.init_at(p, start), u, p, dt, log)
-    return np.concatenate([[start], log["delta"][0][:-1]])
+    moved, _ = identified.rollout.sweep(identified.init_at(p, start), u, p, dt, DELTA, NONE, NONE)
+    return np.concatenate([[start], moved[:-1, 0]])
 
 
 def respond(command: np.ndarray, surface: np.ndarray, dt: float, level: float = 0.95) -> Response:

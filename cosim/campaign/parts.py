@@ -1,0 +1,201 @@
+"""Rows and timings of a campaign as they came: files of a few runs each, read and merged a row group at a time."""
+
+import hashlib
+import heapq
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from cosim.errors import OutputError
+from cosim.files import beside, regular
+from cosim.judge.row import FIELDS, Field
+
+
+def _schema(fields: Iterable[Field]) -> pa.Schema:
+    """Return the schema of `fields`; unit and meaning are metadata of each."""
+    told = ((f, {"unit": f.unit, "meaning": f.meaning}) for f in fields)
+    return pa.schema([pa.field(f.name, pa.type_for_alias(f.type), metadata=about) for f, about in told])
+
+
+ROWS = _schema(FIELDS)
+TIMING = _schema([
+    Field("run", "string", "", "run"),
+    Field("id", "string", "", "detector; null for the whole run"),
+    Field("wall_time_s", "double", "s", "time of the flight by the clock"),
+    Field("startup_s", "double", "s", "time before its first tick"),
+    Field("core_s", "double", "s", "processor time of the whole run, its twin and judgement"),
+    Field("step_us", "double", "us", "time per step and lane"),
+])  # fmt: skip
+SCENARIOS = _schema(
+    [
+        Field("run", "string", "", "run"),
+        Field("order", "int64", "", "position in the campaign"),
+        Field("toml", "string", "", "the expanded scenario"),
+    ]
+)  # and what varies
+KINDS = {"rows": ROWS, "timing": TIMING}
+KEYS = {"rows": ["run", "status"], "timing": ["run"]}  # without a value of these a part is damaged
+BLOCK = 2000  # runs that are joined and written at a time
+
+
+def names(folder: Path) -> list[str]:
+    """Return the names of the parts in a campaign's folder, as they stand below it."""
+    return [f"parts/{p.name}" for kind in ("rows", "timing") for p in paths(folder, kind)]
+
+
+def paths(folder: Path, kind: str) -> list[Path]:
+    """Return the files of a kind, "rows" or "timing", of a campaign's folder, sorted."""
+    return sorted((folder / "parts").glob(f"{kind}-*.parquet"))
+
+
+def add(folder: Path, kind: str, name: str, rows: list[dict]) -> None:
+    """Write one more part of a kind."""
+    write(folder / "parts" / f"{kind}-{name}.parquet", pa.Table.from_pylist(rows, KINDS[kind]))
+
+
+def read(
+    folder: Path, kind: str, columns: Sequence[str] | None = None, damaged: list[str] | None = None
+) -> pd.DataFrame | None:
+    """Return all whole parts of a kind as one frame, of `columns` alone where given; None without a part. `damaged`
+    takes the names of the others.
+    """
+    found: list[pa.Table] = []
+    for path in paths(folder, kind):
+        groups = whole(path, kind, columns)
+        if groups is not None:
+            found += groups
+        elif damaged is not None:
+            damaged.append(str(path))
+    return pa.concat_tables(found).to_pandas() if found else None
+
+
+def whole(path: Path, kind: str, columns: Sequence[str] | None = None) -> list[pa.Table] | None:
+    """Return the row groups of a part, of `columns` alone where given; None when one of them is damaged."""
+    found = []
+    for table in _groups(path, kind):
+        if table is None:
+            return None
+        found.append(table if columns is None else table.select(columns))
+    return found
+
+
+def _groups(path, kind, first=0):
+    """Yield each row group of a part as a table with the columns of its schema; None, and no more, where damaged."""
+    schema = KINDS[kind]
+    try:
+        if not path.is_file():  # a pipe would wait for ever
+            raise OSError
+        with path.open("rb") as file:
+            inside = pq.ParquetFile(file)
+            for i in range(first, inside.num_row_groups):
+                table = checked(inside.read_row_group(i), schema, KEYS[kind])
+                if table is None:
+                    break
+                yield table.select(schema.names)
+            else:
+                return
+    except (pa.ArrowException, OSError, ValueError, KeyError):
+        pass
+    yield None
+
+
+def ordered(folder: Path, kind: str, order: dict[str, int]) -> Iterator[pd.DataFrame]:
+    """Yield the rows of a kind as frames of whole runs, in the `order` {run: position} of the runs, without others.
+
+    Row groups are read where the first of their runs is due: held are a block of BLOCK runs and what overlaps it.
+    """
+    waiting = []  # (first position, path, number of the row group)
+    for path in paths(folder, kind):
+        first = [min((order[r] for r in table["run"].to_pylist() if r in order), default=None)
+                 for table in whole(path, kind, ["run"]) or ()]  # fmt: skip
+        waiting += [(at, path, i) for i, at in enumerate(first) if at is not None]
+    heapq.heapify(waiting)
+    held: list[pd.DataFrame] = []
+    runs: set[str] = set()
+    most = BLOCK
+    while waiting:
+        _, path, i = heapq.heappop(waiting)
+        table = next(_groups(path, kind, i))
+        if table is None:
+            raise OutputError("has changed while it was read", place=str(path), remedy="Go on with --resume")
+        frame = table.to_pandas()
+        held.append(frame[[run in order for run in frame["run"]]])
+        runs.update(held[-1]["run"])
+        if not waiting or len(runs) >= most:
+            every = pd.concat(held) if len(held) > 1 else held[0]
+            due = every["run"].map(order) < (waiting[0][0] if waiting else len(order))
+            if not waiting or 2 * due.sum() >= len(due):
+                yield every[due]
+                every = every[~due]
+            held, runs = [every], set(every["run"])
+            most = len(runs) + BLOCK  # what came out of order waits until as much has come again
+
+
+def merge(folder: Path, kind: str) -> None:
+    """Make one file of the parts of a kind, one row group after the other."""
+    parts, damaged = paths(folder, kind), []
+    if len(parts) < 2:
+        return
+    name = hashlib.sha256("".join(p.name for p in parts).encode()).hexdigest()[:16]
+    merged = folder / "parts" / f"{kind}-{name}.parquet"
+    regular(merged, OutputError)
+    with beside(merged) as part, part.open("wb") as file:
+        with pq.ParquetWriter(file, KINDS[kind], compression="zstd") as out:
+            for p in parts:
+                if any(table is None for table in _groups(p, kind)):
+                    damaged.append(p)
+                else:
+                    for table in _groups(p, kind):
+                        out.write_table(table)
+    for p in parts:
+        if p in damaged:  # stays for whoever wants to look at it, and is named once
+            p.rename(p.with_suffix(".damaged"))
+        elif p != merged:
+            p.unlink()
+
+
+def table_of(path: Path, schema: pa.Schema, keys: Sequence[str]) -> pa.Table | None:
+    """Return a Parquet file as a table, the columns of `schema` with their types, null where it has none; None when it
+    cannot be read, or lacks one of the columns `keys` or a value of them.
+    """
+    if not path.is_file():  # a pipe would wait for ever
+        return None
+    try:
+        with path.open("rb") as file:
+            return checked(pq.read_table(file), schema, keys)
+    except (pa.ArrowException, OSError, ValueError, KeyError):
+        return None
+
+
+def checked(table: pa.Table, schema: pa.Schema, keys: Sequence[str]) -> pa.Table | None:
+    """Return a table with the columns of `schema` in their types; None where one of `keys` is not whole."""
+    table.validate(full=True)
+    held = table.column_names
+    if len(set(held)) != len(held) or any(name not in held or table[name].null_count for name in keys):
+        return None
+    for f in schema:
+        if f.name in held:
+            table = table.set_column(held.index(f.name), f, table[f.name].cast(f.type))
+        else:
+            table = table.append_column(f, pa.nulls(table.num_rows, f.type))
+    return table
+
+
+def write(path: Path, table: pa.Table) -> None:
+    """Write a Parquet file that is there completely or not at all."""
+    write_blocks(path, [table])
+
+
+def write_blocks(path: Path, blocks: Iterable[pa.Table]) -> None:
+    """Write tables of one schema, that of the first, one after the other into one Parquet file."""
+    regular(path, OutputError)
+    with beside(path) as part, part.open("wb") as file:  # Arrow takes no name that is not UTF-8
+        out = None
+        for block in blocks:
+            out = out or pq.ParquetWriter(file, block.schema, compression="zstd")
+            out.write_table(block.cast(out.schema))
+        if out:
+            out.close()
