@@ -39,9 +39,9 @@ STATE = [
 
 
 @kernel
-def variance(before, d, usual, most, dt):
-    """Return the lagged variance of the noise whose second difference is `d`, from the one `before`."""
-    return before + (1.0 - math.exp(-dt / TAU)) * (min(d * d / 6.0, most * usual) - before)
+def variance(before, d, usual, most, a):
+    """Return the variance of the noise whose second difference is `d`, lagged by the share `a` from the one `before`."""
+    return before + a * (min(d * d / 6.0, most * usual) - before)
 
 
 @kernel
@@ -67,12 +67,13 @@ def listen(x, rod_good, y_rod, e_rod, dp_good, y_dp, e_dp, steps, p, dt):
     """Take a sample of the rod [m] and what is fast in it beside the surface, of the pressure and its innovation, each
     where it is good; judge both. `steps` is the second difference that the valve's own steps may leave in the latter.
     """
+    a = 1.0 - math.exp(-dt / TAU)
     if rod_good > 0.5:
         d = y_rod - 2.0 * x.rod_last[0] + x.rod_last[1]
         if dt > SHORT_TICK:
             d = min(math.fabs(d), SECOND * math.fabs(e_rod))
-        x.rod_rough = variance(x.rod_rough, d, p.r_rod, MOST, dt)
-        x.rod_wild = variance(x.rod_wild, d, p.r_rod, WILD_MOST, dt)
+        x.rod_rough = variance(x.rod_rough, d, p.r_rod, MOST, a)
+        x.rod_wild = variance(x.rod_wild, d, p.r_rod, WILD_MOST, a)
         x.rod_last[1], x.rod_last[0] = x.rod_last[0], y_rod
         x.rod_noisy = noisy(x.rod_noisy, x.rod_rough, p.r_rod, LOUD)
     if dp_good > 0.5:
@@ -86,5 +87,5 @@ def listen(x, rod_good, y_rod, e_rod, dp_good, y_dp, e_dp, steps, p, dt):
         e = SIXTH * sixth(x.dp_innovation, e_dp)
         if dt > SHORT_TICK:
             d, e = d2, max(math.fabs(e2) - expected * steps, 0.0)
-        x.dp_noise = variance(x.dp_noise, min(math.fabs(d), math.fabs(e)), p.r_dp, MOST, dt)
+        x.dp_noise = variance(x.dp_noise, min(math.fabs(d), math.fabs(e)), p.r_dp, MOST, a)
         x.dp_noisy = noisy(x.dp_noisy, x.dp_noise, p.r_dp, SWUNG * LOUD if x.ofc_timer > 0.0 else LOUD_DP)

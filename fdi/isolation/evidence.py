@@ -104,12 +104,14 @@ def left(x):
     Q = 0.0
     for j in range(SENSORS):
         Q += x.tt[ENERGY, j]
+    first = 0  # column with a mean
+    while first < N and x.prior[0, first] == 0.0:
+        first += 1
     for a in range(N):
         r, m = x.bb[a], x.prior[0, a]
         Jm = 0.0
-        for b in range(N):
-            if x.prior[0, b] != 0.0:
-                Jm += x.JJ[at(a, b)] * x.prior[0, b]
+        for b in range(first, N):
+            Jm += x.JJ[at(a, b)] * x.prior[0, b]
         Q += m * (Jm - 2.0 * r)
         r -= Jm
         i = a * (a + 1) // 2
