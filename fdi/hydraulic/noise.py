@@ -40,7 +40,7 @@ STATE = [
 
 @kernel
 def variance(before, d, usual, most, a):
-    """Return the variance of the noise whose second difference is `d`, lagged by the share `a` from the one `before`."""
+    """Return the variance of the noise whose second difference is `d`, lagged by share `a` from the one `before`."""
     return before + a * (min(d * d / 6.0, most * usual) - before)
 
 
