@@ -6,6 +6,7 @@ of the aircraft, an engine, another surface. A hypothesis is a place and a class
 on every segment: `hydraulic.drive.ofc_liquid`; by kind its records are looked up and its rates are counted.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -116,5 +117,7 @@ def hypotheses(technology: Mapping[str, str]) -> list[Hypothesis]:
 
 
 def mirrored(name: Any) -> Any:
-    """Return a name with left and right exchanged."""
+    """Return a name with left and right exchanged; one of both sides, left and right, stays."""
+    if re.match(r"(\w*)left(\w*) and \1right\2\b", name):
+        return name
     return name.replace("left", "?").replace("right", "left").replace("?", "right")

@@ -55,7 +55,7 @@ def test_both_sides_named_by_one_witness_weigh_against_the_command_of_one():
         w = dict(zip(places.PLACES, log["place_w"][-1], strict=True))
         odds.append(w["elevator_command"] / w["elevator_left_command"])
     assert odds[0] > 1.0 > odds[1]
-    assert places.mirrored("elevator_left and elevator_right") == "elevator_right and elevator_left"
+    assert places.mirrored("elevator_left and elevator_right ofc_solid") == "elevator_left and elevator_right ofc_solid"
 
 
 def test_nothing_is_said_while_nobody_alarms_and_an_alarm_ends_with_its_last_witness():
