@@ -7,7 +7,7 @@ from rich.console import Group
 from rich.text import Text
 
 from cosim.campaign import CampaignResult
-from cosim.compare.metrics import delays, proportion
+from cosim.compare.metrics import MEDIAN, delays, proportion
 from cosim.judge.lanes import seconds
 from cosim.table import Column, Table, number, of, share
 
@@ -25,7 +25,7 @@ def campaign(result: CampaignResult) -> Group:
         Column("faults", doc="that concern the detector, per actuator it watches, also those it is not made for "
                "(`cosim compare` counts those it is, once per flight)"),
         Column("detected"),
-        Column("first alarm", unit="s", doc="median from the onset on, a missed fault counts as endless"),
+        Column("first alarm", unit="s", doc=MEDIAN),
         Column("delay", unit="periods", rank=2),
         Column("false flights", doc="flights with a false alarm"),
         Column("95 % bound", doc="of its probability, per flight", rank=1),

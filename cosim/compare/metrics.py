@@ -77,10 +77,13 @@ def predictive_value(
     return Share(value(p.value, f.value), value(p.low, f.high), value(p.high, f.low))
 
 
+MEDIAN = "median from the onset on; a missed fault counts as endless, so that half or more missed give never"
+
+
 class Delays(NamedTuple):
     """Delay over runs; quantiles take missed runs as later than all others: inf when they reach them."""
 
-    median: float
+    median: float  # of an even number the mean of the middle two: inf where the later of them is missed
     median_low: float  # order-statistic interval of the median
     median_high: float
     p95: float
@@ -99,7 +102,7 @@ def delays(delay: ArrayLike, confidence: float = 0.95) -> Delays:
     ordered = np.sort(np.where(seen, delay, np.inf))
     j = int(stats.binom.ppf((1.0 - confidence) / 2.0, n, 0.5))  # the extremes where n is small
     return Delays(
-        median=float(ordered[(n - 1) // 2]),
+        median=float(0.5 * (ordered[(n - 1) // 2] + ordered[n // 2])),
         median_low=float(ordered[max(j - 1, 0)]),
         median_high=float(ordered[min(n - j, n - 1)]),
         p95=float(ordered[math.ceil(0.95 * n) - 1]),

@@ -123,9 +123,11 @@ def echoes(rows: pd.DataFrame) -> pd.DataFrame:
     alarmed = (free["false_alarms"] > 0).groupby([free["id"], free["manoeuvre_key"]]).mean()
     loud = set(alarmed[alarmed > 0.5].index)
     echo = rows["detected"] & np.array([pair in loud for pair in zip(rows["id"], rows["manoeuvre_key"])])
-    rows.loc[echo, "outcome"] = "echo"
-    rows.loc[echo, ["delay_s", "delay_periods"]] = np.nan
-    rows["detected"] &= ~echo
+    unseen = dict.fromkeys(NUMBERS, np.nan) | dict.fromkeys(("isolated_class", "first_verdict", "withdrawn"))
+    unseen |= dict.fromkeys(("right", "first_right", "first_sure_wrong", "detected"), False)
+    unseen |= {"class_given": NOT_GIVEN, "place_given": NOT_GIVEN, "place_level": "", "outcome": "echo"}
+    for name in rows.columns.intersection(list(unseen)):  # as of a fault that was missed
+        rows[name] = rows[name].where(~echo, unseen[name])
     return rows
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pandas as pd
 
-from cosim.compare import stats
+from cosim.compare import metrics, stats
 from cosim.judge import coverage
 from cosim.judge.lanes import seconds
 from cosim.judge.naming import LEVELS
@@ -50,7 +50,7 @@ COUNTS = (
     Column("not excited", _count("not_excited"), doc="a jam or runaway that never moved the rod 1 mm from where it "
            "would be", rank=6),
     Column("missed", _count("missed"), rank=6),
-    Column("first alarm", _time("delay_s"), "s", "median time from the onset on, a missed fault counts as endless"),
+    Column("first alarm", _time("delay_s"), "s", metrics.MEDIAN),
     Column("right name after", _time("right_s"), "s", "the same of the first right name"),
 )  # fmt: skip
 MOTION = Column("of motion", lambda d: seconds(d["motion_s"]), "s",

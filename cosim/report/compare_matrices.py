@@ -25,8 +25,8 @@ NAMES_KEY = (("c-seen", "n", "right name"), ("c-quiet", "n", "ambiguous, or no a
              ("c-missed", "n", "missed though designed for it, or a false alarm"))  # fmt: skip
 
 LEVELS_TOLD = (
-    "Flights in which a detector of the group saw the fault, and the median time to its first alarm, a missed fault "
-    "counts as endless. Detectors that alarm in more than half of the fault-free flights do not count."
+    "Flights in which a detector of the group saw the fault, and the time to its first alarm: "
+    f"{metrics.MEDIAN}. Detectors that alarm in more than half of the fault-free flights do not count."
 )
 
 

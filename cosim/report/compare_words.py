@@ -52,7 +52,7 @@ def _sees(grouped, members):
             continue
         seen = able[able["seen"]]
         late = metrics.delays(able["delay_s"].to_numpy(float)).median
-        soon = f", first alarm after {seconds(late)} s (median)" if np.isfinite(late) else ", less than half of them"
+        soon = f", first alarm after {seconds(late)} s (median)" if np.isfinite(late) else ", half of them or fewer"
         only = _only(grouped, g)
         alone = f"; alone in {only}" if only else ""
         who = f"{g} ({', '.join(members[g])})"

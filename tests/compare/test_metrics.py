@@ -38,6 +38,8 @@ def test_a_missed_run_makes_the_median_later_not_smaller():
     assert m.delays([1.0, 2.0, 3.0]).median == 2.0
     assert m.delays([1.0, 2.0, 3.0, np.nan, np.nan]).median == 3.0
     assert m.delays([np.nan, np.nan, 1.0]).median == math.inf
+    assert m.delays([0.08, 0.795, 0.10, 1.195]).median == pytest.approx(0.4475)  # the middle two count alike
+    assert m.delays([1.0, 2.0, np.nan, np.nan]).median == math.inf  # half of them missed: the later middle one is
 
 
 def test_interval_of_the_median_covers_it():

@@ -43,13 +43,15 @@ def hand_made():
     rows["time_to_right_s"] = 2.0 * rows["delay_s"].where(rows["outcome"] == "named")
     rows["class_changes"], rows["not_excited"], rows["why_not_valid"], rows["withdrawn"] = 1.0, False, None, None
     rows["withdrawn_after_s"], rows["standing_s"], rows["valid_share"] = np.nan, 0.0, 1.0
-    rows["bound_mm"], rows["first_right"], rows["alarm_share"], rows["ambiguous_s"] = np.nan, rows["detected"], 1.0, 0.0
+    rows["bound_mm"], rows["first_right"], rows["ambiguous_s"] = np.nan, rows["detected"], 0.0
+    rows["alarm_share"] = np.where(rows["detected"], 1.0, np.nan)
     rows["class_given"] = rows["outcome"].map({"named": "right", "bonus": "wrong"}).fillna("not given")
     rows["place_given"] = rows["outcome"].map({"named": "right"}).fillna("not given")
     finest = np.where(rows["level"] == "local", "segment", "axis")
     rows["place_level"] = np.where(rows["outcome"] == "named", finest, "")
     rows["first_sure_wrong"] = rows["outcome"] == "bonus"
-    rows["first_verdict"], rows["right_after_motion_s"] = rows["isolated_class"], np.nan
+    rows["first_verdict"], rows["right_after_motion_s"] = rows["isolated_class"], rows["time_to_right_s"]
+    rows["right"] = rows["outcome"] == "named"
     return rows
 
 
@@ -109,6 +111,9 @@ def test_alarm_that_the_manoeuvre_raises_alone_is_no_detection():
     told = compare_rows.echoes(rows)
     own = told[(told["id"] == "lpv_smo") & told["case"].notna()]
     assert not own["detected"].any() and (own["outcome"] == "echo").sum() == 2
+    counts = stats.score(own[own["word"] == coverage.DESIGNED])  # what a false alarm says of a fault is luck
+    assert (counts["held"], counts["right_s"], own["time_to_right_s"].count()) == (0, math.inf, 0)
+    assert not own["right"].any() and own["isolated_class"].isna().all() and set(own["class_given"]) == {"not given"}
     assert told[told["id"] == "iotsekf"]["detected"].sum() == 2
 
 
