@@ -1,5 +1,6 @@
 """Curves of a comparison as frames, with bounds, and as figures for a paper (matplotlib, the extra `plot`)."""
 
+import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -10,7 +11,14 @@ from cosim.compare import metrics, pod, stats
 from cosim.errors import CosimError, did_you_mean
 
 WIDTH_IN = 3.5  # of a column of the usual journals
+LINE_IN = 0.13  # of the legend, below the axes
+COLUMNS = 78  # characters of such a line
 POINTS = 60  # of a fitted curve
+ROC_TOLD = (
+    "Dot: alarms as shipped, bars its exact 95 % interval. Curve: largest |r| of each flight at every threshold, "
+    "before confirmation and in flights in which the detector was valid: the dot need not be on it. Band: exact 95 %."
+)
+POD_TOLD = "Band: each bound with 95 % confidence. Dashed: 90 %."
 KINDS = ("roc", "pod")
 ROC = ("detector", "threshold", "false_alarm", "false_alarm_low", "false_alarm_high", "detection", "detection_low",
        "detection_high", "fault_free_flights", "faults")  # fmt: skip
@@ -84,41 +92,68 @@ def figure(kind: str, rows: pd.DataFrame, each: list[dict], detectors: Sequence[
         raise CosimError("figures need matplotlib", remedy="pip install 'cosim-fdi[plot]'") from None
     made = Figure(figsize=(WIDTH_IN, 0.8 * WIDTH_IN), layout="constrained")
     axes = made.subplots()
-    (_roc if kind == "roc" else _pod)(axes, rows, each, detectors)
+    told = (_roc if kind == "roc" else _pod)(axes, rows, each, detectors)
     axes.tick_params(labelsize=7)
     axes.grid(alpha=0.3, linewidth=0.4)
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(fontsize=6, frameon=False)
+    title = "\n".join(line for part in told for line in textwrap.wrap(part, COLUMNS))
+    names = made.legend(loc="outside lower center", ncols=2, fontsize=6, frameon=False, title=title, title_fontsize=6,
+                        alignment="left")  # fmt: skip
+    lines = -(-len(names.get_texts()) // 2) + title.count("\n") + 1
+    made.set_size_inches(WIDTH_IN, 0.8 * WIDTH_IN + LINE_IN * lines)
     return made
 
 
 def _roc(axes, rows, each, detectors):
-    for name, own in roc(rows, detectors).groupby("detector", sort=False):
-        (line,) = axes.step(own["false_alarm"], own["detection"], where="post", linewidth=1.0, label=name)
+    """Draw the ROC; return what its legend says, a paragraph each."""
+    shipped, found = {d["id"]: d for d in each}, roc(rows, detectors)
+    each_of = found.groupby("detector", sort=False)
+    for width, (name, own) in zip(_widths(len(each_of)), each_of):
+        d = shipped[name]
+        x, y = d["false_alarm_probability"], d["detection_probability"]
+        (line,) = axes.step(own["false_alarm"], own["detection"], where="post", linewidth=width, clip_on=False,
+                            label=name)  # fmt: skip
         axes.fill_between(own["false_alarm"], own["detection_low"], own["detection_high"], step="post", alpha=0.12,
                           color=line.get_color(), linewidth=0)  # fmt: skip
-        shipped = own[own["threshold"] == 1.0].iloc[0]
-        p = shipped["false_alarm"]
-        ends = [[p - shipped["false_alarm_low"]], [shipped["false_alarm_high"] - p]]
-        axes.errorbar([p], [shipped["detection"]], xerr=ends, fmt="o", markersize=3, linewidth=0.7,
+        axes.errorbar([x], [y], xerr=[[x - d["false_alarm_low"]], [d["false_alarm_high"] - x]],
+                      yerr=[[y - d["detection_low"]], [d["detection_high"] - y]], fmt="o", markersize=3, linewidth=0.7,
                       color=line.get_color())  # fmt: skip
-    axes.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02))
-    axes.set_xlabel("share of fault-free flights that reach the threshold", fontsize=7)
-    axes.set_ylabel("share of faults that reach it", fontsize=7)
+    axes.set(xlim=(-0.05, 1.05), ylim=(-0.05, 1.05))
+    axes.set_xlabel("share of fault-free flights with an alarm", fontsize=7)
+    axes.set_ylabel("share of designed-for faults seen", fontsize=7)
+    return [ROC_TOLD]
 
 
 def _pod(axes, rows, each, detectors):
-    found = curves(rows, each, detectors).dropna(subset=["pod"])
+    """Draw the fitted curves; return what the legend says, a paragraph each: also of whom there is no curve, and why."""
+    every = curves(rows, each, detectors)
+    found, without = every.dropna(subset=["pod"]), every[every["pod"].isna()]
     if found.empty:
         remedy = "More flights, over a range of amplitudes at each frequency; `pod()` says what is missing where"
         raise CosimError("too few flights for a curve of detection over size", remedy=remedy)
-    for (family, of, hz), own in found.groupby(["family", "of", "frequency_hz"], sort=False):
-        (line,) = axes.plot(own["amplitude_mm"], own["pod"], linewidth=1.0, label=f"{of}, {family}, {hz:g} Hz")
+    same = every["family"].nunique() == 1
+    each_of = found.groupby(["family", "of", "frequency_hz"], sort=False)
+    for width, ((family, of, hz), own) in zip(_widths(len(each_of)), each_of):
+        label = f"{of}, {hz:g} Hz" if same else f"{of}, {family}, {hz:g} Hz"
+        (line,) = axes.plot(own["amplitude_mm"], own["pod"], linewidth=width, label=label)
         axes.fill_between(own["amplitude_mm"], own["low"], own["high"], alpha=0.12, color=line.get_color(), linewidth=0)
     axes.axhline(0.9, color="0.5", linewidth=0.6, linestyle="--")
-    axes.set(xscale="log", ylim=(-0.02, 1.02))
+    axes.set(xscale="log", ylim=(-0.05, 1.05))
+    low, high = found["amplitude_mm"].min(), found["amplitude_mm"].max()
+    ticks = [m * 10.0**k for k in range(-4, 4) for m in (1, 2, 5) if low <= m * 10.0**k <= high]
+    axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
+    axes.set_xticks([], minor=True)
     axes.set_xlabel("achieved amplitude, mm of rod", fontsize=7)
     axes.set_ylabel("probability of detection", fontsize=7)
+    why = [f"{r['of']}{'' if same else ', ' + r['family']}, {r['frequency_hz']:g} Hz: {r['note']} mm"
+           if r["note"].startswith(("all", "none", "between")) else f"{r['of']}, {r['frequency_hz']:g} Hz: {r['note']}"
+           for r in without.to_dict("records")]  # fmt: skip
+    told = [every["family"].iloc[0] + ". " + POD_TOLD if same else POD_TOLD]
+    return told + ["No curve: " + "; ".join(why)] * bool(why)
+
+
+def _widths(n):
+    """Return the line width of each of n curves, falling: of some that are the same all are seen."""
+    return np.linspace(min(1.0 + 0.5 * (n - 1), 4.0), 1.0, n)
 
 
 def _known(rows, detectors: Iterable[str]) -> list[str]:

@@ -60,8 +60,8 @@ def weakest(found: pd.DataFrame) -> Table:
 
     columns = (
         Column("detector", "id", right=False), Column("faults", "family", right=False),
-        Column("seen", lambda r: f"{r['all_seen']} of {r['all_faults']}"),
-        Column("least", lambda r: f"{r['seen']} of {r['faults']}"), Column("at", span, right=False),
+        Column("seen", lambda r: f"{r['all_seen']}/{r['all_faults']}"),
+        Column("least", lambda r: f"{r['seen']}/{r['faults']}"), Column("at", span, right=False),
         Column("valid", lambda r: share(r["dull"]["valid_share"]), doc="share of the flight, where it is least"),
         Column("there", lambda r: span(r["dull"]), right=False),
     )  # fmt: skip

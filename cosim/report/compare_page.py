@@ -45,7 +45,7 @@ def render(found: Comparison) -> str:
         "delays": compared.delays(rows),
         "false_alarms": compared.false_alarms(each),
         "sweeps": compared.sweeps(rows),
-        "roc": compared.roc(rows) if equal else None,
+        "roc": compared.roc(rows, each) if equal else None,
         "cost": compared.cost(each),
     }
     free = rows[rows["case"].isna()]["run"].nunique()

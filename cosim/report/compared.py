@@ -143,27 +143,27 @@ def sweeps(rows: pd.DataFrame) -> Figure:
     return figure
 
 
-def roc(rows: pd.DataFrame) -> Figure | None:
-    """Return the operating curves of all detectors: faults seen against false alarms, by run-level maxima; None where
-    no detector has both."""
+def roc(rows: pd.DataFrame, each: list[dict]) -> Figure | None:
+    """Return the operating curves of all detectors: faults seen against false alarms, by run-level maxima, and what
+    `each` came to with its alarms as shipped; None where no detector has both."""
     figure = Figure(
         "roc",
-        "By the largest |r| of each flight, over all thresholds; dots: as shipped. With n fault-free flights "
-        "nothing left of 1/n can be told apart.",
+        "Dots: alarms as shipped. Curves: the largest |r| of each flight at every threshold, before confirmation and "
+        "in flights in which the detector was valid: a dot need not be on its curve. With n fault-free flights nothing "
+        "left of 1/n can be told apart.",
         360,
         time=False,
     )
     figure.layout = base(figure.height) | {"hovermode": "closest"}
     _beside(figure)
-    figure.layout["xaxis"] = style_axis("share of fault-free flights that cross", range=[-0.02, 1.02], tickformat=".0%")
-    figure.layout["yaxis"] = style_axis(
-        "share of designed-for faults that cross", range=[-0.02, 1.02], tickformat=".0%"
-    )
+    shown = {"range": [-0.03, 1.03], "tickformat": ".0%"}
+    figure.layout["xaxis"] = style_axis("share of fault-free flights with an alarm", **shown)
+    figure.layout["yaxis"] = style_axis("share of designed-for faults seen", **shown)
+    shipped = {d["id"]: (d["false_alarm_probability"], d["detection_probability"]) for d in each}
     for j, (name, (healthy, faulty)) in enumerate(stats.maxima(rows).items()):
         if not len(healthy) or not len(faulty):
             continue
         curve = metrics.roc(healthy, faulty)
-        shipped = [float(metrics.beyond(x, np.ones(1))[0]) for x in (healthy, faulty)]
         line = {"width": 2, "color": COLOURS[j % 8], "dash": DASHES[j // 8]}
         figure.data += [
             points(
@@ -172,7 +172,8 @@ def roc(rows: pd.DataFrame) -> Figure | None:
                 hover=f"{name}<br>%{{y:.0%}} of faults at %{{x:.0%}}<extra></extra>",
             ),
             points(
-                1, x=shipped[:1], y=shipped[1:], detector=name, marker={"size": 9, "color": COLOURS[j % 8]},
+                1, x=[shipped[name][0]], y=[shipped[name][1]], detector=name,
+                marker={"size": 9, "color": COLOURS[j % 8]},
                 hover=f"{name} as shipped<extra></extra>",
             ),
         ]  # fmt: skip

@@ -193,8 +193,8 @@ def test_a_comparison_without_a_designed_for_fault_has_no_empty_figure_and_names
     frame, _, tomls = compare_rows.of_result(result, flights)
     rows = compare_rows.tidy(frame, tomls)
     blind = rows.assign(word=np.where(rows["case"].notna(), "may", rows["word"]))
-    assert compared.delays(blind) is None and compared.roc(blind) is None
-    assert compared.delays(rows) and compared.roc(rows)
+    assert compared.delays(blind) is None and compared.roc(blind, stats.detectors(blind)) is None
+    assert compared.delays(rows) and compared.roc(rows, stats.detectors(rows))
     for own in (rows, rows[rows["id"] == "iotsekf"], rows[~rows["detected"]]):
         drawn = maps(own).data
         assert {t["name"] for t in drawn if t["x"]} == {t["name"] for t in drawn if t["showlegend"]}

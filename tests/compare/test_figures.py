@@ -7,6 +7,7 @@ from test_stats import hand_made
 
 from cosim.compare import Comparison, metrics, pod, stats
 from cosim.errors import CosimError
+from cosim.report import compared
 
 
 @pytest.fixture
@@ -75,11 +76,40 @@ def test_curves_of_levels_and_of_detectors_stay_within_the_sizes_flown():
         assert own["amplitude_mm"].max() == pytest.approx(ends.max())
 
 
-def test_figures_are_vectors_one_column_wide(found, tmp_path):
+def test_figures_are_vectors_one_column_wide_with_their_legend_off_the_curves(found, tmp_path):
     pytest.importorskip("matplotlib")
     for kind, made in (("roc", found), ("pod", many())):
         path = tmp_path / f"{kind}.pdf"
         drawn = made.figure(kind)
         drawn.savefig(path)
         assert path.read_bytes().startswith(b"%PDF") and drawn.get_size_inches()[0] == 3.5
-        assert drawn.axes[0].get_legend() is not None
+        boxes = [part.get_window_extent() for part in (drawn.legends[0], drawn.axes[0])]
+        assert boxes[0].y1 <= boxes[1].y0 and boxes[0].x0 >= 0.0 and boxes[0].x1 <= drawn.bbox.width
+
+
+def test_the_operating_point_is_where_the_alarms_are_and_the_figure_says_so(found):
+    """A fault-free flight crosses the threshold, but not for the time of confirmation."""
+    pytest.importorskip("matplotlib")
+    free = (found.rows["id"] == "lpv_smo") & found.rows["case"].isna()
+    found.rows.loc[free, "false_alarms"] = 0
+    found.detectors = stats.detectors(found.rows)
+    drawn = found.figure("roc", ["lpv_smo"])
+    told = found.detectors[1]
+    dots = [c.lines[0].get_xydata().tolist() for c in drawn.axes[0].containers]
+    assert dots == [[[0.0, told["detection_probability"]]]] and found.rows.loc[free, "r_fault_free"].max() > 1.0
+    assert "Dot: alarms as shipped" in drawn.legends[0].get_title().get_text()
+    page = [t for t in compared.roc(found.rows, found.detectors).data if t["mode"] == "markers"][1]
+    assert (page["x"], page["y"]) == ([0.0], [told["detection_probability"]])
+
+
+def test_the_figure_of_sizes_says_who_has_no_curve_and_why_and_numbers_its_sizes():
+    pytest.importorskip("matplotlib")
+    made = many()
+    other = made.rows.assign(id="rtsekf", detected=True)
+    made.rows = pd.concat([made.rows, other], ignore_index=True)
+    drawn = made.figure("pod", ["iotsekf", "rtsekf"])
+    told = " ".join(drawn.legends[0].get_title().get_text().split())
+    assert "No curve: rtsekf, 1 Hz: all seen from" in told and "Band: each bound with 95 %" in told
+    (name,) = [t.get_text() for t in drawn.legends[0].get_texts()]
+    assert name == "iotsekf, 1 Hz" and told.startswith("liquid OFC, one segment.")
+    assert {"0.5", "1", "2", "5"} == {t.get_text() for t in drawn.axes[0].get_xticklabels()}

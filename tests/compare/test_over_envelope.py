@@ -36,4 +36,13 @@ def test_the_table_says_where_least_is_seen_and_where_least_is_valid(found):
     console = Console(width=120, record=True, file=io.StringIO())
     console.print(weakest(found))
     text = console.export_text()
-    assert "5 of 9" in text and "0 of 3" in text and "260 to 280 t" in text and "67%" in text
+    assert "5/9" in text and "0/3" in text and "260 to 280 t" in text and "67%" in text
+
+
+def test_the_table_of_the_longest_words_is_one_table_in_80_columns(found):
+    many = found.assign(id="learned_convolution", family="aircraft's sensor", axis="altitude_ft")
+    many[["low", "high", "faults", "seen"]] = 10000.0, 39000.0, 1200, 1000
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(weakest(many))
+    text = console.export_text()
+    assert text.count("learned_convolution") == 1 and "there" in text and "left out" not in text

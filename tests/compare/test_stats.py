@@ -1,12 +1,14 @@
 """Statistics of a comparison over rows by hand."""
 
+import io
 import math
 
 import numpy as np
 import pandas as pd
 import pytest
+from rich.console import Console
 
-from cosim.compare import CompareError, Comparison, metrics, stats
+from cosim.compare import CompareError, Comparison, metrics, stats, tables
 from cosim.compare import rows as compare_rows
 from cosim.judge import coverage
 
@@ -155,3 +157,17 @@ def test_a_fault_rate_that_is_none_is_refused_and_one_gives_each_detector_its_pr
     iotsekf, lpv_smo = found.predictive([0.5])
     assert (iotsekf["value"], lpv_smo["id"]) == (1.0, "lpv_smo")
     assert lpv_smo["value"] == pytest.approx(0.5 / 3 / (0.5 / 3 + 1 / 0.08))  # one of three seen, one false in 0.08 h
+
+
+def test_a_false_alarm_rate_never_stands_without_its_bound_however_narrow_the_terminal():
+    each = [d | {"id": name} for name in ("iotsekf", "learned_convolution") for d in stats.detectors(hand_made())]
+    without = 0
+    for width in range(40, 240, 5):
+        for made, bound in ((tables.detectors(each), "at most"), (tables.quiet(each), "95 % bounds")):
+            console = Console(width=width, record=True, file=io.StringIO())
+            console.print(made)
+            words = console.export_text().split()
+            gone = " ".join(words).partition("left out of")[2].partition(";")[0]
+            without += "false alarm rate" in gone
+            assert bound not in gone, (width, gone)
+    assert without
