@@ -9,6 +9,7 @@ On several machines every worker needs the same version of this package and of i
 when the code is. Rows go through the machine that flies the campaign; nothing is written by a worker.
 """
 
+import json
 import logging
 import math
 import os
@@ -18,12 +19,15 @@ from pathlib import Path
 from typing import Any
 
 from cosim.campaign import CampaignResult, run_many
+from cosim.campaign.manifest import FILE
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.store import CampaignError, fingerprint, flown_with, load
 from cosim.campaign.worker import fly, run_id
 from cosim.errors import did_you_mean, told_at_call
+from cosim.files import replace_text
 from cosim.flight.plugins import with_detectors
 from cosim.scenario.brought import identified
+from cosim.texts import from_json, read
 
 CONNECT_S = 20.0  # to a scheduler, and until it has a worker
 
@@ -58,9 +62,17 @@ def run_campaign(
         "labels": labels,
     }
     if scheduler is None:
-        return run_many(scenarios, workers=workers, **options)
+        return _titled(run_many(scenarios, workers=workers, **options), made.title)
     with cluster(scheduler) as (executor, threads):
-        return run_many(scenarios, executor=executor, workers=workers or threads, **options)
+        return _titled(run_many(scenarios, executor=executor, workers=workers or threads, **options), made.title)
+
+
+def _titled(result, title):
+    """Return the CampaignResult with the campaign's title in its folder's manifest, for pages of it."""
+    path = result.parquet.with_name(FILE)
+    told = from_json(read(path, error=CampaignError), place=str(path), error=CampaignError)
+    replace_text(path, json.dumps(told | {"title": title}, indent=1))
+    return result
 
 
 def _with(scenarios, guests):

@@ -25,6 +25,9 @@ from cosim.judge.result import plain
 from cosim.scenario.brought import identified
 
 
+TITLE = "Aircraft-level against local diagnosis, on the same flights"  # of the built-in matrix
+
+
 class CompareError(CosimError):
     """Something that cannot be compared."""
 
@@ -40,6 +43,7 @@ class Comparison:
     source: str  # where the flights are from, in words
     damaged: tuple[str, ...] = ()  # files of a campaign that are no more whole and were left out
     two: bool = False  # campaigns side by side: each detector stands twice
+    title: str = ""  # of the campaign
     pairs: Sequence[dict] = ()  # cosim.compare.paired.Pair of each detector on the flights that both campaigns have
     report: Path | None = None  # the page, if one was written
     table: Path | None = None  # the Parquet file of the rows, if one was written
@@ -132,7 +136,8 @@ def compare(
         return _side_by_side(paths, guests)
     frame, timing, tomls, source = read(paths, workers=workers, progress=progress, guests=guests)
     rows = _tidy(frame, tomls, source)
-    return Comparison(rows, _each(rows, timing), frame["run"].nunique(), _failed(frame), source, _damaged(frame))
+    each, runs, title = _each(rows, timing), frame["run"].nunique(), compare_rows.title(paths[0]) if paths else TITLE
+    return Comparison(rows, each, runs, _failed(frame), source, _damaged(frame), title=title)
 
 
 def _tidy(frame, tomls, source):
@@ -170,7 +175,7 @@ def _side_by_side(folders, guests):
     source = f"{' and '.join(map(str, folders))}: {told}"
     failed, damaged = sum(map(_failed, frames)), tuple(d for frame in frames for d in _damaged(frame))
     made = _each(rows, pd.concat(times) if times else None)
-    return Comparison(rows, made, rows["run"].nunique(), failed, source, damaged, True, pairs)
+    return Comparison(rows, made, rows["run"].nunique(), failed, source, damaged, True, pairs=pairs)
 
 
 def read(
@@ -202,4 +207,6 @@ def read(
         remedy = "Give logs, one folder, or the folders of two campaigns"
         raise CompareError("is a folder beside other sources", place=str(folders[0]), remedy=remedy)
     frame, tomls = compare_rows.of_logs(paths, progress, own)
-    return frame, None, tomls, f"{len(paths)} log{'s' * (len(paths) != 1)}"
+    again = frame.attrs["again"]
+    told = f"; the same flight again, counted once: {', '.join(again)}" if again else ""
+    return frame, None, tomls, f"{len(paths)} log{'s' * (len(paths) != 1)}{told}"

@@ -22,6 +22,7 @@ r_fault_free                       largest |r| of a fault-free flight; r_fault: 
 estimate_rmse, estimate_unit
 """
 
+import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -38,7 +39,7 @@ from cosim.judge.naming import NOT_GIVEN, outcome
 from cosim.replay import log_schema
 from cosim.replay.guest import tell
 from cosim.scenario import Scenario, parse
-from cosim.texts import toml
+from cosim.texts import from_json, toml
 
 FAMILIES = (
     *("liquid OFC, one segment", "liquid OFC, several", "solid OFC, one segment", "solid OFC, several"),
@@ -135,6 +136,11 @@ def flown(text: str) -> Scenario:
     """Return the Scenario of a run's TOML, its detectors left out: guests need not be known to this process."""
     tables = toml(text, place="scenario")
     return parse({k: v for k, v in tables.items() if k != "detectors"}, place="scenario")
+
+
+def flight(text: str) -> str:
+    """Return what tells a flight from others: a digest of its scenario, from TOML, without the detectors."""
+    return hashlib.sha256(flown(text).expanded_toml().encode()).hexdigest()[:16]
 
 
 def _about(text):
@@ -250,20 +256,25 @@ def of_logs(
 ) -> tuple[pd.DataFrame, dict[str, str]]:
     """Return (rows per lane with the columns of a campaign, {run: TOML}) of logs written by `cosim run`.
 
-    The judgement is made again from what the detectors put out; achieved amplitudes need the flight and its twin flown
+    A flight that several logs hold, whatever detectors flew in it, is one run, and each detector in it counts once, by
+    the first of its logs; `attrs["again"]` of the rows names the others. The judgement is made again from what the detectors put out; achieved amplitudes need the flight and its twin flown
     again, where a fault acts on an elevator; where user files flew they are what the log says. `guests`
     are made guests, run on each flight. Raises LogError.
     """
     from cosim.flight.faults.fault_free_reference import achieved, faulted
     from cosim.replay.recording import LoggedFlight
 
-    rows, tomls = [], {}
+    rows: list[dict] = []
+    tomls: dict[str, str] = {}
+    first: dict[str, tuple[str, str, set]] = {}  # flight -> (run, its first log, detectors that are counted)
+    again: list[str] = []
     for i, path in enumerate(paths):
         flown = LoggedFlight(path, guests)
-        run = run_id(flown.scenario)
-        while run in tomls:  # the same flight twice, or another version's
-            run += "'"
-        tomls[run] = flown.toml
+        key, ids = flight(flown.toml), {lane.id for lane in flown.lanes}
+        run, name, counted = first.setdefault(key, (run_id(flown.scenario), Path(path).name, set()))
+        if run in tomls:
+            again.append(f"{Path(path).name} of {name}")
+        tomls.setdefault(run, flown.toml)
         if all(key.startswith("detectors.") for key in flown.scenario.brought):  # a log never has any code run
             flown.achieved = achieved(flown.scenario) if faulted(flown.scenario) else None
         result = {
@@ -271,12 +282,23 @@ def of_logs(
             "reason": "",
             "sim_time_s": flown.end - flown.t0 + flown.dt,
             "achieved": flown.achieved,
-            "detectors": [lane.entry for lane in flown.lanes],
+            "detectors": [lane.entry for lane in flown.lanes if lane.id not in counted],
         }
-        rows += judged.rows(run, result)
+        if ids - counted or not ids:
+            rows += judged.rows(run, result)
+        counted |= ids
         if progress:
             progress(i + 1, len(paths))
-    return pd.DataFrame(rows), tomls
+    frame = pd.DataFrame(rows)
+    frame.attrs["again"] = again
+    return frame, tomls
+
+
+def title(source: str | Path) -> str:
+    """Return the title of a campaign's folder, as its manifest says it; "" of others."""
+    path = Path(source) / "manifest.json"
+    told = from_json(path.read_bytes(), place=str(path), error=CampaignError) if path.is_file() else {}
+    return str(told.get("title", "")) if isinstance(told, dict) else ""
 
 
 def of_campaign(folder: str | Path) -> tuple:

@@ -5,7 +5,6 @@ are but for the detectors. If any are in both campaigns, only those count, and o
 are not all the same; otherwise everything counts, and nothing is paired.
 """
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -34,10 +33,7 @@ def flights(rows: pd.DataFrame, tomls: Mapping[str, str]) -> pd.DataFrame:
 
     Raises CosimError where two runs are the same flight.
     """
-    named: dict[str, str] = {}
-    for run in rows["run"].unique():
-        flown = compare_rows.flown(tomls[run])
-        named[run] = hashlib.sha256(flown.expanded_toml().encode()).hexdigest()[:16]
+    named = {run: compare_rows.flight(tomls[run]) for run in rows["run"].unique()}
     if len({*named.values()}) < len(named):
         raise CosimError("a flight stands twice: its campaign varies its detectors", place="compare",
                          remedy="Compare campaigns that fly each flight once")  # fmt: skip

@@ -11,7 +11,7 @@ from cosim.compare.rows import FAMILIES
 from cosim.judge.coverage import BLIND, DESIGNED, MAY, UNDECLARED, group
 from cosim.judge.naming import AXIS, CHANNEL, LEVELS, RIGHT, WRONG
 from fdi.common.record import GROUPS
-from fdi.registry import SHIPPED
+from fdi.registry import SHIPPED, find
 
 FREQUENCIES = 8
 HELD = 0.95  # share of the time from the alarm to the fault's end in which an alarm that is held stands
@@ -31,6 +31,7 @@ GROUPED = (
     "delay_s",
     "first",
 )
+FEW = 3  # inputs that are named one by one
 CREDIBLE = 0.5  # a detector that cries in more than half of the fault-free flights tells nothing by alarming
 
 
@@ -202,12 +203,21 @@ def confusion(rows: pd.DataFrame, detector: str) -> pd.DataFrame:
     return pd.crosstab(truth, said)
 
 
+def draws_on(name: str, level: str) -> str:
+    """Return what a detector draws on, in words: of one whose record names no group its inputs, or how many."""
+    own = getattr(find(name.partition(" ")[0]), "inputs", None)  # also of "name (campaign)"
+    if not own or group(name, level) != f"{level} level":
+        return group(name, level)
+    inputs = sorted(set(own.values()))
+    return ", ".join(inputs) if len(inputs) <= FEW else f"{len(inputs)} signals, {level}"
+
+
 def groups(rows: pd.DataFrame) -> dict[str, list[str]]:
     """Return {group: [detectors]}: what detectors draw on, known groups first."""
     level = dict(zip(rows["id"], rows["level"]))
     out: dict = {}
     for name in sorted(level, key=lambda n: (*SHIPPED, n.partition(" ")[0]).index(n.partition(" ")[0])):
-        out.setdefault(group(name, level[name]), []).append(name)
+        out.setdefault(draws_on(name, level[name]), []).append(name)
     return dict(sorted(out.items(), key=lambda item: (*GROUPS, item[0]).index(item[0])))
 
 

@@ -37,7 +37,7 @@ def _free(d: dict) -> Cell | str:
 
 
 NAME = Column("detector", lambda d: Cell(d["id"], "code"), right=False)
-GROUP = Column("draws on", lambda d: d.get("group") or coverage.group(d["id"], d["level"]), rank=5, right=False)
+GROUP = Column("draws on", lambda d: d.get("group") or stats.draws_on(d["id"], d["level"]), rank=5, right=False)
 COUNTS = (
     Column("faults", _count("designed")),
     Column("seen", _count("detected")),

@@ -13,7 +13,7 @@ from cosim.report.compare_words import summary, versus
 from cosim.report.maps import MANY, maps
 from cosim.report.page import PAGE, page, write
 
-TITLES = ("Aircraft-level against local diagnosis, on the same flights", "Two campaigns side by side")
+TITLES = ("Detectors on the same flights", "Two campaigns side by side")
 ROWS = columns("run", "fault")  # the sign of tables of ours
 SIGNS = {"compare.parquet": ROWS, "compare.csv": ROWS, "compare.html": PAGE}
 
@@ -52,7 +52,7 @@ def render(found: Comparison) -> str:
     lost = f"; {found.failed} could not be flown" if found.failed else ""
     return page(
         "compare.html",
-        title=TITLES[found.two],
+        title=found.title or TITLES[found.two],
         subtitle=f"{found.runs} flights, {found.source}; {free} of them fault-free{lost}",
         figures=list(made.values()),
         chips=[(d["id"], d["level"], d["detected"] > 0) for d in each],

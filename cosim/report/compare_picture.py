@@ -4,8 +4,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import escape
 
-from cosim.compare.stats import ALPHA
-from cosim.judge import coverage
+from cosim.compare import stats
 
 # cividis (Nunez, Anderton, Renslow 2018) at eighths: read alike with and without colour vision
 STOPS = ("#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74", "#c3b369", "#fee838")
@@ -40,7 +39,7 @@ def render(rows: pd.DataFrame, thresholds: dict) -> str:
         limit = thresholds.get(name, (None,))[0]
         seen = (own["r_fault"] >= limit).to_numpy(bool) if limit is not None else np.zeros(len(own), bool)
         x, y = LEFT + i % COLUMNS * (WIDE + GAP_X), TOP + i // COLUMNS * (HIGH + GAP_Y)
-        draws_on = coverage.group(name, own["level"].iloc[0])
+        draws_on = stats.draws_on(name, own["level"].iloc[0])
         out += [
             f'<text x="{x}" y="{y - 16}" font-weight="600">{escape(name)}</text>',
             f'<text x="{x}" y="{y - 4}" fill="{MUTED}" font-size="10">{escape(draws_on)}</text>',
@@ -97,7 +96,7 @@ def _key():
         at = (i + 0.5) / (2 * len(STOPS))
         out.append(f'<rect x="{x + i * each}" y="8" width="{each + 0.3}" height="12" fill="{_colour(at)}"/>')
     x += 2 * len(STOPS) * each + 6
-    words = f"1, every detector at the threshold that {ALPHA:.0%} of fault-free flights cross"
+    words = f"1, every detector at the threshold that {stats.ALPHA:.0%} of fault-free flights cross"
     out.append(f'<text x="{x}" y="18" fill="{MUTED}">{words}</text>')
     return out
 

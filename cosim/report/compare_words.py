@@ -1,5 +1,6 @@
 """The plain-language summary of a comparison: which level sees what, how soon, how surely, and where it goes blind."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -69,17 +70,32 @@ def _only(grouped, g):
 
 def _oscillations(sized):
     out: list[str] = []
-    for g in dict.fromkeys(d["group"] for d in sized):
-        own = [d for d in sized if d["group"] == g and d["family"] == "liquid OFC, one segment"]
+    mine = [d for d in sized if d["family"] == "liquid OFC, one segment"]
+    best = {g: min(_needed(d) for d in mine if d["group"] == g) for g in dict.fromkeys(d["group"] for d in mine)}
+    for g in sorted(best, key=lambda g: best[g]):
+        own = [d for d in mine if d["group"] == g]
         told = [f"{number(d['a90_95'], 2)} mm at {d['frequency_hz']:g} Hz" for d in own if d["a90_95"] is not None]
+        told += [f"{d['note']} mm at {d['frequency_hz']:g} Hz" for d in own if d["a90_95"] is None
+                 and _needed(d) < math.inf]  # fmt: skip
         never = [f"{d['frequency_hz']:g}" for d in own if d["n"] and not d["seen"]]
         if never:
             told.append(f"none seen at {listed(never)} Hz")
         if told:
             out.append(g + f": {', '.join(told)}")
     if out:
-        out.insert(0, "a90/95 of a liquid one on one segment, achieved at the rod; the others stand in the table")
+        out.insert(0, "of a liquid one on one segment, achieved at the rod: a90/95, or from where all were seen; the others "
+                      "stand in the table")
     return out
+
+
+def _needed(d):
+    """Return the amplitude [mm] that is enough: a90/95, the upper of two that part seen and missed, 0 where all were
+    seen; inf where the flights do not say."""
+    if d["a90_95"] is not None:
+        return d["a90_95"]
+    if d["note"].startswith("between"):
+        return float(d["note"].split()[-1])
+    return 0.0 if d["note"].startswith("all seen") else math.inf
 
 
 def _blind(grouped):
@@ -144,10 +160,10 @@ def _care(rows, each):
     out: list[str] = []
     runs = rows["run"].nunique()
     if runs < 300:
-        out.append(
-            f"{runs} flights are a look, not a proof: most kinds of fault flew once, at one size. `cosim campaign` "
-            "flies thousands."
-        )
+        flown = rows[rows["case"].notna()].drop_duplicates(["run", "fault"])["case"].value_counts()
+        once = int((flown == 1).sum())
+        told = f": {once} of {len(flown)} kinds of fault flew once" if once else ""
+        out.append(f"{runs} flights are a look, not a proof{told}. `cosim campaign` flies thousands.")
     echo = rows[rows["outcome"] == "echo"]["id"].value_counts()
     if len(echo):
         told = ", ".join(f"{n} {k}" for n, k in echo.items())

@@ -13,6 +13,7 @@ from report_browser import CHROMIUM, use
 
 from cosim.campaign import EVALUATION_SEED, run_many
 from cosim.campaign.inventory import builtin_names
+from cosim.campaign.run import run_campaign
 from cosim.cli.commands import app
 from cosim.compare import CompareError, compare, stats
 from cosim.compare import rows as compare_rows
@@ -78,6 +79,17 @@ def test_logs_give_the_rows_of_a_campaign_of_the_same_flights(flights, logs):
     ):
         np.testing.assert_allclose(flown[column], read[column], rtol=1e-6)
     assert flown["detected"].any() and flown["r_fault_free"].notna().sum() == 3
+
+
+def test_logs_of_one_flight_count_once_each_detector_by_its_first_log(flights, logs, tmp_path):
+    shutil.copy(logs[0], tmp_path / "0.mcap")
+    shutil.copy(logs[0], tmp_path / "1.mcap")
+    more = parse(apply(tomllib.loads(flights[0].expanded_toml()), ["detectors.enabled=['iotsekf','ofc_monitor']"]))
+    simulate(more, log=tmp_path / "2.mcap")
+    found = compare([tmp_path])
+    assert "counted once: 1.mcap of 0.mcap, 2.mcap of 0.mcap" in found.source and found.runs == 1
+    assert sorted(found.rows["id"]) == ["iotsekf", "ofc_monitor", "position_monitor", "rfafe"]
+    assert {d["id"]: d["designed"] for d in found.detectors}["iotsekf"] == 1
 
 
 def test_compare_of_a_folder_of_logs_writes_table_and_report(logs, tmp_path):
@@ -161,6 +173,43 @@ def test_report_compares_one_log_and_many_cells(logs):
     assert "alarms all the time" not in text
     made.detectors[0]["credible"] = False
     assert f"{made.detectors[0]['id']}: alarms all the time and therefore tells nothing" in render(made)
+
+
+def test_the_summary_names_the_best_level_first_and_counts_what_flew_once(logs):
+    found = compare(logs)
+    about = {"family": "liquid OFC, one segment", "frequency_hz": 1.0, "n": 25, "a90_95": None}
+    sized = [about | {"group": "slow", "seen": 20, "a90_95": 3.0, "note": ""},
+             about | {"group": "best", "seen": 25, "note": "all seen from 0.52"},
+             about | {"group": "mute", "seen": 0, "note": "none seen up to 9"}]  # fmt: skip
+    grouped = stats.by_group(found.rows, found.detectors)
+    told = dict(summary(found.rows, found.detectors, grouped, sized))
+    assert [line.split(":")[0] for line in told["Oscillations"][1:]] == ["best", "slow", "mute"]
+    assert "all seen from 0.52 mm at 1 Hz" in told["Oscillations"][1]
+    assert "flew once" not in told["Read with care"][0]  # one kind, two sizes
+    alone = found.rows[found.rows["amplitude_mm"].isna() | (found.rows["amplitude_mm"] > 4.0)]
+    care = summary(alone, found.detectors, grouped, sized)[-1][1]
+    assert "1 of 1 kinds of fault flew once" in care[0]
+
+
+def test_a_campaigns_title_is_that_of_its_page(flights, tmp_path):
+    text = 'title = "Rods of mine"\nbase = "cruise"\n[set]\nduration_s = 2.0\ndetectors.enabled = ["iotsekf"]\n'
+    (tmp_path / "mine.toml").write_text(text)
+    run_campaign(tmp_path / "mine.toml", out=tmp_path / "c", workers=1)
+    found = compare([tmp_path / "c"])
+    assert found.title == "Rods of mine" and "<h1>Rods of mine</h1>" in render(found)
+    run_many(flights[:1], workers=0, out=tmp_path / "d")
+    assert "Aircraft-level" not in render(compare([tmp_path / "d"]))
+
+
+def test_a_users_detector_draws_on_its_inputs(tmp_path, flights):
+    (tmp_path / "own.py").write_text(
+        "import cosim\n@cosim.register\nclass Own:\n    id, level, inputs = 'own_parity', 'local', ('surface', 'rod')\n"
+        "    technologies = ('hydraulic',)\n    def __init__(self, dt): pass\n"
+        "    def update(self, t, y): return {'r': abs(y.rod), 'alarm': False}\n"
+    )
+    simulate(flights[2], log=tmp_path / "0.mcap")
+    rows = compare([tmp_path / "0.mcap"], guests=[tmp_path / "own.py"]).rows
+    assert stats.groups(rows)["rod, surface"] == ["own_parity"]
 
 
 def test_command_prints_one_json_object(logs, tmp_path, capsys):

@@ -39,7 +39,7 @@ def detector(found: Scored, name: str, flights: Sequence[RecordedFlight]) -> dic
     return {
         "id": name,
         "level": whole["level"],
-        "group": coverage.group(name, whole["level"]),
+        "group": stats.draws_on(name, whole["level"]),
         "inputs": sorted(set(record.inputs.values())) if record else [],
         "guest": None if guest is None else {"sha256": guest.sha256},
         "remark": coverage.remark(name),
