@@ -22,7 +22,7 @@ def main() -> None:
         log, page = Path(folder) / "flight.mcap", Path(folder) / "flight.html"
         simulate("liquid-ofc", log=log, achieved=True)
         flight_report(log, page)
-        size = ("--window-size=1200,1170", "--virtual-time-budget=10000", f"--screenshot={PICTURE}")
+        size = ("--window-size=1200,1270", "--virtual-time-budget=10000", f"--screenshot={PICTURE}")
         subprocess.run([CHROMIUM, *FLAGS, *size, page.as_uri()], check=True, capture_output=True, timeout=120)
 
 

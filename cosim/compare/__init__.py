@@ -24,7 +24,6 @@ from cosim.flight.plugins import loaded, with_detectors
 from cosim.judge.result import plain
 from cosim.scenario.brought import identified
 
-
 TITLE = "Aircraft-level against local diagnosis, on the same flights"  # of the built-in matrix
 
 

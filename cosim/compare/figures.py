@@ -124,7 +124,7 @@ def _roc(axes, rows, each, detectors):
 
 
 def _pod(axes, rows, each, detectors):
-    """Draw the fitted curves; return what the legend says, a paragraph each: also of whom there is no curve, and why."""
+    """Draw the fitted curves; return what the legend says, a paragraph each: also who has no curve, and why."""
     every = curves(rows, each, detectors)
     found, without = every.dropna(subset=["pod"]), every[every["pod"].isna()]
     if found.empty:

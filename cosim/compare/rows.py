@@ -257,9 +257,9 @@ def of_logs(
     """Return (rows per lane with the columns of a campaign, {run: TOML}) of logs written by `cosim run`.
 
     A flight that several logs hold, whatever detectors flew in it, is one run, and each detector in it counts once, by
-    the first of its logs; `attrs["again"]` of the rows names the others. The judgement is made again from what the detectors put out; achieved amplitudes need the flight and its twin flown
-    again, where a fault acts on an elevator; where user files flew they are what the log says. `guests`
-    are made guests, run on each flight. Raises LogError.
+    the first of its logs; `attrs["again"]` of the rows names the others. The judgement is made again from what the
+    detectors put out; achieved amplitudes need the flight and its twin flown again, where a fault acts on an elevator;
+    where user files flew they are what the log says. `guests` are made guests, run on each flight. Raises LogError.
     """
     from cosim.flight.faults.fault_free_reference import achieved, faulted
     from cosim.replay.recording import LoggedFlight

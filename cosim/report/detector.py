@@ -8,6 +8,7 @@ from cosim.judge.lanes import SHOWN
 from cosim.replay.recording import Lane, LoggedFlight, words
 from cosim.report.figure import COLOURS, Figure, curve, envelope, least, level, packed, peaks, points
 from cosim.report.flight import panels
+from fdi import registry
 
 FLOOR = 1e-3  # |r| below this is drawn here: a logarithm has no zero
 
@@ -27,7 +28,7 @@ def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure | None:
     if not any(_estimates(lane, main) for lane in mine):
         main = None
     unit, factor = _unit(lanes, main)
-    figure.caption = "" if main else untold
+    figure.caption = _of_what(lanes[0].id, main) if main else untold
     titles = ["Statistic |r|"] + ([f"Estimate {main}"] if main else [])
     panels(flown, figure, titles, ["|r|, threshold 1", unit][: len(titles)], len(titles))
     figure.layout["margin"] |= {"t": 58}
@@ -36,6 +37,14 @@ def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure | None:
     if main:
         _estimate(figure, flown, lanes, main, factor)
     return figure
+
+
+def _of_what(detector, field):
+    """Return what an estimate and its truth are where that is not what was injected into one part, else ""."""
+    own = getattr(registry.find(detector), "estimates", ())
+    said = next((e.of for e in own if e.output == field and e.of.startswith("elevator")), "")
+    side = f"{said.partition('.')[2]} side" if "." in said else "elevator"
+    return f"Estimate and injected truth: mean of the segments of the {side}, not the deflection of one." * bool(said)
 
 
 def _unit(lanes, main):

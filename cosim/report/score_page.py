@@ -39,7 +39,7 @@ def render(found: dict, beside: Sequence[dict] = ()) -> str:
         chips=[(d["id"], d["level"], d["detected"] > 0) for d in each],
         found=found,
         beside=[d["id"] for d in beside],
-        seeds=", ".join(f"{k.replace('_', ' ')} {v}" for k, v in found["seeds"].items()),
+        seeds=", ".join(f"{'seeds of ' * (k == 'digest')}{k.replace('_', ' ')} {v}" for k, v in found["seeds"].items()),
         front=figure,
         detectors=tables.detectors(each, scored=True),
         sizes=tables.scored_sizes(each) if fitted else None,
@@ -77,10 +77,13 @@ def front(each: list[dict]) -> Figure:
     figure.layout["margin"] |= {"l": 150, "b": 44}
     figure.layout["yaxis"] = style_axis(categoryarray=[d["id"] for d in reversed(own)], categoryorder="array")
     figure.layout["xaxis"] = style_axis("faults", domain=[0.0, 0.6], range=[0.0, 1.0], tickformat=".0%")
-    rate = {"type": "log", "dtick": 1, "exponentformat": "none", "domain": [0.66, 1.0], "anchor": "y"}
+    rate = {"type": "log", "domain": [0.66, 1.0], "anchor": "y"}
     bounds = [math.log10(d["false_alarms_per_hour_high"]) for d in own if d["false_alarms_per_hour_high"]]
-    if bounds:  # whole decades, so that one has a tick
-        rate["range"] = [math.floor(min(bounds) - 0.1), math.ceil(max(bounds) + 0.1)]
+    if bounds:
+        low, high = min(bounds) - 0.5, max(bounds) + 0.5  # a decade at least: more than one tick
+        steps = (1, 2, 5) if high - low < 2.0 else (1,)
+        shown = [m * 10.0**k for k in range(-6, 9) for m in steps if low <= math.log10(m * 10.0**k) <= high]
+        rate |= {"range": [low, high], "tickvals": shown, "ticktext": [f"{v:g}" for v in shown]}
     figure.layout["xaxis2"] = style_axis("false alarms per hour, below", **rate)
     for d in own:
         common = {"y": [d["id"]], "meta": {"detector": d["id"]}}

@@ -15,7 +15,8 @@ def timeline(flown: LoggedFlight) -> tuple[Figure, list[dict], list[dict]]:
     hollow, top = ("; hollow bars: false alarms", " The topmost bars: the faults.") if flown.knows_faults else ("", "")
     figure = Figure(
         "timeline",
-        f"Thick bars: alarms, with the last name and when it first came, if later{hollow}. Thin lines: the detector "
+        f"Thick bars: alarms, with the last name and when it first came, if later; of close ones the "
+        f"longest is named{hollow}. Thin lines: the detector "
         f"watches and is quiet; gaps: its estimate is not valid.{top} Click a detector in the bar above to hide it.",
     )
     figure.layout = base(300, legend=False) | {"margin": {"l": 190, "r": 14, "t": 8, "b": 40}, "hovermode": "closest"}
@@ -97,17 +98,21 @@ def _said(lane, verdict, culprit, start, step):
 
 
 def _labels(figure, flown, lane, alarms):
-    """Write the verdict beside its bar, where there is room; at the left edge on the bar itself."""
-    last, room = None, (flown.end - flown.t0) / 8
-    for a, _, said in alarms:
-        if last is not None and a - last < room:
-            continue
+    """Write the verdict beside its bar, of bars without room between them that of the longest; at the left edge on the
+    bar itself."""
+    near: list[list] = []
+    room = (flown.end - flown.t0) / 8
+    for alarm in alarms:
+        if near and alarm[0] - near[-1][0][0] < room:
+            near[-1].append(alarm)
+        else:
+            near.append([alarm])
+    for a, _, said in (max(own, key=lambda alarm: alarm[1] - alarm[0]) for own in near):
         inside = a - flown.t0 < room
         side = {"xanchor": "left", "xshift": 12} if inside else {"xanchor": "right", "xshift": -3}
         look = {"font": {"size": 11, "color": "--ink"}, "bgcolor": "--page", "borderpad": 1}  # watching runs behind it
         told = {"text": said, "x": a, "y": lane.name, "showarrow": False, "detector": lane.id}
         figure.layout["annotations"].append({**told, **side, **look})
-        last = a
 
 
 def _real(flown, lane, step):

@@ -28,8 +28,8 @@ from cosim.judge.probability import UNSAID, log_score
 from cosim.judge.row import rows
 from cosim.replay import benchmark_recording
 from cosim.report import score_report, write_score
+from cosim.report.score_page import front, write_readme
 from cosim.report.score_page import render as scored_page
-from cosim.report.score_page import write_readme
 from cosim.scenario import load_scenario
 from fdi.registry import DEFAULT
 
@@ -297,6 +297,17 @@ def test_a_look_says_of_how_many_flights_and_shows_no_empty_sizes():
     page = scored_page(few)
     assert f"40 of the {table['flights']} flights recorded" in page
     assert "too few for a curve of any family" in page and "Size at which 90 % are seen" not in page
+
+
+def test_rates_within_a_decade_have_more_than_one_tick_and_seeds_are_said_once():
+    table = json.loads(BOARD.read_text())
+    for high in (20.4, 25.0, 0.9):
+        each = [{**d, "false_alarms_per_hour_high": high} for d in table["detectors"]]
+        axis = front(each).layout["xaxis2"]
+        low, top = axis["range"]
+        assert sum(low <= math.log10(v) <= top for v in axis["tickvals"]) >= 3
+    page = scored_page(table | {"of": table["flights"], "seeds": {"seed": 1001, "first_seed": 7}})
+    assert ", seed 1001, first seed 7," in page
 
 
 def test_the_stored_table_stands_beside_flights_of_the_same_code():

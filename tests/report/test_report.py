@@ -115,6 +115,24 @@ def test_the_time_line_tells_when_the_name_came_where_it_came_after_the_alarm(fl
         assert label.endswith(f" from {told['named_at_s']:.2f} s"), label
 
 
+def test_of_close_alarms_the_time_line_names_the_longest_as_the_table_does(flight, page):
+    line = next(f for f in figures(page.read_text(encoding="utf-8")) if f["id"] == "timeline")
+    labels = {a["y"]: a["text"] for a in line["layout"]["annotations"] if a.get("detector") == "ema_kalman"}
+    told = [d for d in flight[1].detectors if d["id"] == "ema_kalman" and d["isolated"]]
+    assert told and all(d["false_alarms"] > 1 for d in told)  # a tick's alarm with another name stands first
+    for d in told:
+        name = d["isolated"]["target"].removeprefix("elevator.").replace("_", " ").replace(".", " | ")
+        lane, sensor = name.split(" | ")
+        assert labels[f"ema_kalman {lane}"].startswith(f"{d['isolated']['class']} {sensor}")
+
+
+def test_an_estimate_of_a_side_or_all_elevators_says_that_it_is_a_mean(page):
+    told = {f["id"]: f for f in figures(page.read_text(encoding="utf-8"))}
+    text = page.read_text("utf-8")
+    assert "d-rfafe" in told and text.count("mean of the segments of the left side, not the deflection of one") == 1
+    assert "mean of the segments" not in text.partition('id="d-iotsekf"')[2].partition("</figure>")[0]
+
+
 def test_lanes_are_judged_as_the_run_judged_them(flight):
     log, result = flight
     lanes = {(lane.id, lane.target): lane.entry for lane in LoggedFlight(log).lanes}
