@@ -249,10 +249,10 @@ def of_logs(
     """Return (rows per lane with the columns of a campaign, {run: TOML}) of logs written by `cosim run`.
 
     The judgement is made again from what the detectors put out; achieved amplitudes need the flight and its twin flown
-    again, where a fault acts on an elevator; where user files flew they are what the log says. `guests`
-    are made guests, run on each flight. Raises LogError.
+    again, where a fault acts on an elevator, without the detectors; where a user's law or actuators flew they are what
+    the log says. `guests` are made guests, run on each flight. Raises LogError.
     """
-    from cosim.flight.faults.fault_free_reference import achieved, faulted
+    from cosim.flight.faults.fault_free_reference import achieved, faulted, unwatched
     from cosim.replay.recording import LoggedFlight
 
     rows, tomls = [], {}
@@ -263,7 +263,8 @@ def of_logs(
             run += "'"
         tomls[run] = flown.toml
         if all(key.startswith("detectors.") for key in flown.scenario.brought):  # a log never has any code run
-            flown.achieved = achieved(flown.scenario) if faulted(flown.scenario) else None
+            bare = unwatched(flown.scenario)  # detectors move nothing
+            flown.achieved = achieved(bare) if faulted(bare) else None
         result = {
             "status": (flown.log.result or {}).get("status", "cut"),
             "reason": "",
