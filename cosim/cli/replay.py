@@ -42,7 +42,9 @@ def replay(
     ] = 0.0,
     map_: Annotated[
         Path | None,
-        typer.Option("--map", metavar="MAP.toml", help="Diagnose a recording, file or folder, by this map (README)."),
+        typer.Option(
+            "--map", metavar="MAP.toml", help="Diagnose a recording, file or folder, by this map of [b]cosim map[/]."
+        ),
     ] = None,
     on_reset: Annotated[
         Literal["split", "offset"] | None,
@@ -54,7 +56,7 @@ def replay(
     output: Annotated[Path | None, output_option("LOG", "Write old and new outputs to a log.")] = None,
     overwrite: OverwriteOption = False,
     live: Annotated[
-        bool, typer.Option("--live", help="Run nothing: show the log in Foxglove, played and scrubbed (README).")
+        bool, typer.Option("--live", help="Run nothing: play and scrub the log in Foxglove, at the address printed.")
     ] = False,
     speed: SpeedOption = None,
     port: PortOption = None,
