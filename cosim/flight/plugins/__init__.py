@@ -133,8 +133,11 @@ def _entry_point(name):
     if name not in found:
         if name in registry.GUESTS:
             return registry.GUESTS[name]
-        what = "no such file" if name.endswith(".py") or os.sep in name else "no such file and no installed detector"
-        raise GuestError(what, place=name, allowed=", ".join(found), remedy=did_you_mean(name, found))
+        path = Path(name)
+        file = path.suffix or os.sep in name
+        beside = [str(path.with_name(p.name)) for p in path.parent.glob("*.py")] if file else []
+        what = "no such file" if file else "no such file and no installed detector"
+        raise GuestError(what, place=name, allowed=", ".join(found), remedy=did_you_mean(name, [*beside, *found]))
     with user_file.guarded(lambda text: GuestError(text, place=name)):
         made = found[name].load()
     return install(_made(made, _source(made)))
