@@ -39,7 +39,7 @@ def inventory() -> dict[str, Any]:
         "faults": [
             _fault(place, target, name, kind) for place, target, kinds in PLACES for name, kind in kinds.items()
         ],
-        "keys": c.KEYS,
+        "keys": {**c.KEYS, "[law]": {", ".join(law.gains()): "gains of the shipped law", **_own_law()}},
         "units": {name: [u.suffix for u in units] for name, units in {**c.SENSORS, **c.ACTUATOR_SENSORS}.items()},
         "targets": {
             "segments": list(c.SEGMENTS),
@@ -78,6 +78,10 @@ def example(name: str) -> str:
             "no example of this name", place=name, allowed=", ".join(known), remedy=did_you_mean(name, known)
         )
     return EXAMPLES.joinpath(f"{name}.py").read_text(encoding="utf-8")
+
+
+def _own_law():
+    return {key: said for key, said in c.KEYS["[law]"].items() if key != "<gain>"}
 
 
 def _sentence(source):

@@ -132,8 +132,9 @@ def margins(
     `progress(done, total)` counts flights; the total falls as axes end. Raises CampaignError for an unknown detector.
     """
     if detector not in registry.SHIPPED:
-        near = did_you_mean(detector, registry.SHIPPED)
-        raise CampaignError(f"{detector!r} is no detector", allowed=", ".join(registry.SHIPPED), remedy=near)
+        own = "One of your own cannot be taken: what it believes is not known"
+        near = own if detector.endswith(".py") else did_you_mean(detector, registry.SHIPPED)
+        raise CampaignError(f"{detector!r} is no detector that ships", allowed=", ".join(registry.SHIPPED), remedy=near)
     broken = fault(detector)
     every = [Axis("nothing", "", (0,), lambda v, k: {}), *axes(detector)]
     out, done = [Margin(a.name, a.unit) for a in every], 0

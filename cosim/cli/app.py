@@ -18,7 +18,7 @@ from typing import Annotated, Any, cast
 import typer
 from rich.console import Console
 from rich.markup import escape
-from typer.core import TyperGroup
+from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from cosim.errors import CosimError, shortened
 from cosim.files import marked, replace_text
@@ -146,7 +146,35 @@ def _line(text):
     return shortened(text.replace("\r", r"\r").replace("\n", r"\n"))
 
 
-app = typer.Typer(
+class _Command(TyperCommand):
+    """A command whose help has whole paragraphs, and no names of Python's types."""
+
+    def __init__(self, *args, **how):
+        super().__init__(*args, **how)
+        self.help = "\n\n".join(" ".join(part.split()) for part in (self.help or "").split("\n\n"))
+
+    def get_params(self, ctx):
+        params = super().get_params(ctx)
+        for param in params:
+            flag = getattr(param, "is_flag", False) or "--help" in param.opts
+            if flag or isinstance(param, TyperArgument):
+                param.display_type_rich = lambda ctx: None
+            elif param.metavar is None and param.display_type(ctx).startswith(("<int", "<float")):
+                param.metavar = "N"
+        return params
+
+    def collect_usage_pieces(self, ctx):
+        return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
+
+
+class _App(typer.Typer):
+    """The commands of the command line, each a _Command."""
+
+    def command(self, name=None, **how):
+        return super().command(name, **{"cls": _Command, **how})
+
+
+app = _App(
     cls=_Group,
     no_args_is_help=True,
     rich_markup_mode="rich",

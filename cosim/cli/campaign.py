@@ -7,6 +7,7 @@ from rich.console import Group
 from rich.text import Text
 
 from cosim.campaign import CampaignResult
+from cosim.cli.tables import whole, word
 from cosim.compare.metrics import MEDIAN, delays, proportion
 from cosim.judge.lanes import seconds
 from cosim.table import Column, Table, number, of, share
@@ -36,7 +37,8 @@ def campaign(result: CampaignResult) -> Group:
     text = f"{result.done} runs: {line}" + (f"; {result.resumed} were there already" if result.resumed else "")
     more = [] if lanes["concerned"].any() or lanes.empty else [nearest(lanes)]
     shown = [] if lanes.empty else [t]
-    return Group(*shown, *more, Text(text), *_told(errors(frame)), Text(f"rows   {result.parquet}"))
+    follows = [] if lanes.empty else [whole(f"next   cosim compare {word(result.parquet.parent)}")]
+    return Group(*shown, *more, Text(text), *_told(errors(frame)), Text(f"rows   {result.parquet}"), *follows)
 
 
 def _detector(level, name, rows):

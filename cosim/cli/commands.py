@@ -58,7 +58,11 @@ def run(
     scenario: ScenarioArg = DEFAULT,
     set_: SetOption = None,
     output: Annotated[
-        Path | None, output_option("LOG", "Log file. Default: logs/<scenario>[+KEY=VALUE…].mcap.")
+        Path | None,
+        output_option(
+            "LOG",
+            "Default: logs/SCENARIO.mcap, of a variant logs/SCENARIO+KEY=VALUE.mcap, with a digest where that is long.",
+        ),
     ] = None,
     overwrite: OverwriteOption = False,
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 when the flight departs.")] = False,

@@ -14,7 +14,7 @@ from cosim.cli.output import JsonOption, WorkersOption
 def margins(
     detector: Annotated[str, typer.Argument(metavar="DETECTOR", help="One that ships.", show_default=False)],
     flights: Annotated[int, typer.Option("--flights", min=1, help="Without a fault, and with one, per rung.")] = 2,
-    markdown: Annotated[bool, typer.Option("--markdown", help="Print the table for a README.")] = False,
+    markdown: Annotated[bool, typer.Option("--markdown", help="Print the table as Markdown.")] = False,
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:
@@ -28,4 +28,5 @@ def margins(
         found = work.margins(detector, flights=flights, workers=workers, progress=progress)
     told = {"detector": detector, "flights": flights, "margins": [dataclasses.asdict(m) for m in found]}
     made = work.table(found)
+    made.title = f"Margins of {detector}"
     answer(json_, told, lambda _: tables.whole(made.markdown()) if markdown else made)

@@ -16,6 +16,7 @@ from cosim.cli.flight import before
 from cosim.cli.output import DetectorOption, JsonOption, OverwriteOption, output_option, reserve
 from cosim.cli.tables import progress as bar
 from cosim.cli.tables import whole
+from cosim.errors import LogError
 from cosim.files import LEFT
 from cosim.table import DASH, Table
 
@@ -41,7 +42,9 @@ def replay(
     ] = 0.0,
     map_: Annotated[
         Path | None,
-        typer.Option("--map", metavar="MAP.toml", help="Diagnose a recording, file or folder, by this map (README)."),
+        typer.Option(
+            "--map", metavar="MAP.toml", help="Diagnose a recording, file or folder, by this map of [b]cosim map[/]."
+        ),
     ] = None,
     on_reset: Annotated[
         Literal["split", "offset"] | None,
@@ -53,7 +56,7 @@ def replay(
     output: Annotated[Path | None, output_option("LOG", "Write old and new outputs to a log.")] = None,
     overwrite: OverwriteOption = False,
     live: Annotated[
-        bool, typer.Option("--live", help="Run nothing: show the log in Foxglove, played and scrubbed (README).")
+        bool, typer.Option("--live", help="Run nothing: play and scrub the log in Foxglove, at the address printed.")
     ] = False,
     speed: SpeedOption = None,
     port: PortOption = None,
@@ -124,11 +127,16 @@ def _attached(log, folder):
     from cosim.replay import log_schema
     from cosim.scenario import attached
     from cosim.scenario.brought import places
+    from cosim.scenario.user_file import meant
 
     found = open_log(log)
     tables = log_schema.scenario_tables(found)
     missing = attached.write(tables, found.attachments, folder)
     own = [at for at in places(tables) if at.name.startswith("detectors.") and at.name not in missing]
+    for at in own:
+        if not meant(folder / at.table[at.key], str(at.table.get(at.digest, ""))):
+            said = "what is attached is not the code that flew: its digest differs, or a large file is not attached"
+            raise LogError(said, place=f"{log}: {at.name}", remedy="Give it by --detector")
     return [folder / at.table[at.key] for at in own]
 
 

@@ -147,7 +147,7 @@ def train(
     tune: Annotated[
         list[str] | None, typer.Option(metavar="FIELD=LOW:HIGH", help="Search this number; store nothing.")
     ] = None,
-    campaign: Annotated[str, typer.Option(help="With --tune: whose flights.")] = "aircraft-faults",
+    campaign: Annotated[str, typer.Option(metavar="CAMPAIGN", help="With --tune: whose flights.")] = "aircraft-faults",
     false_alarms: Annotated[float, typer.Option(min=0.0, help="With --tune: at most, per valid hour.")] = 0.0,
     flights: Annotated[int, typer.Option(min=2, help="With --tune: faulty ones, and as many without.")] = 24,
     first_seed: Annotated[

@@ -22,6 +22,7 @@ r_fault_free                       largest |r| of a fault-free flight; r_fault: 
 estimate_rmse, estimate_unit
 """
 
+import contextlib
 import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -258,10 +259,10 @@ def of_logs(
 
     A flight that several logs hold, whatever detectors flew in it, is one run, and each detector in it counts once, by
     the first of its logs; `attrs["again"]` of the rows names the others. The judgement is made again from what the
-    detectors put out; achieved amplitudes need the flight and its twin flown again, where a fault acts on an elevator;
-    where user files flew they are what the log says. `guests` are made guests, run on each flight. Raises LogError.
+    detectors put out; achieved amplitudes need the flight and its twin flown again, where a fault acts on an elevator,
+    without the detectors; where user files flew they are what the log says. `guests` are made guests, run on each flight. Raises LogError.
     """
-    from cosim.flight.faults.fault_free_reference import achieved, faulted
+    from cosim.flight.faults.fault_free_reference import achieved, faulted, unwatched
     from cosim.replay.recording import LoggedFlight
 
     rows: list[dict] = []
@@ -276,7 +277,8 @@ def of_logs(
             again.append(f"{Path(path).name} of {name}")
         tomls.setdefault(run, flown.toml)
         if all(key.startswith("detectors.") for key in flown.scenario.brought):  # a log never has any code run
-            flown.achieved = achieved(flown.scenario) if faulted(flown.scenario) else None
+            bare = unwatched(flown.scenario)  # detectors move nothing
+            flown.achieved = achieved(bare) if faulted(bare) else None
         result = {
             "status": (flown.log.result or {}).get("status", "cut"),
             "reason": "",
@@ -295,9 +297,10 @@ def of_logs(
 
 
 def title(source: str | Path) -> str:
-    """Return the title of a campaign's folder, as its manifest says it; "" of others."""
-    path = Path(source) / "manifest.json"
-    told = from_json(path.read_bytes(), place=str(path), error=CampaignError) if path.is_file() else {}
+    """Return the title of a campaign's folder, as its manifest says it; "" of others, or where that is damaged."""
+    path, told = Path(source) / "manifest.json", None
+    with contextlib.suppress(CampaignError):
+        told = from_json(path.read_bytes(), place=str(path), error=CampaignError) if path.is_file() else None
     return str(told.get("title", "")) if isinstance(told, dict) else ""
 
 

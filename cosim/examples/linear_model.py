@@ -10,8 +10,8 @@ for mode in model.modes:
     print(f"{mode.name:13} {mode.wn:7.4f} rad/s, damping {mode.zeta:6.3f}")
 
 # the short period alone: angle of attack and pitch rate, all four elevator segments together
-A, B, C, D = model.block(["alpha", "q"], ["de_lo", "de_li", "de_ri", "de_ro"], ["q", "nz"])
-airframe = control.ss(A, B.sum(axis=1, keepdims=True), C, D.sum(axis=1, keepdims=True))
+elevators = ["de_lo", "de_li", "de_ri", "de_ro"]
+airframe = model.to_control(["alpha", "q"], elevators, ["q", "nz"]) * np.ones((len(elevators), 1))
 print(control.poles(airframe))
 
 # an elevator as a lag of 0.1 s, 0.1 s of delay, and pitch rate fed back

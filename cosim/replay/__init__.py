@@ -134,7 +134,8 @@ def replay(
     given = loaded(guests)
     check_start(start_s)
     if str(path).lower().endswith((".csv", ".parquet")):
-        raise ReplayError("is a table, no log", place=str(path), remedy="--map says which columns detectors read")
+        remedy = f"`cosim map {path}` drafts the map of its columns that --map takes"
+        raise ReplayError("is a table, no log", place=str(path), remedy=remedy)
     log = open_log(path)
     entries = manifest(log)
     flew = {d["id"] for d in entries}

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from cosim.errors import Mistakes, ScenarioError
 from cosim.scenario.aircraft import ships
-from cosim.scenario.user_file import AGREE, CHANGED, UserFile, found, identity
+from cosim.scenario.user_file import AGREE, CHANGED, UserFile, found, identity, meant
 from fdi.registry import GUESTS
 
 SHA256 = "sha256"
@@ -74,8 +74,10 @@ def identified(scenario: Any) -> Any:
         where = f"{at.name} = {at.table[at.key]}"
         if not flies(scenario, at) or _known(at):
             continue
-        sha256 = identity(at.table[at.key], functools.partial(ScenarioError, place=where)).sha256
-        if at.table.get(at.digest, sha256) != sha256:
+        wanted = at.table.get(at.digest)
+        agrees = wanted is None or meant(at.table[at.key], wanted)  # before a line of it is run
+        sha256 = identity(at.table[at.key], functools.partial(ScenarioError, place=where)).sha256 if agrees else ""
+        if sha256 != (wanted or sha256):
             raise ScenarioError(CHANGED, place=where, remedy=AGREE)
         stamped[at.name.rpartition(".")[0]] = {at.digest: sha256}
     if not stamped:

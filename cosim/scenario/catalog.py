@@ -240,6 +240,11 @@ def sensor_kinds(units: Iterable[Unit]) -> dict[str, Kind]:
 
 KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers stand in its Kind
     "[flight], at the start": {
+        "aircraft": "one that ships, or a folder with aircraft.toml",
+        "mass_t": "mass [t], within the aircraft's envelope",
+        "cg_pct": "centre of gravity, % of the mean chord, aft +",
+        "altitude_ft": "pressure altitude [ft]",
+        "cas_kt": "calibrated airspeed [kt]; or mach, or tas_kt, the true one [kt]",
         "climb_fpm": "vertical speed, descent -; or gamma_deg, the angle of the path; left out: level",
         "bank_deg": "of a steady turn, right +; or turn_deg_s, the rate of the heading; left out: straight",
     },

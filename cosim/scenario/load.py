@@ -31,6 +31,9 @@ WORDS = {  # what pydantic calls by the names of Python
 }
 
 
+NUMBERS = tuple(f"{kind}_{what}" for kind in ("float", "int", "bool") for what in ("type", "parsing"))  # of a text
+
+
 def builtin_names() -> list[str]:
     """Return the names of the built-in scenarios, sorted."""
     return sorted(
@@ -177,11 +180,11 @@ def _said(one, table, root):
     else:
         problem, allowed = problem.removeprefix("Input ").removeprefix("should"), _range(field)
         problem = "is out of range" if "than" in one["type"] else WORDS.get(one["type"], f"must{problem}")
-    value = "" if one["type"] == "missing" else _value(table, loc)
+    value = "" if one["type"] == "missing" else _value(table, loc, one["type"])
     return ".".join(loc), value, problem, allowed, remedy
 
 
-def _value(table, loc):
+def _value(table, loc, wrong):
     for part in ".".join(loc).split("."):
         try:
             table = table[int(part)] if isinstance(table, list) else table[part]
@@ -189,6 +192,8 @@ def _value(table, loc):
             return ""
     if isinstance(table, bool):
         table = str(table).lower()  # as TOML spells it
+    if isinstance(table, str) and wrong in NUMBERS:
+        table = f'"{table}"'  # what is wrong are its quotes
     return "" if isinstance(table, dict | list) else f" = {str(table)[:60]}"
 
 

@@ -6,7 +6,8 @@ class CLASS:
 
     id, level, technologies = "NAME", "local", ("hydraulic",)
     inputs = ("rod", "surface")  # of this actuator; `cosim list signals` has every word
-    designed_for = ("rod", "surface")  # kinds of fault; what is not declared is called so
+    designed_for = ("rod", "surface")  # faults of these sensors; or kinds of fault: `cosim list faults`
+    blind = ("ofc_liquid", "ofc_solid")  # what it cannot see; or a text: why it sees nothing else
     culprits = ("rod", "surface")
 
     def __init__(self, dt, arm=0.30, threshold=0.004, confirm_s=0.1):  # set in a scenario: detectors.NAME.threshold

@@ -56,3 +56,25 @@ def test_a_campaign_is_told_from_a_scenario(command, tmp_path):
     (tmp_path / "small.toml").write_text('base = "cruise"\n[set]\nduration_s = 1.0\n')
     found = CliRunner().invoke(cli.app, [command, str(tmp_path / "small.toml")])
     assert found.exit_code == 2 and "cosim campaign" in found.stderr and found.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["margins", "cmdtrack.py"], "One of your own cannot be taken"),
+        (["check", "lqr.pyy"], "lqr.pyy: no such file. Did you mean 'lqr.py'?"),
+        (["replay", "fdr.csv"], "`cosim map fdr.csv` drafts the map of its columns that --map takes"),
+        (["run", "cruise", "-s", "duration_s='10'"], 'duration_s = "10": must be a valid number'),
+    ],
+)
+def test_a_mistake_points_on(words, told, tmp_path, monkeypatch):
+    for name in ("lqr.py", "fdr.csv"):
+        (tmp_path / name).write_text("t,alpha\n")
+    monkeypatch.chdir(tmp_path)
+    found = CliRunner().invoke(cli.app, words, prog_name="cosim")
+    assert found.exit_code == 2 and told in found.stderr
+
+
+def test_keys_name_the_flight_point_and_the_gains_of_the_law():
+    said = CliRunner().invoke(cli.app, ["list", "keys", "--json"]).stdout
+    assert all(word in said for word in ("mass_t", "cg_pct", "altitude_ft", "cas_kt", "k_nz"))

@@ -1,6 +1,7 @@
 """User-supplied detectors: they fly beside ours, are logged, replayed and judged, and can hurt nobody."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,12 @@ from cosim.campaign.run import run_campaign
 from cosim.cli import commands as cli
 from cosim.compare import compare
 from cosim.errors import CosimError, ScenarioError
+from cosim.flight import plugins
 from cosim.flight.plugins import load, with_detectors
 from cosim.log import open_log
 from cosim.replay import log_schema, replay
 from cosim.report import flight_report
+from cosim.scenario import user_file
 from cosim.scenario.brought import identified
 from fdi import registry
 
@@ -299,3 +302,57 @@ def test_machine_code_of_a_block_is_that_of_its_neighbours_too(tmp_path):
     (tmp_path / "another.py").write_text("")
     names = {file.name for file in closure((tmp_path / "own.py").resolve())}
     assert {"own.py", "gains_of_mine.py", "block.py"} <= names and "another.py" not in names
+
+
+def test_a_folder_of_logs_is_judged_without_the_file_that_its_flights_name(flight, parity, tmp_path, monkeypatch):
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    shutil.copy(flight[0], folder)
+    for name in ("parity.py", BLOCK.name):  # what the log names lies here, and is another
+        (tmp_path / name).write_text("raise SystemExit('it ran')")
+    monkeypatch.chdir(tmp_path)
+    for command in ("report", "compare"):
+        done = CliRunner().invoke(cli.app, [command, str(folder), "--json"])
+        assert done.exit_code == 0 and "runs code" not in done.stderr, done.output
+    rows = compare([folder]).rows
+    assert {"parity", "template"} <= set(rows["id"]) and rows.set_index("id").loc["parity", "detected"]
+
+
+def test_another_file_than_a_scenario_means_is_not_run(parity, tmp_path, monkeypatch):
+    (tmp_path / "parity.py").write_text(parity.read_text())
+    flown = identified(with_detectors(cosim.load_scenario("cruise", SHORT), [tmp_path / "parity.py"]))
+    registry.GUESTS.clear()
+    (tmp_path / "parity.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w').close()\n" + parity.read_text())
+    for fly in (identified, plugins.use):
+        with pytest.raises(CosimError, match="its digest differs"):
+            fly(flown)
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "from near import X",
+        "from pack.part import X",
+        "from pathlib import Path\nX = [p.read_text() for p in sorted(Path(__file__).parent.glob('*.csv'))]",
+        "from pathlib import Path\nX = Path(__file__).with_name('one.csv').read_text()",
+        "from pathlib import Path\nfiles = ['data/late.bin']",
+        "def later():\n    import near",
+    ],
+)
+def test_a_digest_is_compared_before_the_file_is_run(source, tmp_path):
+    for name in ("near.py", "pack/__init__.py", "pack/part.py", "one.csv", "two.csv", "data/late.bin", "other.txt"):
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("X = 1\n")
+    file = tmp_path / "own.py"
+    file.write_text(source)
+    _, other = user_file.load(file), tmp_path / "elsewhere"
+    sha256 = user_file.identity(file).sha256
+    shutil.copytree(tmp_path, other)  # where it has not been loaded
+    assert user_file.meant(other / "own.py", sha256)
+    for part in user_file.load(file).files:
+        held = (other / part.relative_to(tmp_path)).read_text()
+        (other / part.relative_to(tmp_path)).write_text(held + "\n")
+        assert not user_file.meant(other / "own.py", sha256), part
+        (other / part.relative_to(tmp_path)).write_text(held)

@@ -1,16 +1,21 @@
 """What a guest keeps: `cosim check` asks it, `cosim new` writes it, a class that does not is refused."""
 
+import itertools
+import re
 import runpy
+import time
 import timeit
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import cosim
 from cosim.errors import CosimError
 from cosim.flight.build import build
-from cosim.flight.plugins import with_detectors
-from cosim.flight.plugins.check import check
+from cosim.flight.detection.detector_context import site
+from cosim.flight.plugins import load, with_detectors
+from cosim.flight.plugins.check import _costs, check
 from cosim.flight.plugins.contract import record
 from cosim.judge import coverage
 from cosim.judge.naming import outcome
@@ -145,6 +150,15 @@ def test_what_a_guest_declares_is_expected_and_the_rest_is_not_declared():
     assert outcome("own", "engine", seen=True, class_="right", place="right") == "named"
     assert outcome("own", "engine", seen=False) == "quiet" and outcome("own", "rudder", seen=True) == "bonus"
     assert (own.estimates[0].of, own.estimates[0].unit) == ("rod", "m")
+
+
+def test_the_longest_step_is_never_shorter_than_the_mean(monkeypatch):
+    """Both are of the same passes: where every step takes 5 us, both are 5 us."""
+    guest, ticks, clock = load(BLOCK), 40, itertools.accumulate(itertools.chain([5e-6] * 240, itertools.repeat(1e-3)))
+    monkeypatch.setattr(time, "perf_counter", lambda: next(clock))
+    said = _costs(guest, np.zeros((1, ticks), guest.INPUTS), guest.DETECTOR.fit(site(0.005, "left_inner", {})), 0.005)
+    mean, longest = map(float, re.search(r"^([\d.]+) us a step.*longest step ([\d.]+) us", said["answer"]).groups())
+    assert mean == longest == pytest.approx(5.0, abs=0.01)
 
 
 def test_a_guest_that_does_nothing_costs_little(tmp_path):

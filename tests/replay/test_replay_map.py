@@ -288,7 +288,7 @@ def test_a_recording_that_does_not_fit_is_refused_and_a_late_command_is_told(sig
         ('alpha = { channel = "AOA" }', ("no channel 'AOA'", "AOA_DEG")),
         ('alpha = { channel = "AOA_DEG", unit = "kt" }', ("signals.alpha.unit", "rad, deg")),
         ('alpha = { channel = "AOA_DEG", units = "deg" }', ("unknown key", "signals.alpha.units")),
-        ('alpha = { channel = "AOA_DEG", scale = "x" }', ("signals.alpha.scale = x", "must be a valid number")),
+        ('alpha = { channel = "AOA_DEG", scale = "x" }', ('signals.alpha.scale = "x"', "must be a valid number")),
         ("alpha = 3", ("signals.alpha = 3", "must be a table")),
         ('alpha = { unit = "deg" }', ("channel or a constant",)),
         ("alpha = { constant = 0.1 }", ("no signal has a channel",)),

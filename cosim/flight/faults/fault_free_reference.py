@@ -159,10 +159,15 @@ def _keep(key, value):
         _positions.popitem(last=False)
 
 
+def unwatched(scenario: Scenario) -> Scenario:
+    """Return `scenario` without detectors but those in the loop: nothing of a user's detectors is run to fly it."""
+    own = {name: t for name, t in (scenario.detectors.model_extra or {}).items() if "file" not in t}
+    return scenario.model_copy(update={"detectors": type(scenario.detectors)(enabled=(), **own)})
+
+
 def _quiet(scenario):
     """Return the scenario without faults, and without detectors but those in the loop."""
-    quiet = scenario.detectors.model_copy(update={"enabled": ()})
-    return scenario.model_copy(update={"title": "", "faults": (), "detectors": quiet})
+    return unwatched(scenario).model_copy(update={"title": "", "faults": ()})
 
 
 def _without_faults(scenario):

@@ -93,13 +93,16 @@ def use(scenario: Scenario) -> None:
                 _entry_point(name)
             continue
         guest, place = registry.GUESTS.get(name), f"detectors.{name}.file = {table['file']}"
-        wanted = table.get("sha256")
+        wanted, remedy = table.get("sha256"), "Load the scenario again, or remove its sha256"
+        changed = GuestError(user_file.CHANGED, place=place, remedy=remedy)
         if guest is None or (wanted and guest.sha256 != wanted):
+            if wanted and not user_file.meant(table["file"], wanted):
+                raise changed
             guest = load(table["file"])
         if guest.DETECTOR.id != name:
             raise GuestError(f"holds the detector {guest.DETECTOR.id!r}", place=place, allowed=f"one with id {name!r}")
         if wanted and guest.sha256 != wanted:
-            raise GuestError(user_file.CHANGED, place=place, remedy="Load the scenario again, or remove its sha256")
+            raise changed
 
 
 def with_detectors(scenario: Scenario, files: Iterable[str | os.PathLike]) -> Scenario:
@@ -130,8 +133,11 @@ def _entry_point(name):
     if name not in found:
         if name in registry.GUESTS:
             return registry.GUESTS[name]
-        what = "no such file" if name.endswith(".py") or os.sep in name else "no such file and no installed detector"
-        raise GuestError(what, place=name, allowed=", ".join(found), remedy=did_you_mean(name, found))
+        path = Path(name)
+        file = path.suffix or os.sep in name
+        beside = [str(path.with_name(p.name)) for p in path.parent.glob("*.py")] if file else []
+        what = "no such file" if file else "no such file and no installed detector"
+        raise GuestError(what, place=name, allowed=", ".join(found), remedy=did_you_mean(name, [*beside, *found]))
     with user_file.guarded(lambda text: GuestError(text, place=name)):
         made = found[name].load()
     return install(_made(made, _source(made)))

