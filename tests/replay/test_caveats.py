@@ -124,6 +124,7 @@ class Stub:
         OUTPUTS = ("r", "alarm", "valid", "why")
 
     class record:
+        range: dict = {}
         any_aircraft = True
 
     def target(self, lane):
