@@ -10,7 +10,7 @@ the filter (`response`). They meet the gain's column only, the last one, so that
 import math
 
 from actuators.block import kernel
-from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SENSORS, SOFT, SUPPLY, N
+from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SENSORS, SETTLES_S, SOFT, SUPPLY, N
 from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, PAIRS, WAVES, gather
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
@@ -19,7 +19,6 @@ NOISE_ROD, NOISE_SURFACE, NOISE_PRESSURE, PAIR, OFF_PRESSURE = range(13, 18)
 HYPOTHESES = 18
 NU = 50.0
 NOISE_LEAST = 0.05  # of the sensors' variance: one that reports no noise at all is not that good
-SETTLES_S = 1.0  # the filter settles; what is learned then starts the windows [s]
 APART = 0.1  # least share of the gain's column that no oscillation explains: responses are those of rest
 WHITE = 0.3  # noise is not correlated more from tick to tick
 LEAST = 3.0  # Q is no less than noise leaves, by so many sigma
@@ -365,6 +364,10 @@ def evaluate(x, p, o):
     sd = p.sine_sd[2]
     d = J + 1.0 / (sd * sd)
     give(x, PAIR, Q0 - b * b / d, logdet0 + math.log(d * sd * sd), n, base)
+    q, P = x.h_hat[0], x.h_lever_P  # less that of a lever not known better
+    known = max(P[0] + q * (2.0 * P[1] + q * P[2]), 1e-300)
+    d = J + 1.0 / known
+    x.ev[PAIR] -= max(logarithm(Q0 - b * b / d, n) - 0.5 * (logdet0 + math.log(d * known)) - base, 0.0)
     # beside an oscillation the other errors stand as they were learned: only the gain's signature meets its columns
     J, r = x.JJ[at(GAIN, GAIN)], x.bb[GAIN]
     pivot2_health = J + 1.0 / (x.sd[GAIN] * x.sd[GAIN])

@@ -36,7 +36,11 @@ N = 10  # columns
 ROWS = (0, 0, 2)  # state that each sensor reads
 CORNER_HZ, CORNER_MOST = 25.0, 0.3  # an oscillation of up to 10 Hz stays below; share of the rate
 CREEP = 3e-3  # friction turns round within this velocity [m/s]
-RIGGING_TAU = 20.0  # lag of the rigging [s]
+RIGGING_SD, LEVER_SD = 5e-3, 3e-3  # of the rigging [m] and of the lever's length, a machined one [1]
+FOREIGN = 3.5  # sigma beyond which a sample teaches nothing of them
+# random walks of the two: an offset is followed over 20 s as sensors of `transport` show it
+RIGGING_WALK, LEVER_WALK = 2.6e-13, 1e-12  # [m^2/s], [1/s]
+SETTLES_S = 1.0  # the filter settles [s]
 RATE_TAU = 0.1  # for so long a fast load or flow leaves the model in doubt [s]
 GATE = 25.0  # of an innovation: beyond so many sigma of a healthy one a sample counts for no more
 
@@ -59,8 +63,9 @@ STATE = [
     ("load_last", "f8", "-"),  # load by the hinge-moment model, one tick ago
     ("load_rate2", "f8", "1/s^2"),  # its squared rate, lagged
     ("flow2", "f8", "m^2/s^2"),  # squared flow, lagged
-    ("h_rigging", "f8", "m"),  # learned rod - arm surface
-    ("h_rigging_time", "f8", "s"),  # so far learned on
+    ("h_rigging", "f8", "m"),  # learned: rod - arm surface at the middle,
+    ("h_lever", "f8", "-"),  # and per rod: by how much the lever is longer
+    ("h_lever_P", "f8", (3,)),  # their variances, the second their covariance
     ("u_fast", "f8", "-"),  # valve command behind a high-pass
     ("high", "f8", (2,)),  # of the high-pass
     ("h_clock", "f8", "s"),  # since the start
@@ -112,6 +117,8 @@ def start(x, q, dp, u, p):
     x.load_last = load_model(x, u, p)
     x.load_rate2 = x.flow2 = 0.0
     x.h_lost = x.h_lost_dp = 0.0
+    x.h_rigging = x.h_lever = x.h_lever_P[1] = 0.0
+    x.h_lever_P[0], x.h_lever_P[2] = RIGGING_SD * RIGGING_SD, LEVER_SD * LEVER_SD
     x.h_started = 1.0
 
 
@@ -157,6 +164,22 @@ def measure(x, j, y, mu, p):
 
 
 @kernel
+def fit_lever(x, apart, p, dt):
+    """Learn rigging and lever from how far rod and surface are `apart` [m]: a Kalman filter of two constants."""
+    q, P = x.h_hat[0], x.h_lever_P
+    a, b = P[0] + q * P[1], P[1] + q * P[2]
+    s = a + q * b + p.h_r[ROD] + p.h_r[SURFACE]
+    e = (apart - x.h_rigging - q * x.h_lever) / s
+    if e * e * s > FOREIGN * FOREIGN:  # of a fault, not of the lever
+        return
+    x.h_rigging += a * e
+    x.h_lever += b * e
+    P[0] += RIGGING_WALK * dt - a * a / s
+    P[1] -= a * b / s
+    P[2] += LEVER_WALK * dt - b * b / s
+
+
+@kernel
 def measurement_update(x, u, mu, learn, p, dt):
     """Take what is valid of rod, surface and pressure."""
     for j in range(SENSORS):
@@ -170,13 +193,10 @@ def measurement_update(x, u, mu, learn, p, dt):
         x.h_lost = 0.0
     if surface:
         y = p.arm * u.y_surface
-        if rod and x.h_rigging_time < 1.0:
-            x.h_rigging_time += dt
-            x.h_rigging += (u.y_rod - y - x.h_rigging) * dt / x.h_rigging_time
-        elif rod and learn:
-            x.h_rigging += (u.y_rod - y - x.h_rigging) * dt / RIGGING_TAU
-        if x.h_rigging_time > 0.0:
-            measure(x, SURFACE, y + x.h_rigging, mu, p)
+        if rod and (learn or x.h_clock < SETTLES_S):
+            fit_lever(x, u.y_rod - y, p, dt)
+        if x.h_lever_P[0] < RIGGING_SD * RIGGING_SD:
+            measure(x, SURFACE, y + x.h_rigging + x.h_lever * x.h_hat[0], mu, p)
             x.h_lost = 0.0
     if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp):
         measure(x, PRESSURE, u.y_dp, mu, p)

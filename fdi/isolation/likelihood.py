@@ -126,7 +126,7 @@ def listen(x, u, p, suspicious, dt):
     x.ev_octave, x.ended = -1.0, 0.0
     if p.asks < 0.5 or not filter.advance(x, u, x.mu, x.since > QUIET_S and x.alarm < 0.5, p, dt):
         return
-    if x.h_clock < evidence.SETTLES_S:
+    if x.h_clock < filter.SETTLES_S:
         return
     x.since += dt
     x.speaks_timer = max(x.speaks_timer - dt, 0.0)

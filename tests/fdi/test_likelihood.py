@@ -78,6 +78,17 @@ def test_without_a_fault_it_is_silent_valid_and_learns_the_valves_gain():
     assert np.abs(learned - 0.04).max() < 0.03
 
 
+def test_a_longer_lever_is_learned_and_no_evidence_of_rod_and_surface_apart():
+    """Of .3 % of 40 mm 120 um come, which is ten times what noise leaves of the mean of a window."""
+    made = scenario(duration=26.0, seed=77_100_002, flight={"turbulence": "light"},
+                    manoeuvre={"kind": "aoa_protection", "start_s": 12.0}, tolerances={"hydraulic": {"arm": 1.003}},
+                    detectors={"enabled": ["iotsekf"]})  # fmt: skip
+    watched = [f"iotsekf.left_inner.{name}" for name in ("alarm", "h_lever", "evidence")]
+    log = fly(made, watched)
+    assert log[watched[0]].max() == 0.0 and log[watched[2]].max() < 0.9
+    assert log[watched[1]].iloc[-1] == pytest.approx(0.003, abs=0.0003)
+
+
 def test_a_lost_pressure_ends_the_judgement_and_a_frozen_one_is_named():
     lost, frozen = flown()[:1].copy(), flown()[:1].copy()
     k = int(ONSET / DT)

@@ -34,7 +34,7 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
         },
         "iotsekf flight_load2": {
             "bank_threshold": 0.00589227, "slow_threshold": 0.000642376, "run_threshold": 0.00511357,
-            "sum_threshold": 0.0049102, "limit": 5.29456,
+            "sum_threshold": 0.0049102, "limit": 5.74697,
         },
         "rtsekf flight_load0": {
             "threshold": 0.0267695, "step": 0.00657689,
