@@ -2,7 +2,6 @@
 
 import contextlib
 import itertools
-import re
 import tempfile
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -237,7 +236,8 @@ def _detection(rows, changed):
     from cosim.judge.lanes import part, seconds
 
     t = Table("Detection, as logged and as replayed", "detector", "watches", "at, s>", "now, s>", "isolated", "now",
-              "false alarms>", "now>", keys=2)  # fmt: skip
+              "false alarms>", "now>", keys=2,
+              caption="left of each `now` what the log holds, under `now` what this build finds")  # fmt: skip
     for r in (r for r in rows if not changed or r["id"] in changed):
         old, new = r["logged"], r["replayed"]
         was = (seconds(old["detected_at_s"]), _isolated(old), old["false_alarms"]) if old else (
@@ -270,6 +270,8 @@ def diagnosis(found: dict[str, Any]) -> Group:
 
 def _not_run(rows, named):
     """Return what lacks signals: of segments that the map names nothing of a word, of the others what is missing."""
+    from cosim.replay.map_signals import in_map
+
     lack = Table("Not run", "detector", "watches", "signals that the map lacks")
     away: dict[str, list] = {}
     for r in rows:
@@ -277,7 +279,7 @@ def _not_run(rows, named):
         if lane != "aircraft" and lane not in named:
             away.setdefault(lane, []).append(r["id"])
             continue
-        words = list(dict.fromkeys(re.sub(r"\.(hm0|hmd)$", ".hinge_moment", word) for word in r["missing"]))
+        words = in_map(r["missing"])
         shown = words[:MISSING]
         more = f" and {len(words) - MISSING} more" if len(words) > MISSING else ""
         lack.add(r["id"], lane.replace("_", " "), ", ".join(shown) + more)

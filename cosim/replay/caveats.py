@@ -6,11 +6,16 @@ from typing import Any
 import numpy as np
 
 from cosim.replay.detector_replay import output_names
+from cosim.replay.units import bare, factors
 from fdi import registry
 from fdi.common import why as reason
 
 TOLD_S = 1.0  # shorter times out of range are not told
 DECIDES_S = 2.0  # that a detector may take to decide, beside the time until it is ready
+NEARLY = 0.9  # of the samples
+ASKED = {"deg": "degrees", "rad": "radians", "deg/s": "degrees per second", "rad/s": "radians per second",
+         "m": "metres", "ft": "feet", "m/s": "metres per second", "kt": "knots", "ft/s": "feet per second",
+         "km/h": "kilometres per hour", "ft/min": "feet per minute", "g": "g", "m/s2": "m/s2"}  # fmt: skip
 MOST = 0.5  # an alarm that stands for this share of the valid time so far, at any moment, speaks against the model
 
 
@@ -18,8 +23,32 @@ def caveats(made: Any, done: list) -> list[str]:
     """Return sentences about the lanes that ran on the Prepared recording `made` (cosim/replay/map.py),
     [(detector, lane, inputs, outputs (n, fields))]; times are the recording's."""
     m, aircraft = made.map, made.scenario.aircraft
-    own = _designs(m, aircraft, done)
+    own = [*_units(made, done), *_designs(m, aircraft, done)]
     return [*own, *_mass(aircraft, made.values), *_dead(m, made), *_proxies(m, done), *_lanes(done, made.dt, made.t_0)]
+
+
+def _units(made, done):
+    """Ask for the unit of a signal that is out of a detector's range nearly all along, and would not be in another."""
+    out: dict[str, list[str]] = {}
+    for d in {d.id: d for d, *_ in done}.values():
+        for word, (low, high) in d.record.range.items():
+            y = made.values[word][0] if word in made.values else np.empty(0)
+            y, signal = y[np.isfinite(y)], made.map.signals.get(word)
+            if not len(y) or not signal.channel or np.mean((y < low) | (y > high)) < NEARLY:
+                continue
+            si = made.sources[word].unit
+            units = factors(si)
+            own = bare(signal.unit or si)
+            raw = (y - signal.offset) / units[own]  # as the channel has it
+            fits = [u for u, f in units.items() if u != own and ASKED.get(u) and np.mean(
+                (raw * f + signal.offset >= low) & (raw * f + signal.offset <= high)) >= NEARLY]  # fmt: skip
+            if fits:
+                shown = next(u for u in ("deg", "deg/s", si) if u in units)
+                a, b = np.percentile(y, (1.0, 99.0))
+                spans = [f"{a / units[u]:.3g} to {b / units[u]:.3g} {u}" for u in dict.fromkeys((own, shown))]
+                asked = " or ".join(ASKED[u] for u in fits)
+                out.setdefault(f"{word} {' is '.join(spans)}, out of range: is it in {asked}?", []).append(d.id)
+    return [f"{', '.join(names)}: {text}" for text, names in out.items()]
 
 
 def _mass(aircraft, values):

@@ -27,6 +27,7 @@ from cosim.replay.map_signals import (
     channels_of,
     check,
     derived,
+    in_map,
     named,
     sampled,
     shares,
@@ -38,6 +39,7 @@ from cosim.replay.params import ReplayError, check_start, chosen_overrides, over
 from cosim.scenario import parse, vocabulary
 from cosim.scenario.brought import locate
 
+NEAREST = 4  # detectors of which it is said what they lack
 MOST_TICKS = 4_000_000  # five and a half hours at 200 Hz: all inputs of a recording are in memory
 
 
@@ -166,13 +168,32 @@ def diagnose(
     odd = [text for frame in made.tables.values() for text in frame.attrs.get("oddities", ())]
     done, out.not_run = run_all(made, overrides or {})
     if not done:
-        lacking = "; ".join(f"{r['id']} of {r['target']}: {', '.join(r['missing'])}" for r in out.not_run[:4])
-        raise ReplayError("no detector has all its inputs", place=str(map_path), remedy=f"Missing: {lacking}")
+        remedy = _nearest(out.not_run, m.signals)
+        raise ReplayError("no detector has all its inputs", place=str(map_path), remedy=remedy)
     out.detectors = [_verdict(d, lane, again, dt, t_0) for d, lane, _, again in done]
     out.caveats = odd + slow(sources, made.channels, dt) + caveats(made, done)
     if output:
         _write(output, done, out, made.text, dt)
     return out
+
+
+def _nearest(not_run: list, signals: Mapping[str, Any]) -> str:
+    """Return what the detectors lack that need the fewest signals more, each on the segment that needs the fewest."""
+    best: dict[str, tuple[int, bool, str, str]] = {}
+    named = {name.partition(".")[0] for name in signals}
+    for r in not_run:
+        lacks = in_map(r["missing"])
+        alone = ", and with it this one runs" if len(lacks) == 1 else ""
+        away = r["target"].removeprefix("elevator.") not in named
+        row = (len(lacks), away, r["id"], f"{r['id']} of {r['target']}: {', '.join(lacks)}{alone}")
+        best[r["id"]] = min(best.get(r["id"], row), row, key=lambda row: row[:2])
+    near = sorted(best.values(), key=lambda row: row[0])[:NEAREST]
+    told = f"Missing: {'; '.join(text for *_, text in near)}"
+    base = next((name for name in ("cas", "mach") if name in signals), "cas")
+    if any("tas" in r["missing"] for r in not_run if any(r["id"] == name for *_, name, _ in near)):
+        needs = "" if {base, "h_baro"} <= signals.keys() else ", where the map has them"
+        told += f'. tas = {{ speed_of = "{base}" }} makes tas of {base} and h_baro in the standard atmosphere{needs}'
+    return told
 
 
 def run_all(made: Prepared, overrides: Mapping[str, Any], only: str = "") -> tuple[list, list]:

@@ -70,6 +70,7 @@ class Signal(BaseModel):
     constant: float | None = None
     derivative_of: str | None = None  # signal of the map whose rate of change it is (cosim/replay/map_signals.py)
     path_of: Literal["theta"] | None = None  # attitude less the angle of the path
+    speed_of: Literal["cas", "mach"] | None = None  # true airspeed by it and h_baro
     absent: bool = False  # no channel of the recording holds it: the detectors read a sensor that is lost all along
     unit: str | None = None  # default: the signal's SI unit
     scale: float = 1.0
@@ -84,7 +85,7 @@ class Signal(BaseModel):
 
     @model_validator(mode="after")
     def _one(self):
-        given = (self.channel, self.constant, self.derivative_of, self.path_of, self.absent or None)
+        given = (self.channel, self.constant, self.derivative_of, self.path_of, self.speed_of, self.absent or None)
         if sum(value is not None for value in given) != 1:
             raise ValueError("needs either a channel or a constant, or what it is derived from")
         return self
@@ -93,7 +94,13 @@ class Signal(BaseModel):
     def stands_on(self) -> str:
         """Return what it is in truth where it only stands for the signal, "" where it is the signal."""
         rate = f"the rate of change of {self.derivative_of}" if self.derivative_of else ""
-        return self.proxy or rate or ("attitude less the angle of the path" if self.path_of else "")
+        speed = f"{self.speed_of} and h_baro in the standard atmosphere" if self.speed_of else ""
+        return self.proxy or rate or speed or ("attitude less the angle of the path" if self.path_of else "")
+
+    @property
+    def made(self) -> bool:
+        """Tell whether it is made from other signals of the map, in SI."""
+        return bool(self.derivative_of or self.path_of or self.speed_of)
 
     def factor(self, si: str, shares: Mapping[str, float] | None = None) -> float:
         """Return what a number of the channel is multiplied with for the SI unit `si`. Raises KeyError."""

@@ -15,6 +15,10 @@ CLEAR = 2.0  # so many times worse is the next best that says something else
 LEVELS = np.arange(-500.0, 15001.0, 250.0)[:, None]  # altitudes of a file that has none [m]
 SPAN_S = 0.5  # over which an angle's change is compared with its rate: a sample's noise is small beside it
 MOST_G = 9.0  # of a manned or small aircraft
+MOST_OFF = 0.12  # rad between attitude less angle of attack and the path: the vane's error and the wind are smaller
+# g per rad of angle of attack: 1 g at stall's 0.3 rad, sixteen times as much at four times the speed
+LIFT = (2.5, 80.0)
+PITCHING = (0.35, 15.0)  # 1/s2, pitch acceleration per angle of the elevator: large transports to small jets
 GRAVITY = {"g": 1.0, "m/s2": 1.0 / G0, "ft/s2": M_PER_FT / G0}
 
 
@@ -55,17 +59,70 @@ def _error(data, h, units):
     (levels, 1) of which the best counts at each sample."""
     if not (np.abs(h) < 25e3).all():
         return np.inf
-    kelvin = np.maximum(288.15 - 0.0065 * h, 216.65)
+    kelvin = _kelvin(h)
     mach, errors = data["mach"], []
     if "tas" in units:
         errors.append(data["tas"] * SPEEDS[units["tas"]] / (mach * 20.0468 * np.sqrt(kelvin)) - 1.0)
     if "cas" in units:
-        static = (kelvin / 288.15) ** 5.25588 * np.exp(-np.maximum(h - 11000.0, 0.0) / 6341.62)
-        impact = static * ((1.0 + 0.2 * mach * mach) ** 3.5 - 1.0)
+        impact = _static(h) * ((1.0 + 0.2 * mach * mach) ** 3.5 - 1.0)
         asked = 340.294 * np.sqrt(5.0 * ((1.0 + impact) ** (2.0 / 7.0) - 1.0))
         errors.append(data["cas"] * SPEEDS[units["cas"]] / asked - 1.0)
     worst = np.max(np.abs(errors), axis=0)
     return float(np.median(worst if worst.ndim == 1 else worst.min(axis=0)))
+
+
+def airspeed(h: np.ndarray, *, cas: np.ndarray | None = None, mach: np.ndarray | None = None) -> np.ndarray:
+    """Return the true airspeed [m/s] of a calibrated one [m/s] or a Mach number at the pressure altitude `h` [m] in the
+    standard atmosphere."""
+    if mach is None:
+        impact = (1.0 + 0.2 * (np.asarray(cas) / 340.294) ** 2) ** 3.5 - 1.0
+        mach = np.sqrt(5.0 * ((1.0 + impact / _static(h)) ** (2.0 / 7.0) - 1.0))
+    return mach * 20.0468 * np.sqrt(_kelvin(h))
+
+
+def _kelvin(h):
+    return np.maximum(288.15 - 0.0065 * h, 216.65)
+
+
+def _static(h):
+    """Return the standard atmosphere's pressure over that at sea level."""
+    return (_kelvin(h) / 288.15) ** 5.25588 * np.exp(-np.maximum(h - 11000.0, 0.0) / 6341.62)
+
+
+def path_units(t: np.ndarray, theta: np.ndarray, alpha: np.ndarray, path: np.ndarray) -> list[tuple[str, str]]:
+    """Return the units (of theta, of alpha) that theta - alpha = `path`, the climb angle [rad] of level wings, allows;
+    all four where it says nothing."""
+    units = {"rad": 1.0, "deg": RAD_PER_DEG}
+    both = list(itertools.product(units, units))
+    theta, alpha, path = (_slow(t, y) for y in (theta, alpha, path))
+    good = np.isfinite(theta) & np.isfinite(alpha) & np.isfinite(path)
+    if good.sum() < 20:
+        return both
+    theta, alpha, path = theta[good], alpha[good], path[good]
+    off = {(a, b): float(np.sqrt(np.mean((theta * units[a] - alpha * units[b] - path) ** 2))) for a, b in both}
+    left = [u for u in both if off[u] < MOST_OFF]
+    slope, r = _line(theta - alpha, path) or (0.0, 0.0)
+    same = _nearest(slope, units, 0.5, 2.0) if r >= 0.8 else ""
+    return [u for u in left if u == (same, same)] or left or both
+
+
+def lift_unit(alpha: np.ndarray, n_z: np.ndarray) -> str:
+    """Return the unit of an angle of attack by the lift, n_z [g], that it makes; "" where none is proved."""
+    slope, r = _line(_smooth(alpha), _smooth(n_z)) or (0.0, 0.0)
+    low, high = LIFT
+    return _nearest(slope, {"rad": 1.0, "deg": RAD_PER_DEG}, low, high) if r >= 0.6 else ""
+
+
+def turn_unit(t: np.ndarray, q: np.ndarray, speed: np.ndarray, n_z: np.ndarray | None) -> str:
+    """Return the unit of a pitch rate by the load V q / g that it makes at the airspeed `speed` [m/s], beside n_z [g];
+    "" where none is proved."""
+    per = float(np.nanmedian(speed)) / G0 if np.isfinite(speed).any() else 0.0
+    if np.nanpercentile(np.abs(q), 99.0) * per > MOST_G:
+        return "deg/s"
+    if n_z is None or len(t) < 50 or per < 1.0:
+        return ""
+    slope, r = _line(_slow(t, q), _slow(t, n_z)) or (0.0, 0.0)
+    return _nearest(slope, {"rad/s": per, "deg/s": per * RAD_PER_DEG}, 0.4, 2.5) if r >= 0.6 else ""
 
 
 def gravity(y: np.ndarray) -> tuple[str, int, float, str, bool] | None:
@@ -116,20 +173,29 @@ def attitude_unit(t: np.ndarray, theta: np.ndarray, n_x: np.ndarray, speed: np.n
     if len(t) < 50 or not (np.diff(t) > 0.0).all():
         return ""
     left = n_x - np.gradient(_smooth(_smooth(speed)), t) / G0
-    n = max(1, int(2.0 / max(float(np.median(np.diff(t))), 1e-3)))
-    slope, r = _line(*(np.convolve(y, np.ones(n) / n, "valid") for y in (theta, left))) or (0.0, 0.0)
+    slope, r = _line(_slow(t, theta), _slow(t, left)) or (0.0, 0.0)
     return _nearest(slope, {"rad": 1.0, "deg": RAD_PER_DEG}, 0.5, 2.0) if r >= 0.8 else ""
 
 
-def elevator_sign(t: np.ndarray, de: np.ndarray, q: np.ndarray) -> float:
-    """Return the correlation of a deflection with the pitch acceleration: negative where trailing edge down is +."""
+def elevator(t: np.ndarray, de: np.ndarray, q: np.ndarray) -> tuple[float, float]:
+    """Return (slope, correlation) of the pitch acceleration over a deflection, without what is slow; negative where
+    trailing edge down is +."""
     a, b = _smooth(_derivative(t, q)), _smooth(de)
     a, b = (y[np.isfinite(a) & np.isfinite(b)] for y in (a, b))
     if len(a) < 20:
-        return 0.0
+        return 0.0, 0.0
     slow = max(3, int(4.0 / max(float(np.median(np.diff(t))), 1e-3)))
     b = b - np.convolve(np.pad(b, slow, mode="edge"), np.ones(2 * slow + 1) / (2 * slow + 1), "valid")
-    return correlation(a, b)
+    return _line(b, a) or (0.0, 0.0)
+
+
+def elevator_unit(slope: float, r: float) -> str:
+    """Return the unit of a deflection by the pitch acceleration [rad/s2] that one of it makes, `slope`, and their
+    correlation `r`; "" where none is proved."""
+    low, high = PITCHING
+    if abs(r) < 0.3 or not slope:
+        return ""
+    return _nearest(abs(slope), {"rad": 1.0, "deg": RAD_PER_DEG}, low, high)
 
 
 def correlation(a: np.ndarray, b: np.ndarray) -> float:
@@ -153,6 +219,12 @@ def _nearest(slope, units, low, high):
 
 def _derivative(t, y):
     return np.gradient(y, t) if len(t) > 20 and (np.diff(t) > 0.0).all() else np.zeros(len(t))
+
+
+def _slow(t, y):
+    """Return the mean over two seconds, without what the ends lack."""
+    n = max(1, int(2.0 / max(float(np.median(np.diff(t))), 1e-3)))
+    return np.convolve(y, np.ones(n) / n, "valid") if n < len(y) else np.empty(0)
 
 
 def _smooth(y):

@@ -4,12 +4,14 @@ Signals that no channel holds are made from those that the map has:
 
     hdot = { derivative_of = "h_baro" }
     alpha_ground = { path_of = "theta" }     # theta less the angle of the path, by hdot, tas and phi
+    tas = { speed_of = "cas" }               # or "mach": with h_baro, in the standard atmosphere
 
 A rate is the central difference of the channel's own samples: late by nothing, and noisier than a measurement. The
 angle solves hdot / V = sin(theta) cos(alpha) - cos(theta) cos(phi) sin(alpha), without sideslip; V is the airspeed, so
-that the wind is in it. Both are proxies, and the report says so.
+that the wind is in it. All are proxies, and the report says so.
 """
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,7 @@ from cosim.errors import did_you_mean
 from cosim.flight.detection.detectors import wires
 from cosim.replay import clock
 from cosim.replay.map_file import Signal as Mapped
+from cosim.replay.map_physics import airspeed
 from cosim.replay.params import ReplayError
 from cosim.replay.units import PER, bare, factors
 from cosim.scenario import Scenario
@@ -43,6 +46,11 @@ def with_hinge(m: Any) -> Any:
             raise ReplayError(f"stands beside {both[0]}", place=f"signals.{name}", remedy="Give one of the two")
         signals |= {f"{lane}.hm0": signals.pop(name), f"{lane}.hmd": Mapped(constant=0.0)}
     return m.model_copy(update={"signals": signals})
+
+
+def in_map(words: Sequence[str]) -> list[str]:
+    """Return the signals that a map may give for those that detectors read: `hinge_moment` for hm0 and hmd."""
+    return list(dict.fromkeys(re.sub(r"\.(hm0|hmd)$", HINGE, word) for word in words))
 
 
 def shares(scenario: Scenario, name: str, signal: Signal) -> dict[str, float]:
@@ -137,6 +145,11 @@ def derived(m: Any, channels: dict, place: Any) -> dict:
     for name in [name for name, s in m.signals.items() if s.derivative_of]:
         t, y = _si(m, out, name, m.signals[name].derivative_of, place)
         out[name] = t, _rate(t, y), None
+    for name, s in m.signals.items():
+        if s.speed_of:
+            t, y = _si(m, out, name, s.speed_of, place)
+            h = np.interp(t, *_si(m, out, name, "h_baro", place))
+            out[name] = t, airspeed(h, **{s.speed_of: y}), None
     for name in [name for name, s in m.signals.items() if s.path_of]:
         out[name] = *_path(m, out, name, place), None
     return out
@@ -223,7 +236,7 @@ def sampled(
     if channel is None:
         return np.full(n, signal.constant), np.ones(n)
     t, y, flags = channel
-    factor = 1.0 if signal.derivative_of or signal.path_of else signal.factor(source.unit, shares)
+    factor = 1.0 if signal.made else signal.factor(source.unit, shares)
     y = y if factor == 1.0 else factor * y
     y = y if signal.offset == 0.0 else y + signal.offset
     linear = (signal.resample or ("linear" if source.kind in ("sensor", "model") else "hold")) == "linear"

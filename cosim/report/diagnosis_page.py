@@ -10,6 +10,7 @@ import numpy as np
 from cosim.errors import LogError
 from cosim.judge.lanes import SHOWN, verdicts
 from cosim.log import open_log
+from cosim.replay.map_signals import in_map
 from cosim.replay.recording import Lane, LoggedFlight, words
 from cosim.report.detector import detector
 from cosim.report.figure import Figure, curve, least
@@ -45,7 +46,7 @@ class Watched:
         told = {n: json.loads((self.log.result or {}).get(n, "[]")) for n in ("detectors", "caveats", "not_run")}
         self.verdicts = {(v["id"], v["target"]): v for v in told["detectors"]}
         self.caveats = list(map(str, told["caveats"]))
-        self.lacking = [f"{row['id']} of {words(row['target'])} lacks {', '.join(row['missing'])}"
+        self.lacking = [f"{row['id']} of {words(row['target'])} lacks {', '.join(in_map(row['missing']))}"
                         for row in told["not_run"]]  # fmt: skip
         lanes = (self._lane(n) for n in names if n.startswith(REPLAYED))
         self.lanes = sorted(lanes, key=lambda lane: lane.level != "aircraft")
@@ -61,7 +62,7 @@ class Watched:
         return Lane(name, level, lane, target, getattr(module, "culprits", ()), info.every, fields, entry, units)
 
     def inputs(self) -> dict[str, tuple[str, np.ndarray]]:
-        """Return {signal: (unit, samples)} of what was read, each once."""
+        """Return {signal, by its name in a map: (unit, samples)} of what was read, each once."""
         out: dict[str, tuple[str, np.ndarray]] = {}
         for topic, rows in self._arrays.items():
             if topic.startswith(INPUT):
@@ -70,7 +71,7 @@ class Watched:
                 for field, unit, y in zip(self.log.topics[topic].fields, self.log.topics[topic].units, rows.T):
                     if field in own:
                         local = vocabulary.words()[own[field]].technologies
-                        out.setdefault(f"{words(lane)} {own[field]}" if local else own[field], (unit, y))
+                        out.setdefault(f"{lane}.{own[field]}" if local else own[field], (unit, y))
         return out
 
 
@@ -95,7 +96,7 @@ def diagnosis_report(log: str | Path, output: str | Path, *, light: bool = False
             summary=_summary(watched),
             line=line,
             lanes=verdicts(list(watched.verdicts.values())),
-            detectors=[(own[i], f"{i}: {getattr(registry.find(i), 'summary', '')}") for i in ids],
+            detectors=[(own[i], f"{i}: {_summary_of(i)}") for i in ids],
             read=read,
             caveats=watched.caveats,
             lacking=watched.lacking,
@@ -108,6 +109,16 @@ def diagnosis_report(log: str | Path, output: str | Path, *, light: bool = False
             light=light,
         ),
     )
+
+
+def _summary_of(name: str) -> str:
+    """Return what a detector is; where its record says that it is "the same" as the one before it, with that one."""
+    known = list(registry.SHIPPED)
+    said = getattr(registry.find(name), "summary", "")
+    before = known[known.index(name) - 1] if name in known[1:] else ""
+    if not before or not said.startswith("the same"):
+        return said
+    return said.replace("the same", f"as {before} ({registry.record(before).summary}),", 1)
 
 
 def _summary(watched: Watched) -> list[tuple[str, list[Any]]]:

@@ -1,7 +1,7 @@
 """What a diagnosis says beside its verdicts: other aircraft, proxies, derived signals, no finite number."""
 
 import re
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -124,7 +124,7 @@ class Stub:
         OUTPUTS = ("r", "alarm", "valid", "why")
 
     class record:
-        any_aircraft = True
+        any_aircraft, range = True, MappingProxyType({})
 
     def target(self, lane):
         return "aircraft"

@@ -327,10 +327,10 @@ def test_the_page_of_a_diagnosis_shows_verdicts_and_what_was_read(signals, tmp_p
     made = CliRunner().invoke(cli.app, ["report", str(out), "--json"])
     assert made.exit_code == 0, made.stderr
     page = Path(json.loads(made.stdout)["report"]).read_text()
-    assert "diagnosis of bench.csv" in page and "What they read" in page and "left inner rod" in page
+    assert "diagnosis of bench.csv" in page and "What they read" in page and "left_inner.rod" in page
     assert all(f'data-detector="{d["id"]}"' in page for d in told.detectors)
     assert "false alarm" not in page[: page.index("<script")]
     assert told.not_run and f"{told.not_run[0]['id']} of " in page
     watched = Watched(out)
     assert watched.caveats == told.caveats != [] and all(text in unescape(page) for text in told.caveats)
-    assert watched.inputs()["left inner rod"][0] == "m" and len(watched.lanes) == len(told.detectors)
+    assert watched.inputs()["left_inner.rod"][0] == "m" and len(watched.lanes) == len(told.detectors)
