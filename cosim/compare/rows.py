@@ -260,7 +260,8 @@ def of_logs(
     A flight that several logs hold, whatever detectors flew in it, is one run, and each detector in it counts once, by
     the first of its logs; `attrs["again"]` of the rows names the others. The judgement is made again from what the
     detectors put out; achieved amplitudes need the flight and its twin flown again, where a fault acts on an elevator,
-    without the detectors; where user files flew they are what the log says. `guests` are made guests, run on each flight. Raises LogError.
+    without the detectors; where user files flew they are what the log says. `guests` are made guests, run on each
+    flight. Raises LogError.
     """
     from cosim.flight.faults.fault_free_reference import achieved, faulted, unwatched
     from cosim.replay.recording import LoggedFlight

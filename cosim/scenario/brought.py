@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from cosim.errors import Mistakes, ScenarioError
 from cosim.scenario.aircraft import ships
-from cosim.scenario.user_file import AGREE, CHANGED, UserFile, found, identity, meant
+from cosim.scenario.user_file import AGREE, CHANGED, UserFile, found, identity
 from fdi.registry import GUESTS
 
 SHA256 = "sha256"
@@ -75,9 +75,8 @@ def identified(scenario: Any) -> Any:
         if not flies(scenario, at) or _known(at):
             continue
         wanted = at.table.get(at.digest)
-        agrees = wanted is None or meant(at.table[at.key], wanted)  # before a line of it is run
-        sha256 = identity(at.table[at.key], functools.partial(ScenarioError, place=where)).sha256 if agrees else ""
-        if sha256 != (wanted or sha256):
+        sha256 = identity(at.table[at.key], functools.partial(ScenarioError, place=where)).sha256
+        if wanted not in (None, sha256):
             raise ScenarioError(CHANGED, place=where, remedy=AGREE)
         stamped[at.name.rpartition(".")[0]] = {at.digest: sha256}
     if not stamped:

@@ -3,8 +3,8 @@
 A detector, law or actuator in Python, an FMU, a folder with an aircraft. The digest of a Python file is that of the
 file, of every module that it imports from beside it, and of every file that it opens while it is loaded, or names in a
 list `files` at its top: what another library opens past Python, or what is opened later, must stand there. Name and
-digest say which file is meant; the path says only where it lies on this machine. A digest that is known is compared
-before the file is run (`meant`).
+digest say which file is meant; the path says only where it lies on this machine. `replay --trust`
+compares the digest before it runs the file (`meant`).
 """
 
 import ast

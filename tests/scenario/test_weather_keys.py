@@ -39,7 +39,7 @@ def test_weather_of_every_kind_is_read_set_and_a_fixed_point(tmp_path):
     [
         (["flight.wind_kt=-5"], ["flight.wind_kt = -5", "is out of range", "0 to 250"]),
         (["flight.wind_from_deg=361"], ["flight.wind_from_deg = 361", "0 to 360"]),
-        (["flight.shear_kt_1000ft=fast"], ["flight.shear_kt_1000ft = fast", "valid number"]),
+        (["flight.shear_kt_1000ft=fast"], ['flight.shear_kt_1000ft = "fast"', "valid number"]),
         (["flight.gusts.0.start_s=3"], ["flight.gusts.0.speed_fps", "is missing"]),
         ([*GUST, "flight.gusts.0.speed_fps=200"], ["flight.gusts.0.speed_fps = 200", "-150 to 150"]),
         ([*GUST, "flight.gusts.0.gradient_ft=1"], ["flight.gusts.0.gradient_ft = 1", "10 to 10000"]),
