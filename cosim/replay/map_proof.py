@@ -1,7 +1,9 @@
 """What the columns of a recording prove of one another's units and signs, by cosim/replay/map_physics.py; a signal of
 which two units remain possible does not fly."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -56,35 +58,38 @@ class Guess:
 class Proof:
     """Guesses {signal: Guess} beside the columns {channel: samples} and their times, which prove them."""
 
-    def __init__(self, taken, columns, clocks, lane):
+    def __init__(self, taken: Mapping[str, Guess], columns: Mapping, clocks: Mapping, lane: str):
         self.out, self.columns, self.clocks, self.lane = dict(taken), columns, clocks, lane
 
-    def y(self, name):
+    def y(self, name: str) -> Any:
+        """Return the samples of a signal, in its channel's unit."""
         return self.columns[self.out[name].channel]
 
-    def t(self, name):
+    def t(self, name: str) -> Any:
+        """Return their times [s]."""
         return self.clocks[self.out[name].channel]
 
-    def si(self, name, unit):
+    def si(self, name: str, unit: str) -> Any:
         """Return the samples of a signal in the SI unit that is named."""
         return self.y(name) * factors(unit).get(self.out[name].unit, 1.0)
 
-    def beside(self, *names):
+    def beside(self, *names: str) -> bool:
         """Tell whether all signals are there, of as many samples."""
         return all(n in self.out for n in names) and len({len(self.y(n)) for n in names}) == 1
 
-    def set(self, name, **changes):
+    def set(self, name: str, **changes: Any) -> None:
+        """Change what is guessed of a signal."""
         self.out[name] = replace(self.out[name], **changes)
 
-    def prove(self, name, why, **changes):
-        """Take a unit or a sign for proved; where the name of the channel says another unit, say so."""
+    def prove(self, name: str, why: str, **changes: Any) -> bool:
+        """Take a unit or a sign for proved; where the name of the channel says another unit, say so and return True."""
         old = self.out[name]
         lies = old.named and changes.get("unit", old.unit) != old.unit
         why += f", though its name says {old.unit}" if lies else ""
         self.set(name, fit=1.0, proof=True, open=False, why=why, **changes)
         return lies
 
-    def proved(self):
+    def proved(self) -> dict[str, Guess]:
         """Return the guesses with the units and signs that the numbers prove; a deflection stands for a command."""
         out = self.out
         moved, lane = out.pop("deflection", None), self.lane
