@@ -142,7 +142,7 @@ def test_the_benchmark_resumes_scores_and_repeats(recordings, tmp_path, monkeypa
     readme = tmp_path / "README.md"
     readme.write_text("<!-- score: begin -->\n<!-- score: end -->\n")
     write_readme(found, readme)
-    assert "| `rough` | rod, valve_command, surface | " in readme.read_text(encoding="utf-8")
+    assert "| `rough` | rod, surface, valve_command | " in readme.read_text(encoding="utf-8")
     other = json.loads(table.read_text())
     other["detectors"][0]["families"][0]["flights"] = 99
     assert differences(other, found, ["iotsekf"]) == ["iotsekf: families[0].flights = 99 stored, 1 here"]
