@@ -157,9 +157,10 @@ class _Command(TyperCommand):
         params = super().get_params(ctx)
         for param in params:
             flag = getattr(param, "is_flag", False) or "--help" in param.opts
+            kind = getattr(param, "display_type", None)
             if flag or isinstance(param, TyperArgument):
-                param.display_type_rich = lambda ctx: None
-            elif param.metavar is None and param.display_type(ctx).startswith(("<int", "<float")):
+                vars(param)["display_type_rich"] = lambda ctx: None
+            elif param.metavar is None and kind and kind(ctx).startswith(("<int", "<float")):
                 param.metavar = "N"
         return params
 

@@ -37,7 +37,8 @@ def campaign(result: CampaignResult) -> Group:
     text = f"{result.done} runs: {line}" + (f"; {result.resumed} were there already" if result.resumed else "")
     more = [] if lanes["concerned"].any() or lanes.empty else [nearest(lanes)]
     shown = [] if lanes.empty else [t]
-    follows = [] if lanes.empty else [whole(f"next   cosim compare {word(result.parquet.parent)}")]
+    at = None if lanes.empty else result.parquet
+    follows = [whole(f"next   cosim compare {word(at.parent)}")] if at else []
     return Group(*shown, *more, Text(text), *_told(errors(frame)), Text(f"rows   {result.parquet}"), *follows)
 
 

@@ -190,8 +190,8 @@ class Proof:
         climb = self.si("hdot", "m/s") if "hdot" in out and out["hdot"].flies else None
         if climb is None and "h_baro" in out and out["h_baro"].flies and (np.diff(self.t("h_baro")) > 0.0).all():
             climb = np.gradient(self.si("h_baro", "m"), self.t("h_baro"))
-        pair = self.beside("theta", "alpha") and speed is not None and climb is not None
-        if pair and len(speed) == len(climb) == len(self.y("theta")):
+        pair = self.beside("theta", "alpha")
+        if pair and speed is not None and climb is not None and len(speed) == len(climb) == len(self.y("theta")):
             with np.errstate(divide="ignore", invalid="ignore"):
                 path = np.arcsin(np.clip(climb / speed, -1.0, 1.0))
             left = physics.path_units(self.t("theta"), self.y("theta"), self.y("alpha"), path)
@@ -228,7 +228,7 @@ class Proof:
                 self.set(name, unit=g.unit.replace("deg", "rad"), why=f"{g.why}, but another's name is wrong here")
 
 
-def speed_from(out: dict[str, Guess]) -> str:
+def speed_from(out: Mapping[str, Guess]) -> str:
     """Return which of the signals {name: Guess} gives the true airspeed beside the altitude, "" for none of them."""
     if "h_baro" not in out or not out["h_baro"].flies:
         return ""

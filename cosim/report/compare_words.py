@@ -83,8 +83,8 @@ def _oscillations(sized):
         if told:
             out.append(g + f": {', '.join(told)}")
     if out:
-        told = "a90/95, or from where all were seen; the others stand in the table"
-        out.insert(0, f"of a liquid one on one segment, achieved at the rod: {told}")
+        about = "a90/95, or from where all were seen; the others stand in the table"
+        out.insert(0, f"of a liquid one on one segment, achieved at the rod: {about}")
     return out
 
 

@@ -228,9 +228,9 @@ def fly(
         s["hm0"], s["hmd"] = HM0, hmd
     s["walk"] = 0.0 if quiet else np.sqrt(np.array(iotsekf.NOISE["q"])[:3] * DT)
     s["walk_f"] = np.sqrt(np.array(iotsekf.NOISE["q_f"]) * DT) if scenario == "walk" else 0.0
-    own = dict(filter_values)
-    form = {"load": int(known > 0.0), "dt": DT, "delay_s": 0.0}
-    as_published = {"centre": 0.0, "total_sign": 0.0, "gate_rod": two_stage.GATE_NONE}
+    own: dict[str, Any] = dict(filter_values)
+    form: dict[str, Any] = {"load": int(known > 0.0), "dt": DT, "delay_s": 0.0}
+    as_published: dict[str, Any] = {"centre": 0.0, "total_sign": 0.0, "gate_rod": two_stage.GATE_NONE}
     pi = iotsekf.params(**form, **(as_published | own if watch == "iotsekf" else as_published))
     pr = rtsekf.params("published", **form, **(own if watch == "rtsekf" else {}))
     for name, change in FILTER.items():
