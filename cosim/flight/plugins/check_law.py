@@ -13,7 +13,7 @@ from cosim.flight.loop.signals import fly
 from cosim.flight.plugins.law import SENSORS, SURFACES
 from cosim.scenario import load_scenario
 
-FLIGHT_S, REPEAT_S = 20.0, 6.0  # several periods of the short-period mode after the doublet; the second flight
+FLIGHT_S = 20.0  # several periods of the short-period mode after the doublet
 ASKED = 0.1  # [g] of the doublet
 GUSTS = 0.5  # [g] largest change of load factor that is called light turbulence (WMO-No. 958, AMDAR)
 SETTLED_S = 5.0  # from when on nothing is asked
@@ -58,7 +58,7 @@ def checks(file: str | Path, tell: Callable[..., None]) -> list[tuple[str, str, 
         return [("flies", "bad", f"{wrong}: {said}"), begins]
     out = [("flies", "good", said)]
     tell(1, 3, "while it flew again")
-    again, _ = _flown(path, REPEAT_S)
+    again, _ = _flown(path, FLIGHT_S)
     same = again is not None and np.array_equal(flown[: len(again)].to_numpy(), again.to_numpy(), equal_nan=True)
     told = "twice the same bits" if same else "two flights differ: a seed, a clock, what the first has left behind"
     out += [("deterministic", "good" if same else "bad", told), begins]
