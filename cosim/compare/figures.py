@@ -12,7 +12,7 @@ from cosim.errors import CosimError, did_you_mean
 
 WIDTH_IN = 3.5  # of a column of the usual journals
 LINE_IN = 0.13  # of the legend, below the axes
-COLUMNS = 78  # characters of such a line
+COLUMNS = 75  # characters of such a line
 POINTS = 60  # of a fitted curve
 ROC_TOLD = (
     "Dot: alarms as shipped, bars its exact 95 % interval. Curve: largest |r| of each flight at every threshold, "
