@@ -209,7 +209,9 @@ def probe(asked: dict) -> None:
     import importlib
     import signal
 
-    from cosim.papers import broken, claims
+    import breaks
+
+    from cosim.papers import claims
 
     def late(*_):
         raise TimeoutError("half a minute of processor")
@@ -222,7 +224,7 @@ def probe(asked: dict) -> None:
         made: dict = {}
         exec(compile(mutant["text"], mutant["file"], "exec"), function.__globals__ | made, made)
         held, function.__code__ = function.__code__, made[name].__code__
-        broken.forget(asked["paper"])
+        breaks.forget(asked["paper"])
         told = []
         signal.setitimer(signal.ITIMER_VIRTUAL, 30.0)  # of processor
         try:
