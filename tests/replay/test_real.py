@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from real_flights import MAPS, SETS, page, recordings
+from real_windows import bounds
 from scipy.io import savemat
 from scipy.stats import poisson
 
 from cosim.errors import CosimError
 from cosim.replay.map import diagnose
 from cosim.replay.map_file import load_map
-from cosim.replay.real import MAPS, SETS, page, recordings
-from cosim.replay.real_windows import bounds
 
 RATE = 25.0
 

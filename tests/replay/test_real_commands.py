@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from real_windows import DT, band_limited, broken
+from recorded_bench import Ride, move
 
 import cosim
 from cosim.flight.faults import inject
-from cosim.replay.bench import Ride, move
-from cosim.replay.real_windows import DT, band_limited, broken
 
 
 def test_interpolation_adds_nothing_above_the_recorded_band():

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from recorded_bench import Ride, move
 from typer.testing import CliRunner
 
 import cosim
 from cosim.cli import commands as cli
-from cosim.replay.bench import Ride, move
 from cosim.replay.map import prepare
 from cosim.training.identify import NO_COMMAND, identify
 from cosim.training.identify.delay import lag

@@ -12,13 +12,13 @@ import os
 import numpy as np
 import pandas as pd
 import pytest
+from real_windows import SEGMENT, loads
+from recorded_bench import DRAWN, TOLERANCE, Ride, move
 from scipy.stats import binom, poisson
 
 import cosim
 from cosim.flight.blocks.sensors import TRANSPORT
-from cosim.replay.bench import DRAWN, TOLERANCE, Ride, move
 from cosim.replay.map import prepare
-from cosim.replay.real_windows import SEGMENT, loads
 from cosim.training.identify.flow import flow
 from cosim.training.identify.response import respond
 from cosim.training.identify.thresholds import fit

@@ -1,4 +1,5 @@
-"""Replay recordings of real flights: `python -m cosim.replay.real DIR` writes REAL.md here from the sets below DIR.
+"""Replay recordings of real flights: `python tests/helpers/real_flights.py DIR` writes cosim/replay/REAL.md of the sets
+below DIR.
 
 The data belong to others and are not part of this project: `SETS` says where each set is and which files are needed.
 """
@@ -10,16 +11,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from real_windows import bounds, command_part, sensor_part
 
+import cosim
 from cosim.errors import CosimError
 from cosim.replay.map import Diagnosis, diagnose, prepare
 from cosim.replay.map_file import load_map
-from cosim.replay.real_windows import bounds, command_part, sensor_part
 from cosim.scenario.vocabulary import words
 from fdi import registry
 
-PAGE = Path(__file__).with_name("REAL.md")
-MAPS = Path(__file__).with_name("maps")
+PAGE = Path(cosim.__file__).parent / "replay" / "REAL.md"
+MAPS = PAGE.with_name("maps")
 TOGETHER = "all"
 ROW = "| set | recording | detector | hours | valid % | in alarm % | alarms | per hour, 95 % | largest r | not valid |"
 RATE = "| set | detector | valid hours | alarms | per valid hour, 95 % |"
@@ -172,7 +174,7 @@ def _lacks(s, told):
 HEAD = """\
 # Real flights: what the detectors say about recordings of aircraft
 
-Written by `python -m cosim.replay.real DIR`, DIR being a folder with the sets below in it; the data are not
+Written by `python tests/helpers/real_flights.py DIR`, DIR being a folder with the sets below in it; the data are not
 part of this project. Nothing in these recordings is known to be broken: every alarm counts as a false one.
 All of them are of other aircraft than the designs of the detectors (the narrow-body's), so that an alarm
 speaks of the model first, and of thresholds learned in simulation second. An elevator command is recorded by
@@ -196,6 +198,6 @@ model has: its filters would be judged on other terms than every detector here.
 
 if __name__ == "__main__":
     if len(sys.argv) != 2 or not Path(sys.argv[1]).is_dir():
-        sys.exit("python -m cosim.replay.real DIR: a folder with recordings of real flights")
+        sys.exit("python tests/helpers/real_flights.py DIR: a folder with recordings of real flights")
     PAGE.write_text(page(Path(sys.argv[1])), encoding="utf-8")
     print(f"wrote  {PAGE}")

@@ -1,4 +1,4 @@
-"""Windows of recorded flights with faults of the catalogue: two parts of the page that cosim/replay/real.py writes.
+"""Windows of recorded flights with faults of the catalogue: two parts of the page that real_flights.py writes.
 
 Commands: the elevator motion of a recording becomes the command of our actuator, by band-limited interpolation, since
 samples held from tick to tick would look like an oscillation at the recording's rate. Its speed and angle of attack,
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from recorded_bench import Ride, move
 from scipy.signal import resample_poly
 from scipy.stats import chi2
 
@@ -29,7 +30,6 @@ from cosim.judge.alarms import onsets
 from cosim.judge.detection import watch_of
 from cosim.judge.result import judge, judged
 from cosim.replay import clock
-from cosim.replay.bench import Ride, move
 from cosim.replay.detector_replay import output_names
 from cosim.replay.map import prepare, run, run_all
 from cosim.scenario import Scenario, load_scenario
