@@ -17,6 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from commands import commands
+from flight_point import POINT
 from hostile_doors import CASES, LARGEST, LONGEST_S, SEED, tried, written
 from hostile_texts import encoded, mangled
 
@@ -201,8 +202,7 @@ def test_tables_and_seeds_of_the_score(tmp_path):
 @pytest.mark.slow
 def test_tables_of_inputs(tmp_path):
     header = ["time_s,stick,bank_deg,throttle_change", *(f"{k / 2},0.1,{k % 3},0.01" for k in range(20))]
-    flight = "[flight]\nmass_t = 200.0\ncg_pct = 30.0\naltitude_ft = 20000.0\ncas_kt = 290.0\n"
-    (tmp_path / "own.toml").write_text(flight + '[manoeuvre]\nkind = "inputs"\nfile = "case.csv"\nbetween = "hold"\n')
+    (tmp_path / "own.toml").write_text(POINT + '[manoeuvre]\nkind = "inputs"\nfile = "case.csv"\nbetween = "hold"\n')
 
     def made(rng):
         lines = list(header)

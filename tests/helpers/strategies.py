@@ -11,6 +11,7 @@ import tomllib
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from flight_point import POINT
 from forged import forge
 from hypothesis import strategies as st
 from log_samples import reseal
@@ -18,7 +19,7 @@ from mcap.writer import Writer
 
 ROWS = 200
 MAP = (
-    "rate_hz = 200\n[flight]\nmass_t = 200.0\ncg_pct = 30.0\naltitude_ft = 20000.0\ncas_kt = 290.0\n[signals]\n"
+    f"rate_hz = 200\n{POINT}[signals]\n"
     'de_cmd = {{ channel = "{0}cmd", unit = "deg" }}\n"left_inner.surface" = {{ channel = "{0}surf", unit = "deg" }}\n'
 )
 WORDS = ("iotsekf", "ofc_monitor", "elevator.left_inner", "elevator", "aircraft", "all", "jam", "ofc_liquid", "none",
@@ -140,8 +141,10 @@ def logs(draw, opened, path):
             key = draw(st.sampled_from([*log.result, "achieved", "notes"]))
             how["result"][key] = draw(st.one_of(st.sampled_from(WORDS), JSON))
         elif what == 8:
-            texts_ = {k: draw(st.sampled_from(["", "0", "-1", "9" * 400, "nan", "signals", "replay", "200"]))
-                      for k in draw(st.lists(st.sampled_from(["rate_hz", "seed", "ticks", "log_profile"]), max_size=2))}
+            texts_ = {
+                k: draw(st.sampled_from(["", "0", "-1", "9" * 400, "nan", "signals", "replay", "200"]))
+                for k in draw(st.lists(st.sampled_from(["rate_hz", "seed", "ticks", "log_profile"]), max_size=2))
+            }
             how["metadata"]["run"] = dict(log.metadata["run"]) | texts_  # fmt: skip
         else:
             how["gap"] = draw(st.sampled_from([0, 1, 40, 10**9, 10**12]))

@@ -6,6 +6,7 @@ from types import MappingProxyType, SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from flight_point import POINT
 
 from cosim.replay.caveats import caveats
 from cosim.replay.map import diagnose
@@ -15,14 +16,10 @@ from cosim.scenario.aircraft import load_aircraft
 RATE = 25.0
 T = np.arange(0.0, 60.0, 1.0 / RATE)
 FLIES = T > 20.0
-MAP = """
-{top}
-[flight]
-mass_t = 200.0
-cg_pct = 30.0
-altitude_ft = 20000.0
-cas_kt = 290.0
-[signals]
+MAP = (
+    "{top}\n"
+    + POINT
+    + """[signals]
 alpha = {{ channel = "aoa", unit = "deg" }}
 theta = {{ channel = "theta", unit = "deg" }}
 q = {{ derivative_of = "theta" }}
@@ -30,6 +27,7 @@ tas = {{ channel = "tas", unit = "kt" }}
 de_cmd = {{ channel = "de", unit = "deg", proxy = "the measured deflection" }}
 {more}
 """
+)
 
 
 def recording(path, **other):

@@ -7,6 +7,7 @@ import zlib
 import numpy as np
 import pandas as pd
 import pytest
+from flight_point import POINT
 from hypothesis import given
 from hypothesis import strategies as st
 from log_samples import MIB, bounded
@@ -19,17 +20,13 @@ from cosim.log.foreign import read_mcap
 from cosim.replay import clock
 from cosim.replay.foreign import read_channels
 
-MAP = """
-rate_hz = 200
-[flight]
-mass_t = 200.0
-cg_pct = 30.0
-altitude_ft = 20000.0
-cas_kt = 290.0
-[signals]
+MAP = (
+    f"rate_hz = 200\n{POINT}"
+    + """[signals]
 de_cmd = { channel = "cmd", unit = "deg" }
 "left_inner.surface" = { channel = "surf", unit = "deg" }
 """
+)
 
 
 def recording(path, t, **columns):

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from real_flights import MAPS
 
 import cosim
 from cosim.replay.map import diagnose
 from cosim.replay.map_draft import draft
 from cosim.replay.map_file import load_map
 from cosim.replay.params import ReplayError
-from cosim.replay.real import MAPS
 from cosim.replay.units import factors
 from cosim.scenario.vocabulary import words
 

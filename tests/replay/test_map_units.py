@@ -7,6 +7,7 @@ import tomllib
 import numpy as np
 import pandas as pd
 import pytest
+from flight_point import POINT
 from typer.testing import CliRunner
 
 from cosim.cli import commands as cli
@@ -117,19 +118,16 @@ def test_the_true_airspeed_is_derived_and_the_numbers_of_the_point_are_plain(tmp
     assert np.median(tas) == pytest.approx(200.0, abs=2.0)  # M 0.633 at 20 000 ft
 
 
-MAP = """
-[flight]
-mass_t = 200.0
-cg_pct = 30.0
-altitude_ft = 20000.0
-cas_kt = 290.0
-[signals]
+MAP = (
+    POINT
+    + """[signals]
 cas = {{ channel = "KCAS", unit = "kt" }}
 h_baro = {{ channel = "altitude", unit = "ft" }}
 de_cmd = {{ channel = "elevator command", unit = "deg" }}
 q = {{ channel = "q", unit = "deg/s" }}
 {more}
 """
+)
 ALL = 'alpha = {{ channel = "alpha"{0} }}\ntheta = {{ channel = "theta", unit = "deg" }}\ntas = {{ speed_of = "cas" }}'
 
 

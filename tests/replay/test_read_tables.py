@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
+from flight_point import POINT
 from scipy.io import savemat
 from typer.testing import CliRunner
 
@@ -26,17 +27,15 @@ HEAD = """Data file: /a/b/c.cdf
               s            DEG           M/S
 
 """
-MAP = """time = "T"
-columns = ["T", "ALCG", "VTASCG"]
-[flight]
-mass_t = 200.0
-cg_pct = 30.0
-altitude_ft = 20000.0
-cas_kt = 290.0
-[signals]
+COLUMNS = 'time = "T"\ncolumns = ["T", "ALCG", "VTASCG"]\n'
+MAP = (
+    COLUMNS
+    + POINT
+    + """[signals]
 de_cmd = { channel = "ALCG", unit = "°" }
 "left_inner.surface" = { channel = "ALCG", unit = "[DEG]" }
 """
+)
 
 
 def asc(path, head=""):
@@ -90,7 +89,7 @@ def test_tables_of_a_folder_are_joined_on_time(tmp_path):
     slow = T[::5]
     pd.DataFrame({"Zeit [ms]": 1e3 * slow, "de": np.sin(slow)}).to_csv(folder / "surfaces.csv", index=False, sep=";")
     (tmp_path / "map.toml").write_text(
-        MAP.replace('time = "T"\ncolumns = ["T", "ALCG", "VTASCG"]\n', "")
+        MAP.removeprefix(COLUMNS)
         .replace('"ALCG", unit = "°"', '"de", unit = "°"')
         .replace('"ALCG", unit = "[DEG]"', '"air.aoa", unit = "[DEG]"')
     )

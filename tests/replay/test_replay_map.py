@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from flight_point import POINT
 from log_samples import same_bits
 from mcap.writer import Writer
 from typer.testing import CliRunner
@@ -26,7 +27,6 @@ from cosim.report.diagnosis_page import Watched
 from fdi import registry
 
 EXAMPLE = Path(__file__).parents[1] / "data" / "foreign_map.toml"
-POINT = "[flight]\nmass_t = 200.0\ncg_pct = 30.0\naltitude_ft = 20000.0\ncas_kt = 290.0\n"
 
 
 @pytest.fixture(scope="module")

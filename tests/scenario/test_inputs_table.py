@@ -1,6 +1,7 @@
 """Tables of a pilot's own inputs: read from a CSV or written in the scenario, refused with the row that is wrong."""
 
 import pytest
+from flight_point import POINT
 
 from cosim.errors import ScenarioError
 from cosim.scenario import load_scenario
@@ -17,8 +18,7 @@ def of_file(folder, text, *more):
 
 def test_a_file_becomes_numbers_of_the_scenario_which_needs_it_no_more(tmp_path):
     own = tmp_path / "mine.toml"
-    head = "[flight]\nmass_t = 200.0\ncg_pct = 30.0\naltitude_ft = 20000.0\ncas_kt = 290.0\n"
-    own.write_text(head + '[manoeuvre]\nkind = "inputs"\nfile = "hand.csv"\nbetween = "hold"\n')
+    own.write_text(POINT + '[manoeuvre]\nkind = "inputs"\nfile = "hand.csv"\nbetween = "hold"\n')
     (tmp_path / "hand.csv").write_text("stick , time_s\n0,0\n0.25,1.5\n\n-0.5,2\n")
     s = load_scenario(own)  # from any folder: beside the scenario
     assert s.manoeuvre.time_s == (0.0, 1.5, 2.0) and s.manoeuvre.columns == {"stick": (0.0, 0.25, -0.5)}

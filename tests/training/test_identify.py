@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from flight_point import POINT
 from recorded_bench import Ride, move
 from typer.testing import CliRunner
 
@@ -20,15 +21,12 @@ from cosim.training.identify.thresholds import _one
 from cosim.training.identify.write import texts
 
 DT = 0.005
-FLIGHT = """
-[flight]
-mass_t = 200.0
-cg_pct = 30.0
-altitude_ft = 20000.0
-cas_kt = 290.0
-[detectors]
+FLIGHT = (
+    POINT
+    + """[detectors]
 enabled = ["position_monitor"]
 """
+)
 
 
 def slow_noise(n, seed, size=0.05):

@@ -12,6 +12,7 @@ import os
 import numpy as np
 import pandas as pd
 import pytest
+from flight_point import POINT
 from real_windows import SEGMENT, loads
 from recorded_bench import DRAWN, TOLERANCE, Ride, move
 from scipy.stats import binom, poisson
@@ -105,17 +106,15 @@ def test_intervals_of_a_flow_hold_the_truth_at_their_level():
     told("flow", inside)
 
 
-MAP = """[flight]
-mass_t = 200.0
-cg_pct = 30.0
-altitude_ft = 20000.0
-cas_kt = 290.0
-[detectors]
+MAP = (
+    POINT
+    + """[detectors]
 enabled = ["position_monitor"]
 [signals]
 de_cmd = { channel = "cmd" }
 "left_inner.surface" = { channel = "pos" }
 """
+)
 
 
 @pytest.mark.slow
