@@ -40,6 +40,14 @@ def test_families_are_those_of_the_printed_combination(quiet):
         assert [bool(abs(x) > 1e-9) for x in s] == [bool(x) for x in family.signature]
 
 
+def test_a_residual_is_the_mean_of_the_time_that_is_chosen(quiet):
+    flown, _ = quiet
+    _, one, *_ = isolation.residuals(flown, flown.u_c, isolation.Choices(mean_s=vehicle.DT))
+    _, mean, *_ = isolation.residuals(flown, flown.u_c, isolation.Choices(mean_s=0.3))
+    n = round(0.3 / vehicle.DT)
+    assert n > 10 and mean[1234] == pytest.approx(one[1235 - n : 1235].mean(0), abs=1e-9)
+
+
 def test_both_faults_are_named_in_order_and_the_loss_is_measured(quiet):
     none, both = quiet
     assert isolation.isolate(none).names == ()

@@ -3,7 +3,7 @@
 import pytest
 
 from cosim.papers.claims import load
-from cosim.papers.sun13 import airframe, flown
+from cosim.papers.sun13 import airframe, designs, flown
 from cosim.training.flights import estimate
 from fdi.rfafe import rfafe_airframe
 
@@ -11,6 +11,12 @@ from fdi.rfafe import rfafe_airframe
 def test_designs_agree():
     rows = [row.judge() for row in load("sun13") if "designs." in row.asks]
     assert [row.verdict for row in rows] == [*["agrees"] * 6, "ours", "ours"]
+
+
+def test_settling_times_are_told_in_milliseconds_of_the_two_seconds_that_are_looked_at():
+    ratio, told = designs.speed()
+    slow, fast = (float(word) for word in told.removesuffix(" ms").split(" and "))
+    assert 10.0 < fast < slow < 2000.0 and slow / fast == pytest.approx(ratio, rel=0.05)
 
 
 @pytest.mark.parametrize(("kind", "hz"), [("ofc_liquid", 2.0), ("ofc_solid", 1.0)])
