@@ -104,6 +104,10 @@ class LogError(CosimError):
     """A log that cannot be read, or is not one."""
 
 
+class CampaignError(CosimError):
+    """A campaign that cannot be read, started or resumed."""
+
+
 class OutputError(CosimError):
     """A place that cannot be written to."""
 

@@ -24,14 +24,13 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import differential_evolution
 
-from cosim.campaign import run_many
 from cosim.campaign.draw import unit_cube
+from cosim.campaign.flights import run_many
 from cosim.campaign.pool import pool
 from cosim.campaign.spec import load_campaign
-from cosim.campaign.store import CampaignError
 from cosim.campaign.unit_cube import Space
 from cosim.campaign.worker import run_id
-from cosim.errors import did_you_mean
+from cosim.errors import CampaignError, did_you_mean
 from cosim.files import marked, replace_text
 from fdi.registry import SHIPPED
 

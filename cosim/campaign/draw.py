@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from cosim.campaign.store import CampaignError
-from cosim.errors import did_you_mean
+from cosim.errors import CampaignError, did_you_mean
 
 KEYS = ("low", "high", "scale", "integer", "mean", "sigma", "choice")
 

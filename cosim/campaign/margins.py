@@ -17,11 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from cosim.campaign import run_many
+from cosim.campaign.flights import run_many
 from cosim.campaign.pool import pool
-from cosim.campaign.store import CampaignError
 from cosim.campaign.worker import run_id
-from cosim.errors import did_you_mean
+from cosim.errors import CampaignError, did_you_mean
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.judge import coverage
 from cosim.scenario import load_scenario

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
-from cosim.campaign.store import CampaignError
 from cosim.campaign.worker import each, failed, fly
+from cosim.errors import CampaignError
 
 AHEAD = 4  # jobs in flight per worker: none waits for the parent, and little is lost with it
 TOGETHER = 16  # runs with one seed that fly in one process: a campaign of a few seeds still keeps every core busy

@@ -18,12 +18,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from cosim.campaign import CampaignResult, run_many
+from cosim.campaign.flights import CampaignResult, run_many
 from cosim.campaign.manifest import FILE
 from cosim.campaign.spec import load_campaign
-from cosim.campaign.store import CampaignError, fingerprint, flown_with, load
+from cosim.campaign.store import fingerprint, flown_with, load
 from cosim.campaign.worker import fly, run_id
-from cosim.errors import did_you_mean, told_at_call
+from cosim.errors import CampaignError, did_you_mean, told_at_call
 from cosim.files import replace_text
 from cosim.flight.plugins import with_detectors
 from cosim.scenario.brought import identified

@@ -37,12 +37,11 @@ from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 
-from cosim.campaign import EVALUATION_SEED
 from cosim.campaign.draw import draw, unit_cube
+from cosim.campaign.flights import EVALUATION_SEED
 from cosim.campaign.log_selection import RULES
 from cosim.campaign.packed import Packed
-from cosim.campaign.store import CampaignError
-from cosim.errors import CosimError, Mistakes, did_you_mean, joined
+from cosim.errors import CampaignError, CosimError, Mistakes, did_you_mean, joined
 from cosim.scenario import Scenario, load_scenario, parse
 from cosim.scenario.brought import identified, locate
 from cosim.scenario.load import located

@@ -25,7 +25,7 @@ import pyarrow as pa
 from actuators.source_hash import closure
 from cosim.campaign import parts
 from cosim.campaign.parts import ROWS, SCENARIOS, TIMING, table_of, write_blocks
-from cosim.errors import CosimError, OutputError
+from cosim.errors import CampaignError, CosimError, OutputError
 from cosim.files import FULL, SPACE, held, regular, replace_text, sweep
 from cosim.scenario.brought import changed
 from cosim.scenario.user_file import UserFile
@@ -43,10 +43,6 @@ KEYS = ("run", "lane", "fault", "status")  # of a row
 AGAIN = ("error", "crashed")  # statuses of runs that are flown again on resuming: a full disk or a kill may have passed
 
 
-class CampaignError(CosimError):
-    """A campaign that cannot be read, started or resumed."""
-
-
 @functools.cache
 def fingerprint() -> dict:
     """Return {digest, versions} of everything that decides about a row: sources, designs, aircraft, libraries."""
@@ -54,7 +50,7 @@ def fingerprint() -> dict:
 
     root, digest = Path(__file__).resolve().parents[2], hashlib.sha256()
     files = {p for name in FLYING for p in (root / name).rglob("*") if p.suffix in DECIDING}
-    files |= closure(root / "cosim" / "campaign" / "worker.py") | closure(root / "cosim" / "campaign" / "store.py")
+    files |= closure(root / "cosim" / "campaign" / "worker.py") | closure(root / "cosim" / "campaign" / "flights.py")
     for path in sorted(files):
         digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
     versions = {name: version(name) for name in ("jsbsim", "numpy", "scipy", "numba")}

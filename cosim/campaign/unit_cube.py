@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cosim.campaign.spec import Campaign, scenario_of
-from cosim.campaign.store import CampaignError
+from cosim.errors import CampaignError
 from cosim.scenario import Scenario
 
 

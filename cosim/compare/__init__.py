@@ -187,7 +187,7 @@ def read(
     """Return (rows per lane, timing or None, {run: TOML}, name) of what is to be compared."""
     paths = [Path(s) for s in sources]
     if not paths:
-        from cosim.campaign import run_many
+        from cosim.campaign.flights import run_many
         from cosim.compare.matrix import matrix
 
         scenarios = [identified(with_detectors(s, guests)) for s in matrix()]

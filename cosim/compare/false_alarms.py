@@ -23,12 +23,11 @@ import numpy as np
 
 from cosim.campaign.fault_free import WINDOW_S, FaultFreeFlight, fly, space
 from cosim.campaign.jobs import work
-from cosim.campaign.store import CampaignError
 from cosim.campaign.unit_cube import Space
 from cosim.compare import extreme_value
 from cosim.compare.metrics import rate
 from cosim.compare.rice_rate import Gaussian, gaussian
-from cosim.errors import did_you_mean
+from cosim.errors import CampaignError, did_you_mean
 from cosim.flight.plugins import loaded
 from fdi import registry
 

@@ -30,9 +30,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from cosim.campaign import CampaignResult
-from cosim.campaign.store import CampaignError
+from cosim.campaign.flights import CampaignResult
 from cosim.campaign.worker import run_id
+from cosim.errors import CampaignError
 from cosim.judge import coverage
 from cosim.judge import row as judged
 from cosim.judge.fault_effect import NAMES as ACHIEVED

@@ -16,12 +16,13 @@ import pytest
 import worker_calls
 from worker_calls import die_once, flights, killed
 
-from cosim.campaign import flatten, manifest, run_many
+from cosim.campaign import manifest
 from cosim.campaign import pool as campaign_pool
+from cosim.campaign.flights import flatten, run_many
 from cosim.campaign.log_selection import choose
-from cosim.campaign.store import FILES, CampaignError, Store, fingerprint, load
+from cosim.campaign.store import FILES, Store, fingerprint, load
 from cosim.campaign.worker import failed, run_id
-from cosim.errors import OutputError
+from cosim.errors import CampaignError, OutputError
 from cosim.scenario import load_scenario
 
 
@@ -117,11 +118,11 @@ def test_a_folder_with_other_files_takes_a_campaign_and_keeps_them(tmp_path):
 SCRIPT = """
 import sys
 sys.path[:0] = [{root!r}, {helpers!r}]
-import cosim.campaign
+from cosim.campaign import flights as many
 from worker_calls import flights
 if __name__ == "__main__":
-    cosim.campaign.FLUSH_RUNS = 4
-    cosim.campaign.run_many(flights(10), workers=2, out={out!r}, progress=lambda done, total: print(done, flush=True))
+    many.FLUSH_RUNS = 4
+    many.run_many(flights(10), workers=2, out={out!r}, progress=lambda done, total: print(done, flush=True))
 """
 
 

@@ -19,8 +19,9 @@ from scipy import stats
 from typer.testing import CliRunner
 from worker_calls import deadly
 
-from cosim.campaign import EVALUATION_SEED, pool, run_many
+from cosim.campaign import pool
 from cosim.campaign.draw import draw, unit_cube
+from cosim.campaign.flights import EVALUATION_SEED, run_many
 from cosim.campaign.run import cluster, rerun
 from cosim.campaign.spec import builtin_campaigns, load_campaign
 from cosim.cli import commands as cli

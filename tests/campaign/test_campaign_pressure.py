@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from cosim.campaign import run_many
+from cosim.campaign.flights import run_many
 from cosim.scenario import load_scenario
 
 RUNS = int(os.environ.get("COSIM_RUNS", "2000"))

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from cosim.campaign import CampaignResult
+from cosim.campaign.flights import CampaignResult
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.store import Store
 from cosim.errors import CosimError

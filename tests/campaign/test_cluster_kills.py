@@ -17,7 +17,8 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from cosim.campaign import manifest, pool, run_many
+from cosim.campaign import manifest, pool
+from cosim.campaign.flights import run_many
 from cosim.campaign.run import cluster, run_campaign
 from cosim.scenario import load_scenario
 

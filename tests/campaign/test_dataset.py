@@ -11,8 +11,7 @@ import pytest
 import cosim
 from cosim.campaign.dataset import make
 from cosim.campaign.dataset.splits import empty, splits
-from cosim.campaign.store import CampaignError
-from cosim.errors import OutputError
+from cosim.errors import CampaignError, OutputError
 
 CAMPAIGN = """
 base = "liquid-ofc"

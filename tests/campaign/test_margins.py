@@ -4,8 +4,8 @@ import pandas as pd
 import pytest
 
 from cosim.campaign import margins as m
-from cosim.campaign.store import CampaignError
 from cosim.campaign.worker import run_id
+from cosim.errors import CampaignError
 
 
 @pytest.mark.parametrize("detector", ["iotsekf", "ema_kalman_flight", "kinematic", "lpv_smo", "control_redundancy"])

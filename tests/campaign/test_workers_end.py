@@ -14,7 +14,7 @@ import pytest
 import cosim
 from actuators import subprocess_env
 from cosim.campaign import pool
-from cosim.campaign.store import CampaignError
+from cosim.errors import CampaignError
 
 PARENT = """
 import os, time

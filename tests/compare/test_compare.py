@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from report_browser import CHROMIUM, use
 
-from cosim.campaign import EVALUATION_SEED, run_many
+from cosim.campaign.flights import EVALUATION_SEED, run_many
 from cosim.campaign.inventory import builtin_names
 from cosim.campaign.run import run_campaign
 from cosim.cli.commands import app

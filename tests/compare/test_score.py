@@ -14,7 +14,6 @@ from typer.testing import CliRunner
 
 import cosim
 from cosim.campaign import jobs
-from cosim.campaign.store import CampaignError
 from cosim.campaign.worker import fly
 from cosim.cli import commands as cli
 from cosim.compare.paired import bootstrap, pair
@@ -22,7 +21,7 @@ from cosim.compare.score import BOARD, board, named, score, stored
 from cosim.compare.score import flights as benchmark
 from cosim.compare.score import rows as score_rows
 from cosim.compare.score.table import differences
-from cosim.errors import LogError, OutputError
+from cosim.errors import CampaignError, LogError, OutputError
 from cosim.flight.plugins import with_detectors
 from cosim.judge.probability import UNSAID, log_score
 from cosim.judge.row import rows

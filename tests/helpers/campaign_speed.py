@@ -14,7 +14,7 @@ from typing import Any
 
 import pandas as pd
 
-from cosim.campaign import run_many
+from cosim.campaign.flights import run_many
 from cosim.campaign.pool import cores
 from cosim.campaign.spec import load_campaign
 

@@ -41,8 +41,10 @@ def test_every_break_is_seen(paper):
     assert [(b.item, b.what, b.got) for b in found if not b.seen] == []
 
 
-def test_the_paper_s_equations_are_seen_broken():
-    """Mutations that every row of the bench once survived: the factor 2 of (4), (13), (30), (36), K_f = 0."""
+def test_the_paper_s_equations_are_seen_broken(monkeypatch):
+    """Mutations that every row of the bench once survived: the factor 2 of (4), (13), (30), (36), K_f = 0. A filter
+    that estimates nothing is seen by 20 seeds; all hundred fly among the slow ones."""
+    monkeypatch.setattr("cosim.papers.lu17.bench.SEEDS", 20)
     named = ("(4): 2.0", "(13):", "(30):", "(36):", "K_f of (29)", "another piston area")
     found = list(proof("lu17", lambda of: any(word in of.what for word in named)))
     assert len(found) > 10 and [b for b in found if not b.seen] == []

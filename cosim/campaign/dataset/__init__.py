@@ -17,11 +17,12 @@ from typing import Any
 
 import pyarrow as pa
 
-from cosim.campaign import flatten, jobs
+from cosim.campaign import jobs
 from cosim.campaign.dataset import flight
 from cosim.campaign.dataset.columns import chosen, described
 from cosim.campaign.dataset.metadata import croissant, datasheet, provenance
 from cosim.campaign.dataset.splits import empty, splits
+from cosim.campaign.flights import flatten
 from cosim.campaign.parts import write
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.worker import run_id

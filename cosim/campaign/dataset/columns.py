@@ -6,8 +6,7 @@ was flown, without a filter.
 
 from collections.abc import Iterable, Sequence
 
-from cosim.campaign.store import CampaignError
-from cosim.errors import did_you_mean
+from cosim.errors import CampaignError, did_you_mean
 from cosim.scenario import Scenario
 from cosim.scenario.vocabulary import Signal, words
 

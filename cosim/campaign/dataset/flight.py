@@ -13,8 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 import cosim.flight.loop.signals
 from cosim.campaign.dataset.columns import achieved, described
 from cosim.campaign.parts import write
-from cosim.campaign.store import CampaignError
-from cosim.errors import TrimError
+from cosim.errors import CampaignError, TrimError
 from cosim.flight.faults.conditions import resolved
 from cosim.flight.faults.inject import lanes
 from cosim.scenario import Scenario, parse

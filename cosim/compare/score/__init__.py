@@ -13,13 +13,12 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from cosim.campaign.store import CampaignError
 from cosim.compare import bound
 from cosim.compare.paired import pair
 from cosim.compare.score import flights as benchmark
 from cosim.compare.score.rows import Scored, scored
 from cosim.compare.score.table import detector
-from cosim.errors import did_you_mean
+from cosim.errors import CampaignError, did_you_mean
 from cosim.flight.plugins import GuestError, load, loaded
 from cosim.flight.plugins.check import trial
 from cosim.judge.result import plain

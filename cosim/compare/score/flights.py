@@ -17,9 +17,9 @@ from actuators.source_hash import closure, private
 from cosim.campaign.jobs import FILE, keep, own, stored, work
 from cosim.campaign.manifest import about_the_code
 from cosim.campaign.spec import load_campaign
-from cosim.campaign.store import DECIDING, CampaignError
+from cosim.campaign.store import DECIDING
 from cosim.campaign.worker import core_s, run_id
-from cosim.errors import CosimError, OutputError, TrimError
+from cosim.errors import CampaignError, CosimError, OutputError, TrimError
 from cosim.files import regular, replace_text
 from cosim.replay import benchmark_recording
 from cosim.scenario import parse

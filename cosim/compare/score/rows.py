@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pyarrow as pa
 
-from cosim.campaign import table
+from cosim.campaign.flights import table
 from cosim.campaign.parts import TIMING
 from cosim.campaign.pool import finished
 from cosim.campaign.store import Store
