@@ -4,14 +4,17 @@ import ast
 import math
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from cosim.errors import CosimError
 from cosim.flight.loop.signals import fly
 from cosim.flight.plugins.law import SENSORS, SURFACES
 from cosim.scenario import load_scenario
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FLIGHT_S = 20.0  # several periods of the short-period mode after the doublet
 ASKED = 0.1  # [g] of the doublet
@@ -70,7 +73,7 @@ def checks(file: str | Path, tell: Callable[..., None]) -> list[tuple[str, str, 
     return [*out, ("lost samples", "good" if lossy is not None else "bad", told)]
 
 
-def _strays(flown: pd.DataFrame) -> str:
+def _strays(flown: "pd.DataFrame") -> str:
     """Return what a flight's load factor does that no flight under control does, "" for nothing."""
     t, away = flown.index.to_numpy(), flown[MOTION[0]].to_numpy() - 1.0
     if np.abs(away).max() > ASKED + GUSTS:
@@ -85,7 +88,7 @@ def _lost(name: str, start: float) -> str:
     return f"{{target='sensor.{name}', kind='dropout', start_s={start}, end_s={start + LOST_S}}}"
 
 
-def _flown(path: Path, seconds: float, faults: Iterable[str] = ()) -> tuple[pd.DataFrame | None, str]:
+def _flown(path: Path, seconds: float, faults: Iterable[str] = ()) -> "tuple[pd.DataFrame | None, str]":
     """Return (commands and motion of a flight under the law, what it came to); None where it does not fly."""
     own = [f"faults.{i}={fault}" for i, fault in enumerate(faults)]
     changes = [*BASE, f"duration_s={seconds}", f"law.file={path}", *own]
