@@ -1,6 +1,7 @@
 """Flights that many tests look at, flown once per session and process."""
 
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,7 +19,9 @@ for _name in THREADS:  # read by the processes that pytest starts: each is a cor
 hypothesis.settings.register_profile("unhurried", deadline=None)
 hypothesis.settings.load_profile("unhurried")
 os.environ.setdefault("COSIM_TRACEBACK", "1")  # a failing test shows where in the library
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # some images set it: each of those processes would compile our sources
+# some images forbid it: every run would rewrite and compile the tests again, each process of it our sources
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 
 def pytest_configure(config: pytest.Config) -> None:
