@@ -1,4 +1,19 @@
 """Many flights: draws, one pool of workers, a folder of rows; `cosim.campaign.flights` flies them.
 
-Nothing is imported here: a worker imports this package, and needs neither pandas nor what writes tables.
+    from cosim.campaign import run_many
+
+Nothing is imported before it is asked for: a worker imports this package, and needs neither pandas nor what writes tables.
 """
+
+import importlib
+from typing import Any
+
+
+def __getattr__(name: str) -> Any:
+    """Return a name of `cosim.campaign.flights`."""
+    if name.startswith("_"):
+        raise AttributeError(name)
+    try:
+        return getattr(importlib.import_module("cosim.campaign.flights"), name)
+    except AttributeError:
+        raise AttributeError(f"module 'cosim.campaign' has no attribute {name!r}") from None

@@ -22,6 +22,9 @@ def reproduce(
     output: Annotated[Path, output_option("DIR", "Folder of page and rows.")] = Path("logs"),
     overwrite: OverwriteOption = False,
     readme: ReadmeOption = None,
+    break_: Annotated[
+        bool, typer.Option("--break", help="Instead break the methods and see which rows notice.")
+    ] = False,
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:
@@ -31,13 +34,24 @@ def reproduce(
     """
     from pandas import DataFrame
 
-    from cosim.papers import chosen, counts
+    from cosim.papers import chosen, counts, proof
     from cosim.papers import reproduce as work
     from cosim.report import markdown
 
     chosen(paper)
     if readme:
         markdown.read(readme)
+    if break_:
+        with tables.progress(err, f"breaking {paper}", unit="papers", waiting="preparing") as progress:
+            seen = proof(paper, progress=progress, workers=workers)
+        if readme:
+            from cosim.report.papers_markdown import write_proof
+
+            write_proof(readme, seen)
+        from cosim.papers.tables import proof as made
+
+        answer(json_, {"broken": [_finite(asdict(b)) for b in seen]}, lambda _: made(seen))
+        raise typer.Exit(0 if all(b.seen for b in seen) else 1)
     page, table = (output / f"reproduce-{paper}.{ending}" for ending in ("html", "csv"))
     from cosim.report.page import PAGE
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 
+from cosim.papers.broken import Broken
 from cosim.papers.row import Row
 from cosim.table import Cell, Column, Table, number, of
 
@@ -30,5 +31,16 @@ def rows(found: Iterable[Row], several: bool = False) -> Table:
         Column("we get", lambda r: number(r.got)), Column("band", lambda r: r.tolerance, right=False),
         Column("verdict", lambda r: Cell(*VERDICTS[r.verdict]), right=False),
         Column("why, and what came with it", _why, rank=1, right=False),
+    )  # fmt: skip
+    return of(columns, found, kind="")
+
+
+def proof(found: Iterable[Broken]) -> Table:
+    """Return the Table of what rows show with the method broken."""
+    columns = (
+        Column("paper", lambda b: b.paper, right=False), Column("row", lambda b: b.item, right=False),
+        Column("what was broken", lambda b: b.what, right=False), Column("kind", lambda b: b.kind, right=False),
+        Column("value then", lambda b: number(b.got)), Column("band", lambda b: b.band, right=False),
+        Column("seen", lambda b: Cell("yes", "good") if b.seen else Cell("not seen", "bad"), right=False),
     )  # fmt: skip
     return of(columns, found, kind="")

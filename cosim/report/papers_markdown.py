@@ -3,12 +3,13 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+from cosim.papers.broken import Broken
 from cosim.papers.row import Row, counts
-from cosim.papers.tables import rows
+from cosim.papers.tables import proof, rows
 from cosim.report import markdown as readme
 from cosim.table import Table
 
-NAME = "reproduce"  # of the markers
+NAME, PROOF = "reproduce", "broken"  # of the markers
 def markdown(found: Iterable[Row], held: str = "") -> str:
     """Return the counts per paper, then every row folded, as Markdown; papers without rows stay as `held` has them."""
     found = list(found)
@@ -59,3 +60,8 @@ def write(path: str | Path, found: Iterable[Row]) -> None:
     path = Path(path)
     held = readme.part(readme.read(path), NAME) if path.is_file() else None
     readme.replace(path, NAME, markdown(found, held or ""))
+
+
+def write_proof(path: str | Path, found: Iterable[Broken]) -> None:
+    """Write the list of broken methods into the page at `path`, between its markers. Raises OutputError."""
+    readme.replace(path, PROOF, proof(found).markdown())

@@ -209,9 +209,7 @@ def probe(asked: dict) -> None:
     import importlib
     import signal
 
-    import breaks
-
-    from cosim.papers import claims
+    from cosim.papers import broken, claims
 
     def late(*_):
         raise TimeoutError("half a minute of processor")
@@ -224,7 +222,7 @@ def probe(asked: dict) -> None:
         made: dict = {}
         exec(compile(mutant["text"], mutant["file"], "exec"), function.__globals__ | made, made)
         held, function.__code__ = function.__code__, made[name].__code__
-        breaks.forget(asked["paper"])
+        broken.forget(asked["paper"])
         told = []
         signal.setitimer(signal.ITIMER_VIRTUAL, 30.0)  # of processor
         try:

@@ -1,6 +1,6 @@
 """What is broken in turn in the scheme of [Jay], and the rows that must see it."""
 
-from breaks import Break, swap
+from cosim.papers.broken import Break, swap
 
 BENCH, FLOWN, ROWS = (f"cosim.papers.jay.{name}" for name in ("bench", "flown", "rows"))
 FILTER = "fdi.ema.ema_kalman"

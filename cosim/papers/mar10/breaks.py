@@ -4,7 +4,7 @@ import contextlib
 
 import numpy as np
 
-from breaks import Break, swap
+from cosim.papers.broken import Break, swap
 from cosim.papers.mar10 import flights
 
 ROWS, FLIGHTS, FURTHER = (f"cosim.papers.mar10.{name}" for name in ("rows", "flights", "further"))

@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 
-from breaks import Break, swap
 from cosim.papers.alwi14.flights import POINTS
+from cosim.papers.broken import Break, swap
 from cosim.training import lpv
 from fdi.lpv_smo import model as lpv_model
 from fdi.lpv_smo import synthesis

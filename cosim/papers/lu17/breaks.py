@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from breaks import Break, swap
+from cosim.papers.broken import Break, swap
 from fdi.hydraulic import iotsekf
 
 BENCH, FLOWN = "cosim.papers.lu17.bench", "cosim.papers.lu17.flown"

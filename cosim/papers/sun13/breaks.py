@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from breaks import Break, swap
+from cosim.papers.broken import Break, swap
 from cosim.papers.sun13 import variants
 from fdi.rfafe import rfafe
 

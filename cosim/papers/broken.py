@@ -3,7 +3,7 @@
 Four kinds count apart: an *equation* (its code is changed), the *method* (a parameter of it), what is *flown* (faults,
 flights, draws), and an *option* that is swapped for another. No break scales a row's own result.
 
-`PAPER.toml` lists the first kind, each numbered equation that is code at least once:
+`PAPER/equations.toml` lists the first kind, each numbered equation that is code at least once:
 
     [[break]]
     of = "(30)"                                       # the equation
@@ -17,7 +17,6 @@ import contextlib
 import importlib
 import inspect
 import json
-import os
 import subprocess
 import sys
 import textwrap
@@ -28,10 +27,9 @@ from pathlib import Path
 from typing import Any
 
 from actuators.object_cache import PLAIN
-from cosim import table as tables
+from actuators.subprocess_env import command, surroundings
 from cosim.papers.claims import load
 from cosim.papers.row import Planned
-from cosim.table import Column, Table, number
 
 KINDS = ("equation", "method", "flown", "option")
 
@@ -103,9 +101,12 @@ def edit(at: str, was: str, now: str) -> Iterator[None]:
         function.__code__ = held
 
 
-def equations(paper: str) -> list[dict]:
-    """Return the entries of a paper's TOML file."""
-    return tomllib.loads((Path(__file__).parent / f"{paper}.toml").read_text(encoding="utf-8"))["break"]
+def equations(paper: str) -> tuple[Break, ...]:
+    """Return the Breaks of kind "equation" of a paper, as its equations.toml has them."""
+    held = tomllib.loads((Path(__file__).parent / paper / "equations.toml").read_text(encoding="utf-8"))
+    return tuple(
+        Break(f"{b['of']}: {b['was']} → {b['now']}", _edit(b), tuple(b["rows"]), "equation") for b in held["break"]
+    )
 
 
 def _edit(b):
@@ -123,9 +124,7 @@ def forget(paper: str) -> None:
 
 def breaks(paper: str) -> tuple[Break, ...]:
     """Return the Breaks of a paper."""
-    coded = [Break(f"{b['of']}: {b['was']} → {b['now']}", _edit(b), tuple(b["rows"]), "equation")
-             for b in equations(paper)]  # fmt: skip
-    return (*coded, *importlib.import_module(f"breaks.{paper}").BREAKS)
+    return (*equations(paper), *importlib.import_module(f"cosim.papers.{paper}.breaks").BREAKS)
 
 
 def chosen(rows: list[Planned], of: Break) -> list[Planned]:
@@ -144,10 +143,9 @@ def proof(paper: str, only: Callable[[Break], bool] = lambda of: True) -> Iterat
     asked = list(filter(only, breaks(paper)))
     if not PLAIN and any(of.kind == "equation" for of in asked):
         of_equations = [of.what for of in asked if of.kind == "equation"]
-        code = "import sys; from breaks import _tell; _tell(*sys.argv[1:])"
-        paths = os.pathsep.join([*(str(Path(__file__).parents[k]) for k in (1, 3)), os.environ.get("PYTHONPATH", "")])
-        run = subprocess.run([sys.executable, "-c", code, paper, json.dumps(of_equations)], capture_output=True,
-                             text=True, env=os.environ | {"PYTHONPATH": paths, "NUMBA_DISABLE_JIT": "1"})  # fmt: skip
+        code = "import sys; from cosim.papers.broken import _tell; _tell(*sys.argv[1:])"
+        run = subprocess.run([*command(code), paper, json.dumps(of_equations)], capture_output=True, text=True,
+                             env=surroundings(NUMBA_DISABLE_JIT="1"))  # fmt: skip
         if run.returncode:
             raise RuntimeError(f"{paper}: {run.stderr.strip().splitlines()[-1] if run.stderr else 'no answer'}")
         yield from (Broken(**b) for b in json.loads(run.stdout))
@@ -176,14 +174,3 @@ def _seen(paper, p, of):
 def _tell(paper, asked):
     found = proof(paper, lambda of: of.what in json.loads(asked))
     print(json.dumps([asdict(b) for b in found]))
-
-
-def table(found: list[Broken]) -> Table:
-    """Return the Table of what rows show with the method broken."""
-    columns = (
-        Column("paper", lambda b: b.paper, right=False), Column("row", lambda b: b.item, right=False),
-        Column("what was broken", lambda b: b.what, right=False), Column("kind", lambda b: b.kind, right=False),
-        Column("value then", lambda b: number(b.got)), Column("band", lambda b: b.band, right=False),
-        Column("seen", lambda b: "yes" if b.seen else "not seen", right=False),
-    )  # fmt: skip
-    return tables.of(columns, found, kind="")
