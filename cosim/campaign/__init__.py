@@ -2,7 +2,7 @@
 
     from cosim.campaign import run_many
 
-Nothing is imported before it is asked for: a worker imports this package, and needs neither pandas nor what writes tables.
+Nothing is imported before it is asked for: a worker imports this package, and needs no pandas.
 """
 
 import importlib

@@ -30,12 +30,15 @@ from fdi.kinematic import signatures
 
 DETECTORS = ("lpv_smo", "control_redundancy", "kinematic", "rfafe", "rfafe_airframe")
 # what each is trained in; the others' estimates are not made for severe air
-TRAINED_IN = {"kinematic": AIR, **dict.fromkeys(("lpv_smo", "control_redundancy", "rfafe_airframe"), AIR[:3])}
+TRAINED_IN = {**dict.fromkeys(("kinematic", "rfafe_airframe"), AIR),
+              **dict.fromkeys(("lpv_smo", "control_redundancy"), AIR[:3])}  # fmt: skip
 LPV_PARTS = ("elevator", "n_z", "alpha")
 BANDS = ((0, 4), (4, 7), (7, 10), (10, 14))  # of rfafe_airframe's frequencies: one limit from 0.5 to 1 Hz, to 2, 4, 11
 SPARE = 2  # fits in a row fewer than an alarm takes count as one: no limit hangs on the shape alone
 GUSTS = ("light", "moderate")  # that teach what the airframe has in rfafe_airframe's estimate
-BANK = ("bank_threshold", "bank_doubt", "bank_stir")
+# up to moderate air noise hides what gusts do to fast frequencies: only in severe air can it be told how limits grow
+IN_SEVERE = {"rfafe_airframe": ("band2", "band3")}
+BANK = ("bank_threshold", "bank_doubt", "bank_stir", "bank_share")
 TAUGHT_S, ALIKE_S = 50.0, 0.25  # to learn what the airframe has in rfafe_airframe's estimate; it is alike for so long
 LARGEST = {"gust_max"}
 # a row for each PIECE_S of a flight; they have no share in PROBABILITY: other tests need gusts
@@ -126,7 +129,7 @@ def alternating(y: np.ndarray, dt: float) -> float:
 
 def survey_kinematic(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
     """Return the blocks of each row, of its jumps, and of the noise of all readings."""
-    log = watched(frame, "kinematic", p, ("res", "raw", "lateral", "rough", "valid", "power", "level"))
+    log = watched(frame, "kinematic", p, ("res", "raw", "lateral", "rough", "valid", "ratio"))
     valid, dt = log["valid"] > 0.5, frame.attrs["dt"]
     speed = frame[sources("kinematic")["v_ground"]].to_numpy()
     out = {}
@@ -137,8 +140,7 @@ def survey_kinematic(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray
             features += [lateral * speed, lateral * log["rough"]]
         out[row] = blocks(np.abs(log["res"][:, i]), features, valid, dt)
         out[f"{row} jump"] = blocks(np.abs(np.diff(log["raw"][:, i], prepend=log["raw"][0, i])), [1.0], valid, dt)
-    ratio = (log["power"] / np.maximum(log["level"], 1e-300)).max(axis=1)
-    return out | {"noise": blocks(ratio, [1.0], valid, dt)}
+    return out | {"noise": blocks(log["ratio"].max(axis=1), [1.0], valid, dt)}
 
 
 def survey_control_redundancy(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
@@ -171,16 +173,17 @@ def learned(frame: pd.DataFrame, p: np.ndarray) -> list[float]:
 
 def survey_rfafe_airframe(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
     """Return the blocks of oscillations in BANDS, each the least of a row of fits of that shape: 1, doubt of the
-    correction, rms of the angle of attack; and of the slow part: 1, distance from where the correction was learned."""
+    correction, rms of the angle of attack, amplitude of the command, of which friction holds back a share; and of the
+    slow part: 1, distance from where the correction was learned."""
     q = p.copy()
-    for field in (*BANK[1:], "bank_share"):
+    for field in BANK[1:]:
         q[field] = 0.0
     q["bank_threshold"], q["hits"] = 1e-9, 1e9  # the shape is asked, the size is what is found
     log = watched(frame, "rfafe_airframe", q, ("bank_cos", "bank_sin", "bank_new", "hit", "doubt", "stir", "away",
                                                "slow", "u_si", "valid"))  # fmt: skip
     valid, dt, few = log["valid"] > 0.5, frame.attrs["dt"], int(p["hits"][0]) - SPARE
     features = [1.0, np.sqrt(log["doubt"]), np.sqrt(log["stir"])]
-    size = np.hypot(log["bank_cos"][:, 0], log["bank_sin"][:, 0])
+    size, asked = (np.hypot(log["bank_cos"][:, i], log["bank_sin"][:, i]) for i in (0, 1))
     out = {}
     for i, (first, last) in enumerate(BANDS):
         rows = []
@@ -190,7 +193,7 @@ def survey_rfafe_airframe(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.nd
             if len(at) >= few:
                 shaped = np.where(log["hit"][at, k] > 0.5, size[at, k], 0.0)
                 lasting[at[few - 1 :]] = sliding_window_view(shaped, few).min(axis=1)
-            rows.append(blocks(lasting, features, valid, dt))
+            rows.append(blocks(lasting, [*features, asked[:, k]], valid, dt))
         out[f"band{i}"] = np.concatenate(rows)
     slow = np.abs(log["slow"][:, 0]) - p["static_share"][0] * np.abs(log["u_si"][:, 0])
     out["slow"] = blocks(np.maximum(slow, 1e-6), [1.0, log["away"]], valid, dt, HELD * float(p["t_static"][0]))
@@ -219,7 +222,9 @@ def surveys(
             p = fitted(name)
             for field, value in (prior or {}).items() if name == "rfafe_airframe" else ():
                 p[field] = value
-            out[name] = {part: rows.tolist() for part, rows in SURVEYS[name](frame, p).items()}
+            told = SURVEYS[name](frame, p)
+            parts = IN_SEVERE.get(name, tuple(told)) if turbulence == AIR[-1] else tuple(told)
+            out[name] = {part: told[part].tolist() for part in parts}
     return out
 
 
@@ -332,7 +337,7 @@ def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
         of_band = {field: [made[f"band{i}"][j] for i, (first, last) in enumerate(BANDS) for _ in range(first, last)]
                    for j, field in enumerate(BANK)}  # fmt: skip
         slow = dict(zip(("th_static", "static_away"), made["slow"], strict=True))
-        return of_band | slow | {"bank_share": [0.0] * bank.K}  # the command is part of the correction
+        return of_band | slow
     rows = [(made[row] + [0.0] * 4)[:4] for row in signatures.ROWS]
     threshold, gust, side, side_gust = (list(column) for column in zip(*rows))
     return {"threshold": threshold, "gust": gust, "side": side, "side_gust": side_gust,

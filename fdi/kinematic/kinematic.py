@@ -28,7 +28,8 @@ gusts in it: their thresholds grow with the rms of those, as the vane has it abo
 through which they act.
 
 Noise and frozen readings show in the second difference of the reading alone, y_k - 2 y_k-1 + y_k-2 of variance 6
-sigma^2, in which motion at the sampling rate is nothing.
+sigma^2, in which motion at the sampling rate is nothing. Gusts are not nothing in it: their part goes with a power of
+the speed (`GUSTY`), and with it what the noise that was learned may be.
 
 What kinematics cannot tell: a drift of theta from a constant error of q, where gusts hide what the latter does to the
 turn; "q or theta" is named until another row tells. A drift of phi from a constant error of p, of psi from one of r:
@@ -50,6 +51,7 @@ from fdi.common.why import BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
 from fdi.kinematic import wind
 from fdi.kinematic.rows import compare, read
 from fdi.kinematic.signatures import (
+    CLIMB,
     FAST,
     FIRST,
     JUMPS,
@@ -69,6 +71,11 @@ from fdi.kinematic.signatures import (
 CULPRITS = ("", *SENSORS, "q or theta")
 EITHER = len(CULPRITS) - 1.0
 SPEEDS = ("tas", "cas", "v_ground")
+# a gust changes by sigma sqrt(2 V dt / L) from tick to tick [Dryden]: the variance of airspeed goes with V, that of a
+# vane's angle with 1 / V, that of a load factor, V times that angle, with V^3
+GUSTY = {**dict.fromkeys(("tas", "cas", "mach"), 1), **dict.fromkeys(("alpha", "beta"), 2),
+         **dict.fromkeys(("n_x", "n_y", "n_z"), 3)}  # fmt: skip
+POWER = np.array([GUSTY.get(name, 0) for name in SENSORS])
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
 
 PARAMS = dtype(
@@ -112,6 +119,7 @@ STATE = dtype(
         ("last", "f8", (NR,)),  # at the tick before
         ("seen", "f8", (NR,)),  # 1 where the tick before had one
         ("model", "f8", (NR,)),  # states of the rows that integrate
+        ("rate", "f8", (NR,)),  # what they integrated last
         ("live", "f8", (NR,)),  # 1 where all sensors of a row are usable
         ("lateral", "f8", (NR,), "-"),  # share of an error of the lateral velocity that a row may show
         ("sideslip", "f8", "rad"),  # its mean and mean square, as the vane has it
@@ -127,6 +135,8 @@ STATE = dtype(
         ("ticks", "f8", (NS,)),  # usable in a row, at most 3
         ("level", "f8", (NS,)),  # learned mean square of the second difference
         ("power", "f8", (NS,)),  # the same now
+        ("ratio", "f8", (NS,), "-"),  # over what it may be at this speed
+        ("speed", "f8", "m/s"),  # over the ground, where it was learned
         ("age", "f8", "s"),
         ("n_learn", "f8", "-"),
         ("since", "f8", "s"),  # time since the first row fired, 0 while none has
@@ -176,7 +186,7 @@ def _residuals(x, p, dt):
             x.jumped[i] = p.t_hold
         x.last[i], x.seen[i] = x.raw[i], 1.0
         if learning:
-            if x.age > p.t_settle:
+            if x.age > p.t_settle and i != CLIMB:  # its own in fdi/kinematic/wind.py
                 x.offset[i] += (x.raw[i] - x.offset[i]) / max(x.n_learn, 1.0)
             continue
         x.res[i] += c * (x.raw[i] - x.offset[i] - x.res[i])
@@ -191,6 +201,10 @@ def _residuals(x, p, dt):
 def _noise(x, p, dt):
     """Judge each reading by its second difference; set x.noisy, return the largest ratio over its threshold."""
     c, largest, x.noisy = 1.0 - math.exp(-dt / p.tau_noise), 0.0, 0.0
+    if x.ok[15] > 0.5 and p.t_settle < x.age <= p.t_learn:
+        x.speed += (x.y[15] - x.speed) / max(x.n_learn, 1.0)
+    f = min(max(x.y[15] / x.speed, 0.25), 4.0) if x.ok[15] > 0.5 and x.speed > 0.0 else 1.0
+    grown = (1.0, max(1.0, f), max(1.0, 1.0 / f), max(1.0, f * f * f))
     for i in range(NS):
         if x.ticks[i] < 2.5:
             continue
@@ -205,9 +219,10 @@ def _noise(x, p, dt):
         if x.level[i] <= 0.0:
             continue
         # a single jump is no noise: it counts as what three sigma of noise at the threshold would be
-        x.power[i] += c * (min(d * d, 9.0 * p.noise_ratio * x.level[i]) - x.power[i])
-        ratio = x.power[i] / x.level[i]
-        loud = max(ratio / p.noise_ratio, p.frozen_ratio / max(ratio, 1e-12))
+        level = x.level[i] * grown[POWER[i]]
+        x.power[i] += c * (min(d * d, 9.0 * p.noise_ratio * level) - x.power[i])
+        x.ratio[i] = x.power[i] / level
+        loud = max(x.ratio[i] / p.noise_ratio, p.frozen_ratio * x.level[i] / max(x.power[i], 1e-12 * x.level[i]))
         if loud > largest:
             largest = loud
             if loud >= 1.0:

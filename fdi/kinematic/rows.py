@@ -50,9 +50,10 @@ def _integrated(x, p, row, value, rate, live, dt, turn):
     """Advance a row that integrates: raw = value - model, x_hat' = rate + (x - x_hat) / tau; `turn` wraps at pi."""
     x.live[row] = live
     if live < 0.5 or x.seen[row] < 0.5:
-        x.model[row], x.raw[row] = value, 0.0
+        x.model[row], x.raw[row], x.rate[row] = value, 0.0, rate
         return
-    ahead = x.model[row] + dt * rate
+    ahead = x.model[row] + dt * 0.5 * (x.rate[row] + rate)
+    x.rate[row] = rate
     e = value - ahead
     if turn > 0.5:
         e = math.atan2(math.sin(e), math.cos(e))

@@ -13,6 +13,7 @@ from fdi.lpv_smo.kernels import affine, affine_scalar, held_first_order, trim_ma
 
 N, P, M, R, T = 7, 6, 2, 4, 35  # states, outputs, inputs, scheduling parameters, terms of a cubic trim map
 NB = 32  # most boxes
+NEAR = 0.9  # of the largest rms of gusts: beyond it nothing is said
 MARGIN = 1.4  # of half a box from its middle: beyond a fifth of its width the affine model is no longer believed
 STAY = 1.25  # so far a box is kept though another one fits better
 DELAY = 12  # of the commands: beyond 5 ms at 2 kHz [ticks]
@@ -299,19 +300,22 @@ def gust(x, u, p, dt):
 
 
 @kernel
-def learn(x, p, elevator, n_z, alpha):
+def learn(x, p, dt, elevator, n_z, alpha):
     """Average what no gust can do [deg, g, deg] from t_settle to t_learn: moment, lift that the model has wrong.
 
-    An extension, off in the paper: 5 % on each coefficient of the trim is worth 0.9 deg of elevator.
+    An extension, off in the paper: 5 % on each coefficient of the trim is worth 0.9 deg of elevator. Where nothing may
+    be judged the model is wrong by something else, and nothing is learned, either: it takes that much longer.
     """
     if x.learned > 0.5 or p.t_learn <= 0.0 or x.age <= p.t_settle:
+        return
+    if x.rho[R - 1] > p.mach_max or x.calm <= 0.0 or x.gust > (NEAR * p.gust_max) ** 2:
         return
     x.n_learn += 1.0
     x.sums[0] += (elevator - x.sums[0]) / x.n_learn
     x.sums[1] += (n_z - x.sums[1]) / x.n_learn
     x.sums[2] += (alpha - x.sums[2]) / x.n_learn
     x.alpha_0 += (x.path - x.alpha_0) / x.n_learn
-    if x.age >= p.t_learn:
+    if x.age >= p.t_learn and (x.n_learn + 1.5) * dt >= p.t_learn - p.t_settle:
         x.learned = 1.0
         for i in range(3):
             x.offset[i] = x.sums[i]
@@ -353,11 +357,11 @@ def reconstruct(x, u, p, dt):
         x.free[1] += d * (x.f[1] - D51 * f_e - k * (a - x.slip) - k_v * x.wind - x.free[1])
         x.free[2] += d * (x.f[2] - (a - x.slip) - x.free[2])
         f_e, f_n, f_a = x.free[0], x.free[1], x.free[2]
-        learn(x, p, f_e, f_n, f_a)
+        learn(x, p, dt, f_e, f_n, f_a)
         x.gust_hat += d * (a * RAD_PER_DEG - x.gust_hat)
     else:
         f_e, f_n, f_a = x.f[0], x.f[1] - D51 * x.f[0], x.f[2]
-        learn(x, p, f_e - k_e * f_a, f_n - k_n * f_a, 0.0)
+        learn(x, p, dt, f_e - k_e * f_a, f_n - k_n * f_a, 0.0)
         x.gust_hat = 0.0
     x.f_hat_elevator = (f_e - x.offset[0]) * RAD_PER_DEG
     x.f_hat_n_z_raw = x.f[1] - x.offset[1] - D51 * x.offset[0]

@@ -61,7 +61,7 @@ from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, SENSOR
 from fdi.common.why import BANK, BOX_ALPHA, BOX_MACH, LOST_SENSOR, NOT_READY, VALID
 from fdi.lpv_smo.boxes import load as load_boxes
-from fdi.lpv_smo.core import NB, M, N, P, R, T, bank, drift, gust, inputs, observe, outputs, reconstruct
+from fdi.lpv_smo.core import NB, NEAR, M, N, P, R, T, bank, drift, gust, inputs, observe, outputs, reconstruct
 from fdi.lpv_smo.fields import INPUTS, PARAMS, STATE
 from fdi.lpv_smo.model import LpvModel, powers
 from fdi.lpv_smo.noise import deviations
@@ -71,7 +71,6 @@ LEARN = 8.0  # in flight: the paper's faults come at 10 s [s]
 ADOT = 0.3  # of a transport: Cm_alphadot over Cm_q + Cm_alphadot
 GRADIENT = 0.6  # of the damping in pitch: what a gust that grows along the body does, by training flights
 CULPRITS = ("", "elevator", "n_z", "alpha")
-NEAR = 0.9  # of the largest rms of gusts: beyond it nothing is said
 STAYS = 0.7  # of its threshold: above it a fault that is declared has not ended
 HELD = 0.6  # an oscillation is held to be there for so long after the last fit that found it [s]
 OUTPUTS = (
@@ -330,10 +329,12 @@ def step(x, u, p, dt):
     if why == VALID:
         if usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid) < 0.5:
             why = LOST_SENSOR
-        elif x.age <= p.t_settle or (x.learned < 0.5 and p.t_learn > 0.0):
+        elif x.age <= p.t_settle:
             why = NOT_READY
-        elif x.rho[R - 1] > p.mach_max:  # offsets are learned there, too
+        elif x.rho[R - 1] > p.mach_max:
             why = BOX_MACH
+        elif x.learned < 0.5 and p.t_learn > 0.0:
+            why = NOT_READY
         elif x.calm < min(x.age, p.t_recover) - 0.5 * dt or x.gust > (NEAR * p.gust_max) ** 2:
             why = BOX_ALPHA
         elif p.bank_max > 0.0 and math.fabs(u.phi) > p.bank_max and usable(u.phi, u.phi_valid) > 0.5:

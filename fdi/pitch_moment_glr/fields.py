@@ -5,7 +5,7 @@ from actuators.common import reference
 from fdi.control_redundancy import force_model
 from fdi.pitch_moment_glr.core import NA, NF
 from fdi.pitch_moment_glr.decide import NB, TURNS
-from fdi.pitch_moment_glr.moment import LINE, NV, NX
+from fdi.pitch_moment_glr.moment import LATE, LINE, NV, NX, TAPS
 
 NK, NK_A = 24, 6  # most quantities of lift, drag and pitch, and those with angle of attack
 
@@ -38,6 +38,12 @@ PARAMS = dtype(
         ("t_settle", "f8", "s"),  # and from this on it learns
         ("t_release", "f8", "s"),  # an alarm outlives its cause by this
         ("alpha_max", "f8", "rad"),  # beyond it the moment is not linear in anything
+        ("blend", "f8", (TAPS,), "-"),  # filter of the gyro's part of the pitch acceleration
+        ("tail_arm", "f8", "m"),  # from the centre of gravity aft to the tail
+        ("behind", "f8", "s"),  # that air data are older than all other readings
+        ("taken", "f8", "-"),  # share of a reading that is taken over in a tick, so that it is as old as they are
+        ("fine", "f8", "-"),  # ticks of the gust's line
+        ("thrust_arm", "f8", "1/m"),  # pitch acceleration over the acceleration along the body that thrust makes
         ("swing_roll", "f8", "-"),  # roll acceleration over pitch acceleration of the left elevators
     ]
 )  # fmt: skip
@@ -71,12 +77,20 @@ STATE = dtype(
         ("mdd", "f8", (2,), "rad/s2"),
         ("command", "f8", "rad"),
         ("stab", "f8", "rad"),
-        ("q_hat", "f8", "rad/s"),
+        ("q_1", "f8", "rad/s"),  # pitch rate of the sample before, and before that
+        ("q_2", "f8", "rad/s"),
+        ("a_1", "f8", "rad/s2"),  # pitch acceleration of the sample before
+        ("apart", "f8", (TAPS,), "rad/s2"),  # gyro less accelerometer, a ring
+        ("plain", "f8", (TAPS,), "rad/s2"),  # accelerometer
+        ("fused", "f8", "-"),  # place in both
+        ("delayed", "f8", (LATE, NX + 1)),  # terms but the constant, the computed moment, roll
+        ("place_d", "f8", "-"),
+        ("held", "f8", (10,)),  # q, qdot, alpha_ground, p, r, pdot, n_x, n_z, g's part, v_ground as old as air data
         ("sum_", "f8", (NV + 1,)),  # over the ticks of a sample
         ("mean_", "f8", (NV,)),  # alpha, alpha_ground, q, y, p, r, n_x, n_z, g's part, V, gust along, elevator
         ("rate", "f8", "rad/s"),
         ("roll", "f8", "rad/s2"),
-        ("sum_r", "f8", (2,)),
+        ("sum_r", "f8", (3,)),
         ("cas", "f8", "m/s"),
         ("mach", "f8", "-"),
         ("mass", "f8", "kg"),
@@ -90,11 +104,14 @@ STATE = dtype(
         ("part", "f8", (NK,)),
         ("slope", "f8", (6, 3)),
         ("group", "f8", (5,)),
-        ("line", "f8", (LINE, 2)),
+        ("line", "f8", (LINE,), "rad"),  # gust, a ring
         ("head", "f8", "-"),
+        ("since_line", "f8", "-"),  # ticks since it got the last
+        ("tail", "f8", "rad"),  # gust at the tail
         ("lagged", "f8", "rad"),
         ("slow", "f8", (2,), "rad/s2"),
         ("slope_a", "f8", "1/s2"),
+        ("push", "f8", "rad/s2"),  # moment of thrust
         ("effect", "f8", "1/s2"),  # pitch acceleration of an elevator angle
         ("term", "f8", (NX,), "rad/s2"),
         ("low", "f8", (NX + 2,)),  # of terms, residual, roll

@@ -1,8 +1,9 @@
 """The pitch-moment equation: the plant's nonlinear moment and what may be wrong with it, as kernels on the records of
 `fdi.pitch_moment_glr.pitch_moment_glr`.
 
-    q' = (q_bar S / I_yy) sum_k C_k(alpha, Mach, q_bar) x_k c_k + ((I_zz - I_xx) p r - I_xz (p^2 - r^2)) / I_yy
+    q' = (q_bar S / I_yy) sum_k C_k(alpha, Mach, q_bar) x_k c_k + ((I_zz - I_xx) p r - I_xz (p^2 - r^2)) / I_yy + M_T
 
+M_T, of thrust, by the force along the body: m (g n_x) less the air's, at the engines' arm.
 c_k is the chord c, of lift and drag the arm (x_cg - x_ref) c about the centre of gravity.
 """
 
@@ -15,10 +16,13 @@ from fdi.control_redundancy.force_model import air_data, contributions
 
 NX = 13  # terms of the regression, `TERMS`
 NV = 12  # signals that are averaged between two samples
-LINE = 40  # samples of the gust on its way to the tail
-ARM = 3.6  # of tail behind the wing, in mean chords
-TAU_FUSE = 0.2  # the gyro below 1 / TAU_FUSE, the accelerometer of pitch above it [s]
+LINE = 100  # of the gust on its way to the tail, every FINE seconds: down to 65 m/s
+FINE = 0.005  # what a gust changes by in a sample of the regression is no small part of its moment [s]
+TAU_FUSE = 0.2  # noise of the gyro over that of the accelerometer of pitch: the gyro tells more below 1 / TAU_FUSE [s]
+TAPS = 9  # samples of the filter that fuses them
+LATE = TAPS // 2 + 1  # samples that it comes late, and with it all terms
 TAU_VANE = 0.1  # of the lagged gust [s]
+TAU_THRUST = 0.2  # of thrust as the accelerometer has it: engines are slower, its noise is not [s]
 TAU_LAG = 0.12  # of elevator and static moment: friction makes a servo late, circulation the air [s]
 PITCH, LIFT, DRAG = 4, 0, 1  # axes of the force model
 
@@ -38,8 +42,48 @@ def follow(x, p, i, command, dt):
 
 
 @kernel
-def _sort(x, p, ca, sa, dx):
-    """Sum x.part, coefficient times variable, into x.group by what it goes with [m]."""
+def fuse(x, p, rate, acceleration, ts):
+    """Return the pitch acceleration of LATE samples ago from means of pitch rate and acceleration of a sample each.
+
+    y = a + sum h_j (q' - a)_j passes the signal as it is, whatever h; q' has (w TAU_FUSE)^2 times the noise of a, so
+    that the mean of both weighted by their variances has h near 1 / (1 + (w TAU_FUSE)^2).
+    """
+    if x.filled < 0.5:
+        x.q_1 = x.q_2 = rate
+        x.a_1 = acceleration
+        for i in range(TAPS):
+            x.apart[i], x.plain[i] = 0.0, acceleration
+    head = int(x.fused)
+    x.apart[head] = (rate - x.q_2) / (2.0 * ts) - x.a_1
+    x.plain[head] = x.a_1
+    x.q_2, x.q_1, x.a_1 = x.q_1, rate, acceleration
+    y = x.plain[(head + TAPS - TAPS // 2) % TAPS]
+    for i in range(TAPS):
+        y += p.blend[i] * x.apart[(head + TAPS - i) % TAPS]
+    x.fused = (head + 1) % TAPS
+    return y
+
+
+@kernel
+def late_gust(x, p, gust, tas, dt):
+    """Take the `gust` that the wing meets into the line; return the one that has reached the tail."""
+    x.since_line += 1.0
+    if x.since_line >= p.fine or x.started < 0.5:
+        x.since_line = 0.0
+        x.head = (x.head + 1.0) % LINE
+        x.line[int(x.head)] = gust
+    head = int(x.head)
+    late = min(max((p.tail_arm / max(tas, 10.0) / dt - x.since_line) / p.fine, 0.0), LINE - 2.0)
+    k = int(late)
+    f = late - k
+    return (1.0 - f) * x.line[(head + LINE - k) % LINE] + f * x.line[(head + LINE - k - 1) % LINE]
+
+
+@kernel
+def _sort(x, p, ca, sa, dx, q, de):
+    """Sum x.part, coefficient times variable, into x.group by what it goes with [m]; return lift less drag along the
+    body, as a coefficient, with pitch rate and elevator as given."""
+    along = 0.0
     for g in range(5):
         x.group[g] = 0.0
     for k in range(int(p.n_k)):
@@ -56,6 +100,9 @@ def _sort(x, p, ca, sa, dx):
         elif variable == 14:
             g = 4
         x.group[g] += arm * x.part[k]
+        if axis != PITCH:
+            along += x.part[k] * (sa if axis == LIFT else -ca) * (q if g == 2 else de if g == 3 else 1.0)
+    return along
 
 
 @kernel
@@ -75,7 +122,7 @@ def terms(x, p, ts):
         x.variable[i] = 0.0
     x.variable[0] = 1.0
     contributions(p, ground, x.mach, qbar, x.variable, x.part, x.slope)
-    _sort(x, p, math.cos(ground), math.sin(ground), dx)
+    _sort(x, p, math.cos(ground), math.sin(ground), dx, q, de)
     calm = gain * x.group[0]
     ca, sa = math.cos(alpha), math.sin(alpha)
     x.variable[1] = half * (q + G0 * (level - n_z * ca + n_x * sa) / tas)
@@ -84,18 +131,7 @@ def terms(x, p, ts):
         x.variable[i] = 1.0
     x.variable[14] = x.stab
     contributions(p, alpha, x.mach, qbar, x.variable, x.part, x.slope)
-    _sort(x, p, ca, sa, dx)
-    # the tail meets the gust later
-    head = int(x.head)
-    x.line[head, 0], x.line[head, 1] = gust, gust_u
-    arm = ARM * p.chord
-    late = min(max(arm / tas / ts, 0.0), LINE - 2.0)
-    whole = int(late)
-    f = late - whole
-    a, b = (head + LINE - whole) % LINE, (head + LINE - whole - 1) % LINE
-    gust_tail = (1.0 - f) * x.line[a, 0] + f * x.line[b, 0]
-    u_tail = (1.0 - f) * x.line[a, 1] + f * x.line[b, 1]
-    x.head = (head + 1) % LINE
+    along = _sort(x, p, ca, sa, dx, q, de)
     x.lagged += (1.0 - math.exp(-ts / TAU_VANE)) * (gust - x.lagged)
     slope = 0.0
     if math.fabs(gust) > 1e-6:
@@ -108,7 +144,7 @@ def terms(x, p, ts):
     t[2] = gain * x.group[2] * q
     t[3] = x.effect * de
     t[4] = gain * x.group[1]
-    t[5] = gain * x.group[2] * (gust_tail - gust) * tas / arm
+    t[5] = gain * x.group[2] * (x.tail - gust) * tas / p.tail_arm
     spin = (p.gyration2[2] - p.gyration2[0]) / p.gyration2[1] * fast * slow_r - p.gyration2[3] / p.gyration2[1] * (
         fast * fast - slow_r * slow_r
     )
@@ -121,7 +157,12 @@ def terms(x, p, ts):
     t[7] = t[0] - x.slow[1]
     t[8] = x.effect * rate
     t[9] = t[3] * gust_u / tas
-    t[10] = t[3] * (u_tail - gust_u) / tas
-    t[11] = x.slope_a * (x.lagged - gust)
+    t[10] = x.slope_a * (x.lagged - gust)
+    # engines below the centre of gravity: what the accelerometer has and the air does not make is thrust
+    push = p.thrust_arm * (G0 * n_x - qbar * p.area / x.mass * along)
+    if x.filled < 0.5:
+        x.push = push
+    x.push += (1.0 - math.exp(-ts / TAU_THRUST)) * (push - x.push)
+    t[11] = x.push
     t[12] = 1.0
-    return t[0] + t[2] + t[3] + t[4] + gain * x.group[4] + spin
+    return t[0] + t[2] + t[3] + t[4] + t[11] + gain * x.group[4] + spin

@@ -2,11 +2,12 @@
 
     y = x' theta + b (c cos wt + d sin wt) + e,    theta a random walk, e autoregressive
 
-y is the pitch acceleration, q and qdot fused, less the plant's nonlinear moment at what the vane reads and at where the
-servo's own model has the elevator; x (NX) are the parts of that moment, each of which may be wrong by a share, and what
-gusts add at the tail (fdi/pitch_moment_glr/moment.py, `TERMS`). A Kalman filter learns theta; of its innovations the
-likelihood ratio of an oscillation is taken, where what the filter learns of the oscillation is followed, too
-(core.correlate). Sources: [Willsky76] A. Willsky, H. Jones, A generalized likelihood ratio
+y is the pitch acceleration, q and qdot fused so that noise is little (moment.fuse), less the plant's nonlinear moment
+at what the vane reads, at where the servo's own model has the elevator, and at the thrust that the accelerometer shows;
+x (NX) are the parts of that moment, each of which may be wrong by a share, and what gusts add at the tail
+(fdi/pitch_moment_glr/moment.py, `TERMS`). All readings are taken as old as the air data are. A Kalman filter learns
+theta; of its innovations the likelihood ratio of an oscillation is taken, where what the filter learns of the
+oscillation is followed, too (core.correlate). Sources: [Willsky76] A. Willsky, H. Jones, A generalized likelihood ratio
 approach to the detection and estimation of jumps in linear systems, IEEE Trans. Automatic Control 21 (1976);
 [Basseville93] M. Basseville, I. Nikiforov, Detection of Abrupt Changes, Prentice Hall (1993), sections 2.4, 7.2.4.
 
@@ -35,18 +36,18 @@ from fdi.pitch_moment_glr import core
 from fdi.pitch_moment_glr.core import F_HIGH, F_LOW, NA, NF, correct, correlate, levinson, whiten
 from fdi.pitch_moment_glr.decide import TURNS, classify, judge
 from fdi.pitch_moment_glr.fields import INPUTS, MEASURED, NK, NK_A, PARAMS, STATE
-from fdi.pitch_moment_glr.moment import NV, NX, follow, terms
+from fdi.pitch_moment_glr.moment import FINE, LATE, NV, NX, TAPS, TAU_FUSE, follow, fuse, late_gust, terms
 
 CULPRITS = ("", "elevator", "elevator_left", "elevator_right")
 SAMPLE = 0.02  # [s] from one sample of the regression to the next; readings are averaged in between
 PERIODS = 5.0  # memory: after ten periods an oscillation has 0.76 of what a window of just these would have
-LATE = -0.25  # of the elevator less its lag, before anything is learned: friction
+LAG = -0.25  # of the elevator less its lag, before anything is learned: friction
 TERMS = (  # and the standard deviation of theta before anything is learned
     ("static moment at the angle of attack", 0.08), ("that of the gust alone", 0.15), ("pitch rate", 0.12),
     ("elevator", 0.08), ("rate of the angle of attack", 0.3), ("gust between wing and tail, as a pitch rate", 0.6),
     ("elevator less its lag", 0.15), ("static moment less its lag", 0.3), ("rate of the elevator [s]", 0.008),
-    ("gust along the way", 0.3), ("the same, wing to tail", 0.3), ("moment of the gust, lagged", 0.2),
-    ("constant [rad/s2]", 0.002),
+    ("gust along the way", 0.3), ("moment of the gust, lagged", 0.2),
+    ("moment of thrust", 0.3), ("constant [rad/s2]", 0.002),
 )  # fmt: skip
 
 OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "why", "frequency", "lost", "lean")
@@ -69,8 +70,10 @@ DETECTOR = Detector(
         ), _OSCILLATION),
     },
     blind="reads the pitching motion alone: what does not swing the mean of the elevators",
-    sizes={"n_a": 0, "n_m": 0, "n_q": 0, "n_ka": 0, "n_k": 0, "axis": 0, "variable": 0, "effector": 0, "stride": 1},
-    places={"head": ("line", 0), "place": ("past", 0), "turn": ("best", 0)},
+    sizes={"n_a": 0, "n_m": 0, "n_q": 0, "n_ka": 0, "n_k": 0, "axis": 0, "variable": 0, "effector": 0, "stride": 1,
+           "fine": 1},
+    places={"head": ("line", 0), "place": ("past", 0), "turn": ("best", 0), "fused": ("apart", 0),
+            "place_d": ("delayed", 0)},
     any_aircraft=True,
     range={"tas": FLYING, "mach": MACH, "alpha_ground": ALPHA},
     fit=lambda site: fitted(site),
@@ -78,13 +81,15 @@ DETECTOR = Detector(
 
 
 def params(
-    which: str = "flight", *, model: Any, dt: float = 0.005, late: float = 0.01, hydraulic: float = 1.0,
-    limits: tuple[float, float] = (math.radians(-23.0), math.radians(17.0)), own: Any = None, **values: Any,
+    which: str = "flight", *, model: Any, dt: float = 0.005, late: float = 0.01, behind: float = 0.0,
+    hydraulic: float = 1.0, limits: tuple[float, float] = (math.radians(-23.0), math.radians(17.0)), own: Any = None,
+    **values: Any,
 ) -> np.ndarray:  # fmt: skip
     """Return PARAMS for a `ForceModel` with threshold set `which`; `values` replace fields.
 
-    `late` is the age of the pitch acceleration [s], `hydraulic` the share of the elevators that is hydraulic, `limits`
-    their travel [rad]. Raises ValueError for a model with more than NK quantities of lift, drag and pitch.
+    `late` is the age of the pitch acceleration [s], `behind` what air data are older than it, `hydraulic` the share of
+    the elevators that is hydraulic, `limits` their travel [rad]. Raises ValueError for a model with more than NK
+    quantities of lift, drag and pitch.
     """
     kept = [k for k, (axis, _) in enumerate(model.quantities) if axis in ("lift", "drag", "pitch")]
     made = force_model.fields(model)
@@ -108,9 +113,11 @@ def params(
     prior = np.array([sd for _, sd in TERMS])
     found = {
         **{n: v for n, v in made.items() if n in PARAMS.names},
-        **own_fields, "part": [hydraulic, 1.0 - hydraulic], "late": late, "limit_low": limits[0],
+        **own_fields, "part": [hydraulic, 1.0 - hydraulic], "late": late + behind, "limit_low": limits[0],
         "limit_high": limits[1], "stride": stride, "turn_c": np.cos(angle), "turn_s": np.sin(angle),
         "keep": np.exp(-f * stride * dt / PERIODS), "period": 1.0 / f, "prior": prior, "swing_roll": swing_roll(model),
+        "behind": behind, "taken": 1.0 - math.exp(-dt / max(behind - dt, 1e-9)), "blend": blend(stride * dt),
+        "thrust_arm": thrust_arm(model), "tail_arm": tail_arm(model), "fine": max(1.0, math.floor(FINE / dt + 0.5)),
         **thresholds("pitch_moment_glr", which, own),
     }  # fmt: skip
     found["walk"] = np.asarray(prior) ** 2 / found.pop("t_walk")
@@ -129,12 +136,40 @@ def swing_roll(model: Any) -> float:
     return roll * model.span / model.gyration2[0] / (pitch * model.chord / model.gyration2[1])
 
 
+def blend(ts: float) -> np.ndarray:
+    """Return the symmetric filter (TAPS,) of the gyro's part: least noise from F_LOW to what sampling shows, octave by
+    octave alike."""
+    w = 2.0 * math.pi * np.geomspace(F_LOW, 0.5 / ts, 400)[:, None]
+    noise = (w * TAU_FUSE) ** 2
+    turn = np.exp(-1j * w * ts * (np.arange(TAPS) - TAPS // 2))
+    rows = np.concatenate([turn * np.sqrt(1.0 + noise), -turn * np.sqrt((1.0 + noise) / noise)])
+    aim = np.concatenate([0.0 * w, -np.sqrt((1.0 + noise) / noise)])[:, 0]
+    stacked = np.concatenate([rows.real, rows.imag])
+    return np.linalg.lstsq(stacked, np.concatenate([aim, 0.0 * aim]), rcond=None)[0]
+
+
+def tail_arm(model: Any) -> float:
+    """Return how far aft of the reference point the elevators' lift acts, at the model's middle [m]."""
+    made = {"lift": 0.0, "pitch": 0.0}
+    for k, (axis, variable) in enumerate(model.quantities):
+        if variable.startswith("de_") and axis in made:
+            made[axis] += float(model.t_m[k].mean())
+    return -made["pitch"] / made["lift"] * model.chord if made["lift"] else 3.5 * model.chord
+
+
+def thrust_arm(model: Any) -> float:
+    """Return the pitch acceleration over the acceleration along the body that all engines together make [1/m]."""
+    (tx, _, tz), (rx, _, rz) = model.thrust_axis, np.mean(model.engine, axis=0)
+    return float((rz * tx - rx * tz) / tx / model.gyration2[1])
+
+
 def fitted(site: Site, **values: Any) -> np.ndarray:
     """Return PARAMS for a loop, on the force model of the aircraft that flies."""
     kinds = list(site.technologies.values()) or ["hydraulic"]
     travel: dict[str, Any] = {"limits": site.travel} if site.travel else {}
     return params(
         model=site.aircraft().model, dt=site.dt, late=site.delay("qdot"), own=site.own,
+        behind=site.delay("alpha") - site.delay("qdot"),
         hydraulic=1.0 - kinds.count("ema") / len(kinds), **travel, **values,
     )  # fmt: skip
 
@@ -144,7 +179,7 @@ def init(p: np.ndarray) -> np.ndarray:
     x = np.zeros(p.shape, STATE)
     x["cosine"] = 1.0
     x["why"] = NOT_READY
-    x["theta"][..., 6] = LATE
+    x["theta"][..., 6] = LAG
     for i in range(NX):
         x["P"][..., i, i] = p["prior"][..., i] ** 2
     return x
@@ -162,39 +197,52 @@ def _complete(u):
 
 
 @kernel
+def _hold(x, i, value, p):
+    """Return `value` of `behind` ago: a tick, and a lag for the rest."""
+    if p.behind <= 0.0:
+        return value
+    if x.started < 0.5:
+        x.held[i] = value
+    before = x.held[i]
+    x.held[i] += p.taken * (value - before)
+    return before
+
+
+@kernel
 def _read(x, u, p, dt):
     """Advance the servo models and the fused acceleration, add this tick to the sums of the sample."""
     if math.isfinite(u.command):
         x.command = u.command
     if math.isfinite(u.stab):
         x.stab = u.stab
+    q, qdot, ground = _hold(x, 0, u.q, p), _hold(x, 1, u.qdot, p), _hold(x, 2, u.alpha_ground, p)
+    along = u.tas - _hold(x, 9, u.v_ground, p)
     if x.started < 0.5:
-        x.started = 1.0
         x.m[0] = x.m[1] = min(max(x.command, p.limit_low), p.limit_high)
-        x.q_hat = u.q
     rate = p.part[0] * x.md[0] + p.part[1] * x.md[1]
     de = p.part[0] * follow(x, p, 0, x.command, dt) + p.part[1] * follow(x, p, 1, x.command, dt)
-    y = u.qdot + (u.q - x.q_hat) / 0.2
-    x.q_hat += dt * y
+    tail = late_gust(x, p, u.alpha - ground, u.tas, dt)
     s = x.sum_
     s[0] += u.alpha
-    s[1] += u.alpha_ground
-    s[2] += x.q_hat
-    s[3] += y
-    s[4] += u.p
-    s[5] += u.r
-    s[6] += u.n_x
-    s[7] += u.n_z
-    s[8] += math.cos(u.theta) * math.cos(u.phi)
+    s[1] += ground
+    s[2] += q
+    s[3] += qdot
+    s[4] += _hold(x, 3, u.p, p)
+    s[5] += _hold(x, 4, u.r, p)
+    s[6] += _hold(x, 6, u.n_x, p)
+    s[7] += _hold(x, 7, u.n_z, p)
+    s[8] += _hold(x, 8, math.cos(u.theta) * math.cos(u.phi), p)
     s[9] += u.tas
-    s[10] += u.tas - u.v_ground
+    s[10] += along
     s[11] += de
     s[12] += 1.0
     x.sum_r[0] += rate
-    x.sum_r[1] += u.pdot if usable(u.pdot, u.pdot_valid) > 0.5 else 0.0
+    x.sum_r[1] += _hold(x, 5, u.pdot if usable(u.pdot, u.pdot_valid) > 0.5 else 0.0, p)
+    x.sum_r[2] += tail
     x.cas += (u.cas - x.cas) / s[12]
     x.mach += (u.mach - x.mach) / s[12]
     x.mass, x.cg = u.mass, u.cg
+    x.started = 1.0
 
 
 @kernel
@@ -204,6 +252,27 @@ def _high(x, i, value, c):
         x.low[i] = value
     x.low[i] += c * (value - x.low[i])
     return value - x.low[i]
+
+
+@kernel
+def _delay(x, computed):
+    """Replace x.term by those of LATE samples ago; return the computed moment and the roll acceleration of then."""
+    now = int(x.place_d)
+    x.place_d = (now + 1) % LATE
+    row = x.delayed[now]
+    for i in range(NX - 1):
+        new = x.term[i]
+        x.term[i] = row[i] if x.filled > 0.5 else new
+        row[i] = new
+        if x.filled < 0.5:
+            for k in range(LATE):
+                x.delayed[k, i] = new
+    before, roll = (row[NX - 1], row[NX]) if x.filled > 0.5 else (computed, x.roll)
+    row[NX - 1], row[NX] = computed, x.roll
+    if x.filled < 0.5:
+        for k in range(LATE):
+            x.delayed[k, NX - 1], x.delayed[k, NX] = computed, x.roll
+    return before, roll
 
 
 @kernel
@@ -248,12 +317,14 @@ def _sample(x, p, dt):
         x.mean_[i] = x.sum_[i] / n
         x.sum_[i] = 0.0
     x.sum_[NV] = 0.0
-    x.rate, x.roll = x.sum_r[0] / n, x.sum_r[1] / n
-    x.sum_r[0] = x.sum_r[1] = 0.0
+    x.rate, x.roll, x.tail = x.sum_r[0] / n, x.sum_r[1] / n, x.sum_r[2] / n
+    x.sum_r[0] = x.sum_r[1] = x.sum_r[2] = 0.0
     computed = terms(x, p, ts)
+    y = fuse(x, p, x.mean_[2], x.mean_[3], ts)
+    computed, roll = _delay(x, computed)
     c = 1.0 - math.exp(-ts / p.tau_high)
-    y = _high(x, NX, x.mean_[3] - computed, c)
-    roll = _high(x, NX + 1, x.roll, c)
+    y = _high(x, NX, y - computed, c)
+    roll = _high(x, NX + 1, roll, c)
     for i in range(NX - 1):
         x.high[i] = _high(x, i, x.term[i], c)
     x.high[NX - 1] = 1.0
@@ -309,7 +380,7 @@ def step(x, u, p, dt):
         return
     if x.gone > 0.1:
         _restart(x)
-        x.q_hat, x.age, x.started = u.q, min(x.age, p.t_learn - 5.0), 0.0
+        x.age, x.started = min(x.age, p.t_learn - 5.0), 0.0
     x.gone = 0.0
     _read(x, u, p, dt)
     x.ticks += 1.0

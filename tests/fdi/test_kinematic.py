@@ -117,7 +117,39 @@ def test_a_turn_in_a_cross_wind_is_quiet_and_teaches_the_lateral_velocity(turned
     error = (log["lateral_ground"] - v)[turned.index > 20.0]
     assert np.sqrt(np.mean(v**2)) > 15.0 and np.sqrt(np.mean(error**2)) < 3.0
     level = int(np.searchsorted(turned.index, 13.0))
-    assert math.sqrt(log["cov"][-1, 1]) < 2.0 < 5.0 < math.sqrt(log["cov"][level, 1])  # only the bank told it
+    assert math.sqrt(log["cov"][-1, 1, 1]) < 2.0 < 4.0 < math.sqrt(log["cov"][level, 1, 1])  # only the bank told it
+
+
+def test_what_is_learned_in_a_bank_is_uncertain_and_no_wind():
+    given = ["duration_s=22", "flight.turbulence=severe", "flight.mass_t=370", "flight.cg_pct=26.1", "seed=1300178",
+             "flight.altitude_ft=10880", "flight.cas_kt=201", "detectors.enabled=[]"]  # fmt: skip
+    frame = fly(load_scenario("cruise", given), WIRES.values())
+    assert np.abs(frame[WIRES["phi"]][2.0:8.0]).max() > 10 * DEG  # while it learns gusts bank the aircraft
+    log = watched(frame)
+    assert not log["alarm"].any() and np.abs(log["wind"][:, 1]).max() < 20.0  # there is none; it said up to 100 m/s
+
+
+def test_gusts_are_louder_in_faster_flight_and_that_is_no_fault_of_the_accelerometer(flown):
+    frame, late = flown.copy(), flown.index >= START
+    frame.attrs = flown.attrs
+    n_z = WIRES["n_z"]
+    frame.loc[late, n_z] += 0.03 * np.random.default_rng(1).standard_normal(late.sum())
+    assert said(detect(frame, kinematic, WIRES)) == "n_z"
+    faster = frame.copy()
+    faster.attrs = flown.attrs
+    faster.loc[late, WIRES["v_ground"]] *= 1.5
+    assert detect(faster, kinematic, WIRES)["noisy"].max() == 0.0
+
+
+def test_a_fast_roll_shows_in_no_attitude(flown):
+    frame, t = flown.copy(), flown.index.to_numpy() - START
+    frame.attrs = flown.attrs
+    rate = 0.6 * np.clip(t, 0.0, 0.5) / 0.5
+    frame[WIRES["p"]] += rate
+    frame[WIRES["phi"]] += np.where(t > 0.5, 0.15 + 0.6 * (t - 0.5), 0.6 * np.clip(t, 0.0, None) ** 2)
+    soon = (t > 0.0) & (t < 1.0)
+    phi = np.abs(detect(frame, kinematic, WIRES)["res"][soon, 0])
+    assert phi.max() < 4e-4  # an Euler step would leave 0.6 rad/s times half a tick, 1.5e-3 rad
 
 
 @pytest.mark.parametrize("sensor", ["hdot", "theta", "n_x", "alpha_ground"])

@@ -1,6 +1,7 @@
 """The likelihood ratio of an elevator oscillation: seen or not by its size, silent without one, same bits."""
 
 import functools
+import math
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from cosim.scenario.catalog import SEGMENTS
 from cosim.training.flights import scenario
 from fdi.common import verdict
 from fdi.common.why import BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
-from fdi.pitch_moment_glr import core
+from fdi.pitch_moment_glr import core, moment
 from fdi.pitch_moment_glr import pitch_moment_glr as glr
 
 DT, ONSET = 0.005, 15.0
@@ -127,3 +128,31 @@ def test_levinsons_recursion_finds_an_autoregression():
     power = core.levinson(x)
     assert x.ar[:2] == pytest.approx(a, abs=0.01) and np.abs(x.ar[2:]).max() < 0.02
     assert power == pytest.approx(1.0, abs=0.02)
+
+
+def test_the_gyro_and_the_accelerometer_are_fused_without_a_change_of_the_signal_and_with_less_noise_than_either():
+    ts, hz = 0.02, np.geomspace(0.3, 6.0, 12)
+    h, w = designed()["blend"][0], 2.0 * np.pi * hz
+    response = (h * np.exp(-1j * np.outer(w * ts, np.arange(len(h)) - len(h) // 2))).sum(axis=1).real
+    noise = (w * moment.TAU_FUSE) ** 2
+    made = response**2 * noise + (1.0 - response) ** 2  # over the accelerometer's alone
+    assert np.mean(made) < 0.9 and np.mean(2.0 * noise / (1.0 + noise)) > 1.2  # a first-order complementary filter's
+    x, p, out = glr.init(designed())[0], designed()[0], []
+    t = np.arange(200) * ts
+    for k in t:
+        out.append(moment.fuse(x, p, -math.cos(8.0 * k) / 8.0, math.sin(8.0 * k), ts))
+        x.filled = 1.0
+    assert np.abs(np.array(out) - np.sin(8.0 * (t - moment.LATE * ts)))[20:].max() < 0.01
+
+
+def test_thrust_that_holds_the_speed_in_gusts_is_no_noise():
+    level = {}
+    for held in (False, True):
+        made = scenario(duration=30.0, seed=77_000_004, flight={"turbulence": "light"},
+                        manoeuvre={"kind": "cruise", "hold_speed": held})  # fmt: skip
+        x = glr.init(designed())
+        u = inputs(fly(made, dict.fromkeys(sources(NAME).values())), glr, sources(NAME))
+        glr.rollout(x, u, designed(), DT)
+        turn = np.exp(-2j * np.pi * 0.4 * 0.02 * np.arange(1, core.NA + 1))  # of 0.4 Hz
+        level[held] = math.sqrt(x["power"][0]) / abs(1.0 - x["ar"][0] @ turn)
+    assert level[True] < 1.5 * level[False]  # it was three times as loud

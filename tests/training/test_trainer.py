@@ -71,15 +71,15 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
             0.0, "floor": 0.0, "swing_threshold": 0.00122688, "swing_gust": 0.0136927, "swing_away": 0.0,
         },
         "kinematic flight": {
-            "threshold": 0.468345, "gust": 0.000145311, "side": 0.0401258, "side_gust": 0.0,
+            "threshold": 0.468345, "gust": 0.000145311, "side": 0.0365739, "side_gust": 0.14616,
             "jump": 4.65399, "noise_ratio": 1.81795,
         },
         "control_redundancy flight": {
             "gust_max": 2.70396, "t_x": 1e-06, "t_y": 0.0013024, "t_z": 0.0060684,
         },
         "rfafe_airframe flight": {
-            "bank_threshold": 0.00849628, "bank_doubt": 0.0, "bank_stir": 0.120036, "th_static":
-            0.012178, "static_away": 0.0379551, "bank_share": 0.0, "noise": 1e-07,
+            "bank_threshold": 0.00713474, "bank_doubt": 0.0, "bank_stir": 0.120036, "th_static":
+            0.012178, "static_away": 0.0379551, "bank_share": 1.17038, "noise": 1e-07,
         },
     },
     "rfafe": {
