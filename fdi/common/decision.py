@@ -20,6 +20,7 @@ PLAY = 2.6e-3  # rod motion within which a loose surface moves [m]
 T_LOOSE = 0.12  # after the alarm, when the disagreement has come to rest, it is asked which way it went [s]
 T_HOLD = 5.0  # [s] an alarm outlives its estimate by: settling, 1 s, and two periods at 0.5 Hz, the slowest of a bank
 
+FOREIGN = 3.5  # sigma beyond which a sample teaches nothing of the lever
 GAIN_LIMIT = 0.15  # +-5 % on flow and on piston area, and some more
 GAIN_MOTION = 0.002  # rod motion from which the gain is learned in earnest: 20 sigma of the sensor [m]
 
@@ -40,6 +41,7 @@ PAIR_STATE = [
     ("pair_time", "f8", "s"),  # usable time so far
     ("rigging", "f8", "m"),  # learned rod - arm surface
     ("pair_d", "f8", "m"),  # filtered disagreement
+    ("pair_limit", "f8", "m"),  # what it may be
     ("model_q", "f8", "m"),  # integral of the model's rod velocity
     ("model_slow", "f8", "m"),  # the same, lagged
     ("model_bias", "f8", "m/s"),  # learned error of the model's rod velocity
@@ -54,6 +56,14 @@ PAIR_STATE = [
     ("blame", "f8", "-"),  # 0 unknown, 1 rod, 2 surface
     ("play", "f8", "-"),  # 1 where the surface may be loose rather than its sensor wrong
     ("quiet", "f8", "s"),  # time for which the input-fault estimate is still disturbed by it
+]
+RIGGING_SD, LEVER_SD = 5e-3, 6e-3  # of the rigging [m] and of the length of a machined lever [1]
+RIGGING_WALK, LEVER_WALK = 2.6e-13, 1e-12  # random walks of the two [m^2/s], [1/s]
+LEVER_KNOWN = 2.5  # standard deviations that what is not known of the lever may put the two sensors apart by
+LEVER_STATE = [
+    ("lever_offset", "f8", "m"),  # learned rod - arm surface at the rod's zero
+    ("lever", "f8", "-"),  # learned error of the lever's length
+    ("lever_P", "f8", (3,), "m^2, m, 1"),  # covariance of the two: 00, 01, 11
 ]
 OFC_PARAMS = [
     *bank.PARAMS,
@@ -127,29 +137,59 @@ def clipped(v, most):
 
 
 @kernel
-def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, p, dt):
+def lever_at(x, q):
+    """Return how far rigging and lever put rod and surface apart at the rod position `q` [m], and how sure that is."""
+    P = x.lever_P
+    return x.lever_offset + q * x.lever, LEVER_KNOWN * math.sqrt(max(P[0] + q * (2.0 * P[1] + q * P[2]), 0.0))
+
+
+@kernel
+def learn_lever(x, apart, q, r, dt):
+    """Learn rigging and lever from how far rod and surface are `apart` at `q`, with variance `r`: a Kalman filter.
+
+    `q` is a predicted rod position [m]: a reading would carry its noise into the lever. `apart` is of the readings [m].
+    """
+    P = x.lever_P
+    if P[2] <= 0.0:
+        P[0], P[1], P[2] = RIGGING_SD * RIGGING_SD, 0.0, LEVER_SD * LEVER_SD
+    a, b = P[0] + q * P[1], P[1] + q * P[2]
+    s = a + q * b + r
+    e = apart - x.lever_offset - q * x.lever
+    if e * e < FOREIGN * FOREIGN * s:  # beyond it is of a fault
+        x.lever_offset += a * e / s
+        x.lever += b * e / s
+        P[0] += RIGGING_WALK * dt - a * a / s
+        P[1] -= a * b / s
+        P[2] += LEVER_WALK * dt - b * b / s
+
+
+@kernel
+def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, slack, known, p, dt):
     """Compare two position sensors on one rod, and each with the model's own motion; positions in m of rod.
 
     `model_v` is a rod velocity that neither of them has touched lately [m/s], `load` the force on the rod over its
-    stall force, + extends [1]. Sets `sensor` and `blame`, and `play`: a surface that has moved the way its load drives
-    it, and no further than PLAY, may as well have come loose.
+    stall force, + extends [1]; `slack` [m] is added to the threshold; where it is `known` the caller keeps the rigging.
+    Sets `sensor` and `blame`, and `play`: a surface that has moved the way its load drives it, and no further than
+    PLAY, may as well have come loose.
     """
     x.model_q += ((1.0 + x.model_gain) * model_v + x.model_bias) * dt
     x.model_slow += dt / p.pair_wash * (x.model_q - x.model_slow)
     a = 1.0 - math.exp(-dt / p.pair_tau)
-    suspicious = math.fabs(x.pair_d) > 0.7 * p.pair_threshold
+    x.pair_limit = p.pair_threshold + slack
+    suspicious = math.fabs(x.pair_d) > 0.7 * x.pair_limit
     x.quiet = max(x.quiet - dt, 0.0)
     if rod_good > 0.5 and surface_good > 0.5:
         d = y_rod - y_surface - x.rigging
         if x.pair_time < p.pair_settle:
             x.pair_time += dt
-            x.rigging += d * dt / x.pair_time
+            if not known:
+                x.rigging += d * dt / x.pair_time
             if x.pair_time <= 1.5 * dt:
                 x.base_rod = y_rod - x.model_q
                 x.base_surface = y_surface - x.model_q
         else:
             x.pair_d += a * clipped(d - x.pair_d, p.pair_clip)
-            if not suspicious:
+            if not suspicious and not known:
                 x.rigging += clipped(x.pair_d, p.pair_clip) * dt / p.pair_learn
     w = dt / p.pair_wash
     if rod_good > 0.5 and x.pair_time > 0.0:
@@ -168,7 +208,7 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, p, dt)
             lesson = p.pair_teach * dt * e * moved / (moved * moved + GAIN_MOTION * GAIN_MOTION)
             x.model_gain = clipped(x.model_gain + lesson, GAIN_LIMIT)
     before = x.sensor
-    beyond = math.fabs(x.pair_d) >= p.pair_threshold
+    beyond = math.fabs(x.pair_d) >= x.pair_limit
     x.pair_timer, x.sensor = confirm(x.pair_timer, x.sensor, beyond, dt, p.pair_confirm, p.pair_release)
     if beyond and x.sensor > 0.5:  # an oscillation is beyond it for a part of its period only
         x.pair_timer = p.pair_confirm + p.pair_release

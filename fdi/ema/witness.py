@@ -85,7 +85,7 @@ def hear(x, u, w, p, dt):
             x.y_arm = y + min(max(u.y_position - x.rigging - y, low), high)
     load = (x.hm0 + x.hmd * x.x_hat[0] + x.x_hat[5]) / (p.load_max * HALF)
     bias = x.model_bias
-    decision.pair_test(x, u.y_position, position, x.y_arm, surface, p.lead * w, load, p, dt)
+    decision.pair_test(x, u.y_position, position, x.y_arm, surface, p.lead * w, load, 0.0, False, p, dt)
     if x.sensor > 0.5 and position > 0.5 and surface > 0.5:  # the clip is for spikes before an alarm: 24 mm/s
         x.pair_d += (1.0 - math.exp(-dt / p.pair_tau)) * beyond_clip(u.y_position - x.y_arm - x.rigging - x.pair_d, p)
     if x.culprit == 0.0 and max(math.fabs(x.e_rod), math.fabs(x.e_surface)) < BLAMED * p.pair_threshold:

@@ -274,7 +274,7 @@ def decide(x, u, p, dt):
     rod, surface = usable(u.y_rod, u.y_rod_valid), usable(u.y_surface, u.y_surface_valid)
     bulk = x.x_hat[2] / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
     y_surface = p.arm * u.y_surface + bulk
-    decision.pair_test(x, u.y_rod + bulk, rod, y_surface, surface, model_velocity(x, p), x.x_hat[3], p, dt)
+    decision.pair_test(x, u.y_rod + bulk, rod, y_surface, surface, model_velocity(x, p), x.x_hat[3], 0.0, False, p, dt)
     hypotheses.swings_apart(x, rod > 0.5 and surface > 0.5, dt)
     pressure = usable(u.y_dp, u.y_dp_valid) if p.load == 2.0 else 0.0
     e_rod = u.y_rod - p.arm * u.y_surface - x.rigging - x.pair_d if surface > 0.5 else x.gamma_rod

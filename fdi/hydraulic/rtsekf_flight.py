@@ -9,8 +9,8 @@ a fault (it does not replace the second position: 1 % of bias drifts 8 mm). A ja
 sensors alike, and this detector stays quiet.
 
 Alarm and culprit come from `decision.pair_test`: rod against surface, and each against the motion that valve and
-pressure imply. The rigging of the surface sensor is learned over the first second and slowly after it; a fault
-that is there from the start is taken for rigging.
+pressure imply. The rigging of the surface sensor is learned over the first second and slowly after it, the length of
+its lever while rod and surface move; a fault that is there from the start is taken for rigging.
 """
 
 import math
@@ -72,6 +72,7 @@ STATE = dtype(
         ("P_f", "f8", "m2"),  # variance of the fault
         ("u_old", "f8", (HISTORY + 1,), "-"),  # newest first
         *decision.PAIR_STATE,
+        *decision.LEVER_STATE,
         ("f_hat", "f8", "m"),  # fault of the suspected position sensor, rod or surface, as rod
         ("f_sigma", "f8", "m"),  # its standard deviation
         ("q_now", "f8", "m"),  # predicted rod position
@@ -212,7 +213,7 @@ def start(x, y, dp, p):
 @kernel
 def correct(x, u, rod, surface, p, dt):
     """Use what is usable: both positions in three steps, or the healthy one alone; then the pressure."""
-    y_surface = p.arm * u.y_surface + x.rigging
+    y_surface = p.arm * u.y_surface + decision.lever_at(x, x.x_hat[0])[0]
     learned = x.pair_time > 0.0
     plausible = math.fabs(y_surface - x.x_hat[0]) < p.gate * math.sqrt(x.P[0, 0] + p.r_surface)
     x.age += dt
@@ -238,14 +239,18 @@ def correct(x, u, rod, surface, p, dt):
 
 
 @kernel
-def decide(x, u, rod, surface, p, dt):
-    """Test rod against surface, and both against the model."""
+def decide(x, u, rod, surface, q, p, dt):
+    """Test rod against surface, and both against the model; `q` is the rod as predicted, free of this tick's noise."""
     v = x.u_old[int(p.delay)]
     x3 = x.x_hat[2]
     motion = p.phi_n / p.A_p * opening(v, x3) * v - p.L * x3
     bulk = x3 / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
-    decision.pair_test(x, u.y_rod + bulk, rod, p.arm * u.y_surface + bulk, surface, motion, x.x_hat[3], p, dt)
-    x.r = math.fabs(x.pair_d) / p.pair_threshold
+    y_surface = p.arm * u.y_surface
+    x.rigging, slack = decision.lever_at(x, q)
+    decision.pair_test(x, u.y_rod + bulk, rod, y_surface + bulk, surface, motion, x.x_hat[3], slack, True, p, dt)
+    x.r = math.fabs(x.pair_d) / x.pair_limit
+    if rod > 0.5 and surface > 0.5 and x.r < 0.7 and x.sensor < 0.5:
+        decision.learn_lever(x, u.y_rod - y_surface, q, p.r_rod + p.r_surface, dt)
     x.alarm = x.sensor
     x.culprit = 0.0 if x.blame == 2.0 and x.play > 0.5 else x.blame
     x.verdict = NONE
@@ -270,8 +275,9 @@ def step(x, u, p, dt):
     d = int(p.delay)
     if d == 0:
         predict(x, x.u_old[0], p, dt)
+    predicted = x.x_hat[0]
     correct(x, u, rod, surface, p, dt)
-    decide(x, u, rod, surface, p, dt)
+    decide(x, u, rod, surface, predicted, p, dt)
     if d > 0:
         predict(x, x.u_old[d - 1], p, dt)
     q, v, x3 = x.x_hat[0], x.x_hat[1], x.x_hat[2]

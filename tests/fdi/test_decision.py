@@ -8,7 +8,7 @@ from fdi.common import bank, decision, tuning, verdict
 
 DT = 0.005
 BANK_PARAMS, BANK_STATE = dtype(bank.PARAMS), dtype(bank.STATE)
-PAIR_PARAMS, PAIR_STATE = dtype(decision.PAIR_PARAMS), dtype(decision.PAIR_STATE)
+PAIR_PARAMS, PAIR_STATE = dtype(decision.PAIR_PARAMS), dtype([*decision.PAIR_STATE, *decision.LEVER_STATE])
 
 
 def bank_params():
@@ -88,14 +88,20 @@ def test_a_manoeuvre_beyond_two_periods_is_forgotten_exactly():
             assert (x.bank_cos[0, k], x.bank_sin[0, k]) == (z.bank_cos[0, k], z.bank_sin[0, k])
 
 
-def pair(y_rod, y_surface, model_v, load=0.0):
+def pair(y_rod, y_surface, model_v, load=0.0, q=None):
     p, x = np.zeros(1, PAIR_PARAMS), np.zeros(1, PAIR_STATE)
     for name, value in tuning.thresholds("rtsekf_flight").items():
         if name in p.dtype.names:
             p[name] = value
     out = np.zeros(len(y_rod), PAIR_STATE)
     for k in range(len(y_rod)):
-        decision.pair_test(x[0], y_rod[k], float(np.isfinite(y_rod[k])), y_surface[k], 1.0, model_v[k], load, p[0], DT)
+        rod = float(np.isfinite(y_rod[k]))
+        slack = 0.0
+        if q is not None:
+            x["rigging"][0], slack = decision.lever_at(x[0], q[k])
+        decision.pair_test(x[0], y_rod[k], rod, y_surface[k], 1.0, model_v[k], load, slack, q is not None, p[0], DT)
+        if q is not None and rod > 0.5 and x[0].sensor < 0.5:
+            decision.learn_lever(x[0], y_rod[k] - y_surface[k], q[k], 2e-8, DT)
         out[k] = x[0]
     return out
 
@@ -112,6 +118,21 @@ def test_the_pair_test_blames_the_sensor_that_leaves_the_model(which, name):
     assert out["sensor"][1260] == 1.0
     assert out["blame"][1260] == name
     assert out["rigging"][1199] == pytest.approx(-4e-4, abs=1e-4)
+
+
+@pytest.mark.parametrize("off", [-0.01, 0.01])
+def test_a_lever_of_another_length_is_learned_and_a_scale_that_comes_later_is_not(off):
+    """1 % of 40 mm is almost twice the threshold: without the lever it alarms in every stroke."""
+    rng, n = np.random.default_rng(4), 4000
+    t = np.arange(n) * DT
+    q, v = 0.01 + 0.04 * np.sin(0.5 * t), 0.02 * np.cos(0.5 * t)
+    y = 1e-4 * rng.standard_normal((2, n)) + np.stack([q, (1.0 + off) * q])
+    out = pair(*y, v, q=q)
+    assert not out["sensor"].any()
+    assert out["lever"][-1] == pytest.approx(-off, abs=0.001)
+    assert pair(*y, v)["sensor"].any()
+    y[1, 2000:] += 0.03 * q[2000:]
+    assert pair(*y, v, q=q)["sensor"][2000:].any()
 
 
 @pytest.mark.parametrize(("offset", "load", "play"), [(1e-3, 0.1, 1.0), (1e-3, -0.1, 0.0), (4e-3, 0.1, 0.0)])
