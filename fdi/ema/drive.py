@@ -32,7 +32,7 @@ from actuators.block import kernel
 from fdi.common.decision import confirm
 from fdi.common.sinusoid import beside
 from fdi.common.verdict import EFFECTIVENESS, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY
-from fdi.ema.gains import RELEASE, doubt, doubt_b, gains
+from fdi.ema.gains import RELEASE, amplifier, doubt, doubt_b, gains
 from fdi.ema.torque import push, read
 
 RING = 100  # samples of each ring
@@ -55,7 +55,6 @@ STUCK = 0.3  # of the largest current: less is a loss of the drive
 LOSS_LEAST = 0.1  # less of a loss is a gain error
 SENSOR = -1.0  # the current sensor, beside the class codes
 ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
-USUAL, TAU_USUAL = 0.5, 10.0  # what f usually has beside zero and pole of an amplifier off both ways; memory [s]
 TAU_FELT = 0.03  # lag of what the motor feels [s]
 HEALTHY = 0.03  # of the stall torque: one and a half times the friction of a healthy drive (actuators.ema.actuator)
 SLOWEST, WIDE = 0.4, 1.5  # slowest oscillation that a short window may hold a part of [Hz]; from one to the next
@@ -81,7 +80,6 @@ STATE = [
     ("slot_n", "f8", "-"),
     ("f_power", "f8", "A2"),  # its square, lagged
     ("w_power", "f8", "rad2/s2"),
-    ("f_usual", "f8", "-"),  # share of the fixed threshold's square that f usually has
     ("r_f", "f8", "-"),  # over its threshold
     ("f_timer", "f8", "s"),
     ("hot_f", "f8", "-"),  # confirmed
@@ -297,9 +295,13 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     """Take a tick: current `y` [A] where it is usable, demand `u` [A], rate `w`, which may be believed
     where it is `measured`, and its innovation `gamma` [rad/s].
     """
-    d, rest, limit = demanded(u, w, x.gain_own, x.magnets_own, p)
+    x.amp_lag += p.amp * (u - x.amp_lag)
+    fast = u - x.amp_lag
+    d, rest, limit = demanded(u + x.amp_own * fast, w, x.gain_own, x.magnets_own, p)
     seen = current and not limit and math.fabs(y) < NO_CURRENT * p.I_max
     f = y - d if seen else 0.0
+    if seen and measured and x.gain_learned > 0.5 and x.f_timer <= 0.0 and x.alarm < 0.5:
+        amplifier(x, f, rest, (1.0 + x.gain_own) * p.K_gi / p.R_loop * fast, p, dt)
     x.f_now, x.d_now = f, d
     x.f_lag += min(dt / 0.03, 1.0) * (f - x.f_lag)
     if seen:
@@ -311,11 +313,8 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
         off = doubt(x)[1 if g * rest > 0.0 else 0] * math.fabs(rest)
         off += doubt_b(x)[1 if g * w > 0.0 else 0] * p.b_motor * math.fabs(w)
         x.off_power += h / TAU_POWER * (off * off - x.off_power)
-        fixed = p.th_f + p.rho_f * math.sqrt(x.w_power) + math.sqrt(x.off_power)
-        usual = x.f_power / (fixed * fixed)
-        if x.f_timer <= 0.0 and x.alarm < 0.5:
-            x.f_usual += h / TAU_USUAL * (min(usual, 1.0) - x.f_usual)
-        least = fixed * (1.0 + USUAL * x.f_usual) * (1.0 if x.age_vel <= p.t_bad else BLIND)
+        least = p.th_f + p.rho_f * math.sqrt(x.w_power) + math.sqrt(x.off_power)
+        least *= 1.0 if x.age_vel <= p.t_bad else BLIND
         most = SPIKE * least * least * TAU_POWER / h  # one sample alone is no fault
         x.f_power += h / TAU_POWER * (min(g * g, most) - x.f_power)
         x.w_power += h / TAU_POWER * (w * w - x.w_power)
