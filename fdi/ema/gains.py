@@ -1,5 +1,7 @@
 """Gain of the current and strength of the magnets of one drive, as it has them and as they change: f = a d + b w.
 
+The amplifier's pole over its zero, by which fast demands have another gain than slow ones, is learned from single ticks.
+
 Amplifier, winding and magnets of a healthy drive are a few per cent off their nominal values, the first two by as much
 as a warm winding is. What a drive has in its first LEARN seconds is taken for its own, the gain up to TOLERANCE, the
 voltage of its rate up to OFF_B where it has moved enough; what changes later is a fault.
