@@ -316,12 +316,13 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     """Take a tick: current `y` [A] where it is usable, demand `u` [A], rate `w`, which may be believed
     where it is `measured`, and its innovation `gamma` [rad/s].
     """
-    x.amp_lag += p.amp * (u - x.amp_lag)
-    fast = u - x.amp_lag
+    inside = clipped(u, 2.0 * p.I_max * p.R_loop / p.K_gi)  # a spike in the demand is no demand
+    x.amp_lag += p.amp * (inside - x.amp_lag)
+    fast = inside - x.amp_lag
     d, rest, limit = demanded(u + x.amp_own * fast, w, x.gain_own, x.magnets_own, p)
     seen = current and not limit and math.fabs(y) < NO_CURRENT * p.I_max
     f = y - d if seen else 0.0
-    if seen and measured and x.gain_learned > 0.5 and x.f_timer <= 0.0 and x.alarm < 0.5:
+    if seen and math.fabs(d) < p.I_max and measured and x.gain_learned > 0.5 and x.f_timer <= 0.0 and x.alarm < 0.5:
         amplifier(x, f, rest, (1.0 + x.gain_own) * p.K_gi / p.R_loop * fast, p, dt)
     x.f_now, x.d_now = f, d
     x.f_lag += min(dt / 0.03, 1.0) * (f - x.f_lag)
