@@ -54,6 +54,7 @@ LOW_HZ, HIGH_HZ, RATIO = 0.09, 11.0, 1.18  # frequencies of an oscillation [Hz]
 PERIODS = 1.0  # that a window must hold
 LEAST = 8  # samples before a name
 PURE, CLEAR = 0.04, 5.0  # share that a hypothesis leaves where it explains; the next leaves so many times as much
+SINES = 12.0  # energy that the best of many sines takes of noise, over that of a sample: more in one of 2,000
 FIRM = 6.0  # an energy of so many times the noise's own is enough for a name
 NEAR = 0.93  # of the voltage limit: from there on 5 % of K_B is worth more than the stall current
 LOSS_SAMPLES = 30  # before a loss is told from what is slow
@@ -270,7 +271,7 @@ def explain(x, p, slow, measured):
             said = EFFECTIVENESS
         elif which == 5 and measured:
             said = WEAK
-    elif cc <= 2.0 * noise_c and x.f_age >= LOSS_SAMPLES and min(added, min(bias, weak)) >= CLEAR * noise:
+    elif cc <= min(2.0 * noise_c, instead + SINES * wide * wide) and x.f_age >= LOSS_SAMPLES and min(added, min(bias, weak)) >= CLEAR * noise:
         said = EFFECTIVENESS  # nothing at all arrives
     x.drive_votes = x.drive_votes + 1.0 if said != NONE and said == x.drive_vote else 1.0
     x.drive_vote = said

@@ -27,9 +27,12 @@ GROWN = 0.12  # of the stall current, so that it is told from what a load model 
 SURE = 120.0  # information about what the motor has felt [rad2/s2]: the share is known to a tenth
 SURE_READ = 4.0 * SURE  # of a velocity that is off: its own noise is in f, too
 MISREAD = 0.35  # half of what a velocity sensor that is off leaves in f for its own
+# it leaves no more than this, and is felt as a torque, too: not by half or twice as much; what is neither is a torque
+# that no current tells of, as of a sensor in the drive's own loop
+MISREAD_MOST, FELT_TOO = 1.3, 0.5
 GRAIN = 1.5  # times what noise leaves that a current sensor's hypothesis may
 SURE_SINE = 3.0  # deviations by which a sine has been felt less than the motor must
-CURVED = 12.0  # energy that a sine leaves over a bias, over the noise's: of so much one in 2,000 is noise
+CURVED = drive.SINES
 
 
 @kernel
@@ -70,7 +73,9 @@ def _drive(x, p, dt):
         return EFFECTIVENESS, 0.0
     even = min(x.left[4], x.left[6]) <= drive.PURE  # constant or growing: no fault of the drive adds what stays so
     constant = even and (x.curved >= CURVED or x.must >= p.felt_least)  # no part of a slow sine that friction hides
-    if x.hot_f > 0.5 and x.misread >= p.felt_least and x.misread * x.misread * x.read_den >= SURE_READ and not even:
+    read = p.felt_least <= x.misread <= MISREAD_MOST and x.misread * x.misread * x.read_den >= SURE_READ
+    felt_too = math.fabs(x.felt - 1.0) <= FELT_TOO + SURE_SINE * drive.felt_sigma(x, p, dt)
+    if x.hot_f > 0.5 and read and felt_too and not even:
         return SENSOR, VELOCITY
     if x.felt_den >= SURE:
         shaped = min(min(x.left[0], x.left[6]), min(x.left[7], x.left[4]))  # a sine, a drift, a scale, a bias
