@@ -271,8 +271,8 @@ def explain(x, p, slow, measured):
             said = EFFECTIVENESS
         elif which == 5 and measured:
             said = WEAK
-    elif cc <= min(2.0 * noise_c, instead + SINES * wide * wide) and x.f_age >= LOSS_SAMPLES and min(added, min(bias, weak)) >= CLEAR * noise:
-        said = EFFECTIVENESS  # nothing at all arrives
+    elif cc <= min(2.0 * noise_c, instead + SINES * wide * wide) and min(added, min(bias, weak)) >= CLEAR * noise:
+        said = EFFECTIVENESS if x.f_age >= LOSS_SAMPLES else NONE  # nothing at all arrives
     x.drive_votes = x.drive_votes + 1.0 if said != NONE and said == x.drive_vote else 1.0
     x.drive_vote = said
     if said != NONE and x.drive_votes >= VOTES:

@@ -1,6 +1,6 @@
 """Gain of the current and strength of the magnets of one drive, as it has them and as they change: f = a d + b w.
 
-The amplifier's pole over its zero, by which fast demands have another gain than slow ones, is learned from single ticks.
+The amplifier's pole over its zero, by which fast demands have another gain than slow ones, is learned from ticks.
 
 Amplifier, winding and magnets of a healthy drive are a few per cent off their nominal values, the first two by as much
 as a warm winding is. What a drive has in its first LEARN seconds is taken for its own, the gain up to TOLERANCE, the
@@ -41,7 +41,7 @@ PARAMS = [
 STATE = [
     ("amp_lag", "f8", "A"),  # demand behind the amplifier's pole
     ("amp_own", "f8", "-"),  # pole over zero of this drive's amplifier, less one
-    ("amp_sum", "f8", (5,), "A2"),  # of the current at rest, of its fast part and of what both explain: dd, de, ee, fd, fe
+    ("amp_sum", "f8", (5,), "A2"),  # dd, de, ee, fd, fe of the current d at rest and of its fast part e
     ("gain_sum", "f8", (6,)),  # ff, fd, fw, dd, dw, ww, as long as it takes to know
     ("gain_now", "f8", (6,)),  # over TAU_NOW
     ("gain_fault", "f8", "-"),  # gain error while it shows

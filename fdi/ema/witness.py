@@ -85,7 +85,8 @@ def hear(x, u, w, p, dt):
         x.y_arm = y + with_load
         if position > 0.5 and x.pair_time >= p.pair_settle:  # torque says it no better: between the three
             x.y_arm = y + min(max(u.y_position - x.rigging - y, low), high)
-            unsure = clipped(u.y_position - x.rigging - x.y_arm, UNSURE * math.sqrt(x.P_lever) * math.fabs(y - x.y_slow))
+            most = UNSURE * math.sqrt(x.P_lever) * math.fabs(y - x.y_slow)
+            unsure = clipped(u.y_position - x.rigging - x.y_arm, most)
     load = (x.hm0 + x.hmd * x.x_hat[0] + x.x_hat[5]) / (p.load_max * HALF)
     bias = x.model_bias
     decision.pair_test(x, u.y_position, position, x.y_arm + unsure, surface, p.lead * w, load, p, dt)
