@@ -68,6 +68,15 @@ def _learn_lever(x, p, dt):
 
 
 @kernel
+def _begin(x, share):
+    """Take the integral's constant for the mean since engage, not for one noisy sample."""
+    x.base_rod += share * x.e_rod
+    x.base_surface += share * x.e_surface
+    x.e_rod *= 1.0 - share
+    x.e_surface *= 1.0 - share
+
+
+@kernel
 def hear(x, u, w, p, dt):
     """Compare the three; `w` is the motor's mean rate of the tick, as measured or what stands for it [rad/s]."""
     position, surface = usable(u.y_position, u.position_valid), usable(u.y_surface, u.surface_valid)
@@ -90,6 +99,8 @@ def hear(x, u, w, p, dt):
     load = (x.hm0 + x.hmd * x.x_hat[0] + x.x_hat[5]) / (p.load_max * HALF)
     bias = x.model_bias
     decision.pair_test(x, u.y_position, position, x.y_arm + unsure, surface, p.lead * w, load, p, dt)
+    if x.pair_time < p.pair_settle and position > 0.5 and surface > 0.5:
+        _begin(x, min(dt / max(x.pair_time, p.pair_tau), 1.0))
     if x.sensor > 0.5 and position > 0.5 and surface > 0.5:  # the clip is for spikes before an alarm: 24 mm/s
         x.pair_d += (1.0 - math.exp(-dt / p.pair_tau)) * beyond_clip(u.y_position - x.y_arm - x.rigging - x.pair_d, p)
     if x.culprit == 0.0 and max(math.fabs(x.e_rod), math.fabs(x.e_surface)) < BLAMED * p.pair_threshold:
