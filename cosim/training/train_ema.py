@@ -162,6 +162,8 @@ def limits(values: list[dict]) -> list[Trained]:
         made |= dict(zip(names, weights.tolist(), strict=True))
     made["th_speed"] = max(made["th_speed"], LEAST_SPEED)
     told["r_speed"]["least"] = LEAST_SPEED
+    # which of two positions is wrong is told by the velocity's integral, no better than by what that may be off itself
+    made["pair_threshold"] = max(made["pair_threshold"], made["th_speed"])
     largest = np.array([v[GAIN] for v in own])
     made[GAIN] = max(exceeded(largest, SHARED), LEAST_Z)
     noise = []
