@@ -39,7 +39,7 @@ from cosim.training.flights import (
 )
 from cosim.training.threshold_fit import PROBABILITY, blocks, exceeded, limit
 from cosim.training.trainer import Trained, Training, significant
-from fdi.ema import drive, ema_kalman_flight, gains, rough
+from fdi.ema import ema_kalman_flight, gains, rough
 from fdi.monitors import position_monitor
 
 FIRST_SEED = 31_000
@@ -81,8 +81,7 @@ def flights(first_seed: int = FIRST_SEED, number: int = FLIGHTS) -> list[dict[st
 def _gain_z(log: np.ndarray, p: Any) -> np.ndarray:
     """Return by how many of its own deviations a gain exceeds its threshold, (ticks,); 0 while it is not learned."""
     a, b, da, db = np.array([gains.gain_and_magnets(sums, p) for sums in log["gain_sum"]]).T
-    hidden = np.array([gains.lag(x) for x in log])
-    gain = (np.abs(a) - hidden - p["th_a"]) / np.hypot(da, log["gain_doubt"])
+    gain = (np.abs(a) - p["th_a"]) / np.hypot(da, log["gain_doubt"])
     magnets = (np.abs(b) - p["th_b"]) / np.hypot(db, log["magnets_doubt"])
     gain = np.where(log["gain_learned"] > 0.5, gain, 0.0)
     return np.maximum(np.maximum(gain, np.where(log["magnets_learned"] > 0.5, magnets, 0.0)), 0.0)
@@ -97,8 +96,7 @@ def tested(log: np.ndarray, rate: np.ndarray, p: Any) -> dict[str, list]:
         fixed, *more = TESTS[test]
         own = features.get(test, [])
         out[test] = [log[test] * sum((p[name] * x for name, x in zip(more, own)), p[fixed]), 1.0, *own]
-    usual = 1.0 + drive.USUAL * log["f_usual"]
-    out["r_f"] = [np.sqrt(log["f_power"]) / usual - np.sqrt(log["off_power"]), 1.0, *features["r_f"]]
+    out["r_f"] = [np.sqrt(log["f_power"]) - np.sqrt(log["off_power"]), 1.0, *features["r_f"]]
     out["ramp"] = [np.abs(log["R1"]), 1.0]
     out[LOAD] = [np.abs(log["x_hat"][:, 5]) / (0.5 * p["load_max"]), 1.0]
     out[FRICTION] = [np.maximum(log["r_friction"], 0.0), 1.0]
@@ -120,7 +118,7 @@ def survey(recorded: Any) -> dict[str, dict[str, Any]]:
     p["th_rough"] = 1e9  # a sample counts in full
     fields = ("r_pair", "r_speed", "r_velocity", "r_jump", "R1", "f_power", "w_power", "off_power", "gain_doubt",
               "gain_learned", "gain_own", "magnets_doubt", "magnets_learned", "effort", "x_hat", "gain_sum",
-              "rough_power", "rough_both", "f_usual", "r_friction")  # fmt: skip
+              "rough_power", "rough_both", "r_friction")  # fmt: skip
     log = detect(recorded, ema_kalman_flight, lanes("ema_kalman_flight"), p, fields)[:, round(START_S / DT) :]
     found: dict[str, list] = {test: [] for test in (*TESTS, *ROUGH, *NOTED)}
     z = 0.0
@@ -164,6 +162,8 @@ def limits(values: list[dict]) -> list[Trained]:
         made |= dict(zip(names, weights.tolist(), strict=True))
     made["th_speed"] = max(made["th_speed"], LEAST_SPEED)
     told["r_speed"]["least"] = LEAST_SPEED
+    # which of two positions is wrong is told by the velocity's integral, no better than by what that may be off itself
+    made["pair_threshold"] = max(made["pair_threshold"], made["th_speed"])
     largest = np.array([v[GAIN] for v in own])
     made[GAIN] = max(exceeded(largest, SHARED), LEAST_Z)
     noise = []

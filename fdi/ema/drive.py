@@ -15,8 +15,18 @@ fault began says which it is:
 | a warm or broken winding | f = -t d, small | EFFECTIVENESS where the motor has felt it, else AMBIGUOUS |
 | current sensor | f = a + b t, a sine or a share of d, which the motor has not felt | SENSOR |
 
-A difference that the motor has not felt is the current sensor's: `felt` is the share of f that the innovations of the
-velocity hold (`torque`). Friction keeps a part of what the drive does from the motor: of K_T f it feels at least
+The innovations of the velocity (`torque`) tell two shares of f at once, by least squares: `felt`, as a torque, and
+`misread`, as a velocity reading that is off by f / b_motor.
+
+| who | felt | misread |
+|---|---|---|
+| drive | 1 | 0 |
+| velocity sensor: the current that the filter expects is off, too | 1 | 1, less what noise is in f |
+| current sensor | 0 | 0 |
+
+A demand below friction moves nothing, and the innovations hold its torque in health, too: what that makes is learned
+over TAU_KEPT from the demand within what friction keeps, and taken off. Friction keeps a part of what the drive does
+from the motor: of K_T f it feels at least
 
     must = sum |f| max(|f| - T / K_T, 0) / sum f^2,   T the most that a healthy drive rubs,
 
@@ -29,10 +39,10 @@ What gain and magnets this drive has: `gains`.
 import math
 
 from actuators.block import kernel
-from fdi.common.decision import confirm
+from fdi.common.decision import clipped, confirm
 from fdi.common.sinusoid import beside
 from fdi.common.verdict import EFFECTIVENESS, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY
-from fdi.ema.gains import RELEASE, doubt, doubt_b, gains
+from fdi.ema.gains import RELEASE, amplifier, doubt, doubt_b, gains
 from fdi.ema.torque import push, read
 
 RING = 100  # samples of each ring
@@ -44,6 +54,7 @@ LOW_HZ, HIGH_HZ, RATIO = 0.09, 11.0, 1.18  # frequencies of an oscillation [Hz]
 PERIODS = 1.0  # that a window must hold
 LEAST = 8  # samples before a name
 PURE, CLEAR = 0.04, 5.0  # share that a hypothesis leaves where it explains; the next leaves so many times as much
+SINES = 12.0  # energy that the best of many sines takes of noise, over that of a sample: more in one of 2,000
 FIRM = 6.0  # an energy of so many times the noise's own is enough for a name
 NEAR = 0.93  # of the voltage limit: from there on 5 % of K_B is worth more than the stall current
 LOSS_SAMPLES = 30  # before a loss is told from what is slow
@@ -55,11 +66,11 @@ STUCK = 0.3  # of the largest current: less is a loss of the drive
 LOSS_LEAST = 0.1  # less of a loss is a gain error
 SENSOR = -1.0  # the current sensor, beside the class codes
 ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
-USUAL, TAU_USUAL = 0.5, 10.0  # what f usually has beside zero and pole of an amplifier off both ways; memory [s]
 TAU_FELT = 0.03  # lag of what the motor feels [s]
 HEALTHY = 0.03  # of the stall torque: one and a half times the friction of a healthy drive (actuators.ema.actuator)
 SLOWEST, WIDE = 0.4, 1.5  # slowest oscillation that a short window may hold a part of [Hz]; from one to the next
 TAU_LOAD = 2.0  # memory of the load before a fault [s]
+TAU_KEPT = 60.0  # of what friction keeps in health [s]
 
 PARAMS = [
     ("even", "f8", "-"),  # ticks of a sample
@@ -81,7 +92,6 @@ STATE = [
     ("slot_n", "f8", "-"),
     ("f_power", "f8", "A2"),  # its square, lagged
     ("w_power", "f8", "rad2/s2"),
-    ("f_usual", "f8", "-"),  # share of the fixed threshold's square that f usually has
     ("r_f", "f8", "-"),  # over its threshold
     ("f_timer", "f8", "s"),
     ("hot_f", "f8", "-"),  # confirmed
@@ -95,12 +105,18 @@ STATE = [
     ("slow_count", "f8", "-"),
     ("slow_head", "f8", "-"),
     ("slow_ring", "f8", (5, RING)),
-    ("smoothed", "f8", (4,), "rad/s"),  # signatures of f, of a gain, of a velocity that is off, innovation
+    # signatures of f, of a gain, of a velocity that is off, innovation, signature of what friction may keep
+    ("smoothed", "f8", (5,), "rad/s"),
     ("read_num", "f8"),  # the same of a velocity sensor that would be off by f / b_motor
     ("read_den", "f8"),
+    ("kept_num", "f8", "rad2/s2"),  # in health: the innovation that a demand makes which friction keeps from the motor
+    ("kept_den", "f8", "rad2/s2"),
+    ("both_den", "f8"),  # product of that signature and that of f
     ("felt_num", "f8"),
     ("felt_den", "f8"),
-    ("felt", "f8", "-"),  # share of f that the motor has felt
+    ("felt", "f8", "-"),  # share of f that the motor has felt, as a torque,
+    ("misread", "f8", "-"),  # and, beside that, as a velocity that is misread
+    ("grain", "f8", "-"),  # share of f that noise makes
     ("load_before", "f8", "N m"),  # load before f began
     ("gain_num", "f8"),  # the same of a gain that is off
     ("gain_den", "f8"),
@@ -109,8 +125,8 @@ STATE = [
     ("drive_vote", "f8", "-"),  # class that explains now
     ("drive_votes", "f8", "-"),  # evaluations in a row that it has
     ("drive_hz", "f8", "Hz"),  # frequency of the oscillation
-    # what each hypothesis leaves over what there is: added, in place, stuck, loss, bias, magnets, line
-    ("left", "f8", (7,), "-"),
+    # what each hypothesis leaves over what there is: added, in place, stuck, loss, bias, magnets, line, scale
+    ("left", "f8", (8,), "-"),
     ("must", "f8", "-"),  # share of f that the motor must feel, were f real
     ("curved", "f8", "-"),  # what the best sine, slow ones too, leaves over what a bias or a line does, over the noise
     ("jumped", "f8", "A"),  # what the current jumped to and stays at, 0 where it did not
@@ -224,7 +240,11 @@ def explain(x, p, slow, measured):
     weak = apart(ff - fw * fw / ww, fd - fw * dw / ww, dd - dw * dw / ww, own) if fw > 0.0 else ff
     x.left[0], x.left[1], x.left[2], x.left[3], x.left[4] = added / ff, instead / ff, stuck / ff, loss / ff, bias / ff
     x.left[5] = weak / ff
+    x.grain = noise / ff
     x.left[6] = max(ff - f1 * f1 / n - ft * ft / tt, 0.0) / ff
+    back = (1.0 + x.magnets_own) * p.b_motor
+    fi, ii = fd - back * fw, dd - back * (2.0 * dw - back * ww)  # of the current itself, which the sensor reads
+    x.left[7] = max(ff - fi * fi / ii, 0.0) / ff if math.fabs(fi) > LOSS_LEAST * ii else 1.0
     x.must = through / ff
     slowest, hz = added, SLOWEST
     while hz < 0.5 / (n * (EVEN_S * SLOW if slow else EVEN_S)):
@@ -251,8 +271,8 @@ def explain(x, p, slow, measured):
             said = EFFECTIVENESS
         elif which == 5 and measured:
             said = WEAK
-    elif cc <= 2.0 * noise_c and x.f_age >= LOSS_SAMPLES and min(added, min(bias, weak)) >= CLEAR * noise:
-        said = EFFECTIVENESS  # nothing at all arrives
+    elif cc <= min(2.0 * noise_c, instead + SINES * wide * wide) and min(added, min(bias, weak)) >= CLEAR * noise:
+        said = EFFECTIVENESS if x.f_age >= LOSS_SAMPLES else NONE  # nothing at all arrives
     x.drive_votes = x.drive_votes + 1.0 if said != NONE and said == x.drive_vote else 1.0
     x.drive_vote = said
     if said != NONE and x.drive_votes >= VOTES:
@@ -270,7 +290,7 @@ def begin(x):
     x.f_age = 0.0
     x.drive_name = x.drive_vote = NONE
     x.drive_hz = x.drive_votes = x.jumped = x.must = x.curved = 0.0
-    for k in range(7):
+    for k in range(8):
         x.left[k] = 1.0
 
 
@@ -297,9 +317,14 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     """Take a tick: current `y` [A] where it is usable, demand `u` [A], rate `w`, which may be believed
     where it is `measured`, and its innovation `gamma` [rad/s].
     """
-    d, rest, limit = demanded(u, w, x.gain_own, x.magnets_own, p)
+    inside = clipped(u, 2.0 * p.I_max * p.R_loop / p.K_gi)  # a spike in the demand is no demand
+    x.amp_lag += p.amp * (inside - x.amp_lag)
+    fast = inside - x.amp_lag
+    d, rest, limit = demanded(u + x.amp_own * fast, w, x.gain_own, x.magnets_own, p)
     seen = current and not limit and math.fabs(y) < NO_CURRENT * p.I_max
     f = y - d if seen else 0.0
+    if seen and math.fabs(d) < p.I_max and measured and x.gain_learned > 0.5 and x.f_timer <= 0.0 and x.alarm < 0.5:
+        amplifier(x, f, rest, (1.0 + x.gain_own) * p.K_gi / p.R_loop * fast, p, dt)
     x.f_now, x.d_now = f, d
     x.f_lag += min(dt / 0.03, 1.0) * (f - x.f_lag)
     if seen:
@@ -311,11 +336,8 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
         off = doubt(x)[1 if g * rest > 0.0 else 0] * math.fabs(rest)
         off += doubt_b(x)[1 if g * w > 0.0 else 0] * p.b_motor * math.fabs(w)
         x.off_power += h / TAU_POWER * (off * off - x.off_power)
-        fixed = p.th_f + p.rho_f * math.sqrt(x.w_power) + math.sqrt(x.off_power)
-        usual = x.f_power / (fixed * fixed)
-        if x.f_timer <= 0.0 and x.alarm < 0.5:
-            x.f_usual += h / TAU_USUAL * (min(usual, 1.0) - x.f_usual)
-        least = fixed * (1.0 + USUAL * x.f_usual) * (1.0 if x.age_vel <= p.t_bad else BLIND)
+        least = p.th_f + p.rho_f * math.sqrt(x.w_power) + math.sqrt(x.off_power)
+        least *= 1.0 if x.age_vel <= p.t_bad else BLIND
         most = SPIKE * least * least * TAU_POWER / h  # one sample alone is no fault
         x.f_power += h / TAU_POWER * (min(g * g, most) - x.f_power)
         x.w_power += h / TAU_POWER * (w * w - x.w_power)
@@ -326,13 +348,18 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
         x.even_lost += 1.0
     felt = smooth(x, 0, push(x, 0, p.impulse * f, p), dt)
     lost = smooth(x, 1, push(x, 3, p.impulse * x.gain_a * rest, p), dt)
+    kept = smooth(x, 4, push(x, 5, p.impulse * clipped(rest, HEALTHY * p.I_max), p), dt)
     off = smooth(x, 2, read(x, 4, f / p.b_motor, p), dt)
     gamma = smooth(x, 3, gamma, dt)
+    if x.f_timer <= 0.0 and x.alarm < 0.5:
+        x.kept_num += min(dt / TAU_KEPT, 1.0) * (gamma * kept - x.kept_num)
+        x.kept_den += min(dt / TAU_KEPT, 1.0) * (kept * kept - x.kept_den)
     if x.hot_gain > 0.5:
         x.gain_num += gamma * lost
         x.gain_den += lost * lost
     else:
         x.gain_num = x.gain_den = 0.0
+    gamma -= x.kept_num / max(x.kept_den, 1e-9) * kept
     if x.f_age == 0.0:
         x.load_before += min(dt / TAU_LOAD, 1.0) * (x.x_hat[5] - x.load_before)
     if x.f_timer <= 0.0:  # what came shortly before an alarm is of its onset
@@ -340,12 +367,16 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
         x.felt_den -= min(dt / TAU_POWER, 1.0) * x.felt_den
         x.read_num -= min(dt / TAU_POWER, 1.0) * x.read_num
         x.read_den -= min(dt / TAU_POWER, 1.0) * x.read_den
+        x.both_den -= min(dt / TAU_POWER, 1.0) * x.both_den
     if current:
         x.felt_num += gamma * felt
         x.felt_den += felt * felt
-        x.felt = x.felt_num / max(x.felt_den, 1e-9)
         x.read_num += gamma * off
         x.read_den += off * off
+        x.both_den += felt * off
+        det = max(x.felt_den * x.read_den - x.both_den * x.both_den, 1e-9)
+        x.felt = (x.felt_num * x.read_den - x.read_num * x.both_den) / det
+        x.misread = (x.read_num * x.felt_den - x.felt_num * x.both_den) / det
     x.even_sum[0] += f
     x.even_sum[1] += rest
     x.even_sum[2] += w

@@ -1,5 +1,7 @@
 """Gain of the current and strength of the magnets of one drive, as it has them and as they change: f = a d + b w.
 
+The amplifier's pole over its zero, by which fast demands have another gain than slow ones, is learned from ticks.
+
 Amplifier, winding and magnets of a healthy drive are a few per cent off their nominal values, the first two by as much
 as a warm winding is. What a drive has in its first LEARN seconds is taken for its own, the gain up to TOLERANCE, the
 voltage of its rate up to OFF_B where it has moved enough; what changes later is a fault.
@@ -21,9 +23,7 @@ ENDED = 8.0  # log likelihood of a gain that has ended over one of which STANDS 
 # two of 10 %: .67 to 1.49
 TOLERANCE = (0.33, 0.5)
 LEARN = (2.0, 4.0, 10.0)  # times at which what the gain is off becomes the drive's own [s]
-# of what a gain is off half is expected in zero and pole of the amplifier, and missed as far as the demand was fast
-# when it was learned: a fifth of its power, about, in still air
-LAG = 0.1
+OFF_AMP = 0.1  # deviation of pole over zero of the amplifier: two numbers of 5 to 10 %
 SURE, SURE_B = 0.01, 0.03  # deviations of gain and magnets with which they can be learned
 # of the current that the rate takes away, as b: K_B over K_ic with 10 % of each, .82 to 1.22, and .05 to .1 that the
 # amplifier's lag makes of it
@@ -35,8 +35,13 @@ PARAMS = [
     ("th_a", "f8", "-"),  # gain error of the current: a winding 39 % up, 100 K warm, takes .0095, one 80 % up .0195
     ("th_b", "f8", "-"),  # share of the magnets: beyond two tolerances of 5 %
     ("z_gain", "f8", "-"),  # by so many deviations beyond it, by `cosim train ema`
+    ("amp", "f8", "-"),  # by how much the amplifier's pole follows the demand in a tick
+    ("sigma_tick", "f8", "A"),  # noise of the current in a tick
 ]
 STATE = [
+    ("amp_lag", "f8", "A"),  # demand behind the amplifier's pole
+    ("amp_own", "f8", "-"),  # pole over zero of this drive's amplifier, less one
+    ("amp_sum", "f8", (5,), "A2"),  # dd, de, ee, fd, fe of the current d at rest and of its fast part e
     ("gain_sum", "f8", (6,)),  # ff, fd, fw, dd, dw, ww, as long as it takes to know
     ("gain_now", "f8", (6,)),  # over TAU_NOW
     ("gain_fault", "f8", "-"),  # gain error while it shows
@@ -57,18 +62,30 @@ STATE = [
 
 
 @kernel
-def lag(x):
-    """Return what zero and pole of the amplifier may hide of the gain until it has been learned for the last time."""
-    return LAG * math.fabs(x.gain_own) if x.gain_learned < len(LEARN) else 0.0
+def amplifier(x, f, d, fast, p, dt):
+    """Learn how the amplifier answers fast demands, from the error `f` [A] of a tick, the current `d` [A] of the demand
+    at rest and the part `fast` [A] of it above the amplifier's pole b.
+
+    Of a zero a beside it the amplifier makes (s + a) / (s + b) = a / b (1 + (b / a - 1) s / (s + b)): least squares of
+    f = g d + (b / a - 1) fast, over TAU_MOST.
+    """
+    s, keep = x.amp_sum, 1.0 - dt / TAU_MOST
+    f += x.amp_own * fast
+    s[0] = keep * s[0] + d * d
+    s[1] = keep * s[1] + d * fast
+    s[2] = keep * s[2] + fast * fast
+    s[3] = keep * s[3] + f * d
+    s[4] = keep * s[4] + f * fast
+    sure = p.sigma_tick / OFF_AMP
+    det = s[0] * (s[2] + sure * sure) - s[1] * s[1]
+    if det > 0.0:
+        x.amp_own = (s[0] * s[4] - s[1] * s[3]) / det
 
 
 @kernel
 def doubt(x):
-    """Return by how much the gain of this drive's current may be less, and more, than it is taken for.
-
-    What is learned of fast demands misses a share of what the amplifier makes of slow ones: that of LAG.
-    """
-    off = 2.0 * x.gain_doubt + LAG * math.fabs(x.gain_own) + 1e-3
+    """Return by how much the gain of this drive's current may be less, and more, than it is taken for."""
+    off = 2.0 * x.gain_doubt + 1e-3
     return TOLERANCE if x.gain_learned < 0.5 else (off, off)
 
 
@@ -159,7 +176,7 @@ def gains(x, p, f, d, w, dt):
     a, x.gain_b, da, db = gain_and_magnets(x.gain_sum, p)
     x.gain_a = a
     over_a = math.fabs(a) if x.gain_learned > 0.5 else outside(a, TOLERANCE)
-    over_a -= p.z_gain * math.sqrt(da * da + x.gain_doubt * x.gain_doubt) + lag(x)
+    over_a -= p.z_gain * math.sqrt(da * da + x.gain_doubt * x.gain_doubt)
     over_b = math.fabs(x.gain_b) if x.magnets_learned > 0.5 else outside(x.gain_b, OFF_B)
     over_b -= p.z_gain * math.sqrt(db * db + x.magnets_doubt * x.magnets_doubt)
     x.r_gain = max(over_a / p.th_a, over_b / p.th_b)

@@ -21,8 +21,8 @@ PARAMS = [
     ("th_friction", "f8", "N m"),  # at the motor
 ]
 STATE = [
-    # errors of rate [rad/s] and load [N m] by f, friction, drag, a gain, the velocity sensor
-    ("twin", "f8", (5, 2)),
+    # errors of rate [rad/s] and load [N m] by f, friction, drag, a gain, the velocity sensor, what friction keeps
+    ("twin", "f8", (6, 2)),
     ("rub_sum", "f8", (5,)),  # of friction and drag: squares and product of their signatures, products with gamma
     ("friction", "f8", "N m"),  # torque that opposes the motion, at the motor
     ("r_friction", "f8", "-"),  # over its threshold

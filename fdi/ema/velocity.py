@@ -11,22 +11,24 @@ T_IMPACT = 0.05  # [s]
 
 
 @kernel
-def _limited(demand, omega, p):
-    """Return (demand, at V_max): the demand that without limits gives the limited current, quasi-steady as in `ema`."""
+def _limited(x, demand, omega, p):
+    """Return (demand, at V_max): the demand that in the nominal drive without limits gives the current of this one,
+    quasi-steady as in `ema`, with the gains that have been learned.
+    """
     back = p.K_B * omega
-    i = (p.K_gi * demand - back) / p.R_loop
+    i = ((1.0 + x.gain_own) * p.K_gi * demand - (1.0 + x.magnets_own) * back) / p.R_loop
     g = min(max(i, -p.I_max), p.I_max)
     volts = p.R * g + back
     if math.fabs(volts) > p.V_max:
         g = (math.copysign(p.V_max, volts) - back) / p.R
         return (g * p.R_loop + back) / p.K_gi, 1.0
-    return demand if g == i else (g * p.R_loop + back) / p.K_gi, 0.0
+    return (g * p.R_loop + back) / p.K_gi, 0.0
 
 
 @kernel
 def predict(x, demand, p):
     """Predict the state by a tick under a `demand`, as far as current and voltage let it through."""
-    demand, x.at_limit = _limited(demand, x.x_hat[3], p)
+    demand, x.at_limit = _limited(x, demand, x.x_hat[3], p)
     for i in range(6):
         s = p.G[i] * demand + p.G_h[i] * x.hm0
         for j in range(6):

@@ -26,8 +26,13 @@ STEADY = 250.0  # samples of a current that only grows, longer than half a perio
 GROWN = 0.12  # of the stall current, so that it is told from what a load model misses
 SURE = 120.0  # information about what the motor has felt [rad2/s2]: the share is known to a tenth
 SURE_READ = 4.0 * SURE  # of a velocity that is off: its own noise is in f, too
+MISREAD = 0.35  # half of what a velocity sensor that is off leaves in f for its own
+# it leaves no more than this, and is felt as a torque, too: not by half or twice as much; what is neither is a torque
+# that no current tells of, as of a sensor in the drive's own loop
+MISREAD_MOST, FELT_TOO = 1.3, 0.5
+GRAIN = 1.5  # times what noise leaves that a current sensor's hypothesis may
 SURE_SINE = 3.0  # deviations by which a sine has been felt less than the motor must
-CURVED = 12.0  # energy that a sine leaves over a bias, over the noise's: of so much one in 2,000 is noise
+CURVED = drive.SINES
 
 
 @kernel
@@ -66,21 +71,21 @@ def _drive(x, p, dt):
     """Return (class, culprit) of what the current says, NONE while it is not sure."""
     if x.drive_name == drive.WEAK:
         return EFFECTIVENESS, 0.0
-    moved = x.felt_num * math.fabs(x.felt_num) / max(x.felt_den, 1e-9)  # of the innovations, explained by a torque
-    misread = x.read_num * math.fabs(x.read_num) / max(x.read_den, 1e-9)  # by a velocity that is off
     even = min(x.left[4], x.left[6]) <= drive.PURE  # constant or growing: no fault of the drive adds what stays so
     constant = even and (x.curved >= CURVED or x.must >= p.felt_least)  # no part of a slow sine that friction hides
-    read = x.read_num >= p.felt_least * x.read_den and misread >= max(SURE_READ, 2.0 * moved)
-    if x.hot_f > 0.5 and read and not even:
+    read = p.felt_least <= x.misread <= MISREAD_MOST and x.misread * x.misread * x.read_den >= SURE_READ
+    felt_too = math.fabs(x.felt - 1.0) <= FELT_TOO + SURE_SINE * drive.felt_sigma(x, p, dt)
+    if x.hot_f > 0.5 and read and felt_too and not even:
         return SENSOR, VELOCITY
     if x.felt_den >= SURE:
-        shaped = min(min(x.left[0], x.left[6]), min(x.left[3], x.left[4]))  # a sine, a drift, a scale, a bias
+        shaped = min(min(x.left[0], x.left[6]), min(x.left[7], x.left[4]))  # a sine, a drift, a scale, a bias
         most = p.felt_least if constant else p.felt_most
         sine = (even or x.left[0] <= drive.PURE) and not constant
-        told = not sine or x.felt + SURE_SINE * drive.felt_sigma(x, p, dt) <= x.must
+        unfelt = x.felt + SURE_SINE * drive.felt_sigma(x, p, dt) <= x.must
+        told = unfelt or (not sine and shaped <= drive.PURE + GRAIN * x.grain)
         if told and x.left[5] > WEAK_LEFT and shaped < 0.5 * x.left[5] and -p.felt_least <= x.felt <= most:
             return SENSOR, CURRENT
-        if x.felt >= p.felt_least and moved > misread and x.drive_name != NONE:
+        if x.felt >= p.felt_least and x.misread < MISREAD and x.drive_name != NONE:
             return x.drive_name, 0.0
     grown = math.fabs(x.f_lag) / p.I_max  # of the stall current: so much of the stall moment would the load be off by
     unknown = x.felt < p.felt_least or x.felt_den < 10.0 * SURE

@@ -19,8 +19,9 @@ BLAMED = 0.6  # of the threshold: so far a position has left the integral before
 DOUBT = 0.7  # of the threshold: from there on the lever is not learned
 HALF = 0.5  # of `load_max` is the stall moment
 WASH_FAULT = 0.3  # while the velocity is wrong, the integral's constant follows in [s]
-# lever over lead: deviation of machined parts; variance of a disagreement of 0.05 mm that lasts 3 s
-OFF_LEVER, VARIANCE = 0.006, 7.5e-9  # [1], [m^2 s]
+# lever over lead: deviation of machined parts; variance of a disagreement of 0.05 mm that lasts 3 s; deviations of what
+# has yet to be learned of it that are no disagreement
+OFF_LEVER, VARIANCE, UNSURE = 0.008, 7.5e-9, 2.5  # [1], [m^2 s]
 STANDS = 0.55  # of the threshold: so much of it keeps the alarm
 
 PARAMS = [
@@ -67,11 +68,21 @@ def _learn_lever(x, p, dt):
 
 
 @kernel
+def _begin(x, share):
+    """Take the integral's constant for the mean since engage, not for one noisy sample."""
+    x.base_rod += share * x.e_rod
+    x.base_surface += share * x.e_surface
+    x.e_rod *= 1.0 - share
+    x.e_surface *= 1.0 - share
+
+
+@kernel
 def hear(x, u, w, p, dt):
     """Compare the three; `w` is the motor's mean rate of the tick, as measured or what stands for it [rad/s]."""
     position, surface = usable(u.y_position, u.position_valid), usable(u.y_surface, u.surface_valid)
     x.age_pos = 0.0 if position > 0.5 else x.age_pos + dt
     x.age_surface = 0.0 if surface > 0.5 else x.age_surface + dt
+    unsure = 0.0
     if surface > 0.5:
         with_load = p.lead * x.x_hat[2] - p.arm * x.x_hat[0]
         without = with_load + p.arm / p.spring * x.x_hat[5]  # a motor that is held does not wind up the screw
@@ -83,9 +94,13 @@ def hear(x, u, w, p, dt):
         x.y_arm = y + with_load
         if position > 0.5 and x.pair_time >= p.pair_settle:  # torque says it no better: between the three
             x.y_arm = y + min(max(u.y_position - x.rigging - y, low), high)
+            most = UNSURE * math.sqrt(x.P_lever) * math.fabs(y - x.y_slow)
+            unsure = clipped(u.y_position - x.rigging - x.y_arm, most)
     load = (x.hm0 + x.hmd * x.x_hat[0] + x.x_hat[5]) / (p.load_max * HALF)
     bias = x.model_bias
-    decision.pair_test(x, u.y_position, position, x.y_arm, surface, p.lead * w, load, 0.0, False, p, dt)
+    decision.pair_test(x, u.y_position, position, x.y_arm + unsure, surface, p.lead * w, load, 0.0, False, p, dt)
+    if x.pair_time < p.pair_settle and position > 0.5 and surface > 0.5:
+        _begin(x, min(dt / max(x.pair_time, p.pair_tau), 1.0))
     if x.sensor > 0.5 and position > 0.5 and surface > 0.5:  # the clip is for spikes before an alarm: 24 mm/s
         x.pair_d += (1.0 - math.exp(-dt / p.pair_tau)) * beyond_clip(u.y_position - x.y_arm - x.rigging - x.pair_d, p)
     if x.culprit == 0.0 and max(math.fabs(x.e_rod), math.fabs(x.e_surface)) < BLAMED * p.pair_threshold:

@@ -206,7 +206,7 @@ def test_what_a_drive_is_off_from_the_start_is_its_own_and_no_threshold_allows_f
         log = fly_bench(tick, reconfigure=False, tolerance=tolerance).log
         assert not log["alarm"].any()
         most[bool(tolerance)] = log["r_f"][round(1.0 / DT) :].max()
-    assert most[True] < max(1.3 * most[False], 0.8)
+    assert most[True] < max(1.3 * most[False], 0.85)
 
 
 def test_play_of_the_screw_is_less_effective_and_no_sensor():
@@ -356,9 +356,12 @@ def test_under_a_load_that_nothing_explains_no_sensor_of_the_rod_is_named():
 def test_a_current_sensor_is_named_by_what_the_motor_has_not_felt_and_not_by_the_opposite():
     p = flight.params()
     x = flight.init(p)
-    x["left"], x["felt_den"] = [0.48, 300.0, 400.0, 1.0, 0.8, 1.0, 0.8], 150.0
+    x["left"], x["felt_den"] = [0.48, 300.0, 400.0, 1.0, 0.8, 1.0, 0.8, 0.03], 150.0
     x["felt"] = -0.3
     assert vote._drive(x[0], p[0], jay.PERIOD) == (v.SENSOR, CURRENT)
+    x["left"][0, 7] = 0.6  # nothing that a sensor does, of a size that friction may keep
+    assert vote._drive(x[0], p[0], jay.PERIOD) == (v.NONE, 0.0)
+    x["left"][0, 7] = 0.03
     x["felt"] = -0.7
     assert vote._drive(x[0], p[0], jay.PERIOD) == (v.NONE, 0.0)
     x["felt"], x["left"][0, 0], x["must"] = 0.1, 0.01, 0.5  # a sine may be in the drive, and in its friction
@@ -367,6 +370,47 @@ def test_a_current_sensor_is_named_by_what_the_motor_has_not_felt_and_not_by_the
     assert vote._drive(x[0], p[0], jay.PERIOD) == (v.SENSOR, CURRENT)
     x["must"] = 0.4
     assert vote._drive(x[0], p[0], jay.PERIOD) == (v.NONE, 0.0)
+
+
+@pytest.mark.parametrize("seed", [14, 15, 25])
+def test_one_noisy_sample_at_the_start_is_no_velocity_fault(seed):
+    """At 2 kHz a sample has twice the noise: the integral's constant is not taken from one."""
+    off = [f"elevator.{side}_{place}=ema" for side in ("left", "right") for place in ("inner", "outer")]
+    off += ["rate_hz=2000", "duration_s=1", f"seed={seed}", "sensors.noise_scale=1.2",
+            "detectors.enabled=['ema_kalman_flight']"]  # fmt: skip
+    lanes = cosim.simulate(cosim.load_scenario("cruise", off), timed=False).to_dict()["detectors"]
+    assert len(lanes) == 4 and not any(lane["alarm"] for lane in lanes)
+
+
+@pytest.mark.parametrize("felt, misread, said", [(1.0, 0.0, v.OFC_LIQUID), (1.2, 0.8, v.SENSOR)])
+def test_a_misread_velocity_is_told_from_a_torque_by_both_shares_at_once(felt, misread, said):
+    p = flight.params()
+    x = flight.init(p)
+    rng = np.random.default_rng(8)
+    x["gain_learned"] = 3.0
+    twin = flight.init(p)  # what the same f makes of the innovations
+    for k in range(2000):
+        f = 3.0 * np.sin(2.0 * np.pi * 2.0 * k * jay.PERIOD)
+        gamma = felt * drive.push(twin[0], 0, p["impulse"][0] * f, p[0])
+        gamma += misread * drive.read(twin[0], 4, f / p["b_motor"][0], p[0])
+        drive.watch(x[0], f, True, 0.0, 0.0, True, gamma + rng.normal(), p[0], jay.PERIOD)
+        x["f_timer"], x["count"] = 1.0, 1.0
+    x["drive_name"], x["hot_f"], x["left"] = v.OFC_LIQUID, 1.0, 1.0
+    assert x["felt"][0] == pytest.approx(felt, abs=0.1) and x["misread"][0] == pytest.approx(misread, abs=0.05)
+    assert vote._drive(x[0], p[0], jay.PERIOD)[0] == said
+
+
+@pytest.mark.parametrize("over", [-0.18, 0.0, 0.22])
+def test_the_pole_of_an_amplifier_over_its_zero_is_learned(over):
+    p = flight.params()
+    x = flight.init(p)
+    rng, lag, noise = np.random.default_rng(5), 0.0, p["sigma_tick"][0]
+    for _ in range(2000):
+        d = 3.0 * rng.normal()
+        lag += p["amp"][0] * (d - lag)
+        seen = 0.1 * d + (over - x["amp_own"][0]) * (d - lag) + noise * rng.normal()
+        gains.amplifier(x[0], seen, d, d - lag, p[0], jay.PERIOD)
+    assert x["amp_own"][0] == pytest.approx(over, abs=0.01)
 
 
 @pytest.mark.parametrize("ampere", [1.0, 2.0, 4.0])
