@@ -24,6 +24,7 @@ from cosim.judge.alarms import onsets
 from cosim.judge.detection import Watch, valid
 from cosim.scenario import Scenario
 from cosim.training.trainer import FOLDER
+from fdi import registry
 from fdi.common import compact
 from fdi.common.verdict import class_name
 from fdi.joint import joint, places, tables
@@ -52,7 +53,8 @@ def told(scenario: Scenario) -> dict[str, Any]:
     the `right` side, the `technology` of all segments, and of every lane that could judge [detector, lane, token or "",
     seconds after the first witness]."""
     setup = build(scenario)
-    trace, _, _ = fly(setup)
+    index, finer = columns(setup)
+    trace, _, _ = fly(setup, keep=(index, np.float32))
     dt = setup.loop.dt
     start = round(scenario.faults[0].start_s / dt)
     end = min(len(trace), start + round(WITHIN_S / dt))
@@ -62,7 +64,7 @@ def told(scenario: Scenario) -> dict[str, Any]:
         rise = onsets(trace[:, w.alarm])
         rise = rise[(rise >= start) & (rise < end)]
         if len(rise) or valid(w, trace[start : start + 1]).all():
-            token = _token(w, trace[start:end]) if len(rise) else ""
+            token = _token(w, trace[start:end], finer.get((w.id, w.target), {})) if len(rise) else ""
             rises[len(said)] = rise[0] * dt if len(rise) else np.inf
             said.append([w.id, w.target.removeprefix("elevator."), token])
     first = min(rises.values(), default=np.inf)
@@ -73,12 +75,29 @@ def told(scenario: Scenario) -> dict[str, Any]:
     return {"kind": kind, "segments": list(segments), "technology": own, "right": right, "lanes": lanes}
 
 
-def _token(watch: Watch, trace: np.ndarray) -> str:
-    """Return the token that stood longest."""
-    said = trace[:, [watch.alarm, watch.verdict, watch.culprit]]
-    on = said[said[:, 0] > 0.5, 1:].astype(int)
-    (verdict, culprit), _ = Counter(map(tuple, on.tolist())).most_common(1)[0]
-    return tables.name(watch.id, class_name(verdict or 9), watch.culprits[culprit])
+def columns(setup: Any) -> tuple[np.ndarray, dict]:
+    """Return (positions on the bus of what the judgement reads, then of the outputs that tell more than a class;
+    {(detector, target): {output: column}} of the latter)."""
+    index, finer = list(setup.trace.index), {}
+    for w in setup.trace.watches({}):
+        lane = w.target.removeprefix("elevator.")
+        for output in registry.record(w.id).finer:
+            finer.setdefault((w.id, w.target), {})[output] = len(index)
+            index.append(setup.loop.bus.index(f"{w.id}.{lane}.{output}"))
+    return np.array(index), finer
+
+
+def _token(watch: Watch, trace: np.ndarray, finer: dict[str, int]) -> str:
+    """Return the token that stood longest; what tells more than a class stands until the class changes."""
+    on = trace[trace[:, watch.alarm] > 0.5].astype(int)
+    more, said, last, kinds = registry.record(watch.id).finer, [], -1, ()
+    for row in on:
+        if row[watch.verdict] != last:
+            last, kinds = row[watch.verdict], ()
+        kinds = next((more[o][row[c]] for o, c in finer.items() if row[c] in more[o]), kinds)
+        said.append((last, row[watch.culprit], kinds))
+    (verdict, culprit, kinds), _ = Counter(said).most_common(1)[0]
+    return tables.name(watch.id, class_name(verdict or 9), watch.culprits[culprit], kinds)
 
 
 def kind_of(scenario: Scenario) -> tuple[str, tuple[str, ...]]:
@@ -96,7 +115,8 @@ def kind_of(scenario: Scenario) -> tuple[str, tuple[str, ...]]:
         return f"{own[segments[0]]}.{inside}", segments
     part = "drive" if inside in places.DRIVE.values() else inside
     group = own[segments[0]] if len(segments) == 1 else "all" if len(segments) == len(own) else "side"
-    return f"{group}.{part}.{coverage.true_class(case)}", segments
+    kind, cause = f"{group}.{part}.{coverage.true_class(case)}", case.partition(".")[2]
+    return f"{group}.{part}.{cause}" if cause in places.CAUSES.get(kind, ()) else kind, segments
 
 
 def counted(flights: list[dict[str, Any]]) -> dict[str, Any]:

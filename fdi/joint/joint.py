@@ -35,6 +35,7 @@ from typing import Any
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
+from fdi import registry
 from fdi.common.record import Detector, Site
 from fdi.common.verdict import AMBIGUOUS, NONE, code
 from fdi.joint import tables
@@ -44,6 +45,10 @@ NL, NP, NG, NC = len(LANES), len(PLACES), len(SETS), 10
 NH, NR, NN, NA, NV = 128, 480, 30, 7, 6  # most hypotheses, rows, tokens; ages; sizes x variants
 UNEXPLAINED = 0.01  # P(token | h) below which a hypothesis does not explain an alarm
 NK, NCUL = 10, 24  # single hypotheses that a second one is tried with; culprits of a detector
+# (lane, detector, output) of what tells more than a class; of one lane the first that says anything counts
+FINER = [(i, d, output) for i, (d, _) in enumerate(LANES) for output in registry.record(d).finer]
+LANE_OF = tuple(i for i, _, _ in FINER)
+NF, NW, NV_F = len(FINER), 8, 16  # words of a detector, values of such an output
 
 PARAMS = dtype([
     ("sure", "f8", "-"),  # probability from which a name is said
@@ -68,12 +73,14 @@ PARAMS = dtype([
     ("false", "f8", "-"),  # P(false alarm) of a lane
     ("use", "f8", (NL,)),  # 1 where the lane is listened to
     ("token", "f8", (NL, NC, NCUL)),  # of class code and culprit
+    ("finer", "f8", (NL, NC, NW)),  # of class code and word, 0 where the word adds nothing
+    ("word", "f8", (NF, NV_F)),  # that an output's value is, 0 for none
     ("ages", "f8", (NA,), "s"),
     ("set_of", "f8", (NG, NP)),  # 1 where the set has the place
     ("name_of", "f8", (NP,)),  # index into CULPRITS
     ("name_of_set", "f8", (NG,)),
 ])  # fmt: skip
-INPUTS = dtype([(n, "f8", (NL,), "-") for n in ("alarm", "verdict", "culprit", "valid")])
+INPUTS = dtype([*((n, "f8", (NL,), "-") for n in ("alarm", "verdict", "culprit", "valid")), ("finer", "f8", (NF,), "-")])
 STATE = dtype([
     ("r", "f8", "-"),  # P(a fault) / (1/2)
     ("alarm", "f8", "-"),
@@ -94,6 +101,8 @@ STATE = dtype([
     ("since", "f8", (NL,), "s"),  # age at which it came
     ("over", "f8", (NL,), "s"),  # time for which the alarm behind it has been down
     ("able", "f8", (NL,)),  # whether it is valid
+    ("class_", "f8", (NL,)),  # that it says
+    ("word", "f8", (NL,)),  # that it said last of this class
     ("w", "f8", (NH,)),  # of single hypotheses
     ("best", "f8", (NK,)),  # the largest of these
     ("place_w", "f8", (NP,)),  # of places: single, then first of two
@@ -103,6 +112,7 @@ STATE = dtype([
 OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "p", "second", "verdict_2", "p_2", "p_fault")
 _READS = {f"{word}[{i}]": f"{d}.{lane}.{word}" for i, (d, lane) in enumerate(LANES)
           for word in ("alarm", "verdict", "culprit", "valid")}  # fmt: skip
+_READS |= {f"finer[{f}]": f"{d}.{LANES[i][1]}.{output}" for f, (i, d, output) in enumerate(FINER)}
 DETECTOR = Detector(
     id="joint",
     level="both",
@@ -127,7 +137,7 @@ DETECTOR = Detector(
     may_see=dict.fromkeys(("aileron", "stabiliser"), ("jam_solid", "ambiguous")),
     blind="hears the other detectors: what none of them says it does not know",
     sizes={"n_h": 1.0, "n_k": 1.0, "row": 0.0, "place": 0.0, "verdict": 0.0, "token": 0.0, "name_of": 0.0,
-           "name_of_set": 0.0},
+           "name_of_set": 0.0, "finer": 0.0, "word": 0.0},
     any_aircraft=True,
     may_lack=True,
     options={"levels": ("both", "local", "aircraft"), "rates": ("measured", "none")},  # the first is the default
@@ -148,10 +158,13 @@ def params(
     row, alarm, said = tables.rows(found, here, counted)
     where = [PLACES.index(h.place) for h in found]
     own = {"both": (*LOCAL, *AIRCRAFT), "local": LOCAL, "aircraft": AIRCRAFT}[levels]
-    token = np.zeros((NL, NC, NCUL))
+    token, finer, word = np.zeros((NL, NC, NCUL)), np.zeros((NL, NC, NW)), np.zeros((NF, NV_F))
     for i, (detector, _) in enumerate(LANES):
-        codes = tables.codes(detector)
-        token[i, :, : codes.shape[1]] = codes
+        for out, codes in ((token, tables.codes(detector)), (finer, tables.finer_codes(detector))):
+            out[i, :, : codes.shape[1]] = codes
+    for f, (_, detector, output) in enumerate(FINER):
+        for value, kinds in registry.record(detector).finer[output].items():
+            word[f, value] = tables.words(detector).index(kinds)
     size = np.repeat([1.0 - tables.UNSEEN, tables.UNSEEN], 3) / 3.0
     spoken = (size * alarm).reshape(-1, 2, 3).sum(axis=2)
     made = {
@@ -163,7 +176,7 @@ def params(
         "alarm": _padded(alarm, (NR, NV)), "said": _padded(said, (NR, 2, NN)),
         "alarm_mean": _padded(alarm @ size, (NR,)),
         "said_mean": _padded((spoken[:, :, None] * said).sum(axis=1), (NR, NN)), "by_age": tables.by_age(counted),
-        "false": tables.FALSE, "token": token, "ages": tables.AGES,
+        "false": tables.FALSE, "token": token, "finer": finer, "word": word, "ages": tables.AGES,
         "use": [float(d in own and (lane == "aircraft" or lane in here)) for d, lane in LANES],
         "set_of": [[float(p in members) for p in PLACES] for members in SETS.values()],
         "name_of": [CULPRITS.index(p) for p in PLACES], "name_of_set": [CULPRITS.index(n) for n in SETS],
@@ -228,9 +241,23 @@ def _token(x, i):
 
 
 @kernel
+def _told(x, u, p):
+    """Keep of every lane the class that it says and the word that it said last of this class."""
+    for i in range(NL):
+        c = u.verdict[i] if u.alarm[i] > 0.5 else 0.0
+        if c != x.class_[i]:
+            x.class_[i], x.word[i] = c, 0.0
+    for f in range(NF - 1, -1, -1):
+        v, i = int(u.finer[f]), int(LANE_OF[f])
+        if 0 < v < NV_F and p.word[f, v] > 0.5 and x.class_[i] > 0.5:
+            x.word[i] = p.word[f, v]
+
+
+@kernel
 def _heard(x, u, p, dt):
     """Take the tokens of this tick; return 1 when anything is new, else 0."""
     new, any_on, x.valid = 0, 0, 0.0
+    _told(x, u, p)
     for i in range(NL):
         if p.use[i] < 0.5:
             continue
@@ -242,6 +269,8 @@ def _heard(x, u, p, dt):
             any_on = 1
             c, k = int(u.verdict[i]), int(u.culprit[i])
             t = p.token[i, c, k] if 0 < c < NC and 0 <= k < NCUL else 0.0
+            if 0 < c < NC and p.finer[i, c, int(x.word[i])] > 0.5:
+                t = p.finer[i, c, int(x.word[i])]
             if t < 0.5:  # an alarm without a name
                 t = p.token[i, 9, 0]
             if x.said[i] < 0.5:

@@ -34,12 +34,22 @@ SIZES = {
 LARGE = ("runaway",)  # what goes on to a stop is large in the end, however slowly
 # P(a class of the record | a class), likewise of a culprit, and P(ambiguous | alarm); assumed, then counted
 RIGHT, OPEN = 0.9, 0.2
+OPEN_CLASSES = ("effectiveness", "ambiguous")  # of more than one cause: where a detector tells more, it counts
 ELSEWHERE = 3e-4  # P(alarm) of a lane on another segment: a quarter of the 1e-3 per minute that it is trained to
 FALSE = 1e-3  # false alarms of a detector per flight of 60 s, to which they are trained
 
 
-def name(detector: str, verdict: str, culprit: str) -> str:
-    """Return the token of a lane that says class `verdict` of `culprit`."""
+@functools.cache
+def words(detector: str) -> tuple[tuple[str, ...], ...]:
+    """Return the kinds of fault that a detector tells apart where it leaves the class open; the first: none of them."""
+    told = (kinds for of in registry.module(detector).DETECTOR.finer.values() for kinds in of.values())
+    return ((), *dict.fromkeys(told))
+
+
+def name(detector: str, verdict: str, culprit: str, kinds: tuple[str, ...] = ()) -> str:
+    """Return the token of a lane that says class `verdict` of `culprit`; `kinds` is one of `words`."""
+    if kinds and verdict in OPEN_CLASSES:
+        return f"{verdict} {kinds[0]}"
     if detector in ("kinematic", "control_redundancy"):
         return culprit or "ambiguous"
     if verdict == "sensor":
@@ -52,7 +62,8 @@ def name(detector: str, verdict: str, culprit: str) -> str:
 @functools.cache
 def names(detector: str) -> tuple[str, ...]:
     """Return the tokens of a detector but for silence."""
-    said = (name(detector, v, c) for c in registry.module(detector).CULPRITS for v in NAMES[1:])
+    culprits = registry.module(detector).CULPRITS
+    said = (name(detector, v, c, k) for k in words(detector) for c in culprits for v in NAMES[1:])
     return tuple(dict.fromkeys(said))
 
 
@@ -61,6 +72,14 @@ def codes(detector: str) -> np.ndarray:
     culprits, own = registry.module(detector).CULPRITS, names(detector)
     said = [[1.0 + own.index(name(detector, v, c)) for c in culprits] for v in NAMES[1:]]
     return np.array([[0.0] * len(culprits), *said])
+
+
+def finer_codes(detector: str) -> np.ndarray:
+    """Return (class code, one of `words`) -> 1 + index of the token in `names`, 0 where the word adds nothing."""
+    own = names(detector)
+    said = [[1.0 + own.index(name(detector, v, "", k)) if k and v in OPEN_CLASSES else 0.0 for k in words(detector)]
+            for v in NAMES[1:]]  # fmt: skip
+    return np.array([[0.0] * len(words(detector)), *said])
 
 
 def stands(detector: str, kind: str, technology: str) -> tuple[str, tuple[str, ...]]:
@@ -137,9 +156,13 @@ def believed(
     if "ambiguous" not in right:
         of_v = {v: (1.0 - kept[1]) * share + kept[1] * (v == "ambiguous") for v, share in of_v.items()}
     of_c = _shares(culprits, _culprits(detector, hypothesis), kept[0])
+    told = words(detector)
+    mine = [k for k in told if case(hypothesis.kind, technology).partition(".")[2] in k]
+    of_k = _shares(told, set(mine) or {()}, kept[0])
+    of_k = {k: (1.0 - kept[1]) * share + kept[1] * (not k) for k, share in of_k.items()}
     p = np.zeros(len(own))
-    for c, v in itertools.product(culprits, said):
-        p[own.index(name(detector, v, c))] += of_c[c] * of_v[v]
+    for c, v, k in itertools.product(culprits, said, told):
+        p[own.index(name(detector, v, c, k))] += of_c[c] * of_v[v] * of_k[k]
     p = np.maximum(p, 1e-3)
     return alarm, p / p.sum()
 

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from cosim.scenario.catalog import ELEVATOR_KINDS
 from fdi import registry
 from fdi.common import verdict
+from fdi.isolation import decide
 from fdi.joint import joint, places, tables
 
 DT = 0.1
@@ -13,8 +15,9 @@ AIRCRAFT = "aircraft"
 VALVE = ("iotsekf", "left_inner", "ofc_liquid", "", 1.0)
 
 
-def heard(*said, technology=MIXED, without=("pitch_moment_glr",), duration_s=8.0, **how):
-    """Return the STATE log of lanes that alarm for good: (detector, lane, class, culprit, from when [s])."""
+def heard(*said, technology=MIXED, without=("pitch_moment_glr",), duration_s=8.0, finer=(), **how):
+    """Return the STATE log of lanes that alarm for good: (detector, lane, class, culprit, from when [s]); `finer` are
+    (detector, lane, output, value, from when, until when [s])."""
     p = joint.params(technology, **how)
     u, here = np.zeros((1, round(duration_s / DT)), joint.INPUTS), places.segments(technology)
     for i, (detector, lane) in enumerate(places.LANES):
@@ -24,6 +27,9 @@ def heard(*said, technology=MIXED, without=("pitch_moment_glr",), duration_s=8.0
         i, k = places.LANES.index((detector, lane)), round(start / DT)
         u["alarm"][0, k:, i], u["verdict"][0, k:, i] = 1.0, verdict.code(class_)
         u["culprit"][0, k:, i] = registry.module(detector).CULPRITS.index(culprit)
+    for detector, lane, output, value, start, end in finer:
+        f = joint.FINER.index((places.LANES.index((detector, lane)), detector, output))
+        u["finer"][0, round(start / DT) : round(end / DT), f] = value
     x, log = joint.init(p), np.zeros(u.shape, joint.STATE)
     joint.rollout(x, u, p, DT, log)
     return log[0]
@@ -96,6 +102,34 @@ def test_leakage_is_a_hypothesis_of_its_own_that_only_the_actuators_detectors_se
     prior = p["prior"][0][: len(found)]
     own = [sum(w for w, h in zip(prior, found) if h.place == place) for place in {h.place for h in found}]
     assert np.ptp(own) < 1e-12 and sum(own) == pytest.approx(1.0)  # every place alike, whatever its causes
+
+
+@pytest.mark.parametrize("detector, lane, output, part", [
+    ("iotsekf", "left_inner", "likely", {decide.WEAK: "valve", decide.OF_LOAD: "surface", decide.LET_GO: "surface"}),
+    ("ema_kalman_flight", "right_inner", "hot_friction", {1: "surface"}),
+])  # fmt: skip
+@pytest.mark.parametrize("rates", ["measured", "none"])
+def test_what_a_detector_tells_beyond_the_class_tells_the_valve_from_the_surface(detector, lane, output, part, rates):
+    for value, where in part.items():
+        class_ = "ambiguous" if value == decide.LET_GO else "effectiveness"
+        said = (detector, lane, class_, "", 1.0)
+        log = heard(said, finer=[(detector, lane, output, value, 2.0, 4.0)], rates=rates)  # and stands until it changes
+        w = dict(zip(places.PLACES, log["place_w"][-1], strict=True))
+        other = {"valve": "surface"}.get(where, "valve" if detector == "iotsekf" else "drive")
+        assert w[f"elevator_{lane}_{where}"] > 1.5 * w[f"elevator_{lane}_{other}"]
+        before = log[round(1.5 / DT)]
+        assert before["word"].max() == 0.0 and log["word"][-1].max() > 0.0
+        gone = heard((*said[:2], "jam_solid", "", 1.0), finer=[(detector, lane, output, value, 0.2, 0.6)])
+        assert gone["word"].max() == 0.0  # of a time without an alarm
+
+
+def test_every_word_of_a_record_is_one_of_the_tokens_and_says_kinds_that_there_are():
+    for _, detector, output in joint.FINER:
+        own = registry.record(detector)
+        assert output in registry.module(detector).OUTPUTS
+        for kinds in own.finer[output].values():
+            assert tables.name(detector, "effectiveness", "", kinds) in tables.names(detector)
+            assert set(kinds) <= set(ELEVATOR_KINDS)
 
 
 def test_q_and_theta_stay_open_until_something_tells_them_apart():
