@@ -18,8 +18,9 @@ that came before is, though what it says may have made it so (a filter that has 
 
 Two faults: P(token | h, h') is that of whichever speaks, 1 - (1 - a)(1 - a') of them alarms. They are tried with one
 of the likeliest single ones and any other one, where that single one leaves an alarm unexplained, with the prior of a
-second fault `two`. No fault: every alarm is false, with the probability per flight that the detector has. The alarm is
-up while a lane alarms and P(a fault) >= 1/2.
+second fault `two`. No fault: every alarm is false, with the probability per flight that the detector has; of a lane
+that alone has spoken it is asked how often its detector is the first to speak of a fault, and how often it is wrong:
+flights with and without a fault are alike. The alarm is up while a lane alarms and P(a fault) >= 1/2.
 
 The culprit is the smallest that holds `sure` of the probability: a place, else a set (SETS, "q or theta"), else none;
 the verdict is a class that holds as much of that, else AMBIGUOUS. `p` is what the culprit holds. With two faults the
@@ -71,6 +72,7 @@ PARAMS = dtype([
     ("said_mean", "f8", (NR, NN)),  # P(alarm and token | row)
     ("by_age", "f8", (NL, NA)),  # F
     ("false", "f8", "-"),  # P(false alarm) of a lane
+    ("alone", "f8", (NL,)),  # odds of a fault where the lane alone has spoken
     ("use", "f8", (NL,)),  # 1 where the lane is listened to
     ("token", "f8", (NL, NC, NCUL)),  # of class code and culprit
     ("finer", "f8", (NL, NC, NW)),  # of class code and word, 0 where the word adds nothing
@@ -94,6 +96,7 @@ STATE = dtype([
     ("p_fault", "f8", "-"),
     ("age", "f8", "s"),  # since the first witness, 0 without one
     ("still", "f8", "s"),  # since anything alarmed
+    ("voices", "f8"),  # most lanes that have spoken at once since the first witness
     ("newest", "f8", "s"),  # age at which anything was new
     ("bin", "f8"),  # index of the age, and of that since anything was new
     ("bin_2", "f8"),
@@ -170,13 +173,13 @@ def params(
     made = {
         "sure": 0.9, "two": 0.1, "none": 0.05, "keep": 5.0, "release": 0.5,
         "n_h": len(found), "n_k": NK, "row": _padded(row, (NH, NL)),
-        "twin": _padded(_twins(found), (NH, NL)), "alike": 0.8, "prior": _padded(_prior(found), (NH,)),
+        "twin": _padded(_twins(found, here), (NH, NL)), "alike": 0.8, "prior": _padded(_prior(found), (NH,)),
         "place": _padded(np.array(where), (NH,)),
         "verdict": _padded(np.array([code(h.verdict) for h in found]), (NH,)), "share": size,
         "alarm": _padded(alarm, (NR, NV)), "said": _padded(said, (NR, 2, NN)),
         "alarm_mean": _padded(alarm @ size, (NR,)),
         "said_mean": _padded((spoken[:, :, None] * said).sum(axis=1), (NR, NN)), "by_age": tables.by_age(counted),
-        "false": tables.FALSE, "token": token, "finer": finer, "word": word, "ages": tables.AGES,
+        "false": tables.FALSE, "alone": tables.alone(counted), "token": token, "finer": finer, "word": word, "ages": tables.AGES,
         "use": [float(d in own and (lane == "aircraft" or lane in here)) for d, lane in LANES],
         "set_of": [[float(p in members) for p in PLACES] for members in SETS.values()],
         "name_of": [CULPRITS.index(p) for p in PLACES], "name_of_set": [CULPRITS.index(n) for n in SETS],
@@ -201,12 +204,14 @@ def _padded(values, shape):
     return out
 
 
-def _twins(found):
-    """Return (hypothesis, lane): 1 + the lane before it of the same detector in the same command's reach, else 0."""
+def _twins(found, technology):
+    """Return (hypothesis, lane): 1 + the lane before it of the same detector, on a segment of the same technology in the
+    same command's reach, else 0: what a detector sees of one technology is no more than a hint of the other."""
     out = np.zeros((len(found), NL))
     for i, h in enumerate(found):
         for j, (detector, lane) in enumerate(LANES):
-            before = [k for k in range(j) if LANES[k][0] == detector and LANES[k][1] in h.segments]
+            alike = [s for s in h.segments if technology[s] == technology.get(lane)]
+            before = [k for k in range(j) if LANES[k][0] == detector and LANES[k][1] in alike]
             out[i, j] = 1.0 + before[-1] if before and lane in h.segments else 0.0
     return out
 
@@ -420,6 +425,13 @@ def _conclude(x, p):
         if own > lead_w:
             lead, lead_w = h, own
     x.p_fault = (one + two) / (one + two + none) if one + two + none > 0.0 else 0.0
+    voices = 0.0
+    for i in range(NL):
+        voices += 1.0 if x.said[i] > 0.5 else 0.0
+    x.voices = max(x.voices, voices)
+    for i in range(NL):
+        if x.voices < 1.5 and x.said[i] > 0.5:
+            x.p_fault = p.alone[i] / (1.0 + p.alone[i])
     x.second, x.verdict_2, x.p_2 = 0.0, NONE, 0.0
     if lead < 0 or two < p.sure * (one + two):
         _name(x, p, x.w, 0.0)
@@ -445,7 +457,7 @@ def step(x, u, p, dt):
     if not any_token or x.still > p.release:
         for i in range(NL):
             x.said[i], x.since[i], x.over[i] = 0.0, 0.0, 0.0
-        x.age, x.newest, x.bin, x.bin_2 = 0.0, 0.0, 0.0, 0.0
+        x.age, x.newest, x.bin, x.bin_2, x.voices = 0.0, 0.0, 0.0, 0.0, 0.0
         x.r, x.alarm, x.verdict, x.culprit, x.p, x.p_fault = 0.0, 0.0, NONE, 0.0, 0.0, 0.0
         x.second, x.verdict_2, x.p_2 = 0.0, NONE, 0.0
         return
