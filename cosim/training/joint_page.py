@@ -1,9 +1,9 @@
 """What `joint` made of its campaign, as the table of its page: python -m cosim.training.joint_page logs/joint
 
-A row for each kind of fault, apart those of which no rate was counted and those of pairs. `seen` is by any other
-detector, `late` where the verdict alarmed later than the second of them; places are right, coarser, open and wrong as in
-`cosim.compare.stats.place_word`. Below it how many flights have a false alarm, of the verdict and of any detector that it
-reads, and its own per valid hour.
+A row for each kind of fault, apart those of which no rate was counted and those of pairs: faults, those seen by any
+other detector and by the verdict, those where it came after the second of them, and its places as in
+`cosim.compare.stats.place_word`. Below it how many flights have a false alarm, of the verdict and of any detector that
+it reads, and its own per valid hour.
 """
 
 import sys
@@ -19,7 +19,6 @@ from cosim.compare.stats import place_word
 from cosim.report import markdown
 from cosim.training.train_joint import NOT_LEARNED
 from fdi import joint as room
-from fdi import registry
 from fdi.joint.places import AIRCRAFT, LOCAL
 
 PAGE = Path(room.__file__).with_name("README.md")
@@ -56,16 +55,19 @@ def text(folder: str | Path) -> str:
     frame, _, tomls, source = read([folder])
     rows = compare_rows.tidy(frame, tomls, source)
     found = counts(rows, dict(zip(frame["run"], frame["label.part"], strict=True)))
-    order = [*(f for f in compare_rows.FAMILIES if f in found), kind(NOT_LEARNED[1], ""), kind(NOT_LEARNED[0], ""), "all"]
+    order = [*compare_rows.FAMILIES, kind(NOT_LEARNED[1], ""), kind(NOT_LEARNED[0], ""), "all"]
     lines = ["| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)]
     lines += ["| " + " | ".join((k, *map(str, found[k].values()))) + " |" for k in order if k in found]
     falsely = {who: rows[rows["id"].isin(ids) & (rows["false_alarms"] > 0)]["run"].nunique()
                for who, ids in (("joint", ("joint",)), ("any", (*LOCAL, *AIRCRAFT)))}  # fmt: skip
     mine = rows[rows["id"] == "joint"]
     alarms, hours = int(mine["false_alarms"].sum()), float(mine["hours"].sum())
-    return "\n".join([*lines, "", f"Without a fault: an alarm of `joint` in {falsely['joint']} of "
-                      f"{rows['run'].nunique()} flights, of any detector that it reads in {falsely['any']}; {alarms} alarms "
-                      f"in {hours:.1f} valid hours, at most {rate(alarms, hours)[2]:.2g} per hour (95 %)."])  # fmt: skip
+    most = rate(alarms, hours)[2]
+    said = (
+        f"Without a fault: `joint` alarms in {falsely['joint']} of {rows['run'].nunique()} flights, some detector that "
+        f"it reads in {falsely['any']}; {alarms} alarms in {hours:.1f} valid hours, at most {most:.2g} per hour (95 %)."
+    )
+    return "\n".join([*lines, "", said])
 
 
 if __name__ == "__main__":

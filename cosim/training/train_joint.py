@@ -129,8 +129,8 @@ def kind_of(scenario: Scenario) -> tuple[str, tuple[str, ...]]:
 
 def counted(flights: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the rates from what `told` said: `seen` {detector: {kind: {flights, said {token: count}}}}, `late`, of
-    every detector how many of its alarms had come at each of `tables.AGES`, and at all, and `alone` {detector: [faults of
-    which it spoke first, faults, alarms without one, minutes]}."""
+    every detector how many of its alarms had come at each of `tables.AGES`, and at all, and `alone` {detector: [faults
+    of which it spoke first, faults, alarms without one, minutes]}."""
     seen: dict = {}
     late: dict = {}
     alone: dict = {}

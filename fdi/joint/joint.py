@@ -30,7 +30,6 @@ Work is done when a token changes or an age passes; otherwise a tick only looks 
 """
 
 import functools
-from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -41,6 +40,7 @@ from fdi.common.record import Detector, Site
 from fdi.common.verdict import AMBIGUOUS, NONE, code
 from fdi.joint import tables
 from fdi.joint.places import AIRCRAFT, CULPRITS, LANES, LOCAL, PLACES, SEGMENTS, SETS, hypotheses, segments
+from fdi.joint.tables import padded
 
 NL, NP, NG, NC = len(LANES), len(PLACES), len(SETS), 10
 NH, NR, NN, NA, NV = 128, 480, 30, 7, 6  # most hypotheses, rows, tokens; ages; sizes x variants
@@ -82,7 +82,8 @@ PARAMS = dtype([
     ("name_of", "f8", (NP,)),  # index into CULPRITS
     ("name_of_set", "f8", (NG,)),
 ])  # fmt: skip
-INPUTS = dtype([*((n, "f8", (NL,), "-") for n in ("alarm", "verdict", "culprit", "valid")), ("finer", "f8", (NF,), "-")])
+_WORDS = ("alarm", "verdict", "culprit", "valid")
+INPUTS = dtype([*((n, "f8", (NL,), "-") for n in _WORDS), ("finer", "f8", (NF,), "-")])
 STATE = dtype([
     ("r", "f8", "-"),  # P(a fault) / (1/2)
     ("alarm", "f8", "-"),
@@ -114,7 +115,7 @@ STATE = dtype([
 ])  # fmt: skip
 OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "p", "second", "verdict_2", "p_2", "p_fault")
 _READS = {f"{word}[{i}]": f"{d}.{lane}.{word}" for i, (d, lane) in enumerate(LANES)
-          for word in ("alarm", "verdict", "culprit", "valid")}  # fmt: skip
+          for word in _WORDS}  # fmt: skip
 _READS |= {f"finer[{f}]": f"{d}.{LANES[i][1]}.{output}" for f, (i, d, output) in enumerate(FINER)}
 DETECTOR = Detector(
     id="joint",
@@ -172,14 +173,14 @@ def params(
     spoken = (size * alarm).reshape(-1, 2, 3).sum(axis=2)
     made = {
         "sure": 0.9, "two": 0.1, "none": 0.05, "keep": 5.0, "release": 0.5,
-        "n_h": len(found), "n_k": NK, "row": _padded(row, (NH, NL)),
-        "twin": _padded(_twins(found, here), (NH, NL)), "alike": 0.8, "prior": _padded(_prior(found), (NH,)),
-        "place": _padded(np.array(where), (NH,)),
-        "verdict": _padded(np.array([code(h.verdict) for h in found]), (NH,)), "share": size,
-        "alarm": _padded(alarm, (NR, NV)), "said": _padded(said, (NR, 2, NN)),
-        "alarm_mean": _padded(alarm @ size, (NR,)),
-        "said_mean": _padded((spoken[:, :, None] * said).sum(axis=1), (NR, NN)), "by_age": tables.by_age(counted),
-        "false": tables.FALSE, "alone": tables.alone(counted), "token": token, "finer": finer, "word": word, "ages": tables.AGES,
+        "n_h": len(found), "n_k": NK, "row": padded(row, (NH, NL)),
+        "twin": padded(tables.twins(found, here), (NH, NL)), "alike": 0.8, "prior": padded(tables.prior(found), (NH,)),
+        "place": padded(np.array(where), (NH,)), "share": size,
+        "verdict": padded(np.array([code(h.verdict) for h in found]), (NH,)),
+        "alarm": padded(alarm, (NR, NV)), "said": padded(said, (NR, 2, NN)), "alarm_mean": padded(alarm @ size, (NR,)),
+        "said_mean": padded((spoken[:, :, None] * said).sum(axis=1), (NR, NN)), "by_age": tables.by_age(counted),
+        "false": tables.FALSE, "alone": tables.alone(counted), "token": token, "finer": finer, "word": word,
+        "ages": tables.AGES,
         "use": [float(d in own and (lane == "aircraft" or lane in here)) for d, lane in LANES],
         "set_of": [[float(p in members) for p in PLACES] for members in SETS.values()],
         "name_of": [CULPRITS.index(p) for p in PLACES], "name_of_set": [CULPRITS.index(n) for n in SETS],
@@ -196,32 +197,6 @@ def fitted(site: Site, levels: str = "both", rates: str = "measured") -> np.ndar
 def of_layout(technologies: tuple[tuple[str, str], ...], levels: str, rates: str) -> np.ndarray:
     """Return `params` of segments ((segment, technology), ...); its tables are made once in a process."""
     return params(dict(technologies), levels=levels, rates=rates)
-
-
-def _padded(values, shape):
-    out = np.zeros(shape)
-    out[tuple(slice(n) for n in values.shape)] = values
-    return out
-
-
-def _twins(found, technology):
-    """Return (hypothesis, lane): 1 + the lane before it of the same detector, on a segment of the same technology in the
-    same command's reach, else 0: what a detector sees of one technology is no more than a hint of the other."""
-    out = np.zeros((len(found), NL))
-    for i, h in enumerate(found):
-        for j, (detector, lane) in enumerate(LANES):
-            alike = [s for s in h.segments if technology[s] == technology.get(lane)]
-            before = [k for k in range(j) if LANES[k][0] == detector and LANES[k][1] in alike]
-            out[i, j] = 1.0 + before[-1] if before and lane in h.segments else 0.0
-    return out
-
-
-def _prior(found):
-    """Return P(h): every place alike, every class of a place, and every cause of a class."""
-    classes = {h.place: {g.verdict for g in found if g.place == h.place} for h in found}
-    causes = Counter((h.place, h.verdict) for h in found)
-    share = [1.0 / (len(classes[h.place]) * causes[h.place, h.verdict]) for h in found]
-    return np.array(share) / len(classes)
 
 
 def init(p: np.ndarray) -> np.ndarray:
@@ -425,13 +400,13 @@ def _conclude(x, p):
         if own > lead_w:
             lead, lead_w = h, own
     x.p_fault = (one + two) / (one + two + none) if one + two + none > 0.0 else 0.0
-    voices = 0.0
+    voices, who = 0.0, 0
     for i in range(NL):
-        voices += 1.0 if x.said[i] > 0.5 else 0.0
+        if x.said[i] > 0.5:
+            voices, who = voices + 1.0, i
     x.voices = max(x.voices, voices)
-    for i in range(NL):
-        if x.voices < 1.5 and x.said[i] > 0.5:
-            x.p_fault = p.alone[i] / (1.0 + p.alone[i])
+    if x.voices < 1.5:
+        x.p_fault = p.alone[who] / (1.0 + p.alone[who])
     x.second, x.verdict_2, x.p_2 = 0.0, NONE, 0.0
     if lead < 0 or two < p.sure * (one + two):
         _name(x, p, x.w, 0.0)

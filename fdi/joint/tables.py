@@ -12,6 +12,7 @@ import fnmatch
 import functools
 import itertools
 import json
+from collections import Counter
 from importlib import resources
 from typing import Any
 
@@ -259,3 +260,32 @@ def by_age(rates: dict) -> np.ndarray:
         *counted, alarms = rates.get("late", {}).get(detector, [0.0] * (len(AGES) + 1))
         out.append((5.0 * prior + np.array(counted)) / (5.0 + alarms))
     return np.array(out)
+
+
+def padded(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Return an array of `shape` with `values` in its first corner, zeros beyond."""
+    out = np.zeros(shape)
+    out[tuple(slice(n) for n in values.shape)] = values
+    return out
+
+
+def twins(found: list[Hypothesis], technology: dict[str, str]) -> np.ndarray:
+    """Return (hypothesis, lane): 1 + the lane before it of the same detector that the same command moves, else 0.
+
+    It is on a segment of the same technology: what a detector sees of one is no more than a hint of the other.
+    """
+    out = np.zeros((len(found), len(LANES)))
+    for i, h in enumerate(found):
+        for j, (detector, lane) in enumerate(LANES):
+            alike = [s for s in h.segments if technology[s] == technology.get(lane)]
+            before = [k for k in range(j) if LANES[k][0] == detector and LANES[k][1] in alike]
+            out[i, j] = 1.0 + before[-1] if before and lane in h.segments else 0.0
+    return out
+
+
+def prior(found: list[Hypothesis]) -> np.ndarray:
+    """Return P(h): every place alike, every class of a place, and every cause of a class."""
+    classes = {h.place: {g.verdict for g in found if g.place == h.place} for h in found}
+    causes = Counter((h.place, h.verdict) for h in found)
+    share = [1.0 / (len(classes[h.place]) * causes[h.place, h.verdict]) for h in found]
+    return np.array(share) / len(classes)

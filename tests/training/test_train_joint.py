@@ -40,7 +40,8 @@ def test_a_word_beyond_the_class_stands_until_the_class_changes():
     finer = {"likely": 3}
     assert train_joint._token(watch, trace, finer) == "effectiveness loss_of_effectiveness"
     assert train_joint._token(watch, trace[:40], finer) == "ambiguous friction"
-    assert train_joint._token(watch, trace[40:50], finer) == train_joint._token(watch, trace[40:], {}) == "effectiveness"
+    assert train_joint._token(watch, trace[40:50], finer) == "effectiveness"
+    assert train_joint._token(watch, trace[40:], {}) == "effectiveness"
 
 
 def test_voices_that_were_first_and_false_ones_are_counted():
@@ -56,8 +57,9 @@ def test_voices_that_were_first_and_false_ones_are_counted():
 
 def test_the_page_counts_every_fault_once_and_who_came_too_late():
     def row(run, who, **more):
-        healthy = {"run": run, "fault": 0, "id": who, "case": "sensor.q", "family": "aircraft's sensor", "concerned": True,
-                   "detected": True, "delay_s": 1.0, "place_given": "right", "place_level": "channel"}  # fmt: skip
+        healthy = {"run": run, "fault": 0, "id": who, "case": "sensor.q", "family": "aircraft's sensor",
+                   "concerned": True, "detected": True, "delay_s": 1.0, "place_given": "right",
+                   "place_level": "channel"}  # fmt: skip
         return healthy | more
 
     rows = pd.DataFrame([
