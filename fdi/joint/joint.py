@@ -11,16 +11,15 @@ class (fdi/joint/places.py),
 
 where v is how large the fault is (small, middling, large) and whether it is like one that rates were measured on.
 P(silent | h, v) = 1 - P(alarm | h, v) F(age), F the share of that detector's alarms that come so soon after the first
-witness: silence counts as time goes on. Where one command moves two segments, detectors of one kind on both part with
-(1 - `alike`) of the probability with which independent ones would. Of a lane that is silent and not
+witness: silence counts as time goes on. Where one command moves two segments of one technology, detectors of one kind
+on both part with (1 - `alike`) of the probability with which independent ones would. Of a lane that is silent and not
 valid, or of a detector that does not fly, it is 1; an alarm that comes while its lane is not valid is not heard, one
-that came before is, though what it says may have made it so (a filter that has lost the sensor it names).
+that came before is: it may have made it so.
 
 Two faults: P(token | h, h') is that of whichever speaks, 1 - (1 - a)(1 - a') of them alarms. They are tried with one
 of the likeliest single ones and any other one, where that single one leaves an alarm unexplained, with the prior of a
-second fault `two`. No fault: every alarm is false, with the probability per flight that the detector has; of a lane
-that alone has spoken it is asked how often its detector is the first to speak of a fault, and how often it is wrong:
-flights with and without a fault are alike. The alarm is up while a lane alarms and P(a fault) >= 1/2.
+second fault `two`. No fault: every alarm is false, with its detector's probability; of a lane that alone has spoken
+counts how often its detector is the first to speak of a fault, how often wrong. The alarm: a lane's, P(a fault) >= 1/2.
 
 The culprit is the smallest that holds `sure` of the probability: a place, else a set (SETS, "q or theta"), else none;
 the verdict is a class that holds as much of that, else AMBIGUOUS. `p` is what the culprit holds. With two faults the
@@ -160,7 +159,6 @@ def params(
     counted = rates if isinstance(rates, dict) else tables.stored() if rates == "measured" else {}
     found, here = hypotheses(technology), segments(technology)
     row, alarm, said = tables.rows(found, here, counted)
-    where = [PLACES.index(h.place) for h in found]
     own = {"both": (*LOCAL, *AIRCRAFT), "local": LOCAL, "aircraft": AIRCRAFT}[levels]
     token, finer, word = np.zeros((NL, NC, NCUL)), np.zeros((NL, NC, NW)), np.zeros((NF, NV_F))
     for i, (detector, _) in enumerate(LANES):
@@ -175,7 +173,7 @@ def params(
         "sure": 0.9, "two": 0.1, "none": 0.05, "keep": 5.0, "release": 0.5,
         "n_h": len(found), "n_k": NK, "row": padded(row, (NH, NL)),
         "twin": padded(tables.twins(found, here), (NH, NL)), "alike": 0.8, "prior": padded(tables.prior(found), (NH,)),
-        "place": padded(np.array(where), (NH,)), "share": size,
+        "place": padded(np.array([PLACES.index(h.place) for h in found]), (NH,)), "share": size,
         "verdict": padded(np.array([code(h.verdict) for h in found]), (NH,)),
         "alarm": padded(alarm, (NR, NV)), "said": padded(said, (NR, 2, NN)), "alarm_mean": padded(alarm @ size, (NR,)),
         "said_mean": padded((spoken[:, :, None] * said).sum(axis=1), (NR, NN)), "by_age": tables.by_age(counted),
