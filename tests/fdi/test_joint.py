@@ -88,8 +88,9 @@ def test_an_alarm_of_a_lane_that_is_not_valid_is_not_heard_but_one_that_made_it_
 
 
 def test_leakage_is_a_hypothesis_of_its_own_that_only_the_actuators_detectors_see():
-    wide = heard(("iotsekf", "left_inner", "effectiveness", "", 1.0))
-    assert name(wide)[:2] == ("effectiveness", "elevator_left_inner")  # friction of the surface is called so, too
+    weak = [("iotsekf", "left_inner", "likely", decide.WEAK, 1.0, 8.0)]
+    wide = heard(("iotsekf", "left_inner", "effectiveness", "", 1.0), finer=weak)
+    assert name(wide)[:2] == ("effectiveness", "elevator_left_inner_valve")  # friction of the surface has its own word
     kinds = [(h.place, h.kind) for h in places.hypotheses(MIXED)]
     leak, rubs = (wide["w"][-1, kinds.index((f"elevator_left_inner_{part}", f"hydraulic.{kind}"))]
                   for part, kind in (("valve", "drive.internal_leakage"), ("surface", "surface.friction")))  # fmt: skip
