@@ -86,7 +86,8 @@ def told(scenario: Scenario) -> dict[str, Any]:
 def columns(setup: Any) -> tuple[np.ndarray, dict]:
     """Return (positions on the bus of what the judgement reads, then of the outputs that tell more than a class;
     {(detector, target): {output: column}} of the latter)."""
-    index, finer = list(setup.trace.index), {}
+    index = list(setup.trace.index)
+    finer: dict[tuple[str, str], dict[str, int]] = {}
     for w in setup.trace.watches({}):
         lane = w.target.removeprefix("elevator.")
         for output in registry.record(w.id).finer:
@@ -98,7 +99,8 @@ def columns(setup: Any) -> tuple[np.ndarray, dict]:
 def _token(watch: Watch, trace: np.ndarray, finer: dict[str, int]) -> str:
     """Return the token that stood longest; what tells more than a class stands until the class changes."""
     on = trace[trace[:, watch.alarm] > 0.5].astype(int)
-    more, said, last, kinds = registry.record(watch.id).finer, [], -1, ()
+    more, said, last = registry.record(watch.id).finer, [], -1
+    kinds: tuple[str, ...] = ()
     for row in on:
         if row[watch.verdict] != last:
             last, kinds = row[watch.verdict], ()
@@ -138,8 +140,8 @@ def counted(flights: list[dict[str, Any]]) -> dict[str, Any]:
         first = {detector for detector, _, _, delay in f["lanes"] if delay is not None and delay <= tables.AGES[0]}
         for detector, (wrong, minutes) in f["before"].items():
             before = alone.get(detector, [0, 0, 0, 0.0])
-            own = int(detector in first), 1, wrong, minutes
-            alone[detector] = [round(a + b, 2) for a, b in zip(before, own, strict=True)]
+            more = int(detector in first), 1, wrong, minutes
+            alone[detector] = [round(a + b, 2) for a, b in zip(before, more, strict=True)]
         for detector, lane, token, delay in f["lanes"]:
             own = f["kind"]
             if lane != "aircraft":

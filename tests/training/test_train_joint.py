@@ -5,8 +5,9 @@ import pandas as pd
 import pytest
 
 from cosim.judge.detection import watch_of
+from cosim.report import joint_page
 from cosim.scenario import load_scenario
-from cosim.training import joint_page, train_joint
+from cosim.training import train_joint
 from fdi import registry
 from fdi.common import verdict
 from fdi.isolation import decide

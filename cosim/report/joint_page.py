@@ -1,4 +1,4 @@
-"""What `joint` made of its campaign, as the table of its page: python -m cosim.training.joint_page logs/joint
+"""What `joint` made of its campaign, as the table of its page: python -m cosim.report.joint_page logs/joint
 
 A row for each kind of fault, apart those of which no rate was counted and those of pairs: faults, those seen by any
 other detector and by the verdict, those where it came after the second of them, and its places as in
@@ -72,6 +72,6 @@ def text(folder: str | Path) -> str:
 
 if __name__ == "__main__":
     if len(sys.argv) != 2 or not Path(sys.argv[1]).is_dir():
-        sys.exit("python -m cosim.training.joint_page DIR: the folder of `cosim campaign joint`")
+        sys.exit("python -m cosim.report.joint_page DIR: the folder of `cosim campaign joint`")
     markdown.replace(PAGE, "joint", text(sys.argv[1]))
     print(f"wrote  {PAGE}")
