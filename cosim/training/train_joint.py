@@ -97,15 +97,16 @@ def columns(setup: Any) -> tuple[np.ndarray, dict]:
 
 
 def _token(watch: Watch, trace: np.ndarray, finer: dict[str, int]) -> str:
-    """Return the token that stood longest; what tells more than a class stands until the class changes."""
-    on = trace[trace[:, watch.alarm] > 0.5].astype(int)
-    more, said, last = registry.record(watch.id).finer, [], -1
+    """Return the token that stood longest; what tells more than a class stands while the alarm does."""
+    more, said = registry.record(watch.id).finer, []
     kinds: tuple[str, ...] = ()
-    for row in on:
-        if row[watch.verdict] != last:
-            last, kinds = row[watch.verdict], ()
-        kinds = next((more[o][row[c]] for o, c in finer.items() if row[c] in more[o]), kinds)
-        said.append((last, row[watch.culprit], kinds))
+    own = trace[:, [watch.alarm, watch.verdict, watch.culprit, *finer.values()]].astype(int)
+    for on, verdict, culprit, *values in own.tolist():
+        if not on:
+            kinds = ()
+            continue
+        kinds = next((more[o][v] for o, v in zip(finer, values, strict=True) if v in more[o]), kinds)
+        said.append((verdict, culprit, kinds))
     (verdict, culprit, kinds), _ = Counter(said).most_common(1)[0]
     return tables.name(watch.id, class_name(verdict or 9), watch.culprits[culprit], kinds)
 
@@ -132,15 +133,15 @@ def kind_of(scenario: Scenario) -> tuple[str, tuple[str, ...]]:
 def counted(flights: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the rates from what `told` said: `seen` {detector: {kind: {flights, said {token: count}}}}, `late`, of
     every detector how many of its alarms had come at each of `tables.AGES`, and at all, and `alone` {detector: [faults
-    of which it spoke first, faults, alarms without one, minutes]}."""
+    of which it alone spoke, faults, alarms without one, minutes]}."""
     seen: dict = {}
     late: dict = {}
     alone: dict = {}
     for f in flights:
-        first = {detector for detector, _, _, delay in f["lanes"] if delay is not None and delay <= tables.AGES[0]}
+        spoke = [detector for detector, _, token, _ in f["lanes"] if token]
         for detector, (wrong, minutes) in f["before"].items():
             before = alone.get(detector, [0, 0, 0, 0.0])
-            more = int(detector in first), 1, wrong, minutes
+            more = int(spoke == [detector]), 1, wrong, minutes
             alone[detector] = [round(a + b, 2) for a, b in zip(before, more, strict=True)]
         for detector, lane, token, delay in f["lanes"]:
             own = f["kind"]

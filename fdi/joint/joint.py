@@ -19,7 +19,7 @@ that came before is: it may have made it so.
 Two faults: P(token | h, h') is that of whichever speaks, 1 - (1 - a)(1 - a') of them alarms. They are tried with one
 of the likeliest single ones and any other one, where that single one leaves an alarm unexplained, with the prior of a
 second fault `two`. No fault: every alarm is false, with its detector's probability; of a lane that alone has spoken
-counts how often its detector is the first to speak of a fault, how often wrong. The alarm: a lane's, P(a fault) >= 1/2.
+counts how often its detector stays alone with a fault, how often it is wrong. The alarm: a lane's, P(a fault) >= 1/2.
 
 The culprit is the smallest that holds `sure` of the probability: a place, else a set (SETS, "q or theta"), else none;
 the verdict is a class that holds as much of that, else AMBIGUOUS. `p` is what the culprit holds. With two faults the
@@ -104,8 +104,7 @@ STATE = dtype([
     ("since", "f8", (NL,), "s"),  # age at which it came
     ("over", "f8", (NL,), "s"),  # time for which the alarm behind it has been down
     ("able", "f8", (NL,)),  # whether it is valid
-    ("class_", "f8", (NL,)),  # that it says
-    ("word", "f8", (NL,)),  # that it said last of this class
+    ("word", "f8", (NL,)),  # that it said last of what its class leaves open
     ("w", "f8", (NH,)),  # of single hypotheses
     ("best", "f8", (NK,)),  # the largest of these
     ("place_w", "f8", (NP,)),  # of places: single, then first of two
@@ -220,14 +219,13 @@ def _token(x, i):
 
 @kernel
 def _told(x, u, p):
-    """Keep of every lane the class that it says and the word that it said last of this class."""
+    """Keep of every lane the word that it said last while its alarm stands."""
     for i in range(NL):
-        c = u.verdict[i] if u.alarm[i] > 0.5 else 0.0
-        if c != x.class_[i]:
-            x.class_[i], x.word[i] = c, 0.0
+        if u.alarm[i] < 0.5:
+            x.word[i] = 0.0
     for f in range(NF - 1, -1, -1):
         v, i = int(u.finer[f]), int(LANE_OF[f])
-        if 0 < v < NV_F and p.word[f, v] > 0.5 and x.class_[i] > 0.5:
+        if 0 < v < NV_F and p.word[f, v] > 0.5 and u.alarm[i] > 0.5:
             x.word[i] = p.word[f, v]
 
 

@@ -38,7 +38,8 @@ RIGHT, OPEN = 0.9, 0.2
 OPEN_CLASSES = ("effectiveness", "ambiguous")  # of more than one cause: where a detector tells more, it counts
 ELSEWHERE = 3e-4  # P(alarm) of a lane on another segment: a quarter of the 1e-3 per minute that it is trained to
 FALSE = 1e-3  # false alarms of a detector per flight of 60 s, to which they are trained
-FIRST = 0.1  # P(a detector is the first to speak of a fault); assumed, then counted
+# P(a detector is the only one to speak of a fault); assumed, then counted: few faults move the aircraft and nothing else
+ALONE = {"local": 0.5, "aircraft": 0.1}
 
 
 @functools.cache
@@ -243,11 +244,12 @@ def rows(found: list[Hypothesis], technology: dict[str, str], rates: dict) -> tu
 
 
 def alone(rates: dict) -> np.ndarray:
-    """Return (lane,): P(its detector is the first to speak | a fault) over P(it is wrong | a minute without one)."""
+    """Return (lane,): P(its detector stays alone | a fault) over P(it is wrong | a minute without one): where a second
+    one comes in any case, nothing is lost by waiting for it."""
     out = []
     for detector, _ in LANES:
-        first, faults, wrong, minutes = rates.get("alone", {}).get(detector, (0.0,) * 4)
-        right = (WEIGHT * FIRST + first) / (WEIGHT + faults)
+        stays, faults, wrong, minutes = rates.get("alone", {}).get(detector, (0.0,) * 4)
+        right = (WEIGHT * ALONE["local" if detector in LOCAL else "aircraft"] + stays) / (WEIGHT + faults)
         out.append(right / ((1.0 + wrong) / (1.0 / FALSE + minutes)))
     return np.array(out)
 

@@ -177,12 +177,12 @@ def test_a_segment_of_two_is_named_as_this_aircraft_calls_it():
     assert name(heard(*said, technology={"left": "hydraulic", "right": "ema"}))[1] == "elevator_left_valve"
 
 
-def test_a_voice_alone_is_believed_if_it_is_more_often_first_of_a_fault_than_wrong():
+def test_a_voice_alone_is_believed_if_it_stays_alone_with_faults_more_often_than_it_is_wrong():
     rates = {"alone": {"rfafe_airframe": [0, 600, 0, 200.0], "kinematic": [50, 600, 0, 200.0]}}
     quiet = "rfafe_airframe", AIRCRAFT, "ambiguous", "elevator", 1.0
     first = "kinematic", AIRCRAFT, "sensor", "tas", 1.0
     lone, sure = heard(quiet, rates=rates), heard(first, rates=rates)
-    right, wrong = 3.0 * tables.FIRST / 603.0, 1.0 / 1200.0
+    right, wrong = 3.0 * tables.ALONE[AIRCRAFT] / 603.0, 1.0 / 1200.0
     assert lone["p_fault"][-1] == pytest.approx(right / (right + wrong)) and not lone["alarm"].any()
     assert sure["p_fault"][-1] > 0.98 and sure["alarm"][10:].all()
     joined = heard(quiet, ("lpv_smo", AIRCRAFT, "ambiguous", "elevator", 3.0), rates=rates)

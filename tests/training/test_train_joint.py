@@ -30,7 +30,7 @@ def test_every_fault_has_the_kind_of_a_hypothesis(target, kind, more, found):
     assert found in {h.kind for h in places.hypotheses(scenario.elevator.technology)}
 
 
-def test_a_word_beyond_the_class_stands_until_the_class_changes():
+def test_a_word_beyond_the_class_stands_while_the_alarm_does():
     culprits = registry.module("iotsekf").CULPRITS
     watch = watch_of("iotsekf", "local", "left_inner", culprits, {"alarm": 0, "verdict": 1, "culprit": 2})
     trace = np.zeros((100, 4))
@@ -41,17 +41,18 @@ def test_a_word_beyond_the_class_stands_until_the_class_changes():
     finer = {"likely": 3}
     assert train_joint._token(watch, trace, finer) == "effectiveness loss_of_effectiveness"
     assert train_joint._token(watch, trace[:40], finer) == "ambiguous friction"
+    trace[45, 0] = 0.0
     assert train_joint._token(watch, trace[40:50], finer) == "effectiveness"
     assert train_joint._token(watch, trace[40:], {}) == "effectiveness"
 
 
-def test_voices_that_were_first_and_false_ones_are_counted():
-    def flight(delay, wrong):
-        lanes = [["kinematic", "aircraft", "q", delay], ["lpv_smo", "aircraft", "", None]]
+def test_voices_that_stayed_alone_and_false_ones_are_counted():
+    def flight(second, wrong):
+        lanes = [["kinematic", "aircraft", "q", 0.0], ["lpv_smo", "aircraft", *second]]
         before = {"kinematic": [wrong, 0.2], "lpv_smo": [0, 0.1]}
         return {"kind": "sensor.q", "segments": [], "technology": {}, "right": False, "lanes": lanes, "before": before}
 
-    found = train_joint.counted([flight(0.0, 0), flight(0.5, 1)])
+    found = train_joint.counted([flight(("", None), 0), flight(("ambiguous", 0.5), 1)])
     assert found["alone"] == {"kinematic": [1, 2, 1, 0.4], "lpv_smo": [0, 2, 0, 0.2]}
     assert found["seen"]["kinematic"]["sensor.q"] == {"flights": 2, "said": {"q": 2}}
 
