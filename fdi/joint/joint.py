@@ -169,7 +169,7 @@ def params(
     size = np.repeat([1.0 - tables.UNSEEN, tables.UNSEEN], 3) / 3.0
     spoken = (size * alarm).reshape(-1, 2, 3).sum(axis=2)
     made = {
-        "sure": 0.9, "two": 0.1, "none": 0.05, "keep": 5.0, "release": 0.5,
+        "sure": 0.85, "two": 0.1, "none": 0.05, "keep": 5.0, "release": 0.5,
         "n_h": len(found), "n_k": NK, "row": padded(row, (NH, NL)),
         "twin": padded(tables.twins(found, here), (NH, NL)), "alike": 0.8, "prior": padded(tables.prior(found), (NH,)),
         "place": padded(np.array([PLACES.index(h.place) for h in found]), (NH,)), "share": size,

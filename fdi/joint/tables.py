@@ -38,7 +38,7 @@ RIGHT, OPEN = 0.9, 0.2
 OPEN_CLASSES = ("effectiveness", "ambiguous")  # of more than one cause: where a detector tells more, it counts
 ELSEWHERE = 3e-4  # P(alarm) of a lane on another segment: a quarter of the 1e-3 per minute that it is trained to
 FALSE = 1e-3  # false alarms of a detector per flight of 60 s, to which they are trained
-# P(a detector is the only one to speak of a fault); assumed, then counted: few faults move the aircraft and nothing else
+# P(a detector is the only one to speak of a fault); assumed, then counted: few faults move the aircraft alone
 ALONE = {"local": 0.5, "aircraft": 0.1}
 
 
