@@ -37,6 +37,7 @@ def envelope(
     signs = {"report": PAGE, "table": columns("mass_t", "cg_pct")}
     for key, path in paths.items():
         reserve(path, signs[key])
+    seen, more = _seen(flown, output / "detectors.csv") if flown else (None, {})
     with tables.progress(err, "trimming", unit="points", waiting="preparing the workers") as progress:
         trims = trim_map(workers=workers, progress=progress)
     from cosim.report import envelope_report
@@ -44,13 +45,13 @@ def envelope(
     found = summary(trims)
     envelope_report(trims, found, paths["report"])
     replace(paths["table"], lambda part: trims.to_csv(part, index=False, float_format="%.6g"), signs["table"])
-    seen = _seen(flown, output / "detectors.csv") if flown else None
-    found |= {key: str(path) for key, path in paths.items()}
+    found |= {key: str(path) for key, path in paths.items()} | more
     answer(json_, found, lambda _: Group(shown(found), *([seen] if seen else [])))
 
 
 def _seen(flown, path):
-    """Write where the detectors of a campaign judge and see; return the Table of where they do least."""
+    """Write where the detectors of a campaign judge and see; return the Table of where they do least, {"detectors":
+    path}."""
     from cosim.compare import CompareError, read
     from cosim.compare.over_envelope import over_envelope, weakest
 
@@ -61,7 +62,7 @@ def _seen(flown, path):
     if found.empty:
         raise CompareError("has no fault that a detector is designed for", place=source)
     replace(path, lambda part: found.to_csv(part, index=False, float_format="%.6g"), sign)
-    return weakest(found)
+    return weakest(found), {"detectors": str(path)}
 
 
 def shown(found: dict[str, Any]) -> Group:
@@ -75,6 +76,6 @@ def shown(found: dict[str, Any]) -> Group:
                 f"{way} below {at['from_kt']:.0f} kt CAS (beyond: {abs(at['reach_deg']):.1f} deg at worst)"
                 for way, at in ways.items()]  # fmt: skip
         lines.append(f"{technology}: full elevator {', '.join(said)}")
-    lines += [f"{key:<8}{found[key]}" for key in ("report", "table")]
+    lines += [f"{key:<11}{found[key]}" for key in ("report", "table", "detectors") if key in found]
     return Group(masses(found), *(Text(line) for line in lines))
 

@@ -17,6 +17,7 @@ from cosim.texts import toml
 
 AXES = {"mass_t": "t", "cg_pct": "%", "altitude_ft": "ft", "cas_kt": "kt CAS"}
 PARTS = 3
+ALIKE = 0.005  # shares of a flight that are printed alike
 
 
 def over_envelope(frame: pd.DataFrame, tomls: Mapping[str, str], place: str = "") -> pd.DataFrame:
@@ -47,23 +48,29 @@ def over_envelope(frame: pd.DataFrame, tomls: Mapping[str, str], place: str = ""
 
 
 def weakest(found: pd.DataFrame) -> Table:
-    """Return the Table of a detector's and family's part of the envelope where it sees the smallest share."""
+    """Return the Table of a detector's and family's part of the envelope where it sees the smallest share; no part
+    where all do alike."""
 
     def row(own: pd.DataFrame) -> dict[str, Any]:
         whole = own[own["axis"] == own["axis"].iloc[0]]
-        least = own.loc[(own["seen"] / own["faults"]).idxmin()]
-        return {**least, "all_faults": whole["faults"].sum(), "all_seen": whole["seen"].sum(),
-                "dull": own.loc[own["valid_share"].idxmin()]}  # fmt: skip
+        seen = own["seen"] / own["faults"]
+        names = {"id": own["id"].iloc[0], "family": own["family"].iloc[0]}
+        return {**names, "all_faults": whole["faults"].sum(), "all_seen": whole["seen"].sum(),
+                "least": own.loc[seen.idxmin()] if np.ptp(seen) else None, "valid_share": own["valid_share"].min(),
+                "dull": own.loc[own["valid_share"].idxmin()] if np.ptp(own["valid_share"]) > ALIKE else None}
 
     def span(part: Any) -> str:
-        return f"{part['low']:,.0f} to {part['high']:,.0f} {AXES[part['axis']]}"
+        return "" if part is None else f"{part['low']:,.0f} to {part['high']:,.0f} {AXES[part['axis']]}"
 
     columns = (
         Column("detector", "id", right=False), Column("faults", "family", right=False),
         Column("seen", lambda r: f"{r['all_seen']}/{r['all_faults']}"),
-        Column("least", lambda r: f"{r['seen']}/{r['faults']}"), Column("at", span, right=False),
-        Column("valid", lambda r: share(r["dull"]["valid_share"]), doc="share of the flight, where it is least"),
+        Column("least", lambda r: "" if r["least"] is None else f"{r['least']['seen']}/{r['least']['faults']}"),
+        Column("at", lambda r: span(r["least"]), right=False),
+        Column("valid", lambda r: share(r["valid_share"]), doc="share of the flight, where it is least"),
         Column("there", lambda r: span(r["dull"]), right=False),
     )  # fmt: skip
+    order = {name: i for i, name in enumerate(compare_rows.FAMILIES)}
     kinds = [row(own) for _, own in found.groupby(["id", "family"], sort=False)]
+    kinds.sort(key=lambda r: order.get(r["family"], len(order)))
     return of(columns, kinds, caption="The whole of it, per axis, stands in the table.")

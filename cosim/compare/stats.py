@@ -1,6 +1,7 @@
 """What a comparison says: pure functions of its rows (cosim/compare/rows.py). Intervals are exact, at 95 %."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 
 import numpy as np
@@ -260,16 +261,16 @@ def _of_group(name, own, credible):
 
 
 def by_level(rows: pd.DataFrame, stats: list[dict]) -> list[dict]:
-    """Return {family, faults, local, aircraft, both, nobody, joint, right, coarse, wrong} of each kind of fault.
+    """Return {family, faults, local, aircraft, both, nobody, joint, right, coarse, open, wrong} of each kind of fault.
 
     How many faults credible detectors of the local level alone saw, of the aircraft's alone, of both, none; of
     detectors that read both levels how many one saw, gave the place of at the finest level that it names, at a coarser
-    one or as a set or not, and wrongly.
+    one, as a set or not at all, and wrongly.
     """
     seen = rows[rows["case"].notna() & rows["concerned"] & rows["id"].isin([d["id"] for d in stats if d["credible"]])]
     out = []
     for name in (f for f in FAMILIES if (seen["family"] == f).any()):
-        words = "faults", "local", "aircraft", "both", "nobody", "joint", "right", "coarse", "wrong"
+        words = "faults", "local", "aircraft", "both", "nobody", "joint", "right", "coarse", "open", "wrong"
         found: dict[str, int] = dict.fromkeys(words, 0)
         for _, own in seen[seen["family"] == name].groupby(["run", "fault"]):
             local, aircraft, joint = (
@@ -279,14 +280,19 @@ def by_level(rows: pd.DataFrame, stats: list[dict]) -> list[dict]:
             found["faults"] += 1
             found["both" if local and aircraft else "local" if local else "aircraft" if aircraft else "nobody"] += 1
             if joint:
-                r = own[(own["level"] == "both") & own["detected"]].iloc[0]
-                # detectors that a joint one reads seldom tell which engine it is
-                fine = r["place_level"] == CHANNEL or (r["place_level"] == AXIS and r["case"] == "engine")
-                right = r["place_given"] == RIGHT and fine
                 found["joint"] += 1
-                found["wrong" if r["place_given"] == WRONG else "right" if right else "coarse"] += 1
+                found[place_word(own[(own["level"] == "both") & own["detected"]].iloc[0])] += 1
         out.append({"family": name, **found})
     return out
+
+
+def place_word(row: Mapping) -> str:
+    """Return "right", "coarse", "open" or "wrong" of the place that a row's last name gives (`by_level`)."""
+    if row["place_given"] != RIGHT:
+        return "wrong" if row["place_given"] == WRONG else "open"
+    # detectors that a joint one reads seldom tell which engine it is
+    fine = row["place_level"] == CHANNEL or (row["place_level"] == AXIS and row["case"] == "engine")
+    return "right" if fine else "coarse"
 
 
 def bands(hz: pd.Series) -> pd.Series:

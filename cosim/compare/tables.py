@@ -268,7 +268,8 @@ def by_level(found: Iterable[dict]) -> Table:
         Column("aircraft only", "aircraft", doc="only detectors of the whole aircraft alarmed"),
         Column("both"), Column("nobody"), Column("joint", doc="the joint verdict alarmed"),
         Column("its place right", "right", doc="valve, command, surface or sensor of the segment, sensor, engine"),
-        Column("coarser", "coarse", doc="segment, side or a set that holds it, or no place"),
+        Column("coarser", "coarse", doc="right by segment, side or axis"),
+        Column("not given", "open", doc="a set that holds it, or no place"),
         Column("wrong", lambda d: Cell(d["wrong"], "bad" if d["wrong"] else "muted")),
     )  # fmt: skip
     return of(columns, found)

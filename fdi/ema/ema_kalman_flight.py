@@ -41,6 +41,7 @@ from actuators.constants import RAD_PER_DEG
 from actuators.ema import jay
 from fdi.common.decision import usable
 from fdi.common.record import Detector, Estimate
+from fdi.common.verdict import EFFECTIVENESS
 from fdi.ema import drive, gains, loose, rough, torque, witness
 from fdi.ema.dead_reckoning import LAG, reckon_position, slots
 from fdi.ema.ema_kalman import VELOCITY, N
@@ -197,7 +198,7 @@ STATE = dtype([
 ])
 OUTPUTS = (
     "r", "alarm", "verdict", "culprit", "valid", "reconf", "pos_hat", "pos_sigma", "f_hat", "f_sigma", "eta", "eta_bar",
-    "R1", "R2", "jump", "load_hat", "r_velocity", "r_jump",
+    "R1", "R2", "jump", "load_hat", "r_velocity", "r_jump", "hot_friction", "pair_name",
 )
 DETECTOR = Detector(
     id="ema_kalman_flight",
@@ -230,6 +231,7 @@ DETECTOR = Detector(
         Estimate("velocity", "f_hat", "rad/s"), Estimate("position", "f_hat", "m"),
         Estimate("current", "f_hat", "A"),
     ),
+    finer={"hot_friction": {1: ("friction", "jam")}, "pair_name": {int(EFFECTIVENESS): ("backlash", "free_float")}},
     looks_back={"delay": "u_old"},
     sizes={"n_sub": 1, "n_window": 1, "n_lag": 1, "n_mean": 1},
     places={"head": ("window", 0), "tail": ("drifts", 0)},

@@ -119,7 +119,7 @@ STATE = dtype(
 )
 OUTPUTS = (
     *("r", "alarm", "verdict", "culprit", "valid", "f_hat", "f_sigma", "q_now", "v_now", "x3_now", "nis_rod", "nis_dp"),
-    *("r_ofc", "r_run", "r_jam", "pair_d", "rigging", "gain", "ofc_hz", "ofc_amplitude"),
+    *("r_ofc", "r_run", "r_jam", "pair_d", "rigging", "gain", "ofc_hz", "ofc_amplitude", "likely"),
 )
 DETECTOR = Detector(
     id="iotsekf",
@@ -151,6 +151,10 @@ DETECTOR = Detector(
     },
     blind="compares one hydraulic rod with its own valve command: a fault before the valve command moves both alike",
     estimates=(Estimate("valve", "f_hat", "u"),),
+    finer={"likely": {
+        by_evidence.WEAK: ("loss_of_effectiveness", "supply_pressure_drop", "internal_leakage", "air_in_oil"),
+        by_evidence.OF_LOAD: ("friction",), by_evidence.APART: ("backlash",), by_evidence.LET_GO: ("free_float",),
+    }},
     looks_back={"delay": "u_old", "lag_ticks": "u_old"},
     sizes=bank.SIZES,
     places=bank.PLACES,

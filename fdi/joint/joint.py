@@ -11,15 +11,15 @@ class (fdi/joint/places.py),
 
 where v is how large the fault is (small, middling, large) and whether it is like one that rates were measured on.
 P(silent | h, v) = 1 - P(alarm | h, v) F(age), F the share of that detector's alarms that come so soon after the first
-witness: silence counts as time goes on. Where one command moves two segments, detectors of one kind on both part with
-(1 - `alike`) of the probability with which independent ones would. Of a lane that is silent and not
+witness: silence counts as time goes on. Where one command moves two segments of one technology, detectors of one kind
+on both part with (1 - `alike`) of the probability with which independent ones would. Of a lane that is silent and not
 valid, or of a detector that does not fly, it is 1; an alarm that comes while its lane is not valid is not heard, one
-that came before is, though what it says may have made it so (a filter that has lost the sensor it names).
+that came before is: it may have made it so.
 
 Two faults: P(token | h, h') is that of whichever speaks, 1 - (1 - a)(1 - a') of them alarms. They are tried with one
 of the likeliest single ones and any other one, where that single one leaves an alarm unexplained, with the prior of a
-second fault `two`. No fault: every alarm is false, with the probability per flight that the detector has. The alarm is
-up while a lane alarms and P(a fault) >= 1/2.
+second fault `two`. No fault: every alarm is false, with its detector's probability; of a lane that alone has spoken
+counts how often its detector stays alone with a fault, how often it is wrong. The alarm: a lane's, P(a fault) >= 1/2.
 
 The culprit is the smallest that holds `sure` of the probability: a place, else a set (SETS, "q or theta"), else none;
 the verdict is a class that holds as much of that, else AMBIGUOUS. `p` is what the culprit holds. With two faults the
@@ -29,21 +29,26 @@ Work is done when a token changes or an age passes; otherwise a tick only looks 
 """
 
 import functools
-from collections import Counter
 from typing import Any
 
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
+from fdi import registry
 from fdi.common.record import Detector, Site
 from fdi.common.verdict import AMBIGUOUS, NONE, code
 from fdi.joint import tables
 from fdi.joint.places import AIRCRAFT, CULPRITS, LANES, LOCAL, PLACES, SEGMENTS, SETS, hypotheses, segments
+from fdi.joint.tables import padded
 
 NL, NP, NG, NC = len(LANES), len(PLACES), len(SETS), 10
 NH, NR, NN, NA, NV = 128, 480, 30, 7, 6  # most hypotheses, rows, tokens; ages; sizes x variants
 UNEXPLAINED = 0.01  # P(token | h) below which a hypothesis does not explain an alarm
 NK, NCUL = 10, 24  # single hypotheses that a second one is tried with; culprits of a detector
+# (lane, detector, output) of what tells more than a class; of one lane the first that says anything counts
+FINER = [(i, d, output) for i, (d, _) in enumerate(LANES) for output in registry.record(d).finer]
+LANE_OF = tuple(i for i, _, _ in FINER)
+NF, NW, NV_F = len(FINER), 8, 16  # words of a detector, values of such an output
 
 PARAMS = dtype([
     ("sure", "f8", "-"),  # probability from which a name is said
@@ -66,14 +71,18 @@ PARAMS = dtype([
     ("said_mean", "f8", (NR, NN)),  # P(alarm and token | row)
     ("by_age", "f8", (NL, NA)),  # F
     ("false", "f8", "-"),  # P(false alarm) of a lane
+    ("alone", "f8", (NL,)),  # odds of a fault where the lane alone has spoken
     ("use", "f8", (NL,)),  # 1 where the lane is listened to
     ("token", "f8", (NL, NC, NCUL)),  # of class code and culprit
+    ("finer", "f8", (NL, NC, NW)),  # of class code and word, 0 where the word adds nothing
+    ("word", "f8", (NF, NV_F)),  # that an output's value is, 0 for none
     ("ages", "f8", (NA,), "s"),
     ("set_of", "f8", (NG, NP)),  # 1 where the set has the place
     ("name_of", "f8", (NP,)),  # index into CULPRITS
     ("name_of_set", "f8", (NG,)),
 ])  # fmt: skip
-INPUTS = dtype([(n, "f8", (NL,), "-") for n in ("alarm", "verdict", "culprit", "valid")])
+_WORDS = ("alarm", "verdict", "culprit", "valid")
+INPUTS = dtype([*((n, "f8", (NL,), "-") for n in _WORDS), ("finer", "f8", (NF,), "-")])
 STATE = dtype([
     ("r", "f8", "-"),  # P(a fault) / (1/2)
     ("alarm", "f8", "-"),
@@ -87,6 +96,7 @@ STATE = dtype([
     ("p_fault", "f8", "-"),
     ("age", "f8", "s"),  # since the first witness, 0 without one
     ("still", "f8", "s"),  # since anything alarmed
+    ("voices", "f8"),  # most lanes that have spoken at once since the first witness
     ("newest", "f8", "s"),  # age at which anything was new
     ("bin", "f8"),  # index of the age, and of that since anything was new
     ("bin_2", "f8"),
@@ -94,6 +104,7 @@ STATE = dtype([
     ("since", "f8", (NL,), "s"),  # age at which it came
     ("over", "f8", (NL,), "s"),  # time for which the alarm behind it has been down
     ("able", "f8", (NL,)),  # whether it is valid
+    ("word", "f8", (NL,)),  # that it said last of what its class leaves open
     ("w", "f8", (NH,)),  # of single hypotheses
     ("best", "f8", (NK,)),  # the largest of these
     ("place_w", "f8", (NP,)),  # of places: single, then first of two
@@ -102,7 +113,8 @@ STATE = dtype([
 ])  # fmt: skip
 OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "p", "second", "verdict_2", "p_2", "p_fault")
 _READS = {f"{word}[{i}]": f"{d}.{lane}.{word}" for i, (d, lane) in enumerate(LANES)
-          for word in ("alarm", "verdict", "culprit", "valid")}  # fmt: skip
+          for word in _WORDS}  # fmt: skip
+_READS |= {f"finer[{f}]": f"{d}.{LANES[i][1]}.{output}" for f, (i, d, output) in enumerate(FINER)}
 DETECTOR = Detector(
     id="joint",
     level="both",
@@ -127,7 +139,7 @@ DETECTOR = Detector(
     may_see=dict.fromkeys(("aileron", "stabiliser"), ("jam_solid", "ambiguous")),
     blind="hears the other detectors: what none of them says it does not know",
     sizes={"n_h": 1.0, "n_k": 1.0, "row": 0.0, "place": 0.0, "verdict": 0.0, "token": 0.0, "name_of": 0.0,
-           "name_of_set": 0.0},
+           "name_of_set": 0.0, "finer": 0.0, "word": 0.0},
     any_aircraft=True,
     may_lack=True,
     options={"levels": ("both", "local", "aircraft"), "rates": ("measured", "none")},  # the first is the default
@@ -146,24 +158,26 @@ def params(
     counted = rates if isinstance(rates, dict) else tables.stored() if rates == "measured" else {}
     found, here = hypotheses(technology), segments(technology)
     row, alarm, said = tables.rows(found, here, counted)
-    where = [PLACES.index(h.place) for h in found]
     own = {"both": (*LOCAL, *AIRCRAFT), "local": LOCAL, "aircraft": AIRCRAFT}[levels]
-    token = np.zeros((NL, NC, NCUL))
+    token, finer, word = np.zeros((NL, NC, NCUL)), np.zeros((NL, NC, NW)), np.zeros((NF, NV_F))
     for i, (detector, _) in enumerate(LANES):
-        codes = tables.codes(detector)
-        token[i, :, : codes.shape[1]] = codes
+        for out, codes in ((token, tables.codes(detector)), (finer, tables.finer_codes(detector))):
+            out[i, :, : codes.shape[1]] = codes
+    for f, (_, detector, output) in enumerate(FINER):
+        for value, kinds in registry.record(detector).finer[output].items():
+            word[f, value] = tables.words(detector).index(kinds)
     size = np.repeat([1.0 - tables.UNSEEN, tables.UNSEEN], 3) / 3.0
     spoken = (size * alarm).reshape(-1, 2, 3).sum(axis=2)
     made = {
-        "sure": 0.9, "two": 0.1, "none": 0.05, "keep": 5.0, "release": 0.5,
-        "n_h": len(found), "n_k": NK, "row": _padded(row, (NH, NL)),
-        "twin": _padded(_twins(found), (NH, NL)), "alike": 0.8, "prior": _padded(_prior(found), (NH,)),
-        "place": _padded(np.array(where), (NH,)),
-        "verdict": _padded(np.array([code(h.verdict) for h in found]), (NH,)), "share": size,
-        "alarm": _padded(alarm, (NR, NV)), "said": _padded(said, (NR, 2, NN)),
-        "alarm_mean": _padded(alarm @ size, (NR,)),
-        "said_mean": _padded((spoken[:, :, None] * said).sum(axis=1), (NR, NN)), "by_age": tables.by_age(counted),
-        "false": tables.FALSE, "token": token, "ages": tables.AGES,
+        "sure": 0.85, "two": 0.1, "none": 0.05, "keep": 5.0, "release": 0.5,
+        "n_h": len(found), "n_k": NK, "row": padded(row, (NH, NL)),
+        "twin": padded(tables.twins(found, here), (NH, NL)), "alike": 0.8, "prior": padded(tables.prior(found), (NH,)),
+        "place": padded(np.array([PLACES.index(h.place) for h in found]), (NH,)), "share": size,
+        "verdict": padded(np.array([code(h.verdict) for h in found]), (NH,)),
+        "alarm": padded(alarm, (NR, NV)), "said": padded(said, (NR, 2, NN)), "alarm_mean": padded(alarm @ size, (NR,)),
+        "said_mean": padded((spoken[:, :, None] * said).sum(axis=1), (NR, NN)), "by_age": tables.by_age(counted),
+        "false": tables.FALSE, "alone": tables.alone(counted), "token": token, "finer": finer, "word": word,
+        "ages": tables.AGES,
         "use": [float(d in own and (lane == "aircraft" or lane in here)) for d, lane in LANES],
         "set_of": [[float(p in members) for p in PLACES] for members in SETS.values()],
         "name_of": [CULPRITS.index(p) for p in PLACES], "name_of_set": [CULPRITS.index(n) for n in SETS],
@@ -180,30 +194,6 @@ def fitted(site: Site, levels: str = "both", rates: str = "measured") -> np.ndar
 def of_layout(technologies: tuple[tuple[str, str], ...], levels: str, rates: str) -> np.ndarray:
     """Return `params` of segments ((segment, technology), ...); its tables are made once in a process."""
     return params(dict(technologies), levels=levels, rates=rates)
-
-
-def _padded(values, shape):
-    out = np.zeros(shape)
-    out[tuple(slice(n) for n in values.shape)] = values
-    return out
-
-
-def _twins(found):
-    """Return (hypothesis, lane): 1 + the lane before it of the same detector in the same command's reach, else 0."""
-    out = np.zeros((len(found), NL))
-    for i, h in enumerate(found):
-        for j, (detector, lane) in enumerate(LANES):
-            before = [k for k in range(j) if LANES[k][0] == detector and LANES[k][1] in h.segments]
-            out[i, j] = 1.0 + before[-1] if before and lane in h.segments else 0.0
-    return out
-
-
-def _prior(found):
-    """Return P(h): every place alike, every class of a place, and every cause of a class."""
-    classes = {h.place: {g.verdict for g in found if g.place == h.place} for h in found}
-    causes = Counter((h.place, h.verdict) for h in found)
-    share = [1.0 / (len(classes[h.place]) * causes[h.place, h.verdict]) for h in found]
-    return np.array(share) / len(classes)
 
 
 def init(p: np.ndarray) -> np.ndarray:
@@ -228,9 +218,22 @@ def _token(x, i):
 
 
 @kernel
+def _told(x, u, p):
+    """Keep of every lane the word that it said last while its alarm stands."""
+    for i in range(NL):
+        if u.alarm[i] < 0.5:
+            x.word[i] = 0.0
+    for f in range(NF - 1, -1, -1):
+        v, i = int(u.finer[f]), int(LANE_OF[f])
+        if 0 < v < NV_F and p.word[f, v] > 0.5 and u.alarm[i] > 0.5:
+            x.word[i] = p.word[f, v]
+
+
+@kernel
 def _heard(x, u, p, dt):
     """Take the tokens of this tick; return 1 when anything is new, else 0."""
     new, any_on, x.valid = 0, 0, 0.0
+    _told(x, u, p)
     for i in range(NL):
         if p.use[i] < 0.5:
             continue
@@ -242,6 +245,8 @@ def _heard(x, u, p, dt):
             any_on = 1
             c, k = int(u.verdict[i]), int(u.culprit[i])
             t = p.token[i, c, k] if 0 < c < NC and 0 <= k < NCUL else 0.0
+            if 0 < c < NC and p.finer[i, c, int(x.word[i])] > 0.5:
+                t = p.finer[i, c, int(x.word[i])]
             if t < 0.5:  # an alarm without a name
                 t = p.token[i, 9, 0]
             if x.said[i] < 0.5:
@@ -391,6 +396,13 @@ def _conclude(x, p):
         if own > lead_w:
             lead, lead_w = h, own
     x.p_fault = (one + two) / (one + two + none) if one + two + none > 0.0 else 0.0
+    voices, who = 0.0, 0
+    for i in range(NL):
+        if x.said[i] > 0.5:
+            voices, who = voices + 1.0, i
+    x.voices = max(x.voices, voices)
+    if x.voices < 1.5:
+        x.p_fault = p.alone[who] / (1.0 + p.alone[who])
     x.second, x.verdict_2, x.p_2 = 0.0, NONE, 0.0
     if lead < 0 or two < p.sure * (one + two):
         _name(x, p, x.w, 0.0)
@@ -416,7 +428,7 @@ def step(x, u, p, dt):
     if not any_token or x.still > p.release:
         for i in range(NL):
             x.said[i], x.since[i], x.over[i] = 0.0, 0.0, 0.0
-        x.age, x.newest, x.bin, x.bin_2 = 0.0, 0.0, 0.0, 0.0
+        x.age, x.newest, x.bin, x.bin_2, x.voices = 0.0, 0.0, 0.0, 0.0, 0.0
         x.r, x.alarm, x.verdict, x.culprit, x.p, x.p_fault = 0.0, 0.0, NONE, 0.0, 0.0, 0.0
         x.second, x.verdict_2, x.p_2 = 0.0, NONE, 0.0
         return

@@ -12,6 +12,7 @@ import fnmatch
 import functools
 import itertools
 import json
+from collections import Counter
 from importlib import resources
 from typing import Any
 
@@ -34,12 +35,24 @@ SIZES = {
 LARGE = ("runaway",)  # what goes on to a stop is large in the end, however slowly
 # P(a class of the record | a class), likewise of a culprit, and P(ambiguous | alarm); assumed, then counted
 RIGHT, OPEN = 0.9, 0.2
+OPEN_CLASSES = ("effectiveness", "ambiguous")  # of more than one cause: where a detector tells more, it counts
 ELSEWHERE = 3e-4  # P(alarm) of a lane on another segment: a quarter of the 1e-3 per minute that it is trained to
 FALSE = 1e-3  # false alarms of a detector per flight of 60 s, to which they are trained
+# P(a detector is the only one to speak of a fault); assumed, then counted: few faults move the aircraft alone
+ALONE = {"local": 0.5, "aircraft": 0.1}
 
 
-def name(detector: str, verdict: str, culprit: str) -> str:
-    """Return the token of a lane that says class `verdict` of `culprit`."""
+@functools.cache
+def words(detector: str) -> tuple[tuple[str, ...], ...]:
+    """Return the kinds of fault that a detector tells apart where it leaves the class open; the first: none of them."""
+    told = (kinds for of in registry.module(detector).DETECTOR.finer.values() for kinds in of.values())
+    return ((), *dict.fromkeys(told))
+
+
+def name(detector: str, verdict: str, culprit: str, kinds: tuple[str, ...] = ()) -> str:
+    """Return the token of a lane that says class `verdict` of `culprit`; `kinds` is one of `words`."""
+    if kinds and verdict in OPEN_CLASSES:
+        return f"{verdict} {kinds[0]}"
     if detector in ("kinematic", "control_redundancy"):
         return culprit or "ambiguous"
     if verdict == "sensor":
@@ -52,7 +65,8 @@ def name(detector: str, verdict: str, culprit: str) -> str:
 @functools.cache
 def names(detector: str) -> tuple[str, ...]:
     """Return the tokens of a detector but for silence."""
-    said = (name(detector, v, c) for c in registry.module(detector).CULPRITS for v in NAMES[1:])
+    culprits = registry.module(detector).CULPRITS
+    said = (name(detector, v, c, k) for k in words(detector) for c in culprits for v in NAMES[1:])
     return tuple(dict.fromkeys(said))
 
 
@@ -61,6 +75,14 @@ def codes(detector: str) -> np.ndarray:
     culprits, own = registry.module(detector).CULPRITS, names(detector)
     said = [[1.0 + own.index(name(detector, v, c)) for c in culprits] for v in NAMES[1:]]
     return np.array([[0.0] * len(culprits), *said])
+
+
+def finer_codes(detector: str) -> np.ndarray:
+    """Return (class code, one of `words`) -> 1 + index of the token in `names`, 0 where the word adds nothing."""
+    own = names(detector)
+    said = [[1.0 + own.index(name(detector, v, "", k)) if k and v in OPEN_CLASSES else 0.0 for k in words(detector)]
+            for v in NAMES[1:]]  # fmt: skip
+    return np.array([[0.0] * len(words(detector)), *said])
 
 
 def stands(detector: str, kind: str, technology: str) -> tuple[str, tuple[str, ...]]:
@@ -137,9 +159,13 @@ def believed(
     if "ambiguous" not in right:
         of_v = {v: (1.0 - kept[1]) * share + kept[1] * (v == "ambiguous") for v, share in of_v.items()}
     of_c = _shares(culprits, _culprits(detector, hypothesis), kept[0])
+    told = words(detector)
+    mine = [k for k in told if case(hypothesis.kind, technology).partition(".")[2] in k]
+    of_k = _shares(told, set(mine) or {()}, kept[0])
+    of_k = {k: (1.0 - kept[1]) * share + kept[1] * (not k) for k, share in of_k.items()}
     p = np.zeros(len(own))
-    for c, v in itertools.product(culprits, said):
-        p[own.index(name(detector, v, c))] += of_c[c] * of_v[v]
+    for c, v, k in itertools.product(culprits, said, told):
+        p[own.index(name(detector, v, c, k))] += of_c[c] * of_v[v] * of_k[k]
     p = np.maximum(p, 1e-3)
     return alarm, p / p.sum()
 
@@ -217,6 +243,17 @@ def rows(found: list[Hypothesis], technology: dict[str, str], rates: dict) -> tu
     return row, np.array(alarms), np.array(saids)
 
 
+def alone(rates: dict) -> np.ndarray:
+    """Return (lane,): P(its detector stays alone | a fault) over P(it is wrong | a minute without one): where a second
+    one comes in any case, nothing is lost by waiting for it."""
+    out = []
+    for detector, _ in LANES:
+        stays, faults, wrong, minutes = rates.get("alone", {}).get(detector, (0.0,) * 4)
+        right = (WEIGHT * ALONE["local" if detector in LOCAL else "aircraft"] + stays) / (WEIGHT + faults)
+        out.append(right / ((1.0 + wrong) / (1.0 / FALSE + minutes)))
+    return np.array(out)
+
+
 def by_age(rates: dict) -> np.ndarray:
     """Return (lane, age): P(alarm by then | alarm), after the first witness; without rates within a second or two."""
     out = []
@@ -225,3 +262,32 @@ def by_age(rates: dict) -> np.ndarray:
         *counted, alarms = rates.get("late", {}).get(detector, [0.0] * (len(AGES) + 1))
         out.append((5.0 * prior + np.array(counted)) / (5.0 + alarms))
     return np.array(out)
+
+
+def padded(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Return an array of `shape` with `values` in its first corner, zeros beyond."""
+    out = np.zeros(shape)
+    out[tuple(slice(n) for n in values.shape)] = values
+    return out
+
+
+def twins(found: list[Hypothesis], technology: dict[str, str]) -> np.ndarray:
+    """Return (hypothesis, lane): 1 + the lane before it of the same detector that the same command moves, else 0.
+
+    It is on a segment of the same technology: what a detector sees of one is no more than a hint of the other.
+    """
+    out = np.zeros((len(found), len(LANES)))
+    for i, h in enumerate(found):
+        for j, (detector, lane) in enumerate(LANES):
+            alike = [s for s in h.segments if technology[s] == technology.get(lane)]
+            before = [k for k in range(j) if LANES[k][0] == detector and LANES[k][1] in alike]
+            out[i, j] = 1.0 + before[-1] if before and lane in h.segments else 0.0
+    return out
+
+
+def prior(found: list[Hypothesis]) -> np.ndarray:
+    """Return P(h): every place alike, every class of a place, and every cause of a class."""
+    classes = {h.place: {g.verdict for g in found if g.place == h.place} for h in found}
+    causes = Counter((h.place, h.verdict) for h in found)
+    share = [1.0 / (len(classes[h.place]) * causes[h.place, h.verdict]) for h in found]
+    return np.array(share) / len(classes)

@@ -37,6 +37,9 @@ def test_the_table_says_where_least_is_seen_and_where_least_is_valid(found):
     console.print(weakest(found))
     text = console.export_text()
     assert "5/9" in text and "0/3" in text and "260 to 280 t" in text and "67%" in text
+    even = found.assign(seen=found["faults"], valid_share=1.0)
+    console.print(weakest(even))
+    assert "9/9" in (text := console.export_text()) and " t " not in text  # no part is named where all do alike
 
 
 def test_the_table_of_the_longest_words_is_one_table_in_80_columns(found):

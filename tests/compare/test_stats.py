@@ -135,6 +135,7 @@ def test_faults_are_counted_by_the_level_that_saw_them_and_places_by_what_a_join
     rows = hand_made()
     joint = rows[rows["id"] == "lpv_smo"].copy()
     joint["id"], joint["level"], joint["place_level"] = "joint", "both", ""
+    joint.loc[joint["run"] == "ofc1", ["detected", "place_given", "place_level"]] = True, "not given", "set"
     known = joint["run"].isin(["ofc2", "ofc4"])
     joint.loc[known, ["detected", "place_given", "place_level"]] = True, "right", "channel"
     joint.loc[joint["run"] == "ofc2", "place_level"] = "segment"
@@ -143,7 +144,7 @@ def test_faults_are_counted_by_the_level_that_saw_them_and_places_by_what_a_join
     found = {d["family"]: d for d in stats.by_level(rows, stats.detectors(rows))}
     ofc = found["liquid OFC, one segment"]
     assert [ofc[k] for k in ("faults", "local", "aircraft", "both", "nobody")] == [3, 1, 0, 1, 1]
-    assert [ofc[k] for k in ("joint", "right", "coarse", "wrong")] == [2, 1, 1, 0]
+    assert [ofc[k] for k in ("joint", "right", "coarse", "open", "wrong")] == [3, 1, 1, 1, 0]
     engine = found["engine or other surface"]  # lpv_smo only may see it
     assert [engine[k] for k in ("faults", "local", "aircraft", "both", "nobody")] == [1, 0, 1, 0, 0]
 

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from cosim.scenario.catalog import ELEVATOR_KINDS
 from fdi import registry
 from fdi.common import verdict
+from fdi.isolation import decide
 from fdi.joint import joint, places, tables
 
 DT = 0.1
@@ -13,8 +15,9 @@ AIRCRAFT = "aircraft"
 VALVE = ("iotsekf", "left_inner", "ofc_liquid", "", 1.0)
 
 
-def heard(*said, technology=MIXED, without=("pitch_moment_glr",), duration_s=8.0, **how):
-    """Return the STATE log of lanes that alarm for good: (detector, lane, class, culprit, from when [s])."""
+def heard(*said, technology=MIXED, without=("pitch_moment_glr",), duration_s=8.0, finer=(), **how):
+    """Return the STATE log of lanes that alarm for good: (detector, lane, class, culprit, from when [s]); `finer` are
+    (detector, lane, output, value, from when, until when [s])."""
     p = joint.params(technology, **how)
     u, here = np.zeros((1, round(duration_s / DT)), joint.INPUTS), places.segments(technology)
     for i, (detector, lane) in enumerate(places.LANES):
@@ -24,6 +27,9 @@ def heard(*said, technology=MIXED, without=("pitch_moment_glr",), duration_s=8.0
         i, k = places.LANES.index((detector, lane)), round(start / DT)
         u["alarm"][0, k:, i], u["verdict"][0, k:, i] = 1.0, verdict.code(class_)
         u["culprit"][0, k:, i] = registry.module(detector).CULPRITS.index(culprit)
+    for detector, lane, output, value, start, end in finer:
+        f = joint.FINER.index((places.LANES.index((detector, lane)), detector, output))
+        u["finer"][0, round(start / DT) : round(end / DT), f] = value
     x, log = joint.init(p), np.zeros(u.shape, joint.STATE)
     joint.rollout(x, u, p, DT, log)
     return log[0]
@@ -82,8 +88,9 @@ def test_an_alarm_of_a_lane_that_is_not_valid_is_not_heard_but_one_that_made_it_
 
 
 def test_leakage_is_a_hypothesis_of_its_own_that_only_the_actuators_detectors_see():
-    wide = heard(("iotsekf", "left_inner", "effectiveness", "", 1.0))
-    assert name(wide)[:2] == ("effectiveness", "elevator_left_inner")  # friction of the surface is called so, too
+    weak = [("iotsekf", "left_inner", "likely", decide.WEAK, 1.0, 8.0)]
+    wide = heard(("iotsekf", "left_inner", "effectiveness", "", 1.0), finer=weak)
+    assert name(wide)[:2] == ("effectiveness", "elevator_left_inner_valve")  # friction of the surface has its own word
     kinds = [(h.place, h.kind) for h in places.hypotheses(MIXED)]
     leak, rubs = (wide["w"][-1, kinds.index((f"elevator_left_inner_{part}", f"hydraulic.{kind}"))]
                   for part, kind in (("valve", "drive.internal_leakage"), ("surface", "surface.friction")))  # fmt: skip
@@ -96,6 +103,34 @@ def test_leakage_is_a_hypothesis_of_its_own_that_only_the_actuators_detectors_se
     prior = p["prior"][0][: len(found)]
     own = [sum(w for w, h in zip(prior, found) if h.place == place) for place in {h.place for h in found}]
     assert np.ptp(own) < 1e-12 and sum(own) == pytest.approx(1.0)  # every place alike, whatever its causes
+
+
+@pytest.mark.parametrize("detector, lane, output, part", [
+    ("iotsekf", "left_inner", "likely", {decide.WEAK: "valve", decide.OF_LOAD: "surface", decide.LET_GO: "surface"}),
+    ("ema_kalman_flight", "right_inner", "hot_friction", {1: "surface"}),
+])  # fmt: skip
+@pytest.mark.parametrize("rates", ["measured", "none"])
+def test_what_a_detector_tells_beyond_the_class_tells_the_valve_from_the_surface(detector, lane, output, part, rates):
+    for value, where in part.items():
+        class_ = "ambiguous" if value == decide.LET_GO else "effectiveness"
+        said = (detector, lane, class_, "", 1.0)
+        log = heard(said, finer=[(detector, lane, output, value, 2.0, 4.0)], rates=rates)  # and stands until it changes
+        w = dict(zip(places.PLACES, log["place_w"][-1], strict=True))
+        other = {"valve": "surface"}.get(where, "valve" if detector == "iotsekf" else "drive")
+        assert w[f"elevator_{lane}_{where}"] > 1.5 * w[f"elevator_{lane}_{other}"]
+        before = log[round(1.5 / DT)]
+        assert before["word"].max() == 0.0 and log["word"][-1].max() > 0.0
+        gone = heard((*said[:2], "jam_solid", "", 1.0), finer=[(detector, lane, output, value, 0.2, 0.6)])
+        assert gone["word"].max() == 0.0  # of a time without an alarm
+
+
+def test_every_word_of_a_record_is_one_of_the_tokens_and_says_kinds_that_there_are():
+    for _, detector, output in joint.FINER:
+        own = registry.record(detector)
+        assert output in registry.module(detector).OUTPUTS
+        for kinds in own.finer[output].values():
+            assert tables.name(detector, "effectiveness", "", kinds) in tables.names(detector)
+            assert set(kinds) <= set(ELEVATOR_KINDS)
 
 
 def test_q_and_theta_stay_open_until_something_tells_them_apart():
@@ -116,7 +151,7 @@ def test_two_faults_are_named_beside_each_other_whichever_came_first():
 def test_a_detector_that_does_not_fly_is_no_silence():
     """Silence of ofc_monitor speaks against an oscillation; its absence does not."""
     there, gone = (heard(VALVE, without=w) for w in ((), ("ofc_monitor", "rtsekf", "rfafe", "pitch_moment_glr")))
-    assert gone["p_fault"][-1] > there["p_fault"][-1]
+    assert gone["w"][-1].sum() > there["w"][-1].sum()
 
 
 @pytest.mark.parametrize("levels, alarms", [("both", True), ("local", True), ("aircraft", False)])
@@ -140,6 +175,18 @@ def test_every_mix_of_technologies_has_its_places(technology):
 def test_a_segment_of_two_is_named_as_this_aircraft_calls_it():
     said = VALVE, ("ofc_monitor", "left_inner", "ofc_liquid", "", 2.0)
     assert name(heard(*said, technology={"left": "hydraulic", "right": "ema"}))[1] == "elevator_left_valve"
+
+
+def test_a_voice_alone_is_believed_if_it_stays_alone_with_faults_more_often_than_it_is_wrong():
+    rates = {"alone": {"rfafe_airframe": [0, 600, 0, 200.0], "kinematic": [50, 600, 0, 200.0]}}
+    quiet = "rfafe_airframe", AIRCRAFT, "ambiguous", "elevator", 1.0
+    first = "kinematic", AIRCRAFT, "sensor", "tas", 1.0
+    lone, sure = heard(quiet, rates=rates), heard(first, rates=rates)
+    right, wrong = 3.0 * tables.ALONE[AIRCRAFT] / 603.0, 1.0 / 1200.0
+    assert lone["p_fault"][-1] == pytest.approx(right / (right + wrong)) and not lone["alarm"].any()
+    assert sure["p_fault"][-1] > 0.98 and sure["alarm"][10:].all()
+    joined = heard(quiet, ("lpv_smo", AIRCRAFT, "ambiguous", "elevator", 3.0), rates=rates)
+    assert int(np.argmax(joined["alarm"])) == 30 and joined["alarm"][30:].all()  # with the second witness
 
 
 def test_left_and_right_are_alike():

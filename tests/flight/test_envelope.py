@@ -8,7 +8,8 @@ import pytest
 from rich.console import Console
 
 from cosim.campaign.envelope import REASONS, STALL_MOMENT, reach, summary, trim_map
-from cosim.cli.envelope import shown
+from cosim.cli.envelope import envelope, shown
+from cosim.errors import CosimError
 from cosim.report import envelope_report
 from cosim.report.envelope_page import REASON
 
@@ -66,6 +67,12 @@ def test_summary_counts_and_tells_where_travel_is_lost(trims):
     console = Console(width=110, record=True, file=io.StringIO())
     console.print(shown(found | {"report": "a", "table": "c"}))
     assert "hydraulic: full elevator up below 330 kt CAS" in console.export_text()
+
+
+def test_a_campaign_that_is_not_there_is_refused_before_anything_is_trimmed(tmp_path, monkeypatch):
+    monkeypatch.setattr("cosim.campaign.envelope.trim_map", lambda **_: pytest.fail("trimmed"))
+    with pytest.raises(CosimError, match="nowhere"):
+        envelope(output=tmp_path / "out", flown=tmp_path / "nowhere", workers=1)
 
 
 def test_the_page_shows_every_quantity_and_every_reason(trims, tmp_path):

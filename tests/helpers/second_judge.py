@@ -6,7 +6,7 @@ import cosim
 from fdi import registry
 from fdi.common.verdict import NAMES
 
-ONE = {"jam": "jam_solid", "hardover": "runaway", "thrust_loss": "thrust"}
+ONE = {"jam": "jam_solid", "hardover": "runaway", "thrust_loss": "thrust", "bias": "jam_liquid"}
 OWN = ("ofc_liquid", "ofc_solid", "jam_solid", "jam_liquid", "runaway")  # named by a class of the same word
 READ = ("bias", "scale", "drift", "freeze", "noise", "oscillation", "dropout")
 SWUNG = {"bias": "jam_liquid", "oscillation": "ofc_liquid"}  # what a sensor that closes the loop makes of them
@@ -16,6 +16,8 @@ def classes(kind, sensor):
     """Return the classes that name a fault of `kind` on `sensor`, "" for the actuator."""
     if sensor and kind in READ:
         return {"sensor"} | ({SWUNG[kind]} if sensor in ("rod", "position") and kind in SWUNG else set())
+    if kind == "jam_liquid":  # the sensor that closes the loop
+        return {kind, "sensor"}
     return {kind if kind in OWN else ONE.get(kind, "effectiveness")}
 
 
@@ -23,10 +25,11 @@ def word(fault, level, lane, verdict, part):
     """Return "right", "wrong" or "ambiguous" of a class and a part that a lane names."""
     place, *rest = fault["target"].split(".")
     sensor = rest[1] if place == "elevator" and len(rest) > 1 else rest[0] if place == "sensor" else ""
-    parts = {sensor or ""}
-    if level == "aircraft" and not sensor:
+    parts = {sensor, "rod", "position"} if fault["kind"] == "jam_liquid" else {sensor}
+    if level == "aircraft" and place != "sensor":
         parts = {place, f"{place}_{rest[0]}", f"{place}_{rest[0].split('_')[0]}"} if rest else {place}
         parts |= {"thrust"} if place == "engine" else set()
+        parts |= {"elevator_left and elevator_right"} if fault["target"] == "elevator.all" else set()
     good = verdict in classes(fault["kind"], sensor)
     given = part or level == "local"
     if not good and verdict not in ("ambiguous", "none"):
@@ -45,7 +48,8 @@ def judged(path):
     for topic in (t for t in log.topics if t.startswith("/detectors/")):
         detector, lane = topic.split("/")[2:4]
         level = "aircraft" if lane == "aircraft" else "local"
-        if level == "local" and fault["target"].split(".")[1] not in (lane, lane.split("_")[0], "all"):
+        at = (*fault["target"].split("."), "")[1]
+        if level == "local" and at not in (lane, lane.split("_")[0], "all"):
             continue
         f = log.frame(topic, fields=["alarm", "verdict", "culprit"])
         t, up = f.index.to_numpy(), f["alarm"].to_numpy() > 0.5

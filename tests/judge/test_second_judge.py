@@ -1,9 +1,11 @@
 """The project's judge against a second one (tests/helpers/second_judge.py) that reads nothing but a log's frames.
 
 A whole campaign, each flight with a log of its own: COSIM_CAMPAIGN=ema-faults COSIM_FLIGHTS=300 pytest -n 0 -s -m slow
-tests/judge/test_second_judge.py (2 s of processor a flight). Flights with one fault are compared.
+tests/judge/test_second_judge.py (2 s of processor a flight). Flights with one fault are compared; COSIM_DETECTORS, with
+commas, fly instead of the campaign's, COSIM_SEED draws other flights.
 """
 
+import dataclasses
 import os
 
 import numpy as np
@@ -71,11 +73,24 @@ def test_the_second_judge_tells_right_from_wrong_and_from_ambiguous():
     left = {"target": "elevator.left", "kind": "ofc_solid"}
     words = [word(left, "aircraft", "aircraft", "ofc_solid", p) for p in ("elevator_left", "elevator", "", "engine_1")]
     assert words == ["right", "right", "ambiguous", "wrong"]
+    both, liquid = {"target": "elevator.all", "kind": "bias"}, {"target": "elevator.left_inner", "kind": "jam_liquid"}
+    read = {"target": "elevator.left_inner.surface", "kind": "bias"}
+    assert word(both, "aircraft", "aircraft", "jam_liquid", "elevator_left and elevator_right") == "right"
+    assert word(both, "aircraft", "aircraft", "ofc_solid", "elevator_left and elevator_right") == "wrong"
+    assert [word(liquid, "local", "left_inner", "sensor", part) for part in ("rod", "surface")] == ["right", "wrong"]
+    sides = [word(read, "aircraft", "aircraft", "ambiguous", f"elevator_{side}") for side in ("left", "right")]
+    assert sides == ["ambiguous", "wrong"]
 
 
 @pytest.mark.slow
 def test_both_judges_say_the_same_of_a_campaign(tmp_path):
-    scenarios = load_campaign(os.environ.get("COSIM_CAMPAIGN", "ema-faults")).scenarios()[0]
+    made = load_campaign(os.environ.get("COSIM_CAMPAIGN", "ema-faults"))
+    if seed := int(os.environ.get("COSIM_SEED", "0")):
+        made = dataclasses.replace(made, seed=seed, first_seed=1000 * seed)
+    scenarios = made.scenarios()[0]
+    if enabled := os.environ.get("COSIM_DETECTORS"):
+        own = {"enabled": tuple(enabled.split(","))}
+        scenarios = [s.model_copy(update={"detectors": s.detectors.model_copy(update=own)}) for s in scenarios]
     one = [s for s in scenarios if len(s.faults) == 1 and s.rate_hz <= 200]
     number = min(int(os.environ.get("COSIM_FLIGHTS", "300")), len(one))
     differ, same = [], 0
