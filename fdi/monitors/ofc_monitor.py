@@ -42,6 +42,7 @@ COUNT = 4  # crossings kept
 HISTORY = 10  # reference positions kept: 5 ms at 2 kHz
 LONG_AGO = 1e3  # [s]
 ROOT_LEAST = servo.ROOT_LEAST
+TAU_DP = 0.0224  # lag of the pressure [s]
 HIGH_HZ = 0.4  # high-pass of what is learned and weighed [Hz]
 MEMORY = 2.0  # of the reference's motion, in periods of the band's lower edge
 LEARN = 20.0  # memory of the servo's response: some ten periods of the lowest sub-band [s]
@@ -76,6 +77,7 @@ PARAMS = dtype(
         ("even", "f8", "-"),  # ticks of a sample of the ring
         ("half_periods", "f8", "-"),  # alternating crossings that make an alarm, at most COUNT
         ("t_release", "f8", "s"),
+        ("a_dp", "f8", "-"),  # share of a tick in the lag of the pressure
         ("t_invalid", "f8", "s"),
     ]
 )
@@ -208,6 +210,7 @@ def params(
         "L_re": L.real,
         "L_im": L.imag,
         "even": float(max(round(SAMPLE / dt), 1)),
+        "a_dp": -math.expm1(-dt / TAU_DP),
         "t_invalid": 0.2,
     }
     return record(PARAMS, **{**fields, **thresholds("ofc_monitor", which), **values})
@@ -364,10 +367,10 @@ def step(x, u, p, dt):
         if good < 0.5:
             return
         x.started = x.unknown = 1.0
-        x.q_est = x.target
+        x.q_est = x.y  # the first command, noise of the law's sensors in it, is still to be followed
         for i in range(HISTORY + 1):
-            x.past[i] = x.target
-        x.wide[0, 1], x.wide[1, 1] = x.y - x.target, x.target  # the high-pass starts in equilibrium
+            x.past[i] = x.y
+        x.wide[1, 1] = x.y  # the high-pass starts in equilibrium
         for k in range(N):
             x.response[k] = p.usual[k]
         for b in range(B):
@@ -424,7 +427,7 @@ def step(x, u, p, dt):
             x.verdict = AMBIGUOUS
     if x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID:
         x.ofc_hz = x.sine_hz
-    x.x3 += 0.2 * (held(u.y_dp, u.y_dp_valid, x.x3) - x.x3)
+    x.x3 += p.a_dp * (held(u.y_dp, u.y_dp_valid, x.x3) - x.x3)
     x.r = worst
     predict(x, p, dt)
 
