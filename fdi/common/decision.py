@@ -199,7 +199,13 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, p, dt)
 @kernel
 def share(x, p):
     """Return the part of the drive's amplitude that the residual may show in health."""
-    return p.bank_share + p.bank_prior * p.gain_energy / (p.gain_energy + x.gain_den)
+    return p.bank_share + unlearned(x, p)
+
+
+@kernel
+def unlearned(x, p):
+    """Return the part of the drive that its gain may be off by while the flight has not taught it."""
+    return p.bank_prior * p.gain_energy / (p.gain_energy + x.gain_den)
 
 
 @kernel
