@@ -12,8 +12,8 @@ import math
 from actuators.block import kernel
 
 BLOCK_S = 0.12  # noise of a reading against that of the pressure's integral [s]
-KEEP, BLOCKS = 0.8, 2.4  # from block to block; three whole ones
-SHOWN = 25.0  # variances of a block that the flow of the bypass has
+KEEP, BLOCKS = 0.8, 1.7  # from block to block; two whole ones
+SHOWN = 16.0  # variances of a block that the flow of the bypass has
 NOISE, OFF = 3.0, 0.04  # variances that are left; share of the flow's squares, for tolerances
 
 STATE = [
