@@ -14,7 +14,7 @@ from fdi.isolation import joined
 from fdi.isolation.filter import N
 from fdi.isolation.sums import OCTAVES
 
-LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, APART, LET_GO = range(1, 11)
+LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, APART, LET_GO, DRIVEN = range(1, 12)
 CALM = 0.35  # of a threshold: below, nothing speaks for a fault
 CLEAR = 40.0  # evidence of a plain onset
 SILENT_PART, SILENT_S = 0.4, 0.4  # of an oscillation's period; of what has no name [s]
@@ -94,6 +94,8 @@ def class_of(x, h):
         return APART
     if h == ev.FREE:
         return LET_GO
+    if h == ev.DRIVEN:
+        return DRIVEN
     return WEAK
 
 

@@ -29,8 +29,8 @@ from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, PAIRS, WAVES, 
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
 LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, FREE = range(6, 13)
-NOISE_ROD, NOISE_SURFACE, NOISE_PRESSURE, PAIR, OFF_PRESSURE, SCALED_PRESSURE = range(13, 19)
-HYPOTHESES = 19
+NOISE_ROD, NOISE_SURFACE, NOISE_PRESSURE, PAIR, OFF_PRESSURE, SCALED_PRESSURE, DRIVEN = range(13, 20)
+HYPOTHESES = 20
 NU = 50.0
 NOISE_LEAST = 0.05  # of the sensors' variance: one that reports no noise at all is not that good
 APART = 0.1  # least share of the gain's column that no oscillation explains: responses are those of rest
@@ -47,6 +47,7 @@ PARAMS = [
     ("worse_sd", "f8", (N,)),
     ("offset_sd", "f8", "-"),  # of a pressure sensor that is wrong
     ("scale_sd", "f8", "-"),  # of one whose scale is
+    ("slow_flow_sd", "f8", "m/s"),  # flow that a slow oscillation adds
     ("open_sd", "f8", "m/s"),  # flow of a valve that stands open
     ("bypass", "f8", "m/s"),  # leakage of an actuator that lets go
     ("occam", "f8", "-"),  # what a hypothesis of noise costs
@@ -59,7 +60,7 @@ PRIORS = {
     "gone_sd": 0.03, "slow_sd": 0.7, "offset_sd": 0.15, "scale_sd": 0.3,
     "worse_mean": (0.0, 0.0, 0.0, -0.7, 0.5, 0.15, 0.3, 0.0, 0.0, 0.0),
     "worse_sd": (1.0, 1.0, 1.0, 0.25, 0.25, 0.1, 0.3, 1.0, 1.0, 1.0),
-    "open_sd": 0.2, "bypass": 1.0,  # 9 deg/s to 45 deg/s within its sigma; that of actuators/hydraulic/actuator.py
+    "slow_flow_sd": 0.01, "open_sd": 0.2, "bypass": 1.0,  # 9 deg/s to 45 deg/s within its sigma; that of actuators/hydraulic/actuator.py
     "occam": 6.0, "memory": 30.0, "floor": 0.3,
 }  # fmt: skip
 STATE = [
@@ -295,7 +296,7 @@ def alone(x):
         for k in range(a + 1, N):
             v -= x.LL[k * (k + 1) // 2 + a] * x.pull[k]
         x.pull[a] = v / x.LL[a * (a + 3) // 2]
-    for i in range(OFFSET, LEAK + 1):
+    for i in range(OFFSET, FLOW + 1):
         variance = inverse(x, i)
         x.info[i] = max(1.0 / variance - 1.0 / (x.prior[1, i] * x.prior[1, i]), 0.0)
         x.pull[i] /= variance
@@ -351,6 +352,9 @@ def evaluate(x, p, o):
     give(x, OFF_PRESSURE, Q, logdet, n, base)
     Q, logdet = other(x, Q0, logdet0, SCALE, 0.0, p.scale_sd)
     give(x, SCALED_PRESSURE, Q, logdet, n, base)
+    # what an oscillation slower than the lines adds within a window
+    Q, logdet = other(x, Q0, logdet0, FLOW, 0.0, p.slow_flow_sd)
+    give(x, DRIVEN, Q, logdet, n, base)
     # a valve that stands open
     gone = -1.0 - x.mu[GAIN]
     health(x)
