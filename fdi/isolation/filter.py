@@ -257,9 +257,8 @@ def predict(x, u, v, mu, p, dt):
     x.flow2 += a * (flow * flow - x.flow2)
     Phi, G, V = x.Phi, x.G, x.h_V  # of the two-stage filter, at its own estimate
     fed, feed = x.fed, min(dt / FEED_TAU, 1.0)
-    for c in range(N):
+    for c in (SOFT, SUPPLY, FAST, GAIN):
         fed[c] += feed * (mu[c] - fed[c])
-    fed[OFFSET], fed[SCALE] = 0.0, 0.0  # the sensor's, not the actuator's
     stiff = fed[SOFT]
     unit = (1.0 + stiff) / max(x.flow_gain, gain * lu17.ROOT_FLOOR)  # of G: a flow of 1 m/s for a tick
     fast_flow, most = gain * root * fast, max(root, 0.3)
@@ -272,9 +271,8 @@ def predict(x, u, v, mu, p, dt):
         V[0, c] = f00 * a0 + f01 * a1 + f02 * a2 + f03 * a3
         V[1, c] = f10 * a0 + f11 * a1 + f12 * a2 + f13 * a3
         V[2, c] = f20 * a0 + f21 * a1 + f22 * a2 + f23 * a3 - swallowed * (a1 + p.L * a2)
-    net = flow - p.L * z - w - fed[LEAK] * z - 0.5 * fed[SUPPLY] * gain * v / most + fed[FLOW]
+    net = flow - p.L * z - w - 0.5 * fed[SUPPLY] * gain * v / most
     net += fed[FAST] * fast_flow + fed[GAIN] * (flow - fast_flow)
-    rubs, heavy = -w / (CREEP + math.fabs(w)), -(z + x.h_hat[3])
     enters(V, LEAK, -z, g0, g1, g2)
     enters(V, SOFT, net, g0, g1, g2)
     enters(V, SUPPLY, -0.5 * gain * v / most, g0, g1, g2)
@@ -282,10 +280,10 @@ def predict(x, u, v, mu, p, dt):
     enters(V, FLOW, 1.0, g0, g1, g2)
     enters(V, FAST, fast_flow, g0, g1, g2)
     enters(V, GAIN, flow - fast_flow, g0, g1, g2)
-    enters(V, FRICTION, rubs, f03, f13, f23)
-    enters(V, MASS, heavy, f03, f13, f23)
+    enters(V, FRICTION, -w / (CREEP + math.fabs(w)), f03, f13, f23)
+    enters(V, MASS, -(z + x.h_hat[3]), f03, f13, f23)
     # x + Psi x' with Psi of the two-stage filter's exponential: as exact as Phi, at a quarter of Runge-Kutta's cost
-    pushed = z + x.h_hat[3] - p.B * w / (p.A_p * p.P_s) + fed[FRICTION] * rubs + fed[MASS] * heavy
+    pushed = z + x.h_hat[3] - p.B * w / (p.A_p * p.P_s)
     x.h_hat[0] += dt * w + f03 * pushed + g0 * net
     x.h_hat[1] += f13 * pushed + g1 * net
     rise = f23 * pushed + g2 * net
