@@ -10,21 +10,8 @@ the filter (`response`). They meet the gain's column only, the last one, so that
 import math
 
 from actuators.block import kernel
-from fdi.isolation.filter import (
-    FAST,
-    FLOW,
-    FRICTION,
-    GAIN,
-    LEAK,
-    OFFSET,
-    SCALE,
-    SENSORS,
-    SETTLES_S,
-    SOFT,
-    SUPPLY,
-    N,
-    lever_variance,
-)
+from fdi.isolation import filter
+from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SCALE, SENSORS, SETTLES_S, SOFT, SUPPLY, N
 from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, PAIRS, WAVES, gather
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
@@ -60,7 +47,8 @@ PRIORS = {
     "gone_sd": 0.03, "slow_sd": 0.7, "offset_sd": 0.15, "scale_sd": 0.3,
     "worse_mean": (0.0, 0.0, 0.0, -0.7, 0.5, 0.15, 0.3, 0.0, 0.0, 0.0),
     "worse_sd": (1.0, 1.0, 1.0, 0.25, 0.25, 0.1, 0.3, 1.0, 1.0, 1.0),
-    "slow_flow_sd": 0.01, "open_sd": 0.2, "bypass": 1.0,  # 9 deg/s to 45 deg/s within its sigma; that of actuators/hydraulic/actuator.py
+    "slow_flow_sd": 0.01,  # 2 to 6 mm at 0.1 to 0.45 Hz
+    "open_sd": 0.2, "bypass": 1.0,  # 9 deg/s to 45 deg/s within its sigma; that of actuators/hydraulic/actuator.py
     "occam": 6.0, "memory": 30.0, "floor": 0.3,
 }  # fmt: skip
 STATE = [
@@ -385,7 +373,7 @@ def evaluate(x, p, o):
     sd = p.sine_sd[2]
     d = J + 1.0 / (sd * sd)
     give(x, PAIR, Q0 - b * b / d, logdet0 + math.log(d * sd * sd), n, base)
-    known = max(lever_variance(x), 1e-300)  # less that of a lever not known better
+    known = max(filter.lever_variance(x), 1e-300)  # less that of a lever not known better
     d = J + 1.0 / known
     x.ev[PAIR] -= max(logarithm(Q0 - b * b / d, n) - 0.5 * (logdet0 + math.log(d * known)) - base, 0.0)
     # beside an oscillation the other errors stand as they were learned: only the gain's signature meets its columns

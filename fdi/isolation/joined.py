@@ -1,6 +1,6 @@
 """Are the chambers joined? An actuator that was let go moves by its bypass alone, whatever its valve is told.
 
-    q' = -L_b z                                         [Lu17] (4) with the valve cut off and the leakage L_b of the bypass
+    q' = -L_b z                              [Lu17] (4) with the valve cut off and the leakage L_b of the bypass
 
 Over blocks of BLOCK_S the rod has moved by minus the integral of the pressure, within the noise of the two sensors. A
 valve that is stuck or oscillates holds a pressure against the load while the rod does something else. The leak is so
