@@ -235,7 +235,7 @@ def _place(target, kind, raw):
     """Return the keys `at` and `path` with their defaults, or raise when the kind has none or not this one."""
     out = {}
     if kind.at:
-        out["at"] = raw.get("at") or kind.at[0]
+        out["at"] = kind.at[0] if raw.get("at") is None else raw["at"]
         if out["at"] not in kind.at:
             why = (
                 " (a sensor adds to its reading, it cannot replace it)"
@@ -247,7 +247,7 @@ def _place(target, kind, raw):
         raise problem(f"{raw['kind']} has no place of entry", key="at", remedy="Remove at")
     paths: tuple[str, ...] = {"sensor": c.SENSOR_PATHS, "actuator_sensor": c.ACTUATOR_PATHS}.get(target.place, ())
     if paths:
-        out["path"] = raw.get("path") or paths[0]
+        out["path"] = paths[0] if raw.get("path") is None else raw["path"]
         if raw["kind"] == "jam_liquid":
             paths = paths[:1]
         if out["path"] not in paths:
@@ -285,9 +285,9 @@ def _magnitudes(name, kind, full, aircraft, wrong):
     """Check the kind's own numbers (one of `one_of`, all `keys`, nothing else); fill defaults in place. What is wrong
     goes to `wrong`, but what an unknown key explains.
     """
-    one_of = kind.one_of
-    if name.startswith("ofc_") and full.get("at") in c.AMPLITUDES_AT:
-        one_of = tuple(k for k in one_of if k.name in c.AMPLITUDES_AT[full["at"]])
+    one_of, at = kind.one_of, full.get("at")
+    if name.startswith("ofc_") and isinstance(at, str) and at in c.AMPLITUDES_AT:
+        one_of = tuple(k for k in one_of if k.name in c.AMPLITUDES_AT[at])
     optional = c.optional_keys(name, full["target"], aircraft)
     known = [k.name for k in (*one_of, *kind.keys, *optional)]
     meant = set()

@@ -220,3 +220,16 @@ def test_a_name_longer_than_a_file_name_is_refused_in_a_line(tmp_path):
         load_campaign(tmp_path / "campaign.toml")
     with pytest.raises(CosimError):
         load_campaign("x" * 300)
+
+
+@pytest.mark.parametrize("key", ["target", "kind", "at", "path", "shape", "when", "start_s", "amplitude_mm", "?"])
+@pytest.mark.parametrize("value", [[], {"a": 1}, [[36000, False]], None, True, 1e400, "", 10**30], ids=repr)
+def test_a_value_of_any_type_in_a_fault_is_refused_in_a_line(key, value):
+    tables = load_scenario("solid-ofc").model_dump(mode="json", exclude_none=True)
+    tables["faults"][0][key] = value
+    try:
+        parse(tables)
+    except ScenarioError as error:
+        assert key in str(error)
+    else:
+        assert (key, value) in [("when", None), ("path", None), ("shape", None), ("at", None)], "was taken"
