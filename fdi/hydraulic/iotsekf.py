@@ -254,7 +254,8 @@ def by_model(x, p):
     The gain is learned beside it; leakage and a constant flow are what a slow fault of the pressure sensor looks like.
     """
     root = max(opening(x.drive, x.load_lag), lu17.ROOT_FLOOR)
-    soft = x.fed[filter.SOFT] / (1.0 + x.fed[filter.SOFT]) * x.load_d / stiffness(x.x_hat[0], p)
+    stiff = x.fed[filter.SOFT] - p.prior_mean[filter.SOFT]  # by how the two filters differ where nothing is learned
+    soft = stiff / (1.0 + stiff) * x.load_d / stiffness(x.x_hat[0], p)
     return soft * p.A_p / (p.phi_n * root) - 0.5 * x.fed[filter.SUPPLY] * x.drive / (root * root)
 
 
