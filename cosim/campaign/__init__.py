@@ -8,12 +8,11 @@ Nothing is imported before it is asked for: a worker imports this package, and n
 import importlib
 from typing import Any
 
+OF_FLIGHTS = ("CampaignError", "CampaignResult", "EVALUATION_SEED", "run_many", "table")
+
 
 def __getattr__(name: str) -> Any:
     """Return a name of `cosim.campaign.flights`."""
-    if name.startswith("_"):
-        raise AttributeError(name)
-    try:
-        return getattr(importlib.import_module("cosim.campaign.flights"), name)
-    except AttributeError:
-        raise AttributeError(f"module 'cosim.campaign' has no attribute {name!r}") from None
+    if name not in OF_FLIGHTS:
+        raise AttributeError(f"module 'cosim.campaign' has no attribute {name!r}")
+    return getattr(importlib.import_module("cosim.campaign.flights"), name)

@@ -137,10 +137,23 @@ def clipped(v, most):
 
 
 @kernel
+def forget_lever(x):
+    """Take back what is known of rigging and lever."""
+    x.lever_offset = x.lever = x.lever_P[1] = 0.0
+    x.lever_P[0], x.lever_P[2] = RIGGING_SD * RIGGING_SD, LEVER_SD * LEVER_SD
+
+
+@kernel
+def lever_variance(x, q):
+    """Return the variance of what rigging and lever make of rod less surface at the rod position `q` [m^2]."""
+    P = x.lever_P
+    return max(P[0] + q * (2.0 * P[1] + q * P[2]), 0.0)
+
+
+@kernel
 def lever_at(x, q):
     """Return how far rigging and lever put rod and surface apart at the rod position `q` [m], and how sure that is."""
-    P = x.lever_P
-    return x.lever_offset + q * x.lever, LEVER_KNOWN * math.sqrt(max(P[0] + q * (2.0 * P[1] + q * P[2]), 0.0))
+    return x.lever_offset + q * x.lever, LEVER_KNOWN * math.sqrt(lever_variance(x, q))
 
 
 @kernel
@@ -151,7 +164,7 @@ def learn_lever(x, apart, q, r, dt):
     """
     P = x.lever_P
     if P[2] <= 0.0:
-        P[0], P[1], P[2] = RIGGING_SD * RIGGING_SD, 0.0, LEVER_SD * LEVER_SD
+        forget_lever(x)
     a, b = P[0] + q * P[1], P[1] + q * P[2]
     s = a + q * b + r
     e = apart - x.lever_offset - q * x.lever
@@ -239,7 +252,13 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, slack,
 @kernel
 def share(x, p):
     """Return the part of the drive's amplitude that the residual may show in health."""
-    return p.bank_share + p.bank_prior * p.gain_energy / (p.gain_energy + x.gain_den)
+    return p.bank_share + unlearned(x, p)
+
+
+@kernel
+def unlearned(x, p):
+    """Return the part of the drive that its gain may be off by while the flight has not taught it."""
+    return p.bank_prior * p.gain_energy / (p.gain_energy + x.gain_den)
 
 
 @kernel

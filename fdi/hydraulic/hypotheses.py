@@ -42,6 +42,7 @@ NOISY = 1.3  # and so many times what noise leaves
 DOUBT = 2.0  # proof to the contrary that forbids a name
 CLEARLY, DRIVEN = 1.25, 2.0  # times threshold and share of the command: what shows although noise has more energy
 LEAD = 12.0  # the next best hypothesis leaves so many variances more (twice the logarithm of the likelihoods' ratio)
+TAUGHT = 0.5  # of what the gain may be off by, where names are compared: one sigma, not the limit of an alarm
 PERIODS, SWITCH = 3.0, 5.0  # periods for which a name must be the best; ... where another has been given
 LOSS_ADDED = 0.6  # a loss leaves more than this of an added oscillation
 LOSS_INSTEAD, LOSS_LITTLE = 0.2, 0.6  # ... and of one in place of the command; where f is little, as of soft oil
@@ -129,7 +130,7 @@ def oscillates(x, p, j, n, angle):
     ff, fd, dd, f0, m0, d0, a, still = windows.tone(x, p, j, n, angle)
     H, W = losses.least(ff, fd, dd, x.gain), max(ff + 2.0 * fd + dd, 0.0)
     L, S = losses.least(f0, m0, d0, x.gain), max(f0 + 2.0 * m0 + d0, 0.0)
-    part = decision.share(x, p)
+    part = p.bank_share + TAUGHT * decision.unlearned(x, p)
     allowed = n * x.coarse * x.coarse * p.sigma[j] * p.sigma[j] + part * part * dd
     at_L, at_S = 1.0, 1.0
     if H > allowed and (L < 0.7 * H or S < 0.7 * W):

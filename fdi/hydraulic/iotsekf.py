@@ -34,7 +34,7 @@ from fdi.common.verdict import NONE, RUNAWAY, SENSOR
 from fdi.hydraulic import hypotheses, noise, obeys, opened, pressure_test, windows
 from fdi.hydraulic import separate_bias as two_stage
 from fdi.isolation import decide as by_evidence
-from fdi.isolation import likelihood
+from fdi.isolation import filter, joined, likelihood
 from fdi.isolation.evidence import HYPOTHESES
 
 CULPRITS = ("", "rod", "surface", "pressure")
@@ -252,6 +252,18 @@ def model_velocity(x, p):
 
 
 @kernel
+def by_model(x, p):
+    """Return what learned errors of oil and supply leave in the input fault of [Lu17] (4), behind its lag [1].
+
+    The gain is learned beside it; leakage and a constant flow are what a slow fault of the pressure sensor looks like.
+    """
+    root = max(opening(x.drive, x.load_lag), lu17.ROOT_FLOOR)
+    stiff = x.fed[filter.SOFT] - p.prior_mean[filter.SOFT]  # by how the two filters differ where nothing is learned
+    soft = stiff / (1.0 + stiff) * x.load_d / stiffness(x.x_hat[0], p)
+    return soft * p.A_p / (p.phi_n * root) - 0.5 * x.fed[filter.SUPPLY] * x.drive / (root * root)
+
+
+@kernel
 def jumped(x, rod, surface, dt):
     """Where only one position sensor is left, hold that it has jumped until there are two again to compare."""
     if rod > 0.5 and surface > 0.5:
@@ -278,12 +290,17 @@ def decide(x, u, p, dt):
     rod, surface = usable(u.y_rod, u.y_rod_valid), usable(u.y_surface, u.y_surface_valid)
     bulk = x.x_hat[2] / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
     y_surface = p.arm * u.y_surface + bulk
-    decision.pair_test(x, u.y_rod + bulk, rod, y_surface, surface, model_velocity(x, p), x.x_hat[3], 0.0, False, p, dt)
+    known, slack = x.lever_P[2] > 0.0, 0.0  # by the filter without a fault state, where it runs
+    if known:
+        x.rigging, slack = decision.lever_at(x, x.h_hat[0])
+    motion = model_velocity(x, p)
+    decision.pair_test(x, u.y_rod + bulk, rod, y_surface, surface, motion, x.x_hat[3], slack, known, p, dt)
     hypotheses.swings_apart(x, rod > 0.5 and surface > 0.5, dt)
     pressure = usable(u.y_dp, u.y_dp_valid) if p.load == 2.0 else 0.0
     e_rod = u.y_rod - p.arm * u.y_surface - x.rigging - x.pair_d if surface > 0.5 else x.gamma_rod
     d = min(int(p.delay), two_stage.HISTORY - 2)
-    steps = decision.GAIN_LIMIT * math.fabs(x.G[2] * (x.u_old[d] - 2.0 * x.u_old[d + 1] + x.u_old[d + 2]))
+    gain = decision.GAIN_LIMIT + math.fabs((1.0 + x.fed[filter.SOFT]) * (1.0 + x.fed[filter.FAST]) - 1.0)
+    steps = gain * math.fabs(x.G[2] * (x.u_old[d] - 2.0 * x.u_old[d + 1] + x.u_old[d + 2]))
     noise.listen(x, rod, u.y_rod, e_rod, pressure, u.y_dp, x.dp_e, steps, p, dt)
     lost = p.load == 2.0 and x.age_dp > p.t_invalid
     form = WITHOUT_PRESSURE if lost else (WITHOUT_ROD if x.blame == 1.0 or x.age_rod > p.t_invalid else 1.0)
@@ -299,16 +316,18 @@ def decide(x, u, p, dt):
         hypotheses.forget(x, True)
     x.drive_d += dt * p.lag_omega * (p.lag_omega * (x.u_old[int(p.lag_ticks)] - x.drive) - 2.0 * p.lag_zeta * x.drive_d)
     x.drive += dt * x.drive_d
-    renewed = bank.push(x, p, x.f_hat, x.drive)
     x.load_d += dt * p.lag_omega * (p.lag_omega * (x.x_hat[2] - x.load_lag) - 2.0 * p.lag_zeta * x.load_d)
     x.load_lag += dt * x.load_d
-    fresh = windows.push(x, p, x.f_hat, x.drive, x.load_lag)
+    f = x.f_hat - by_model(x, p)
+    renewed = bank.push(x, p, f, x.drive)
+    fresh = windows.push(x, p, f, x.drive, x.load_lag)
     other = x.jam > 0.5 or (x.swings < 1.5 and (x.run > 0.5 or x.r_run >= 1.0))
     hypotheses.search(x, p, renewed, fresh, disturbed, not disturbed and x.alarm < 0.5, other, dt)
     a = 1.0 - math.exp(-dt / p.run_tau)
-    x.f_slow += a * (x.f_hat - x.gain * x.drive - x.f_slow)
+    x.f_slow += a * (f - x.gain * x.drive - x.f_slow)
     x.u_slow += a * (x.drive - x.u_slow)
-    x.r_run = math.fabs(x.f_slow) / (x.coarse * p.run_threshold + p.run_share * math.fabs(x.u_slow))
+    run_share = p.run_share + decision.unlearned(x, p)
+    x.r_run = math.fabs(x.f_slow) / (x.coarse * p.run_threshold + run_share * math.fabs(x.u_slow))
     ran = x.r_run >= 1.0 and not disturbed
     # size times time: against the servo, which fights it, a runaway is an input fault that comes and goes
     weighed = dt * min(x.r_run, RUN_WEIGHT) if ran else dt
@@ -359,7 +378,7 @@ def decide(x, u, p, dt):
         x.declared, x.verdict, x.culprit = 1.0, SENSOR, x.jump_of
     elif (left_out or math.fabs(x.dp_offset) > 0.5 * pressure_test.STEP_LEAST) and x.declared < 0.5:
         x.declared, x.verdict, x.culprit = 1.0, SENSOR, 3.0
-    pair = math.fabs(x.pair_d) / p.pair_threshold
+    pair = math.fabs(x.pair_d) / x.pair_limit
     x.r = max(max(pair, x.r_ofc), max(x.r_run, x.r_jam if still or left_out else 0.0))
 
 
@@ -375,6 +394,7 @@ def step(x, u, p, dt):
     likelihood.listen(x, u, p, x.r > SUSPICIOUS, dt)
     if x.ended > 0.5:  # what the rings hold is of the fault that has healed
         hypotheses.forget(x, True)
+    joined.ask(x, u, p, dt)
     by_evidence.follow(x, u, x.declared > 0.5, dt)
     x.alarm = x.declared
     by_evidence.merge(x, by_evidence.frozen(x, u, dt))

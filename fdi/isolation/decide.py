@@ -10,10 +10,11 @@ import math
 from actuators.block import kernel
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, SENSOR
 from fdi.isolation import evidence as ev
+from fdi.isolation import joined
 from fdi.isolation.filter import N
 from fdi.isolation.sums import OCTAVES
 
-LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, APART, LET_GO = range(1, 11)
+LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, APART, LET_GO, DRIVEN = range(1, 12)
 CALM = 0.35  # of a threshold: below, nothing speaks for a fault
 CLEAR = 40.0  # evidence of a plain onset
 SILENT_PART, SILENT_S = 0.4, 0.4  # of an oscillation's period; of what has no name [s]
@@ -27,6 +28,7 @@ RELEASE_S = 1.0  # an alarm outlives its evidence by this [s]
 PART = 0.75  # of its period that an oscillation has lasted: before, it is a step
 MOVED, TURNED = 1e-3, 0.25  # rod travel that tells a way [m], share of it that is a way back
 STILL = 1.2e-3  # rod travel of a jam [m]
+RUBS_MOST, HOLDS_S = 0.6, 2.0  # friction holds no more of the stall force, seldom a rod for longer [s]
 JAM_S = 10.0  # so long a jam outlives its last evidence while the rod is still [s]
 FROZEN = 20.0  # equal samples in a row that a sensor with noise has not
 TURNS = 0.4  # share of steps that turn back, of a sensor with noise: white noise has 2/3, one in a coarse quantum few
@@ -63,6 +65,9 @@ STATE = [
     ("turns", "f8", (3,)),  # share of samples whose step goes against the one before, over 1 s
     ("step_last", "f8", (3,)),
     ("last_y", "f8", (3,)),
+    *joined.STATE,
+    ("jam_most", "f8", "-"),  # largest load beyond the model since a jam is declared
+    ("jam_s", "f8", "s"),  # since then
     ("likely_hz", "f8", "Hz"),  # of the oscillation that is named
     ("likely_size", "f8", "-"),  # flow [m/s], rod [m], surface as a rod [m], pressure [1], load [1]
 ]
@@ -81,7 +86,7 @@ def class_of(x, h):
         return OF_ROD
     if h == ev.SWING_SURFACE or h == ev.NOISE_SURFACE:
         return OF_SURFACE
-    if h == ev.SWING_PRESSURE or h == ev.NOISE_PRESSURE or h == ev.OFF_PRESSURE:
+    if h == ev.SWING_PRESSURE or h == ev.NOISE_PRESSURE or h == ev.OFF_PRESSURE or h == ev.SCALED_PRESSURE:
         return OF_PRESSURE
     if h == ev.SWING_LOAD or h == ev.RUBS:
         return OF_LOAD
@@ -89,6 +94,8 @@ def class_of(x, h):
         return APART
     if h == ev.FREE:
         return LET_GO
+    if h == ev.DRIVEN:
+        return DRIVEN
     return WEAK
 
 
@@ -179,6 +186,8 @@ def follow(x, u, own, dt):
     if x.speaks > 0.5 and (jammed or x.at_stop > 0.5):  # what is still says nothing; nor does what is at its stop
         x.speaks_timer = RELEASE_S
     x.speaks = 1.0 if x.speaks_timer > 0.0 else 0.0
+    x.jam_s = x.jam_s + dt if x.jam > 0.5 else 0.0
+    x.jam_most = max(x.jam_most, math.fabs(x.excess)) if x.jam > 0.5 else 0.0
     alarm = own or x.speaks > 0.5
     x.speaking_s = x.speaking_s + dt if alarm else 0.0
     if u.y_rod_valid > 0.5 and math.isfinite(u.y_rod):
@@ -226,12 +235,17 @@ def merge(x, freeze):
     swings = x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID
     if x.verdict == NONE:
         x.verdict = AMBIGUOUS
+    if x.joined > 0.5 and x.sensor < 0.5 and x.jam < 0.5:
+        x.verdict, x.culprit = EFFECTIVENESS, 0.0
+        return
     if x.likely == OF_PRESSURE and (swings or x.verdict == AMBIGUOUS) and x.sensor < 0.5:
         x.verdict, x.culprit = SENSOR, 3.0
     elif swings and x.candidate == OF_PRESSURE and x.likely != LIQUID and x.likely != SOLID:
         x.verdict = AMBIGUOUS
     elif x.verdict == JAM_SOLID and (x.likely == WEAK or x.likely == OF_LOAD) and x.rod_high - x.rod_low >= STILL:
         x.verdict = EFFECTIVENESS
+    elif x.verdict == JAM_SOLID and x.jam_most < RUBS_MOST and x.jam_s < HOLDS_S:
+        x.verdict = AMBIGUOUS
     elif x.verdict != AMBIGUOUS:
         return
     elif x.sensor > 0.5 and x.likely != OF_ROD and (x.likely != OF_SURFACE or x.play > 0.5):

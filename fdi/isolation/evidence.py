@@ -10,17 +10,18 @@ the filter (`response`). They meet the gain's column only, the last one, so that
 import math
 
 from actuators.block import kernel
-from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SENSORS, SETTLES_S, SOFT, SUPPLY, N
+from fdi.common.decision import lever_variance
+from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SCALE, SENSORS, SETTLES_S, SOFT, SUPPLY, N
 from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, PAIRS, WAVES, gather
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
 LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, FREE = range(6, 13)
-NOISE_ROD, NOISE_SURFACE, NOISE_PRESSURE, PAIR, OFF_PRESSURE = range(13, 18)
-HYPOTHESES = 18
+NOISE_ROD, NOISE_SURFACE, NOISE_PRESSURE, PAIR, OFF_PRESSURE, SCALED_PRESSURE, DRIVEN = range(13, 20)
+HYPOTHESES = 20
 NU = 50.0
 NOISE_LEAST = 0.05  # of the sensors' variance: one that reports no noise at all is not that good
 APART = 0.1  # least share of the gain's column that no oscillation explains: responses are those of rest
-WHITE = 0.3  # noise is not correlated more from tick to tick
+WHITE = 0.1  # noise is not correlated more from tick to tick
 LEAST = 3.0  # Q is no less than noise leaves, by so many sigma
 
 PARAMS = [
@@ -32,6 +33,8 @@ PARAMS = [
     ("worse_mean", "f8", (N,)),  # of the columns where they are a fault
     ("worse_sd", "f8", (N,)),
     ("offset_sd", "f8", "-"),  # of a pressure sensor that is wrong
+    ("scale_sd", "f8", "-"),  # of one whose scale is
+    ("slow_flow_sd", "f8", "m/s"),  # flow that a slow oscillation adds
     ("open_sd", "f8", "m/s"),  # flow of a valve that stands open
     ("bypass", "f8", "m/s"),  # leakage of an actuator that lets go
     ("occam", "f8", "-"),  # what a hypothesis of noise costs
@@ -41,9 +44,10 @@ PARAMS = [
 PRIORS = {
     "sine_sd": (4e-4, 1e-3, 1e-3, 0.08, 0.05),
     "loss_mean": -0.45, "loss_sd": 0.18,  # 10 to 80 % within two sigma: beyond, it is as good as gone
-    "gone_sd": 0.03, "slow_sd": 0.7, "offset_sd": 0.15,
+    "gone_sd": 0.03, "slow_sd": 0.7, "offset_sd": 0.15, "scale_sd": 0.3,
     "worse_mean": (0.0, 0.0, 0.0, -0.7, 0.5, 0.15, 0.3, 0.0, 0.0, 0.0),
     "worse_sd": (1.0, 1.0, 1.0, 0.25, 0.25, 0.1, 0.3, 1.0, 1.0, 1.0),
+    "slow_flow_sd": 0.01,  # 2 to 6 mm at 0.1 to 0.45 Hz
     "open_sd": 0.2, "bypass": 1.0,  # 9 deg/s to 45 deg/s within its sigma; that of actuators/hydraulic/actuator.py
     "occam": 6.0, "memory": 30.0, "floor": 0.3,
 }  # fmt: skip
@@ -280,7 +284,7 @@ def alone(x):
         for k in range(a + 1, N):
             v -= x.LL[k * (k + 1) // 2 + a] * x.pull[k]
         x.pull[a] = v / x.LL[a * (a + 3) // 2]
-    for i in range(OFFSET, LEAK + 1):
+    for i in range(OFFSET, FLOW + 1):
         variance = inverse(x, i)
         x.info[i] = max(1.0 / variance - 1.0 / (x.prior[1, i] * x.prior[1, i]), 0.0)
         x.pull[i] /= variance
@@ -334,6 +338,11 @@ def evaluate(x, p, o):
         give(x, h, Q, logdet, n, base)
     Q, logdet = other(x, Q0, logdet0, OFFSET, 0.0, p.offset_sd)
     give(x, OFF_PRESSURE, Q, logdet, n, base)
+    Q, logdet = other(x, Q0, logdet0, SCALE, 0.0, p.scale_sd)
+    give(x, SCALED_PRESSURE, Q, logdet, n, base)
+    # what an oscillation slower than the lines adds within a window
+    Q, logdet = other(x, Q0, logdet0, FLOW, 0.0, p.slow_flow_sd)
+    give(x, DRIVEN, Q, logdet, n, base)
     # a valve that stands open
     gone = -1.0 - x.mu[GAIN]
     health(x)
@@ -364,8 +373,7 @@ def evaluate(x, p, o):
     sd = p.sine_sd[2]
     d = J + 1.0 / (sd * sd)
     give(x, PAIR, Q0 - b * b / d, logdet0 + math.log(d * sd * sd), n, base)
-    q, P = x.h_hat[0], x.h_lever_P  # less that of a lever not known better
-    known = max(P[0] + q * (2.0 * P[1] + q * P[2]), 1e-300)
+    known = max(lever_variance(x, x.h_hat[0]), 1e-300)  # less that of a lever not known better
     d = J + 1.0 / known
     x.ev[PAIR] -= max(logarithm(Q0 - b * b / d, n) - 0.5 * (logdet0 + math.log(d * known)) - base, 0.0)
     # beside an oscillation the other errors stand as they were learned: only the gain's signature meets its columns

@@ -16,7 +16,7 @@ equation. An error theta of the model enters the innovations as e = S theta; its
 | MASS | force -(z + F) | share by which the moving mass is larger [1] |
 | OFFSET | flow of the valve and the leak per pressure | error of the pressure sensor that the load has taken up [1] |
 | FLOW | flow 1 | constant flow [m/s] |
-| SCALE | pressure sensor z | share by which its reading is larger [1] |
+| SCALE | pressure sensor, by the model's pressure | share by which its reading is larger [1] |
 | FAST | flow root u, of u above CORNER | share of the fast part, noise of the servo's sensors, that passes more [1] |
 | GAIN | flow root u, of u below CORNER | share by which the valve passes more [1] |
 """
@@ -26,6 +26,7 @@ import math
 from actuators.block import kernel
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import opening
+from fdi.common.decision import LEVER_STATE, RIGGING_SD, forget_lever, learn_lever
 from fdi.common.linalg import congruence_walk
 
 ROD, SURFACE, PRESSURE = range(3)
@@ -36,11 +37,9 @@ N = 10  # columns
 ROWS = (0, 0, 2)  # state that each sensor reads
 CORNER_HZ, CORNER_MOST = 25.0, 0.3  # an oscillation of up to 10 Hz stays below; share of the rate
 CREEP = 3e-3  # friction turns round within this velocity [m/s]
-RIGGING_SD, LEVER_SD = 5e-3, 3e-3  # of the rigging [m] and of the lever's length, a machined one [1]
-FOREIGN = 3.5  # sigma beyond which a sample teaches nothing of them
-# random walks of the two: an offset is followed over 20 s as sensors of `transport` show it
-RIGGING_WALK, LEVER_WALK = 2.6e-13, 1e-12  # [m^2/s], [1/s]
 SETTLES_S = 1.0  # the filter settles [s]
+FEED_TAU = 2.0  # slower than the filter forgets, so that a signature holds for the errors of some while ago, too [s]
+MODEL_TAU = 0.2  # within which friction and inertia of the model's pressure are forgotten [s]
 RATE_TAU = 0.1  # for so long a fast load or flow leaves the model in doubt [s]
 GATE = 25.0  # of an innovation: beyond so many sigma of a healthy one a sample counts for no more
 
@@ -63,14 +62,15 @@ STATE = [
     ("load_last", "f8", "-"),  # load by the hinge-moment model, one tick ago
     ("load_rate2", "f8", "1/s^2"),  # its squared rate, lagged
     ("flow2", "f8", "m^2/s^2"),  # squared flow, lagged
-    ("h_rigging", "f8", "m"),  # learned: rod - arm surface at the middle,
-    ("h_lever", "f8", "-"),  # and per rod: by how much the lever is longer
-    ("h_lever_P", "f8", (3,)),  # their variances, the second their covariance
     ("u_fast", "f8", "-"),  # valve command behind a high-pass
     ("high", "f8", (2,)),  # of the high-pass
     ("h_clock", "f8", "s"),  # since the start
     ("h_V", "f8", (4, N)),  # response of each state to each column
     ("h_S", "f8", (SENSORS, N)),  # signatures of this tick
+    *LEVER_STATE,
+    ("h_z", "f8", "-"),  # pressure by the model alone: what flow and force make of it, slowly drawn to the load's
+    ("fresh", "f8", (N,)),  # what it has not
+    ("fed", "f8", (N,)),  # learned errors that the prediction has taken up, lagged by FEED_TAU
     ("h_e", "f8", (SENSORS,)),  # innovations, less what the learned errors explain
     ("h_s", "f8", (SENSORS,)),  # their variances; 0: no sample
     ("h_lost", "f8", "s"),  # since the last position sample
@@ -115,21 +115,21 @@ def start(x, q, dp, u, p):
         for c in range(N):
             x.h_V[i, c] = 0.0
     x.load_last = load_model(x, u, p)
+    x.h_z = -x.load_last
     x.load_rate2 = x.flow2 = 0.0
     x.h_lost = x.h_lost_dp = 0.0
-    x.h_rigging = x.h_lever = x.h_lever_P[1] = 0.0
-    x.h_lever_P[0], x.h_lever_P[2] = RIGGING_SD * RIGGING_SD, LEVER_SD * LEVER_SD
+    if x.lever_P[2] <= 0.0:
+        forget_lever(x)
     x.h_started = 1.0
 
 
 @kernel
-def measure(x, j, y, mu, p):
+def measure(x, j, y, p):
     """Take sensor `j`; write its cleaned innovation, its variance and the signatures."""
     row = 2 if j == 2 else 0
     P = x.h_P
     s = P[row, row] + p.h_r[j]
     e = y - x.h_hat[row]
-    z = x.h_hat[2]
     limit = GATE * math.sqrt(s)
     e = min(max(e, -limit), limit)
     k0, k1, k2, k3 = P[0, row] / s, P[1, row] / s, P[2, row] / s, P[3, row] / s
@@ -141,11 +141,11 @@ def measure(x, j, y, mu, p):
     for c in range(N):
         S[c] = V[row, c]
     if j == PRESSURE:
-        S[SCALE] += z
+        S[SCALE] += x.h_z  # the estimate of z has the noise of the innovations before this one
     even, odd = 0.0, 0.0  # two sums side by side: each waits for its own last term only
     for c in range(0, N, 2):
-        even += mu[c] * S[c]
-        odd += mu[c + 1] * S[c + 1]
+        even += x.fresh[c] * S[c]
+        odd += x.fresh[c + 1] * S[c + 1]
     for c in range(N):
         V[0, c] -= k0 * S[c]
     for c in range(N):
@@ -164,24 +164,10 @@ def measure(x, j, y, mu, p):
 
 
 @kernel
-def fit_lever(x, apart, p, dt):
-    """Learn rigging and lever from how far rod and surface are `apart` [m]: a Kalman filter of two constants."""
-    q, P = x.h_hat[0], x.h_lever_P
-    a, b = P[0] + q * P[1], P[1] + q * P[2]
-    s = a + q * b + p.h_r[ROD] + p.h_r[SURFACE]
-    e = (apart - x.h_rigging - q * x.h_lever) / s
-    if e * e * s > FOREIGN * FOREIGN:  # of a fault, not of the lever
-        return
-    x.h_rigging += a * e
-    x.h_lever += b * e
-    P[0] += RIGGING_WALK * dt - a * a / s
-    P[1] -= a * b / s
-    P[2] += LEVER_WALK * dt - b * b / s
-
-
-@kernel
 def measurement_update(x, u, mu, learn, p, dt):
     """Take what is valid of rod, surface and pressure."""
+    for c in range(N):
+        x.fresh[c] = mu[c] - x.fed[c]
     for j in range(SENSORS):
         x.h_s[j] = 0.0
     x.h_lost += dt
@@ -189,17 +175,17 @@ def measurement_update(x, u, mu, learn, p, dt):
     rod = u.y_rod_valid > 0.5 and math.isfinite(u.y_rod)
     surface = u.y_surface_valid > 0.5 and math.isfinite(u.y_surface)
     if rod:
-        measure(x, ROD, u.y_rod, mu, p)
+        measure(x, ROD, u.y_rod, p)
         x.h_lost = 0.0
     if surface:
         y = p.arm * u.y_surface
         if rod and (learn or x.h_clock < SETTLES_S):
-            fit_lever(x, u.y_rod - y, p, dt)
-        if x.h_lever_P[0] < RIGGING_SD * RIGGING_SD:
-            measure(x, SURFACE, y + x.h_rigging + x.h_lever * x.h_hat[0], mu, p)
+            learn_lever(x, u.y_rod - y, x.h_hat[0], p.h_r[ROD] + p.h_r[SURFACE], dt)
+        if x.lever_P[0] < RIGGING_SD * RIGGING_SD:
+            measure(x, SURFACE, y + x.lever_offset + x.lever * x.h_hat[0], p)
             x.h_lost = 0.0
     if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp):
-        measure(x, PRESSURE, u.y_dp, mu, p)
+        measure(x, PRESSURE, u.y_dp, p)
         x.h_lost_dp = 0.0
 
 
@@ -212,7 +198,7 @@ def enters(V, c, much, g0, g1, g2):
 
 
 @kernel
-def predict(x, u, v, p, dt):
+def predict(x, u, v, mu, p, dt):
     """Predict over one tick under the held valve command `v`, and what the columns add meanwhile."""
     fast = p.high_b[0] * v + x.high[0]
     x.high[0] = p.high_b[1] * v - p.high_a[0] * fast + x.high[1]
@@ -229,17 +215,23 @@ def predict(x, u, v, p, dt):
     k = lu17.stiffness(q, p)
     x.flow2 += a * (flow * flow - x.flow2)
     Phi, G, V = x.Phi, x.G, x.h_V  # of the two-stage filter, at its own estimate
-    unit = 1.0 / max(x.flow_gain, gain * lu17.ROOT_FLOOR)  # of G: a flow of 1 m/s for a tick
+    fed, feed = x.fed, min(dt / FEED_TAU, 1.0)
+    for c in (SOFT, SUPPLY, FAST, GAIN):
+        fed[c] += feed * (mu[c] - fed[c])
+    stiff = fed[SOFT]
+    unit = (1.0 + stiff) / max(x.flow_gain, gain * lu17.ROOT_FLOOR)  # of G: a flow of 1 m/s for a tick
     fast_flow, most = gain * root * fast, max(root, 0.3)
     f00, f01, f02, f03, g0 = Phi[0, 0], Phi[0, 1], Phi[0, 2], Phi[0, 3], unit * G[0]
     f10, f11, f12, f13, g1 = Phi[1, 0], Phi[1, 1], Phi[1, 2], Phi[1, 3], unit * G[1]
     f20, f21, f22, f23, g2 = Phi[2, 0], Phi[2, 1], Phi[2, 2], Phi[2, 3], unit * G[2]
+    swallowed = stiff / (1.0 + stiff) * g2  # by which Phi is that of other oil
     for c in range(N):
         a0, a1, a2, a3 = V[0, c], V[1, c], V[2, c], V[3, c]
         V[0, c] = f00 * a0 + f01 * a1 + f02 * a2 + f03 * a3
         V[1, c] = f10 * a0 + f11 * a1 + f12 * a2 + f13 * a3
-        V[2, c] = f20 * a0 + f21 * a1 + f22 * a2 + f23 * a3
-    net = flow - p.L * z - w
+        V[2, c] = f20 * a0 + f21 * a1 + f22 * a2 + f23 * a3 - swallowed * (a1 + p.L * a2)
+    net = flow - p.L * z - w - 0.5 * fed[SUPPLY] * gain * v / most
+    net += fed[FAST] * fast_flow + fed[GAIN] * (flow - fast_flow)
     enters(V, LEAK, -z, g0, g1, g2)
     enters(V, SOFT, net, g0, g1, g2)
     enters(V, SUPPLY, -0.5 * gain * v / most, g0, g1, g2)
@@ -253,7 +245,9 @@ def predict(x, u, v, p, dt):
     pushed = z + x.h_hat[3] - p.B * w / (p.A_p * p.P_s)
     x.h_hat[0] += dt * w + f03 * pushed + g0 * net
     x.h_hat[1] += f13 * pushed + g1 * net
-    x.h_hat[2] += f23 * pushed + g2 * net
+    rise = f23 * pushed + g2 * net
+    x.h_hat[2] += rise
+    x.h_z += rise - min(dt / MODEL_TAU, 1.0) * (x.h_z + model)
     congruence_walk(x.h_P, Phi, x.W)
     x.h_P[0, 0] += p.h_q[0] * dt
     x.h_P[1, 1] += p.h_q[1] * dt
@@ -276,9 +270,9 @@ def advance(x, u, mu, learn, p, dt):
             return False
     d = int(p.delay)
     if d == 0:
-        predict(x, u, x.u_old[0], p, dt)
+        predict(x, u, x.u_old[0], mu, p, dt)
         measurement_update(x, u, mu, learn, p, dt)
     else:
         measurement_update(x, u, mu, learn, p, dt)
-        predict(x, u, x.u_old[d - 1], p, dt)
+        predict(x, u, x.u_old[d - 1], mu, p, dt)
     return True

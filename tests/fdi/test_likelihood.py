@@ -83,7 +83,7 @@ def test_a_longer_lever_is_learned_and_no_evidence_of_rod_and_surface_apart():
     made = scenario(duration=26.0, seed=77_100_002, flight={"turbulence": "light"},
                     manoeuvre={"kind": "aoa_protection", "start_s": 12.0}, tolerances={"hydraulic": {"arm": 1.003}},
                     detectors={"enabled": ["iotsekf"]})  # fmt: skip
-    watched = [f"iotsekf.left_inner.{name}" for name in ("alarm", "h_lever", "evidence")]
+    watched = [f"iotsekf.left_inner.{name}" for name in ("alarm", "lever", "evidence")]
     log = fly(made, watched)
     assert log[watched[0]].max() == 0.0 and log[watched[2]].max() < 0.9
     assert log[watched[1]].iloc[-1] == pytest.approx(0.003, abs=0.0003)
