@@ -172,7 +172,7 @@ def test_recordings_of_the_score(tmp_path, monkeypatch):
 
     def door(out):
         flown = benchmark.flown(benchmark.seeds_of(), folder=out, workers=0)
-        monkeypatch.setattr(rows, "finished", lambda calls, workers: ((key, f(*given)) for key, f, given in calls))
+        monkeypatch.setattr(rows, "finished", lambda calls, **how: ((key, f(*given)) for key, f, given in calls))
         rows.scored(flown, ["iotsekf", "position_monitor"], workers=0)
 
     door(tmp_path / "whole")
