@@ -9,6 +9,7 @@ the fault, and how much later than the first witness it came; names of a fault o
 """
 
 import dataclasses
+import functools
 from collections import Counter
 from typing import Any
 
@@ -35,8 +36,9 @@ LEAST_RUNS = 20  # of every fault: with ten, what nobody has missed is missed in
 WITHIN_S = 15.0
 
 
+@functools.cache
 def scenarios(first_seed: int = FIRST_SEED) -> list[Scenario]:
-    """Return the training flights, without `joint`."""
+    """Return the training flights, without `joint`: all of them at each call, so that a process makes them once."""
     whole = load_campaign(CAMPAIGN)
     learned = (p for p in whole.parts if not p.name.startswith(NOT_LEARNED))
     parts = tuple(dataclasses.replace(p, runs=max(p.runs, LEAST_RUNS)) for p in learned)
