@@ -10,7 +10,8 @@ order per side, m' = a (gain u - m): it is driven by the u that makes its m that
 
     u = (m + m' / a) / gain,
 
-the command as far as the servos follow it. A second-order servo is a chain whose jerk has no limit and takes one tick.
+the command as far as the servos follow it. The model begins at rest at its first command, which the law's noise may put
+half a degree from where the servos are: no trim is learned until it has forgotten that. A second-order servo is a chain whose jerk has no limit and takes one tick.
 """
 
 import math
@@ -30,6 +31,7 @@ PARAMS = [
     ("weight", "f8", (4,), "-"),  # of left_outer, left_inner in the left side, of right_inner, right_outer in the right
     ("servo", "f8", (4, 9)),      # 1/s, deg/s, deg/s2, deg/s3, deg, deg/s, s; k1 = 0: a lag with a rate limit instead
     ("gain", "f8", (2,), "-"),    # of each side's first order
+    ("n_forget", "f8", "-"),      # samples until the model has forgotten where it began
 ]
 STATE = [
     ("ref", "f8", (4, 4), "deg"),  # r, r', r'' and d of each segment [deg, deg/s, deg/s2, deg]
@@ -44,6 +46,11 @@ def row(model: Mapping[str, Any], dt: float) -> Sequence[float]:
         k = reference.gains(omega=omega, zeta=zeta, dt=dt)
     limits = (model["v_max_deg_s"], model["a_max_deg_s2"], model.get("j_max_deg_s3", np.inf))
     return [*k.values(), *limits, model["lag_deg"], model["v_lag_deg_s"], model["t_lag_s"]]
+
+
+def memory(model: Mapping[str, Any]) -> float:
+    """Return how long a servo's stored model remembers where it began [s]: its reference, then friction."""
+    return float(1.0 / (model["zeta"] * model["omega_rad_s"]) + model["t_lag_s"])
 
 
 @kernel
@@ -73,6 +80,8 @@ def run(u, c, m, dt):
 @kernel
 def follow(x, p, dt):
     """Advance the servos by one tick under x.u_in; set u, u_late and rest."""
+    if x.fresh == 0.0:
+        x.seen = -p.n_forget
     for j in range(2):
         was, now = 0.0, 0.0
         for i in range(2 * j, 2 * j + 2):
