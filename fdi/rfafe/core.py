@@ -25,7 +25,7 @@ from fdi.rfafe import decision as rfafe_decision
 AIRFRAME = 4  # outputs of the airframe, before those of elevators
 NS, NY, NU, NF = 12, 8, 2, 2  # largest sizes: estimator state, outputs, inputs, faults
 TAU_AHEAD = 2.0  # memory of a command beyond the rate limit: two periods of 1 Hz [s]
-N_TRIM = 40.0  # samples to learn the trim: 0.2 s leaves a sixth of the sensors' noise
+N_TRIM, T_TRIM = 40.0, 0.2  # to learn the trim: samples that leave a sixth of the sensors' noise, and motion [s]
 NL = 72  # longest delay of the input [ticks]: the actuator's lag beyond first order and the sensors', at 2 kHz
 
 AIRFRAME_INPUTS = [
@@ -64,7 +64,7 @@ STATE = [
     ("ahead", "f8"),              # mean command beyond what the rate limit follows [design units]
     ("u_in", "f8", (NU,)),        # last finite input less `u_trim`
     ("rest", "f8", (NU,)),        # input at which the actuator would rest where it is
-    ("y0", "f8", (NY,)), ("u0", "f8", (NU,)), ("seen", "f8"),  # learned trim, samples so far
+    ("y0", "f8", (NY,)), ("u0", "f8", (NU,)), ("seen", "f8"),  # learned trim, samples so far; < 0: to be left out
     ("f", "f8", (NF,), "rad"),           # estimate [SI]
     ("started", "f8", "-"),            # 1 while the estimator runs
     ("fresh", "f8", "-"),              # 0 before the first input
@@ -119,7 +119,7 @@ def fill_stored(p: Any, design: Any, chosen: Any, dt: float, trim: Any, learn: A
 
     `trim` holds the outputs, then the elevator [design units]; None: those marked in `learn` are learned.
     """
-    act, how = chosen.get("actuator", {}), {"learn": learn, "n_trim": N_TRIM}
+    act, how = chosen.get("actuator", {}), {"learn": learn, "n_trim": max(N_TRIM, round(T_TRIM / dt))}
     if trim is not None:
         how = {"y_trim": trim[: len(learn)], "u_trim": [trim[AIRFRAME]] * NU}
     if "rate_deg_s" in act:
@@ -186,6 +186,7 @@ def learned(x, p, good):
         return True
     if good > 0.5:
         x.seen += 1.0
+    if good > 0.5 and x.seen > 0.0:
         for i in range(int(p.ny)):
             x.y0[i] += p.learn[i] * (x.y[i] - x.y0[i]) / x.seen
         for j in range(int(p.nu)):

@@ -26,7 +26,7 @@ from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.rfafe import core as rfafe_core
 from fdi.rfafe import servo
-from fdi.rfafe.core import advance, estimate, fill_stored, hold_airframe, learned
+from fdi.rfafe.core import AIRFRAME, advance, estimate, fill_stored, hold_airframe, learned
 from fdi.rfafe.model import estimate_E, first_order, fit_first_order, global_model, reduce_E
 from fdi.rfafe.store import choose, read, side_kinds
 from fdi.rfafe.synthesis import Design, Region, design
@@ -95,7 +95,7 @@ DETECTOR = Detector(
     "of the actuator, at aircraft level by name",
     estimates=(Estimate("elevator.left", "f_hat_left", "rad"), Estimate("elevator.right", "f_hat_right", "rad")),
     looks_back={"u_delay": "line"},
-    sizes={"ns": 0, "ny": 0, "nu": 0, "nf": 0, "n_trim": 0, **bank.SIZES},
+    sizes={"ns": 0, "ny": 0, "nu": 0, "nf": 0, "n_trim": 0, "n_forget": 0, **bank.SIZES},
     places={"head": ("line", 0), **bank.PLACES, "suspect": ("energy", 0)},
     design="rfafe",
     fit=lambda site: params(technology=side_kinds(site.technologies), dt=site.dt, response=RESPONSE,
@@ -117,10 +117,11 @@ def params(
     """Return PARAMS from the stored design for `technology` of the elevators and the threshold set `which`.
 
     `stored` replaces `fdi/designs/rfafe.json` (same keys). `trim` is a mapping with tas [m/s], alpha, theta, elevator
-    [rad]; None: learned from the first 0.2 s. `weight` is the share of each segment in its side's effect. `response`
-    maps the kind of a side to the resonance (rad/s, damping) that is taken out of its f_hat, None for none. `own` is
-    the folder of an aircraft with designs of its own. Raises FileNotFoundError without a stored design, ValueError for
-    a technology that it lacks.
+    [rad]; None: learned from 0.2 s, and from no fewer than 40 samples, once the servos' model has forgotten its start.
+    `weight` is the share of each segment in its side's effect. `response` maps the kind of a side to the resonance
+    (rad/s, damping) that is taken out of its f_hat, None for none. `own` is the folder of an aircraft
+    with designs of its own. Raises FileNotFoundError without a stored design, ValueError for a technology that it
+    lacks.
     """
     stored = read("rfafe", own) if stored is None else stored
     made, chosen = choose(stored, technology, dt)
@@ -132,7 +133,10 @@ def params(
         alpha, theta, elevator = (trim[name] / RAD_PER_DEG for name in ("alpha", "theta", "elevator"))
         t = [trim["tas"], alpha, 0.0, theta, elevator, elevator]
     if "servos" in stored:
-        p["servo"] = [servo.row(stored["servos"][kind], dt) for name in sides for kind in side(name)]
+        models = [stored["servos"][kind] for name in sides for kind in side(name)]
+        p["servo"] = [servo.row(model, dt) for model in models]
+        p["t_kappa"], p["kappa_spread"], p["kappa_noise"] = servo.KAPPA
+        p["n_forget"] = round(max(map(servo.memory, models)) / dt)
         p["gain"] = chosen["actuator"]["gain"]
     return fill_stored(p, made, chosen, dt, t, (1, 1, 0, 1, 1, 1))
 
@@ -184,7 +188,10 @@ def step(x, u, p, dt):
         advance(x, p, good, dt)
     else:
         servo.follow(x, p, dt)
-        if learned(x, p, good):
+        trimmed = learned(x, p, good)
+        if good > 0.5:
+            servo.learn(x, p, AIRFRAME, dt)
+        if trimmed:
             estimate(x, p, good, 0.0, dt)  # its model holds beyond the rate limit, too
     x.f_hat_left = _evened(x, p, 0)
     x.f_hat_right = _evened(x, p, 1)
