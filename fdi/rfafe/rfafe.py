@@ -26,7 +26,7 @@ from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.rfafe import core as rfafe_core
 from fdi.rfafe import servo
-from fdi.rfafe.core import AIRFRAME, advance, estimate, fill_stored, hold_airframe, learned
+from fdi.rfafe.core import advance, estimate, fill_stored, hold_airframe, learned
 from fdi.rfafe.model import estimate_E, first_order, fit_first_order, global_model, reduce_E
 from fdi.rfafe.store import choose, read, side_kinds
 from fdi.rfafe.synthesis import Design, Region, design
@@ -117,11 +117,10 @@ def params(
     """Return PARAMS from the stored design for `technology` of the elevators and the threshold set `which`.
 
     `stored` replaces `fdi/designs/rfafe.json` (same keys). `trim` is a mapping with tas [m/s], alpha, theta, elevator
-    [rad]; None: learned from 0.2 s, and from no fewer than 40 samples, once the servos' model has forgotten its start.
-    `weight` is the share of each segment in its side's effect. `response` maps the kind of a side to the resonance
-    (rad/s, damping) that is taken out of its f_hat, None for none. `own` is the folder of an aircraft
-    with designs of its own. Raises FileNotFoundError without a stored design, ValueError for a technology that it
-    lacks.
+    [rad]; None: learned from 0.2 s, and from no fewer than 40 samples, once the servos' model has forgotten its start. `weight` is the share of each segment in its side's effect. `response`
+    maps the kind of a side to the resonance (rad/s, damping) that is taken out of its f_hat, None for none. `own` is
+    the folder of an aircraft with designs of its own. Raises FileNotFoundError without a stored design, ValueError for
+    a technology that it lacks.
     """
     stored = read("rfafe", own) if stored is None else stored
     made, chosen = choose(stored, technology, dt)
@@ -135,8 +134,7 @@ def params(
     if "servos" in stored:
         models = [stored["servos"][kind] for name in sides for kind in side(name)]
         p["servo"] = [servo.row(model, dt) for model in models]
-        p["t_kappa"], p["kappa_spread"], p["kappa_noise"] = servo.KAPPA
-        p["n_forget"] = round(max(map(servo.memory, models)) / dt)
+        p["n_forget"] = round(max(map(servo.memory, models)) / dt) if trim is None else 0
         p["gain"] = chosen["actuator"]["gain"]
     return fill_stored(p, made, chosen, dt, t, (1, 1, 0, 1, 1, 1))
 
@@ -188,10 +186,7 @@ def step(x, u, p, dt):
         advance(x, p, good, dt)
     else:
         servo.follow(x, p, dt)
-        trimmed = learned(x, p, good)
-        if good > 0.5:
-            servo.learn(x, p, AIRFRAME, dt)
-        if trimmed:
+        if learned(x, p, good):
             estimate(x, p, good, 0.0, dt)  # its model holds beyond the rate limit, too
     x.f_hat_left = _evened(x, p, 0)
     x.f_hat_right = _evened(x, p, 1)

@@ -5,23 +5,13 @@
 
 A servo tracks its reference r closely, but for what friction holds back while its observer or integrator has yet to
 take it up: a time constant lag / v_lag longer for slow motion, a constant `lag` behind fast motion. A side's m is the
-effectiveness-weighted mean of its two segments. A piston or a supply that is not as stated moves the surface by more or
-less than the reference asks until the observer has taken that up, too:
-
-    e = kappa (h - h_0),  h' = r' - h / t_lag,  h_0 its mean while the trim is learned
-
-with kappa the regularised least squares of each side's position beyond the model on h - h_0 in the first `t_kappa`
-seconds after the trim: mean 0, deviation `kappa_spread`, `kappa_noise` the variance of e in health times the time for
-which it is alike. Then it stays: a fault that comes later is not learned, and while an alarm stands nothing is.
-
-Condition (ii) of [Sun13] lets the design have no more than a first order per side, m' = a (gain u - m): it is driven by
-the u that makes its m that of the servos,
+effectiveness-weighted mean of its two segments. Condition (ii) of [Sun13] lets the design have no more than a first
+order per side, m' = a (gain u - m): it is driven by the u that makes its m that of the servos,
 
     u = (m + m' / a) / gain,
 
 the command as far as the servos follow it. The model begins at rest at its first command, which the law's noise may put
-half a degree from where the servos are: no trim is learned until it has forgotten that. A second-order servo is a chain
-whose jerk has no limit and takes one tick.
+half a degree from where the servos are: no trim is learned until it has forgotten that. A second-order servo is a chain whose jerk has no limit and takes one tick.
 """
 
 import math
@@ -35,25 +25,16 @@ from actuators.common import reference
 from fdi.rfafe import core as rfafe_core
 
 K1, K2, K3, V_MAX, A_MAX, J_MAX, LAG, V_LAG, T_LAG = range(9)  # of a segment's row in `servo`
-R, RD, RDD, D, H = range(5)  # of its row in `ref`
-
-# t_kappa [s]; kappa_spread: a piston 10 % off makes 0.3; kappa_noise [deg2 s]: 0.07 deg for 0.2 s
-KAPPA = (8.0, 0.2, 1e-3)
+R, RD, RDD, D = range(4)  # of its row in `ref`
 
 PARAMS = [
     ("weight", "f8", (4,), "-"),  # of left_outer, left_inner in the left side, of right_inner, right_outer in the right
     ("servo", "f8", (4, 9)),      # 1/s, deg/s, deg/s2, deg/s3, deg, deg/s, s; k1 = 0: a lag with a rate limit instead
     ("gain", "f8", (2,), "-"),    # of each side's first order
-    ("t_kappa", "f8", "s"),       # for so long kappa is learned
-    ("kappa_spread", "f8", "-"),  # standard deviation of kappa
-    ("kappa_noise", "f8", "deg2 s"),  # of e, which h does not explain
     ("n_forget", "f8", "-"),      # samples until the model has forgotten where it began
 ]
 STATE = [
-    ("ref", "f8", (4, 5), "deg"),  # r, r', r'', d and h of each segment [deg, deg/s, deg/s2, deg, deg]
-    ("kappa", "f8", (2,), "-"), ("h_0", "f8", (2,), "deg"),  # of each side
-    ("hh", "f8", (2,)), ("eh", "f8", (2,)),  # sums of learning [deg2 s]
-    ("ran", "f8", "s"),            # time in them
+    ("ref", "f8", (4, 4), "deg"),  # r, r', r'' and d of each segment [deg, deg/s, deg/s2, deg]
 ]
 
 
@@ -84,13 +65,12 @@ def move(r, c, u, dt):
     r[RD] += dt * (r[RDD] + dt * j / 2.0)
     r[RDD] += dt * j
     r[D] += (1.0 - math.exp(-dt / c[T_LAG])) * (c[LAG] * math.tanh(r[RD] / c[V_LAG]) - r[D])
-    r[H] += (1.0 - math.exp(-dt / c[T_LAG])) * (c[T_LAG] * r[RD] - r[H])
 
 
 @kernel
 def run(u, c, m, dt):
     """Fill m (ticks,) with the surface of a servo under commands u (ticks,) [deg], at rest at the first."""
-    r = np.zeros(5)
+    r = np.zeros(4)
     r[R] = u[0]
     for k in range(u.size):
         m[k] = r[R] - r[D]
@@ -107,10 +87,10 @@ def follow(x, p, dt):
         for i in range(2 * j, 2 * j + 2):
             r, c = x.ref[i], p.servo[i]
             if x.fresh == 0.0:
-                r[R], r[RD], r[RDD], r[D], r[H] = x.u_in[j], 0.0, 0.0, 0.0, 0.0
-            was += p.weight[i] * (r[R] - r[D] + x.kappa[j] * (r[H] - x.h_0[j]))
+                r[R], r[RD], r[RDD], r[D] = x.u_in[j], 0.0, 0.0, 0.0
+            was += p.weight[i] * (r[R] - r[D])
             move(r, c, x.u_in[j], dt)
-            now += p.weight[i] * (r[R] - r[D] + x.kappa[j] * (r[H] - x.h_0[j]))
+            now += p.weight[i] * (r[R] - r[D])
         if x.fresh == 0.0:
             x.act[j] = was
         share = 1.0 - math.exp(-p.act_a[j] * dt)
@@ -121,28 +101,3 @@ def follow(x, p, dt):
         x.u[j], x.u_late[j] = u - x.u0[j], late - x.u0[j]
     x.fresh = 1.0
     rfafe_core.turn(x)
-
-
-@kernel
-def learn(x, p, first, dt):
-    """Learn h_0 with the trim, then kappa, from this sample; the positions of the sides are in x.y from `first` on."""
-    if x.seen < p.n_trim:
-        for j in range(2):
-            if x.seen > 0.0:
-                x.h_0[j] += (_held(x, p, j) - x.h_0[j]) / x.seen
-        return
-    if x.ran >= p.t_kappa or x.alarm > 0.5:
-        return
-    x.ran += dt
-    for j in range(2):
-        h = _held(x, p, j) - x.h_0[j]
-        e = x.y[first + j] - x.y0[first + j] - (x.act[j] - p.gain[j] * x.u0[j])
-        x.hh[j] += dt * h * h
-        x.eh[j] += dt * h * (e + x.kappa[j] * h)
-        x.kappa[j] = x.eh[j] / (x.hh[j] + p.kappa_noise / (p.kappa_spread * p.kappa_spread))
-
-
-@kernel
-def _held(x, p, j):
-    """Return h of side j [deg]."""
-    return p.weight[2 * j] * x.ref[2 * j, H] + p.weight[2 * j + 1] * x.ref[2 * j + 1, H]

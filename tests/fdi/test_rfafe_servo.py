@@ -13,21 +13,21 @@ from fdi.rfafe.store import read
 DT, ROLL_S = 0.005, 12.0
 
 
-def judged(command, surface, technology="hydraulic", dt=DT):
+def judged(command, surface, technology="hydraulic"):
     """Return the STATE log of rfafe under a command (ticks,) and the surface (ticks,) of all segments [rad]."""
     u = np.zeros((1, len(command)), rfafe.INPUTS)
     for name in ("tas", "alpha", "q", "theta", "surface"):
         u[f"{name}_valid"] = 1.0
     u["tas"], u["command"][0], u["surface"][0] = 200.0, command[:, None], surface[:, None]
-    p, log = rfafe.params(technology=technology, dt=dt), np.zeros(u.shape, rfafe.STATE)
-    rfafe.rollout(rfafe.init(p), u, p, dt, log)
+    p, log = rfafe.params(technology=technology), np.zeros(u.shape, rfafe.STATE)
+    rfafe.rollout(rfafe.init(p), u, p, DT, log)
     return log[0]
 
 
 @pytest.mark.parametrize("kind", ["hydraulic", "ema", "simple"])
 @pytest.mark.parametrize("share", [0.05, 1.0])  # of what reaches the rate limit many times over
 def test_a_servo_that_obeys_is_no_fault_whatever_it_is_asked(kind, share):
-    """The trim is learned in the first 0.4 s, in which this command moves by several degrees."""
+    """The trim is learned in the first 0.2 s, in which this command moves by several degrees."""
     t = np.arange(round(ROLL_S / DT)) * DT
     command = share * (6.0 * np.sin(2.0 * np.pi * 1.1 * t + 0.3) + 5.0 * np.sign(np.sin(2.3 * t)))  # [deg]
     m = np.zeros(len(t))
@@ -60,42 +60,3 @@ def test_at_another_rate_the_model_has_the_same_response():
         servo.run(u, np.array(servo.row(model, dt)), m, dt)
         out[dt] = np.interp(np.arange(0.15, 0.9, 0.05), np.arange(len(u)) * dt, m)
     assert np.abs(out[0.0025] - out[0.005]).max() < 0.02 and np.abs(out[0.02] - out[0.005]).max() < 0.06
-
-
-@pytest.mark.parametrize("rate", [50, 200, 500, 2000])
-@pytest.mark.parametrize("kind", ["hydraulic", "ema", "simple"])
-def test_the_noise_of_the_first_command_is_no_trim_at_any_rate(rate, kind):
-    """The law's noise puts the first command 1 deg from where the servos rest: 0.3 deg of it were learned at 500 Hz."""
-    dt = 1.0 / rate
-    command = np.random.default_rng(rate).normal(0.0, 0.3, round(6.0 * rate))
-    command[0] = 0.0
-    m = np.zeros(len(command))
-    servo.run(command, np.array(servo.row(read("rfafe")["servos"][kind], dt)), m, dt)
-    command[0] = 1.0
-    late = round(DT / dt)
-    surface = np.concatenate([np.zeros(late), m[: len(m) - late]])
-    log = judged(command * RAD_PER_DEG, surface * RAD_PER_DEG, kind, dt)
-    assert log["valid"][3 * rate :].all() and not log["alarm"].any()
-    assert np.abs(log["slow"][3 * rate :]).max() < 0.08 * RAD_PER_DEG
-
-
-def test_a_piston_that_is_not_as_stated_is_learned_but_no_fault_that_comes_later():
-    """The flow of its valve moves a smaller piston further than asked until its observer has taken that up."""
-    t = np.arange(round(30.0 / DT)) * DT
-    model = read("rfafe")["servos"]["hydraulic"]
-    c = np.array(servo.row(model, DT))
-    command = 0.8 * np.sin(2 * np.pi * 0.4 * t) + 0.5 * np.sin(2 * np.pi * 1.63 * t) + 0.3 * np.sin(2 * np.pi * 1.3 * t)
-    r, m, h = np.zeros(5), np.zeros(len(t)), np.zeros(len(t))
-    for k, u in enumerate(command):
-        m[k], h[k] = r[servo.R] - r[servo.D], r[servo.H]
-        servo.move(r, c, u, DT)
-    late = np.concatenate([[0.0], (m + 0.35 * h)[:-1]])
-    log = judged(command * RAD_PER_DEG, late * RAD_PER_DEG)
-    after = slice(round(10.0 / DT), None)
-    assert not log["alarm"].any() and np.abs(log["kappa"][-1] - 0.35).max() < 0.03
-    assert np.abs(log["f"][after]).max() < 0.03 * RAD_PER_DEG < 0.1 * np.abs(0.35 * h[after]).max()
-
-    fault = np.where(t > 14.0, 1.0 * np.sin(2 * np.pi * 1.0 * (t - 14.0)), 0.0)
-    found = judged(command * RAD_PER_DEG, (late + fault) * RAD_PER_DEG)
-    assert found["alarm"][-1] and not found["alarm"][t < 14.0].any()
-    assert (found["kappa"][-1] == log["kappa"][-1]).all()
