@@ -7,10 +7,8 @@ code, so the same bits. The functions follow Numba's convention in C:
     int f(void **nothing, void **nothing, arguments ...)
 """
 
-import contextlib
 import ctypes
 import functools
-import gc
 import hashlib
 import os
 import tempfile
@@ -128,8 +126,7 @@ def _compile(function, kinds):
 
     only: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     made = numba.njit(error_model="numpy", **only)(function)
-    with _as_parts(), _without_collection():
-        made.compile(numba.types.void(*kinds))
+    made.compile(numba.types.void(*kinds))
     (found,) = made.overloads.values()
     name = found.fndesc.llvm_func_name
     module = llvm.parse_assembly(str(found.library._final_module))
@@ -148,50 +145,6 @@ def _compile(function, kinds):
     passes.run(module, builder)
     called = [f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.")]
     return "\n".join(called).encode() + b"\0" + machine.emit_object(module)
-
-
-@contextlib.contextmanager
-def _as_parts():
-    """Compile functions as parts of another: inlined cheaply, without machine code of their own.
-
-    They are optimised once, where all have been linked, and not again in each that calls them: 8 to 20 % less time.
-    """
-    from numba.core.codegen import JITCodeLibrary as Library
-
-    def inline(self):
-        passes, builder = self._codegen._module_pass_manager(
-            loop_vectorize=False, slp_vectorize=False, opt=0, cost="cheap"
-        )
-        passes.run(self._final_module, builder)
-
-    instead = {
-        "_optimize_final_module": inline,
-        "_finalize_specific": lambda self: self._codegen._scan_and_fix_unresolved_refs(self._final_module),
-        "serialize_using_object_code": Library.serialize_using_bitcode,
-    }
-    before = {name: vars(Library).get(name) for name in instead}
-    for name, function in instead.items():
-        setattr(Library, name, function)
-    try:
-        yield
-    finally:
-        for name, held in before.items():
-            if held is None:
-                delattr(Library, name)
-            else:
-                setattr(Library, name, held)
-
-
-@contextlib.contextmanager
-def _without_collection():
-    """Look for no garbage meanwhile: a compiler keeps nearly all that it makes. A seventh less time, up to 550 MB."""
-    before = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if before:
-            gc.enable()
 
 
 _loaded: list[Any] = []
