@@ -54,7 +54,7 @@ STATE = [
     ("candidate_s", "f8", "s"),
     ("candidate_octave", "f8"),  # that speaks for it
     ("likely_octave", "f8"),  # that spoke last for the class that stands
-    ("likely", "f8"),  # class of this module
+    ("likely", "f8", "-"),  # class of this module
     ("likely_fault", "f8"),  # hypothesis
     ("rod_low", "f8", "m"),  # travel since the onset
     ("rod_high", "f8", "m"),
