@@ -117,10 +117,10 @@ def params(
     """Return PARAMS from the stored design for `technology` of the elevators and the threshold set `which`.
 
     `stored` replaces `fdi/designs/rfafe.json` (same keys). `trim` is a mapping with tas [m/s], alpha, theta, elevator
-    [rad]; None: learned from 0.2 s, and from no fewer than 40 samples, once the servos' model has forgotten its start. `weight` is the share of each segment in its side's effect. `response`
-    maps the kind of a side to the resonance (rad/s, damping) that is taken out of its f_hat, None for none. `own` is
-    the folder of an aircraft with designs of its own. Raises FileNotFoundError without a stored design, ValueError for
-    a technology that it lacks.
+    [rad]; None: learned from 0.2 s, and from no fewer than 40 samples, once the servos' model has forgotten its start.
+    `weight` is the share of each segment in its side's effect. `response` maps the kind of a side to the resonance
+    (rad/s, damping) that is taken out of its f_hat, None for none. `own` is the folder of an aircraft with designs of
+    its own. Raises FileNotFoundError without a stored design, ValueError for a technology that it lacks.
     """
     stored = read("rfafe", own) if stored is None else stored
     made, chosen = choose(stored, technology, dt)

@@ -11,7 +11,8 @@ order per side, m' = a (gain u - m): it is driven by the u that makes its m that
     u = (m + m' / a) / gain,
 
 the command as far as the servos follow it. The model begins at rest at its first command, which the law's noise may put
-half a degree from where the servos are: no trim is learned until it has forgotten that. A second-order servo is a chain whose jerk has no limit and takes one tick.
+half a degree from where the servos are: no trim is learned until it has forgotten that. A second-order servo is a chain
+whose jerk has no limit and takes one tick.
 """
 
 import math
