@@ -25,16 +25,16 @@ from fdi.rfafe.store import side_kinds
 FROZEN: dict[str, dict[str, dict[str, float]]] = {
     "hydraulic": {
         "iotsekf flight_load0": {
-            "bank_threshold": 0.00374683, "slow_threshold": 0.0160594, "run_threshold": 0.0548779,
-            "sum_threshold": 0.0031224,
+            "bank_threshold": 0.00362691, "slow_threshold": 0.0160594, "run_threshold": 0.0549503,
+            "sum_threshold": 0.0030224,
         },
         "iotsekf flight_load1": {
-            "bank_threshold": 0.00374683, "slow_threshold": 0.0025695, "run_threshold": 0.00723876,
-            "sum_threshold": 0.0031224,
+            "bank_threshold": 0.00362691, "slow_threshold": 0.0025695, "run_threshold": 0.00824249,
+            "sum_threshold": 0.0030224,
         },
         "iotsekf flight_load2": {
-            "bank_threshold": 0.00589227, "slow_threshold": 0.000642376, "run_threshold": 0.00511357,
-            "sum_threshold": 0.0049102, "limit": 5.74697,
+            "bank_threshold": 0.0059608, "slow_threshold": 0.000642376, "run_threshold": 0.00511357,
+            "sum_threshold": 0.0049673, "limit": 4.37039,
         },
         "rtsekf flight_load0": {
             "threshold": 0.0267695, "step": 0.00657689,
@@ -43,7 +43,7 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
             "threshold": 0.00328096, "step": 0.00108676,
         },
         "rtsekf_flight flight": {
-            "pair_threshold": 0.000152051,
+            "pair_threshold": 0.000148748,
         },
     },
     "monitors": {
@@ -51,7 +51,7 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
             "threshold": 0.00147263, "share": 0.0,
         },
         "ofc_monitor flight": {
-            "threshold": 0.0005, "share": 0.0, "usual": 0.00636745, "most": 0.0104889,
+            "threshold": 0.0005, "share": 0.0, "usual": 0.010061, "most": 0.00580017,
         },
     },
     "ema": {
@@ -84,7 +84,7 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
     },
     "rfafe": {
         "rfafe ": {
-            "bank_threshold": 0.000872665, "bank_share": 0.0, "th_static": 0.000828179,
+            "bank_threshold": 0.000872665, "bank_share": 0.0, "th_static": 0.000739007,
         },
         "rfafe_airframe ": {
             "bank_threshold": 0.00107993, "bank_share": 0.0, "th_static": 0.000599313,
