@@ -69,7 +69,7 @@ def _decades(low, high):
 def _points(figure, panel, own, seen):
     """Draw every flight: filled where it was seen, a cross where not; faults of several segments beside."""
     side = own["target"].str.endswith(("left", "right", "all"))
-    named = {trace["name"] for trace in figure.data}
+    named = {trace.get("name") for trace in figure.data}
     for mask, symbol, colour, name in (
         (seen, "circle", "--blue", "seen"),
         (~seen, "x-thin-open", "--fault", "not seen"),
