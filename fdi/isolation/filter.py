@@ -37,6 +37,7 @@ N = 10  # columns
 ROWS = (0, 0, 2)  # state that each sensor reads
 CORNER_HZ, CORNER_MOST = 25.0, 0.3  # an oscillation of up to 10 Hz stays below; share of the rate
 CREEP = 3e-3  # friction turns round within this velocity [m/s]
+APART = 0.7  # of what rod and surface may be apart: beyond it nothing is learned of the lever
 SETTLES_S = 1.0  # the filter settles [s]
 FEED_TAU = 2.0  # slower than the filter forgets, so that a signature holds for the errors of some while ago, too [s]
 MODEL_TAU = 0.2  # within which friction and inertia of the model's pressure are forgotten [s]
@@ -164,7 +165,7 @@ def measure(x, j, y, p):
 
 
 @kernel
-def measurement_update(x, u, mu, learn, p, dt):
+def measurement_update(x, u, mu, p, dt):
     """Take what is valid of rod, surface and pressure."""
     for c in range(N):
         x.fresh[c] = mu[c] - x.fed[c]
@@ -179,7 +180,7 @@ def measurement_update(x, u, mu, learn, p, dt):
         x.h_lost = 0.0
     if surface:
         y = p.arm * u.y_surface
-        if rod and (learn or x.h_clock < SETTLES_S):
+        if rod and x.sensor < 0.5 and math.fabs(x.pair_d) < APART * x.pair_limit:
             learn_lever(x, u.y_rod - y, x.h_hat[0], p.h_r[ROD] + p.h_r[SURFACE], dt)
         if x.lever_P[0] < RIGGING_SD * RIGGING_SD:
             measure(x, SURFACE, y + x.lever_offset + x.lever * x.h_hat[0], p)
@@ -260,7 +261,7 @@ def predict(x, u, v, mu, p, dt):
 
 
 @kernel
-def advance(x, u, mu, learn, p, dt):
+def advance(x, u, mu, p, dt):
     """Run the filter for one tick on measurements that are `delay` ticks old, behind the valve commands of
     `separate_bias.estimate`; return whether it runs."""
     if x.h_started < 0.5:
@@ -271,8 +272,8 @@ def advance(x, u, mu, learn, p, dt):
     d = int(p.delay)
     if d == 0:
         predict(x, u, x.u_old[0], mu, p, dt)
-        measurement_update(x, u, mu, learn, p, dt)
+        measurement_update(x, u, mu, p, dt)
     else:
-        measurement_update(x, u, mu, learn, p, dt)
+        measurement_update(x, u, mu, p, dt)
         predict(x, u, x.u_old[d - 1], mu, p, dt)
     return True

@@ -124,7 +124,7 @@ def close(x, p, suspicious, dt):
 def listen(x, u, p, suspicious, dt):
     """Run the filter, add up, ask; everything while `suspicious`."""
     x.ev_octave, x.ended = -1.0, 0.0
-    if p.asks < 0.5 or not filter.advance(x, u, x.mu, x.since > QUIET_S and x.alarm < 0.5, p, dt):
+    if p.asks < 0.5 or not filter.advance(x, u, x.mu, p, dt):
         return
     if x.h_clock < filter.SETTLES_S:
         return
