@@ -105,6 +105,22 @@ def _groups(path, kind, first=0):
 def ordered(folder: Path, kind: str, order: dict[str, int]) -> Iterator[pd.DataFrame]:
     """Yield the rows of a kind as frames of whole runs, in the `order` {run: position} of the runs, without others.
 
+    A frame is of BLOCK positions, so that what is written does not depend on how the rows came.
+    """
+    held = None
+    for found in _due(folder, kind, order):
+        held = found if held is None else pd.concat([held, found])
+        block = held["run"].map(order) // BLOCK
+        for k in sorted(set(block))[:-1]:
+            yield held[block == k]
+        held = held[block == block.max()]
+    if held is not None:
+        yield held
+
+
+def _due(folder, kind, order):
+    """Yield the rows as they can be told to be complete, in the order of the runs.
+
     Row groups are read where the first of their runs is due: held are a block of BLOCK runs and what overlaps it.
     """
     waiting = []  # (first position, path, number of the row group)

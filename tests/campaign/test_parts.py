@@ -35,6 +35,7 @@ def test_parts_in_any_order_give_whole_runs_in_order_whatever_the_size_of_a_bloc
                 parts.merge(folder, "rows")
         found = list(parts.ordered(folder, "rows", order))
     assert [run for f in found for run in dict.fromkeys(f["run"].sort_values())] == list(order)
+    assert [{order[run] // block for run in f["run"]} for f in found] == [{k} for k in range(-(-runs // block))]
     whole = pd.concat(found).drop_duplicates(["run", "lane"])
     assert len(whole) == 3 * runs and set(whole["run"]) == set(order)
 
