@@ -34,7 +34,7 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
         },
         "iotsekf flight_load2": {
             "bank_threshold": 0.0059608, "slow_threshold": 0.000642376, "run_threshold": 0.00511357,
-            "sum_threshold": 0.0049673, "limit": 4.37039,
+            "sum_threshold": 0.0049673, "limit": 4.33043,
         },
         "rtsekf flight_load0": {
             "threshold": 0.0267695, "step": 0.00657689,
