@@ -123,7 +123,7 @@ class _Told(_Model):
 def _peaks(text):
     peaks = np.frombuffer(base64.b64decode(text, validate=True), "<f4")
     if not len(peaks) or not (peaks >= 0.0).all():
-        raise ValueError("peaks that are none")
+        raise ValueError("no peak, or one below zero")
     return peaks
 
 

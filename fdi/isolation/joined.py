@@ -3,8 +3,8 @@
     q' = -L_b z                              [Lu17] (4) with the valve cut off and the leakage L_b of the bypass
 
 Over blocks of BLOCK_S the rod has moved by minus the integral of the pressure, within the noise of the two sensors. A
-valve that is stuck or oscillates holds a pressure against the load while the rod does something else. The leak is so
-large that its signature in a filter that knows no fault is none of first order; the relation itself holds.
+valve that is stuck or oscillates holds a pressure against the load while the rod does something else. The signatures of
+`filter` are linear in the size of a fault, and this leak is too large for that; the relation holds for any size.
 """
 
 import math
@@ -20,10 +20,10 @@ STATE = [
     ("joint_s", "f8", "s"),  # into the block
     ("joint_q", "f8", "m"),  # rod at its begin
     ("joint_flow", "f8", "m"),  # by which the bypass moves the rod since then
-    ("joint_n", "f8"),  # blocks, forgotten
+    ("joint_n", "f8", "-"),  # blocks, forgotten
     ("joint_flow2", "f8", "m^2"),  # sums of squares over blocks: of the flow,
     ("joint_left2", "f8", "m^2"),  # and of what the rod moved otherwise
-    ("joined", "f8"),  # 1 where an alarm has shown that the chambers are joined
+    ("joined", "f8", "-"),  # 1 where an alarm has shown that the chambers are joined
 ]
 
 
