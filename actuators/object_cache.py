@@ -70,8 +70,10 @@ class Native:
 
     def ready(self) -> bool:
         """Tell whether the machine code is loaded or stored."""
+        if "address" in vars(self):
+            return True
         file = self._file()
-        return "address" in vars(self) or bool(file and file.is_file())
+        return bool(file and file.is_file())
 
     def stored(self) -> bool:
         """Tell whether there is a place to store machine code."""

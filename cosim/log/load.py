@@ -4,11 +4,11 @@ import struct
 from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any, BinaryIO
-from zlib import crc32
 
 import numpy as np
 
 from .compression import FrameError, decompress
+from .crc import crc32
 from .format import Damage, LogError, log_error
 
 _HEAD = struct.Struct("<BQHIQQ")  # a message record up to its payload, as chunk.HEAD

@@ -4,7 +4,6 @@ import hashlib
 import struct
 from collections.abc import Iterator
 from typing import Any
-from zlib import crc32
 
 import numpy as np
 from mcap.data_stream import RecordBuilder
@@ -18,6 +17,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from .crc import crc32
 from .format import ChunkRef
 
 _OFFSETS = np.dtype([("channel", "<u2"), ("offset", "<u8")])

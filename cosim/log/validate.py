@@ -9,7 +9,6 @@ import os
 import struct
 from pathlib import Path
 from typing import Any
-from zlib import crc32
 
 from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
@@ -19,6 +18,7 @@ from mcap.records import ChunkIndex
 from cosim.files import regular
 
 from .contents import HEAD_BYTES, LARGE, Contents, decode
+from .crc import crc32
 from .format import Damage, LogError, log_error
 from .records import MAGIC, closing, content_hash
 
