@@ -9,6 +9,8 @@ from cosim.training.flights import watch, wires
 from fdi.common import bank, verdict
 from fdi.hydraulic import hypotheses, iotsekf, losses, noise, opened, windows
 
+pytestmark = pytest.mark.usefixtures("plain_kernels")
+
 P = iotsekf.params()[0]
 N = windows.N
 LOSSY = int(np.argmin(P["bank_loss"]))  # the frequency whose samples are averaged over most of its period

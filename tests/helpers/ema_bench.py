@@ -175,5 +175,5 @@ def fly_bench(tick: Any, *, tolerance: Any = None, friction: Any = 1.0, reconfig
     ux, us, uf = np.zeros(1, ema.INPUTS), np.zeros(1, ema_servo.INPUTS), np.zeros(1, flight.INPUTS)
     out, true = np.zeros(len(tick), flight.STATE), np.zeros((len(tick), 4))
     entries = np.array([block.rollout.native.address for block in (flight, ema_servo, ema)])
-    fly(entries, tick, px, ps, pf, x, s, f, ux, us, uf, bool(reconfigure), out.ctypes.data, true)
+    fly.compiled(entries, tick, px, ps, pf, x, s, f, ux, us, uf, bool(reconfigure), out.ctypes.data, true)
     return Flight(out, *true.T.copy())
