@@ -8,11 +8,12 @@ Nothing is imported before it is asked for: a worker imports this package, and n
 import importlib
 from typing import Any
 
-OF_FLIGHTS = ("CampaignError", "CampaignResult", "EVALUATION_SEED", "run_many", "table")
+MODULES = dict.fromkeys(("CampaignError", "CampaignResult", "run_many", "table"), "flights")
+MODULES["EVALUATION_SEED"] = "spec"
 
 
 def __getattr__(name: str) -> Any:
-    """Return a name of `cosim.campaign.flights`."""
-    if name not in OF_FLIGHTS:
+    """Return a name of one of the MODULES."""
+    if name not in MODULES:
         raise AttributeError(f"module 'cosim.campaign' has no attribute {name!r}")
-    return getattr(importlib.import_module("cosim.campaign.flights"), name)
+    return getattr(importlib.import_module(f"cosim.campaign.{MODULES[name]}"), name)

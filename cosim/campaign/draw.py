@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtr, ndtri
 
 from cosim.errors import CampaignError, did_you_mean
 
@@ -38,6 +37,8 @@ class Draw:
         if self.integer:
             return int(self.low) + int(u * (int(self.high) - int(self.low) + 1))
         if not math.isnan(self.mean):
+            from scipy.special import ndtr, ndtri  # a tenth of a second: `cosim list` reads campaigns, too
+
             a, b = (float(ndtr((x - self.mean) / self.sigma)) for x in (self.low, self.high))
             return float(self.mean + self.sigma * ndtri(a + u * (b - a)))
         if self.scale == "log":
@@ -46,6 +47,8 @@ class Draw:
 
     def quantile(self, value: float) -> float:
         """Return the u at which a normal draw is `value`."""
+        from scipy.special import ndtr
+
         a, b, at = (float(ndtr((x - self.mean) / self.sigma)) for x in (self.low, self.high, value))
         return (at - a) / (b - a)
 
@@ -93,7 +96,7 @@ def unit_cube(n: int, d: int, *, sampling: str, seed: int) -> np.ndarray:
     """Return (n, d) points in [0, 1): independent, or a Latin hypercube (every column hits each n-th part once)."""
     rng = np.random.default_rng(seed)
     if sampling == "latin_hypercube":
-        from scipy.stats import qmc  # a second: `cosim list` reads campaigns, too
+        from scipy.stats import qmc  # a second, as above
 
         return qmc.LatinHypercube(d, seed=rng).random(n)
     return rng.random((n, d))

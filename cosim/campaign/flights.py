@@ -13,8 +13,7 @@ without a result has one row. What is of the lane, not of a fault, stands on the
 
 timing.parquet holds what a clock measured, and never repeats.
 
-**Seeds.** Thresholds are trained on seeds below EVALUATION_SEED, everything that is reported flies on seeds from there
-on: a campaign's seeds start there unless it says otherwise.
+Seeds: EVALUATION_SEED in cosim/campaign/spec.py.
 """
 
 import functools
@@ -40,7 +39,6 @@ from cosim.scenario.brought import identified
 from cosim.table import Table
 from fdi import registry
 
-EVALUATION_SEED = 1_000_000
 CORE = (
     "seed",
     "duration_s",

@@ -12,14 +12,17 @@
 Flights repeat bit for bit, so a log is written by flying the run again: no flight pays for a log that nobody wants.
 """
 
-import pandas as pd
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # a third of a second: `cosim list` reads campaigns, which name rules
+    import pandas as pd
 
 COLUMNS = ("id", "concerned", "false_alarms", "delay_s", "delay_periods", "amplitude_mm", "rod_mm", "r_max_before",
            "estimate_rmse")  # fmt: skip  # of a row, by which runs are chosen
 RULES = ("false_alarm", "missed", "late", "residual", "estimate", "departed")
 
 
-def choose(frame: pd.DataFrame, keep: dict[str, int]) -> dict[str, list[str]]:
+def choose(frame: "pd.DataFrame", keep: dict[str, int]) -> dict[str, list[str]]:
     """Return {run: [rules]} of the runs to keep; `keep` maps a rule to how many runs per detector."""
     out: dict[str, list[str]] = {}
     for rule, count in keep.items():

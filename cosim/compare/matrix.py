@@ -5,8 +5,8 @@ when the slowest of them has learned its offsets (20 s, fdi/control_redundancy/c
 of an evaluation.
 """
 
-from cosim.campaign.flights import EVALUATION_SEED
 from cosim.campaign.inventory import builtin_names
+from cosim.campaign.spec import EVALUATION_SEED
 from cosim.flight.plant.point import SIX
 from cosim.scenario import Scenario, load_scenario
 

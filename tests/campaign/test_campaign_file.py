@@ -21,9 +21,9 @@ from worker_calls import deadly
 
 from cosim.campaign import pool
 from cosim.campaign.draw import draw, unit_cube
-from cosim.campaign.flights import EVALUATION_SEED, run_many
+from cosim.campaign.flights import run_many
 from cosim.campaign.run import cluster, rerun
-from cosim.campaign.spec import builtin_campaigns, load_campaign
+from cosim.campaign.spec import EVALUATION_SEED, builtin_campaigns, load_campaign
 from cosim.cli import commands as cli
 from cosim.cli.campaign import nearest
 from cosim.errors import CosimError

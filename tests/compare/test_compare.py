@@ -11,9 +11,10 @@ import pandas as pd
 import pytest
 from report_browser import CHROMIUM, use
 
-from cosim.campaign.flights import EVALUATION_SEED, run_many
+from cosim.campaign.flights import run_many
 from cosim.campaign.inventory import builtin_names
 from cosim.campaign.run import run_campaign
+from cosim.campaign.spec import EVALUATION_SEED
 from cosim.cli.commands import app
 from cosim.compare import CompareError, compare, stats
 from cosim.compare import rows as compare_rows

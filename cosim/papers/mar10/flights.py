@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from actuators.constants import RAD_PER_DEG
-from cosim.campaign.flights import EVALUATION_SEED
+from cosim.campaign.spec import EVALUATION_SEED
 from cosim.flight.detection.detector_context import aircraft
 from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect
