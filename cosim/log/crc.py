@@ -48,4 +48,4 @@ def crc32(data: Any, value: int = 0) -> int:
     blocks = len(held) // BLOCK
     FOLD.free(held.ctypes.data, blocks, left.ctypes.data, value ^ _ALL)
     # what is left stands for all before it, register included: it begins with a register of zeros
-    return zlib.crc32(held[blocks * BLOCK :], zlib.crc32(left, _ALL))
+    return zlib.crc32(held[blocks * BLOCK :].data, zlib.crc32(left.data, _ALL))
