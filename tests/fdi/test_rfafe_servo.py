@@ -10,6 +10,8 @@ from cosim.training.flights import COMMAND, POINT, SURFACES
 from fdi.rfafe import rfafe, servo
 from fdi.rfafe.store import read
 
+pytestmark = pytest.mark.usefixtures("plain_kernels")
+
 DT, ROLL_S = 0.005, 12.0
 
 
