@@ -177,6 +177,8 @@ STATE = dtype(
         ("timer", "f8", "s"),
         ("timer_any", "f8", "s"),
         ("quiet", "f8", (NH,), "s"),  # time that a declared effector has looked healthy
+        ("held", "f8", (NH,), "rad, fraction"),  # where its surface stood last, or the thrust that was lost
+        ("refuted", "f8", (NH,), "s"),  # time for which that would show and does not
         ("low", "f8", (2,), "rad"),  # range of commanded and of reconstructed position since the declaration
         ("high", "f8", (2,), "rad"),
         ("bias_0", "f8", (2,), "g"),  # learned
@@ -197,6 +199,7 @@ STATE = dtype(
         ("blamed", "f8", "-"),  # sensor that is declared: 0, 1 n_x, 2 n_z, 3 alpha
         ("timer_bias", "f8", "s"),  # its confirmation
         ("on_bias", "f8", "-"),
+        ("absent", "f8", "s"),  # time for which its row has been quiet
         ("on", "f8", "-"),  # ambiguous alarm
         *gyro.STATE,
     ]

@@ -7,6 +7,10 @@ from fdi.common.decision import confirm
 from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, SENSOR, THRUST
 from fdi.control_redundancy.core import NH, NR, PITCH, fit_hypothesis
 
+HEALED_S = 5.0  # so long what a declared fault would do now, were it still there, is not there [s]
+SHOWS = (0.5, 0.75, 1.0)  # of a threshold: a fault that no longer shows, one that would, one that does
+SURFACES = 3  # hypotheses of surfaces, those of engines follow: a fault of these is a share of the thrust
+UNNAMED_S = 10.0  # an alarm without a name outlives its residuals by this [s]
 FAR = 1e3  # beyond every position [rad]; a state is finite
 FIRING = 0.8  # of a row's threshold: with less it says nothing of its accelerometer
 DOUBT = 0.5  # of bias_share: with so much no effector is declared
@@ -119,6 +123,11 @@ def decide(x, p, dt):
     elif wrong == 1.0 and off:
         wrong = 0.0  # gusts or the vane
     x.timer_bias, x.on_bias = confirm(x.timer_bias, x.on_bias, wrong > 0.5, dt, p.t_confirm, p.t_release)
+    row = 0 if x.blamed == 1.0 else 2
+    absent = x.on_bias > 0.5 and math.fabs(x.avg[row]) < 0.5 * (p.threshold[row] + p.rel * x.avg[NR + row])
+    x.absent = x.absent + dt if absent else 0.0
+    if x.absent > HEALED_S:  # an error of a sensor shows in its row in every flight
+        x.timer_bias, x.on_bias, x.absent = 0.0, 0.0, 0.0
     x.blamed = wrong if wrong > 0.5 else (x.blamed if x.on_bias > 0.5 else 0.0)
     if wrong > 0.5 or x.on_bias > 0.5:  # its rows say nothing about effectors
         x.timer, x.last, x.timer_any = 0.0, 0.0, 0.0
@@ -138,21 +147,28 @@ def decide(x, p, dt):
         if x.timer >= p.t_confirm - 0.5 * dt:
             h = best - 1
             x.declared[h], x.quiet[h], x.culprit, x.timer = 1.0, 0.0, best, 0.0
+            x.held[h] = x.refuted[h] = 0.0
             for i in range(2):
                 x.low[i], x.high[i] = FAR, -FAR
-    x.timer_any, x.on = confirm(x.timer_any, x.on, x.r >= 1.0 and count != 1, dt, p.t_ambiguous, p.t_release)
+    x.timer_any, x.on = confirm(x.timer_any, x.on, x.r >= 1.0 and count != 1, dt, p.t_ambiguous, UNNAMED_S)
     x.f_hat_elevator, x.f_hat_aileron = _estimate(x, p, 0), _estimate(x, p, 1)
     x.f_hat_rudder, x.f_hat_thrust = _estimate(x, p, 2), _estimate(x, p, 3)
     x.alarm = x.on
     for h in range(int(p.n_hypotheses)):
         if x.declared[h] > 0.5:
             f = _estimate(x, p, h)
-            moved = 0.0
+            command = x.avg[2 * NR + h] if h < SURFACES else 0.0
+            moved, asked = 0.0, 0.0
             for i in range(int(p.n_families)):
                 if x.used[i] > 0.5:
                     moved = max(moved, math.fabs(x.S[i, h] * f) / x.tau[i])
-            x.quiet[h] = 0.0 if moved >= 0.5 else x.quiet[h] + dt
-            if x.quiet[h] > p.t_release:
+                    asked = max(asked, math.fabs(x.S[i, h] * (x.held[h] - command)) / x.tau[i])
+            x.quiet[h] = 0.0 if moved >= SHOWS[0] else x.quiet[h] + dt
+            if moved >= SHOWS[2] or x.held[h] == 0.0:
+                x.held[h] = command + f
+            # a surface that stands where the command is shows nothing; elsewhere it would
+            x.refuted[h] = x.refuted[h] + dt if moved < SHOWS[0] and asked >= SHOWS[1] else 0.0
+            if x.quiet[h] > p.t_release or x.refuted[h] > HEALED_S:
                 x.declared[h] = 0.0
                 x.culprit = 0.0 if x.culprit == h + 1.0 else x.culprit
             else:
@@ -184,6 +200,6 @@ def withdraw(x, p):
     for h in range(int(p.n_hypotheses)):
         x.declared[h] = 0.0
     x.on, x.timer, x.timer_any, x.last = 0.0, 0.0, 0.0, 0.0
-    x.on_bias, x.timer_bias, x.blamed = 0.0, 0.0, 0.0
+    x.on_bias, x.timer_bias, x.blamed, x.absent = 0.0, 0.0, 0.0, 0.0
     x.r, x.alarm, x.verdict, x.culprit, x.f_hat = 0.0, 0.0, NONE, 0.0, 0.0
     x.f_hat_elevator, x.f_hat_aileron, x.f_hat_rudder, x.f_hat_thrust = 0.0, 0.0, 0.0, 0.0

@@ -239,6 +239,7 @@ def params(
 def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape, nothing learned, not started: the filters begin at the first usable rod sample."""
     x = np.zeros(p.shape, STATE)
+    x["step_age"] = pressure_test.SETTLES
     likelihood.begin(x, p)
     return x
 

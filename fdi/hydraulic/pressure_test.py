@@ -32,8 +32,9 @@ STEP_SIGMA, STEP_LEAST, STEP_WAIT, STEP_STAYS, STEP_BEFORE, STEP_VALVE = 5.0, 0.
 # An input fault declared within STEP_DOUBT of taking a jump made it: the jump is taken back [s]
 STEP_DOUBT = 1.0
 # An offset is dropped when the load beyond the model has for DROP_TIME moved by it, to the shares DROP, from its mean
-# over about USUAL_TAU before it was taken: a false offset moves the load by itself, a real one does not [s]
-DROP_TIME, USUAL_TAU, DROP_LEAST, DROP_MOST = 1.0, 20.0, 0.6, 1.5
+# over about USUAL_TAU before it was taken: a false offset moves the load by itself, a real one does not. The servo
+# answers the estimate that has moved, faster than a filter of slow ticks foresees: no jump within SETTLES [s]
+DROP_TIME, USUAL_TAU, DROP_LEAST, DROP_MOST, SETTLES = 1.0, 20.0, 0.5, 1.5, 0.1
 # The noise is that of the last MEMORY samples where it is more than the filter's; one of them counts for NIS_MOST at
 # most. At the start, before it is known, it may be twice the filter's
 MEMORY, NIS_MOST, NIS_FIRST = 200.0, 25.0, 4.0
@@ -107,7 +108,7 @@ def judge(x, y, p):
         return y, False
     y -= x.dp_offset
     e = y - x.x_bar[2] - x.V[2] * x.f_hat
-    if x.run > 0.5:
+    if x.run > 0.5 or (x.dp_offset == 0.0 and x.step_age < SETTLES):
         x.step_count, x.dp_before = 0.0, e
         return y, True
     if x.step_count < 0.5:
@@ -151,7 +152,7 @@ def keep(x, other, dt):
     """Drop an offset that the load shows to be none, and move the estimate with it; `other` faults hide the load."""
     if x.dp_offset == 0.0:
         x.drop_timer = 0.0
-        if not other:
+        if not other and x.speaks < 0.5:
             x.excess_usual += dt / USUAL_TAU * (x.excess - x.excess_usual)
         return
     moved = (x.excess - x.excess_usual) / x.dp_offset  # the load is of the opposite sign of the pressure
@@ -161,7 +162,7 @@ def keep(x, other, dt):
         x.x_bar[2] += x.dp_offset
         x.x_bar[3] -= x.dp_offset
         x.excess -= x.dp_offset
-        x.dp_offset = x.step_taken = x.drop_timer = 0.0
+        x.dp_offset = x.step_taken = x.drop_timer = x.step_age = 0.0
 
 
 @kernel

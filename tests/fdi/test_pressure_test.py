@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from lu17_bench import DT, doublets, fly, inputs, roll
 
+import cosim
 from fdi.common import verdict
 from fdi.hydraulic import iotsekf, pressure_test
 
@@ -163,6 +164,27 @@ def test_a_jump_back_ends_the_offset_also_where_the_two_jumps_are_not_the_same()
         used = [pressure_test.judge(x, 0.4 + back, p)[1] for _ in range(10)]
         assert x["dp_offset"] == pytest.approx(left, abs=1e-12)
         assert used[-1]
+
+
+def test_what_an_alarm_of_the_evidence_says_of_the_load_is_not_the_usual():
+    x = iotsekf.init(iotsekf.params())[0]
+    x["excess"] = 0.05
+    for speaks, usual in ((1.0, 0.0), (0.0, pytest.approx(0.05 / pressure_test.USUAL_TAU, rel=0.05))):
+        x["speaks"] = speaks
+        for _ in range(round(1.0 / DT)):
+            pressure_test.keep(x, False, DT)
+        assert x["excess_usual"] == usual
+
+
+@pytest.mark.parametrize(("seed", "bias", "start"), [(79, -1.138, 10.5), (88, -1.01, 10.5), (98, 1.35, 12.0)])
+def test_a_servo_on_the_filter_comes_back_when_the_bias_heals(seed, bias, start):
+    """The jump back alone was taken, as an offset: the surface stood 1 deg off for the rest of the flight."""
+    fault = f"{{target='elevator.left_inner.pressure',kind='bias',bias_mpa={bias},start_s=12,end_s=22}}"
+    told = ["rate_hz=100", f"seed={seed}", "duration_s=27", "flight.turbulence=none", "flight.mass_t=250"]
+    told += ["manoeuvre.kind=three_two_one_one", f"manoeuvre.start_s={start}", f"faults=[{fault}]"]
+    found = cosim.simulate(cosim.load_scenario("cruise", [*told, "detectors.enabled=['iotsekf']"])).to_dict()
+    lane = next(d for d in found["detectors"] if d["target"] == "elevator.left_inner")
+    assert lane["false_alarms"] == 0 and lane["standing_s"] < 1.0
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import cosim
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect, fly
@@ -80,3 +81,26 @@ def test_what_gusts_from_the_side_make_of_a_roll_is_not_called_an_accelerometers
     x["avg"][2] = -1.5 * x["bias"][1]
     assert decide._accelerometer(x, p[0], 0.5, 0.0) == 2.0
     assert decide._accelerometer(x, p[0], 0.5, 1.0) == 0.0
+
+
+HEALS = {
+    "an engine": "target='engine.2',kind='thrust_loss',loss_pct=80",
+    "a sensor": "target='sensor.n_x',kind='bias',bias_g=0.06,path='observers'",
+    "a rudder hard over": "target='rudder',kind='runaway',rate_deg_s=3,limit_deg=5",
+}
+
+
+@pytest.mark.parametrize("fault", HEALS.values(), ids=HEALS)
+def test_what_would_show_and_does_not_is_over(fault):
+    lane = _flown(f"{fault},start_s=14,end_s=30", 42.0, "flight.turbulence=light")
+    assert lane["alarm_share"] > 0.95 and lane["withdrawn_after_s"] < 12.0 and lane["false_alarms"] == 0
+
+
+def test_a_rudder_that_is_locked_and_asked_for_nothing_is_still_locked():
+    lane = _flown("target='rudder',kind='jam',start_s=14", 45.0, "manoeuvre.kind=yaw_angle", "manoeuvre.start_s=12")
+    assert lane["alarm_share"] > 0.95
+
+
+def _flown(fault, seconds, *told):
+    told = [f"duration_s={seconds}", "detectors.enabled=['control_redundancy']", f"faults=[{{{fault}}}]", *told]
+    return cosim.simulate(load_scenario("cruise", told)).to_dict()["detectors"][0]
