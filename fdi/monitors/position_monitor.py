@@ -90,6 +90,8 @@ STATE = dtype(
         ("leave_model", "f8", "rad"),  # and the model was then
         ("far", "f8", "rad"),  # how far it came
         ("run_time", "f8", "s"),  # for how long it moved so
+        ("run", "f8", "-"),  # way of the run that was named, 0 for none while the alarm stands
+        ("back", "f8", "rad"),  # how far it has turned back since
         ("lag", "f8", "rad"),  # fading peak of command less model
         ("gap", "f8", "rad"),  # lagged deviation
         ("widest", "f8", "rad"),  # its largest since the run began
@@ -282,21 +284,24 @@ def step(x, u, p, dt):
         x.slid = LOOSE
     x.timer, x.alarm = confirm(x.timer, x.alarm, math.fabs(x.r) >= 1.0, dt, p.t_confirm, p.t_release)
     if x.alarm < 0.5:
-        x.verdict, x.culprit = NONE, 0.0
+        x.verdict, x.culprit, x.run = NONE, 0.0, 0.0
     elif x.frozen > 0.5 or x.verdict == SENSOR:
         x.verdict, x.culprit = SENSOR, 1.0
     elif x.verdict == JAM_SOLID:
         slid = 0.0 < x.slid < LOOSE - STOPPED and x.near > STOPPED
         if slid or x.moves > STOPPED:  # and not back to where it should be
             x.verdict = AMBIGUOUS
-    elif x.verdict != RUNAWAY:
+    elif x.verdict == RUNAWAY:
+        x.back = max(x.back - x.run * x.rate * dt, 0.0)
+        x.verdict = AMBIGUOUS if x.back >= p.travel_run else RUNAWAY
+    else:
         moved = math.fabs(x.model - x.rest_model) >= p.jam_share * math.fabs(deviation)
         ended = min(x.slow - p.limit_low, p.limit_high - x.slow) < END
         travel = math.fabs(x.far - x.leave)
         own = (x.model - x.leave_model) * away <= FOLLOWS * travel
         runs = ended or (x.run_time >= p.t_run and x.still <= GROWS)
-        if travel >= p.travel_run and runs and own:
-            x.verdict = RUNAWAY
+        if travel >= p.travel_run and runs and own and x.run == 0.0:
+            x.verdict, x.run, x.back = RUNAWAY, away, 0.0
         elif x.rest_time < p.t_rest or x.slid > 0.0 or x.moves > 0.0 or x.rest_near >= STOPPED:
             x.verdict = AMBIGUOUS
         elif moved and math.fabs(x.r) >= 1.0:
