@@ -10,12 +10,15 @@ than the confirmation time. Loads and tolerances of a healthy servo show where i
 A deviation beyond the threshold for the confirmation time is an alarm. The monitor does not know why a surface is not
 where it should be, so the alarm is AMBIGUOUS until the motion tells: JAM_SOLID after `t_rest` at rest while the model
 moved, RUNAWAY after `travel_run` in one direction away from the model, still on its way after `t_run` or at the end of
-its travel, the deviation growing all the time (a step of the command is over sooner, and then follows), while the
-model does not go the same way (a surface that follows with part of its command does). That class stays as long as the
-alarm, a jam's unless the surface moves: a jam does not at all, and in gusts, where the model passes a surface that
-stands again and again, only one that follows the model farther than that is where it should be (`_moves`). A surface
-that is let go and held by its friction, a runaway too slow to move it and a solid oscillation below 0.03 deg are jams
-to its sensor; an oscillation whose strokes are longer than `travel_run` is taken for a runaway.
+its travel, the deviation growing all the time (a step of the command is over sooner, and then follows), while the model
+does not go the same way (a surface that follows with part of its command does). That class stays as long as the alarm,
+a runaway's unless the surface turns back by `travel_run`: where the position sensor in the loop is frozen it runs, too,
+but the other way once the command passes the reading. What else tells the two apart is inside the loop, so that the
+name is open between them then. A jam's stays unless the surface moves: a jam does not at all, and in gusts, where the
+model passes a surface that stands again and again, only one that follows the model farther than that is where it should
+be (`_moves`). A surface that is let go and held by its friction, a runaway too slow to move it and a solid oscillation
+below 0.03 deg are jams to its sensor; an oscillation whose strokes are longer than `travel_run` is taken for a runaway
+until it turns back.
 """
 
 import math

@@ -274,7 +274,7 @@ def test_a_surface_sensor_that_is_frozen_is_named_and_one_without_noise_that_sta
 @pytest.mark.parametrize("which", ["flight", "flight_ema"])
 @pytest.mark.parametrize("turns", [False, True])
 def test_a_surface_that_runs_away_and_turns_back_is_open(which, turns):
-    """Where the sensor in the loop is frozen the surface runs, too, but it turns when the command passes the reading."""
+    """Where the sensor in the loop is frozen the surface runs, too, but turns when the command passes the reading."""
     t = np.arange(4000) * DT
     command = np.radians(np.interp(t, [0.0, 10.0, 12.0, 14.0, 16.0], [0.0, 0.0, -2.0, 2.0, 2.0]))
     surface = np.radians(np.interp(t, [0.0, 10.0, 12.0], [0.0, 0.0, 16.0]))
