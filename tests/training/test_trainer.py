@@ -87,7 +87,7 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
             "bank_threshold": 0.000872665, "bank_share": 0.0, "th_static": 0.000712537,
         },
         "rfafe_airframe ": {
-            "bank_threshold": 0.00107993, "bank_share": 0.0, "th_static": 0.000599313,
+            "bank_threshold": 0.00107993, "bank_share": 0.0, "th_static": 0.000716669,
         },
     },
 }  # fmt: skip
