@@ -44,6 +44,8 @@ LONG_AGO = 1e3  # [s]
 ROOT_LEAST = servo.ROOT_LEAST
 TAU_DP = 0.0224  # lag of the pressure [s]
 HIGH_HZ = 0.4  # high-pass of what is learned and weighed [Hz]
+# second high-pass of the lowest sub-band [Hz]: at HIGH_HZ a step makes four alternating swings of it, at 0.2 a gust does
+BELOW = 0.25
 MEMORY = 2.0  # of the reference's motion, in periods of the band's lower edge
 LEARN = 20.0  # memory of the servo's response: some ten periods of the lowest sub-band [s]
 BLOCK = 3.0  # what is learned is one to two blocks old: an oscillation has been counted by then [s]
@@ -190,7 +192,7 @@ def params(
     ends = {"r_lo": linkage.rod(low + edge, arm), "r_hi": linkage.rod(high - edge, arm), "v_max": arm * rate}
     edges = np.array(BANDS)
     corners = edges.copy()
-    corners[0, 0] /= 2.0  # below the wide high-pass: two at one frequency answer a step with four alternating swings
+    corners[0, 0] = BELOW
     g = np.tan(np.pi * corners * dt)
     a1 = 1.0 / (1.0 + g * (g + math.sqrt(2.0)))  # Butterworth
     wide = math.tan(math.pi * HIGH_HZ * dt)
