@@ -44,7 +44,7 @@ LONG_AGO = 1e3  # [s]
 ROOT_LEAST = servo.ROOT_LEAST
 TAU_DP = 0.0224  # lag of the pressure [s]
 HIGH_HZ = 0.4  # high-pass of what is learned and weighed [Hz]
-# second high-pass of the lowest sub-band [Hz]: at HIGH_HZ a step makes four alternating swings of it, at 0.2 a gust does
+# second high-pass of the lowest sub-band [Hz]: at HIGH_HZ a step makes four alternating swings of it, at 0.2 gusts do
 BELOW = 0.25
 MEMORY = 2.0  # of the reference's motion, in periods of the band's lower edge
 LEARN = 20.0  # memory of the servo's response: some ten periods of the lowest sub-band [s]
