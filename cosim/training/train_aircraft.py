@@ -53,6 +53,9 @@ FLIGHTS, FIRST_SEED = 384, 31_000
 # and for lpv_smo STILL flights in still air with every coefficient as it is known: then nothing but noise is in its
 # estimates, and its limits, which grow with gusts, come down to it after a minute
 STILL, STILL_S, STILL_ALPHA = 24, 400.0, 12.9
+# and for rfafe_airframe CALM of FLIGHT_S in still air, light and fast, all hydraulic: there friction makes command and
+# elevators swing against each other at 1 Hz, and they move the aircraft most; few of FLIGHTS are so
+CALM, LIGHT, FAST = 64, {"mass_t": (200.0, 260.0)}, {"cas_kt": (285.0, 330.0)}
 PIECE_S = 60.0  # of a flight: for so long PROBABILITY is
 HALF_S = 1.0  # between half periods that count together
 
@@ -73,6 +76,15 @@ def still(index: int, first_seed: int = FIRST_SEED) -> dict:
     rng = np.random.default_rng([first_seed, FLIGHTS, index])
     fixed = {"duration": STILL_S, "seed": first_seed + FLIGHTS + index, "sensors": {"noise_scale": NOISE_SCALE}}
     return trimming(rng, fixed, {"turbulence": "none"}, STILL_ALPHA)
+
+
+def calm(index: int, first_seed: int = FIRST_SEED) -> dict:
+    """Return the arguments of `flights.scenario` of the calm flight `index`, from 0 to CALM."""
+    made = arguments(FLIGHTS + STILL + index, first_seed)
+    rng = np.random.default_rng([first_seed, FLIGHTS + STILL + index, 2])
+    where = {name: float(rng.uniform(*span)) for name, span in (LIGHT | FAST).items()}
+    own = {"technology": ELEVATORS[1], "sensors": {"noise_scale": 1.0}}  # more noise hides the swing's shape
+    return trimming(rng, made | own, where | {"turbulence": AIR[0]})
 
 
 def flown(flight: dict) -> pd.DataFrame:
@@ -176,7 +188,7 @@ def survey_rfafe_airframe(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.nd
     correction, rms of the angle of attack, amplitude of the command, of which friction holds back a share; and of the
     slow part: 1, distance from where the correction was learned."""
     q = p.copy()
-    for field in BANK[1:]:
+    for field in (*BANK[1:], "bank_floor"):
         q[field] = 0.0
     q["bank_threshold"], q["hits"] = 1e-9, 1e9  # the shape is asked, the size is what is found
     log = watched(frame, "rfafe_airframe", q, ("bank_cos", "bank_sin", "bank_new", "hit", "doubt", "stir", "away",
@@ -236,6 +248,14 @@ def surveyed(
     return surveys(frame, air(index), partial(fitted, index=index), prior, names)
 
 
+def surveyed_calm(index: int, first_seed: int = FIRST_SEED, prior: dict | None = None) -> dict[str, dict[str, list]]:
+    """Return the largest oscillation of each band that rfafe_airframe's survey finds in one calm flight, plain data."""
+    found = surveys(flown(calm(index, first_seed)), AIR[0], partial(fitted, index=32), prior, ("rfafe_airframe",))
+    most = {f"floor {i}": max((row[0] for row in found["rfafe_airframe"][f"band{i}"]), default=0.0)
+            for i in range(len(BANDS))}  # fmt: skip
+    return {"rfafe_airframe": {part: [[size, 1.0]] for part, size in most.items()}}
+
+
 def surveyed_still(index: int, first_seed: int = FIRST_SEED) -> dict[str, dict[str, list]]:
     """Return what lpv_smo's survey finds in one still flight, plain data."""
     found = survey_lpv_smo(flown(still(index, first_seed)), fitted("lpv_smo"), still=True)
@@ -281,6 +301,8 @@ def collect(
     given = {"first_seed": first_seed, "prior": prior or None, "names": tuple(names)}
     chosen = [k for k in range(number) if any(air(k) in TRAINED_IN[name] for name in names)]
     jobs: list = [(surveyed, {"index": k, **given}) for k in chosen]
+    if "rfafe_airframe" in names:
+        jobs += [(surveyed_calm, {"index": k, "first_seed": first_seed, "prior": prior}) for k in range(CALM)]
     if "lpv_smo" in names:
         jobs += [(surveyed_still, {"index": k, "first_seed": first_seed}) for k in range(STILL)]
     return run(jobs), prior
@@ -314,6 +336,8 @@ def limits(values: list[dict], prior: dict) -> list[Trained]:
         rounded = decimals
         if name == "lpv_smo":
             about |= {"still_flights": STILL, "still_s": STILL_S}
+        if name == "rfafe_airframe":
+            about |= {"calm_flights": CALM}
         values_of = fields(name, made)
         if name == "rfafe_airframe":
             values_of |= prior
@@ -337,6 +361,8 @@ def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
         of_band = {field: [made[f"band{i}"][j] for i, (first, last) in enumerate(BANDS) for _ in range(first, last)]
                    for j, field in enumerate(BANK)}  # fmt: skip
         slow = dict(zip(("th_static", "static_away"), made["slow"], strict=True))
+        if "floor 0" in made:  # another aircraft has no calm flights
+            slow["bank_floor"] = [made[f"floor {i}"][0] for i, (a, b) in enumerate(BANDS) for _ in range(a, b)]
         return of_band | slow
     rows = [(made[row] + [0.0] * 4)[:4] for row in signatures.ROWS]
     threshold, gust, side, side_gust = (list(column) for column in zip(*rows))

@@ -44,6 +44,8 @@ LONG_AGO = 1e3  # [s]
 ROOT_LEAST = servo.ROOT_LEAST
 TAU_DP = 0.0224  # lag of the pressure [s]
 HIGH_HZ = 0.4  # high-pass of what is learned and weighed [Hz]
+# second high-pass of the lowest sub-band [Hz]: at HIGH_HZ a step makes four alternating swings of it, at 0.2 gusts do
+BELOW = 0.25
 MEMORY = 2.0  # of the reference's motion, in periods of the band's lower edge
 LEARN = 20.0  # memory of the servo's response: some ten periods of the lowest sub-band [s]
 BLOCK = 3.0  # what is learned is one to two blocks old: an oscillation has been counted by then [s]
@@ -189,7 +191,9 @@ def params(
     edge, rate = math.radians(0.1), math.radians(40.0)  # of the servo's reference
     ends = {"r_lo": linkage.rod(low + edge, arm), "r_hi": linkage.rod(high - edge, arm), "v_max": arm * rate}
     edges = np.array(BANDS)
-    g = np.tan(np.pi * edges * dt)
+    corners = edges.copy()
+    corners[0, 0] = BELOW
+    g = np.tan(np.pi * corners * dt)
     a1 = 1.0 / (1.0 + g * (g + math.sqrt(2.0)))  # Butterworth
     wide = math.tan(math.pi * HIGH_HZ * dt)
     a = -math.expm1(-servo.POLE * dt)
@@ -289,10 +293,11 @@ def learn(x, e, p, dt):
     """Learn how the residual `e` [m] goes with the Laguerre functions of the reference's motion."""
     for i in range(N):
         e -= p.usual[i] * x.moves[i]
+    weight = dt / max(1.0, x.r * x.r)  # what is beyond the limit is no response: a fault, or that it has healed
     for i in range(N):
         for j in range(N):
-            x.block[i, j] += dt * x.moves[i] * x.moves[j]
-        x.block[i, N] += dt * x.moves[i] * e
+            x.block[i, j] += weight * x.moves[i] * x.moves[j]
+        x.block[i, N] += weight * x.moves[i] * e
     x.block_age += dt
     at_once = x.clock < 2.0 * BLOCK
     if x.block_age < (SAMPLE if at_once else BLOCK):

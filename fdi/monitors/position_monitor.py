@@ -10,12 +10,15 @@ than the confirmation time. Loads and tolerances of a healthy servo show where i
 A deviation beyond the threshold for the confirmation time is an alarm. The monitor does not know why a surface is not
 where it should be, so the alarm is AMBIGUOUS until the motion tells: JAM_SOLID after `t_rest` at rest while the model
 moved, RUNAWAY after `travel_run` in one direction away from the model, still on its way after `t_run` or at the end of
-its travel, the deviation growing all the time (a step of the command is over sooner, and then follows), while the
-model does not go the same way (a surface that follows with part of its command does). That class stays as long as the
-alarm, a jam's unless the surface moves: a jam does not at all, and in gusts, where the model passes a surface that
-stands again and again, only one that follows the model farther than that is where it should be (`_moves`). A surface
-that is let go and held by its friction, a runaway too slow to move it and a solid oscillation below 0.03 deg are jams
-to its sensor; an oscillation whose strokes are longer than `travel_run` is taken for a runaway.
+its travel, the deviation growing all the time (a step of the command is over sooner, and then follows), while the model
+does not go the same way (a surface that follows with part of its command does). That class stays as long as the alarm,
+a runaway's unless the surface turns back by `travel_run`: where the position sensor in the loop is frozen it runs, too,
+but the other way once the command passes the reading. What else tells the two apart is inside the loop, so that the
+name is open between them then. A jam's stays unless the surface moves: a jam does not at all, and in gusts, where the
+model passes a surface that stands again and again, only one that follows the model farther than that is where it should
+be (`_moves`). A surface that is let go and held by its friction, a runaway too slow to move it and a solid oscillation
+below 0.03 deg are jams to its sensor; an oscillation whose strokes are longer than `travel_run` is taken for a runaway
+until it turns back.
 """
 
 import math
@@ -90,6 +93,8 @@ STATE = dtype(
         ("leave_model", "f8", "rad"),  # and the model was then
         ("far", "f8", "rad"),  # how far it came
         ("run_time", "f8", "s"),  # for how long it moved so
+        ("run", "f8", "-"),  # way of the run that was named, 0 for none while the alarm stands
+        ("back", "f8", "rad"),  # how far it has turned back since
         ("lag", "f8", "rad"),  # fading peak of command less model
         ("gap", "f8", "rad"),  # lagged deviation
         ("widest", "f8", "rad"),  # its largest since the run began
@@ -282,21 +287,24 @@ def step(x, u, p, dt):
         x.slid = LOOSE
     x.timer, x.alarm = confirm(x.timer, x.alarm, math.fabs(x.r) >= 1.0, dt, p.t_confirm, p.t_release)
     if x.alarm < 0.5:
-        x.verdict, x.culprit = NONE, 0.0
+        x.verdict, x.culprit, x.run = NONE, 0.0, 0.0
     elif x.frozen > 0.5 or x.verdict == SENSOR:
         x.verdict, x.culprit = SENSOR, 1.0
     elif x.verdict == JAM_SOLID:
         slid = 0.0 < x.slid < LOOSE - STOPPED and x.near > STOPPED
         if slid or x.moves > STOPPED:  # and not back to where it should be
             x.verdict = AMBIGUOUS
-    elif x.verdict != RUNAWAY:
+    elif x.verdict == RUNAWAY:
+        x.back = max(x.back - x.run * x.rate * dt, 0.0)
+        x.verdict = AMBIGUOUS if x.back >= p.travel_run else RUNAWAY
+    else:
         moved = math.fabs(x.model - x.rest_model) >= p.jam_share * math.fabs(deviation)
         ended = min(x.slow - p.limit_low, p.limit_high - x.slow) < END
         travel = math.fabs(x.far - x.leave)
         own = (x.model - x.leave_model) * away <= FOLLOWS * travel
         runs = ended or (x.run_time >= p.t_run and x.still <= GROWS)
-        if travel >= p.travel_run and runs and own:
-            x.verdict = RUNAWAY
+        if travel >= p.travel_run and runs and own and x.run == 0.0:
+            x.verdict, x.run, x.back = RUNAWAY, away, 0.0
         elif x.rest_time < p.t_rest or x.slid > 0.0 or x.moves > 0.0 or x.rest_near >= STOPPED:
             x.verdict = AMBIGUOUS
         elif moved and math.fabs(x.r) >= 1.0:

@@ -136,26 +136,11 @@ def airframe_usable(u):
 
 @kernel
 def read_airframe(x, u, p):
-    """Take the airframe outputs as deviations from the trim, in the paper's units."""
-    x.y[0] = u.tas - p.y_trim[0]
-    x.y[1] = u.alpha / RAD_PER_DEG - p.y_trim[1]
-    x.y[2] = u.q / RAD_PER_DEG - p.y_trim[2]
-    x.y[3] = u.theta / RAD_PER_DEG - p.y_trim[3]
-
-
-@kernel
-def hold_airframe(x, u, p):
-    """Take the airframe outputs that are there, and hold the last of the others."""
-    for i in range(AIRFRAME):
-        x.y[i] = x.y_old[i] + x.y0[i]
-    if usable(u.tas, u.tas_valid) > 0.5:
-        x.y[0] = u.tas - p.y_trim[0]
-    if usable(u.alpha, u.alpha_valid) > 0.5:
-        x.y[1] = u.alpha / RAD_PER_DEG - p.y_trim[1]
-    if usable(u.q, u.q_valid) > 0.5:
-        x.y[2] = u.q / RAD_PER_DEG - p.y_trim[2]
-    if usable(u.theta, u.theta_valid) > 0.5:
-        x.y[3] = u.theta / RAD_PER_DEG - p.y_trim[3]
+    """Take the airframe outputs as deviations from the trim in the units of the paper; of a lost one the last."""
+    x.y[0] = u.tas - p.y_trim[0] if usable(u.tas, u.tas_valid) > 0.5 else x.y_old[0] + x.y0[0]
+    x.y[1] = u.alpha / RAD_PER_DEG - p.y_trim[1] if usable(u.alpha, u.alpha_valid) > 0.5 else x.y_old[1] + x.y0[1]
+    x.y[2] = u.q / RAD_PER_DEG - p.y_trim[2] if usable(u.q, u.q_valid) > 0.5 else x.y_old[2] + x.y0[2]
+    x.y[3] = u.theta / RAD_PER_DEG - p.y_trim[3] if usable(u.theta, u.theta_valid) > 0.5 else x.y_old[3] + x.y0[3]
 
 
 @kernel

@@ -36,9 +36,8 @@ PARAMS = [
 STATE = [
     ("lagged", "f8", (M + 1,)),  # phi; last the elevator before the lag of f_hat [rad, rad/s]
     ("low", "f8", (M + 1,)),  # slow part of phi and of f_hat
-    ("gram", "f8", (M, M)),  # sums of learning
-    ("cross", "f8", (M,)),
-    ("taught", "f8", "s"),  # time in them
+    ("gain", "f8", (M,)),  # of a sample
+    ("taught", "f8", "s"),  # time of learning
     ("theta", "f8", (M,)),  # at the speed where it was learned
     ("speed", "f8", "m/s"),  # which was this
     ("P", "f8", (M, M)),
@@ -68,9 +67,7 @@ def correct(x, p, dt):
     if x.age >= p.t_settle and x.taught < p.t_learn and x.steep == 0.0:
         x.taught += dt
         x.speed += (tas - x.speed) * dt / x.taught
-        _sum(x, p, f - x.low[M], dt)
-        if x.taught >= p.t_learn:
-            _solve(x, p)
+        _learn(x, p, f - x.low[M], dt)
     if x.taught < p.t_learn:
         x.alpha_0 = x.low[0]
     x.away = math.fabs(x.low[0] - x.alpha_0)
@@ -105,39 +102,17 @@ def _follow(x, p, dt):
 
 
 @kernel
-def _sum(x, p, e, dt):
-    """Add a sample to the sums: e is f_hat less its slow part."""
+def _learn(x, p, e, dt):
+    """Take a sample into theta and P, recursively; e is f_hat less its slow part."""
+    size = p.noise / dt
     for i in range(M):
-        e -= p.prior[i] * (x.lagged[i] - x.low[i])
+        x.gain[i] = 0.0
+        for j in range(M):
+            x.gain[i] += x.P[i, j] * (x.lagged[j] - x.low[j])
     for i in range(M):
-        a = x.lagged[i] - x.low[i]
-        x.cross[i] += a * e * dt
-        for j in range(M):
-            x.gram[i, j] += a * (x.lagged[j] - x.low[j]) * dt
-
-
-@kernel
-def _solve(x, p):
-    """Set P and theta from the sums: P = S (I + S gram S / noise)^-1 S with S = diag(spread), by elimination."""
+        size += x.gain[i] * (x.lagged[i] - x.low[i])
+        e -= x.theta[i] * (x.lagged[i] - x.low[i])
     for i in range(M):
+        x.theta[i] += x.gain[i] * e / size
         for j in range(M):
-            one = 1.0 if i == j else 0.0
-            x.gram[i, j] = one + p.spread[i] * x.gram[i, j] * p.spread[j] / p.noise
-            x.P[i, j] = one
-    for k in range(M):  # of a positive definite matrix: no pivot is small
-        pivot = x.gram[k, k]
-        for j in range(M):
-            x.gram[k, j] /= pivot
-            x.P[k, j] /= pivot
-        for i in range(M):
-            factor = x.gram[i, k] if i != k else 0.0
-            for j in range(M):
-                x.gram[i, j] -= factor * x.gram[k, j]
-                x.P[i, j] -= factor * x.P[k, j]
-    for i in range(M):
-        for j in range(M):
-            x.P[i, j] *= p.spread[i] * p.spread[j]
-    for i in range(M):
-        x.theta[i] = p.prior[i]
-        for j in range(M):
-            x.theta[i] += x.P[i, j] * x.cross[j] / p.noise
+            x.P[i, j] -= x.gain[i] * x.gain[j] / size

@@ -49,6 +49,7 @@ PARAMS = [
     ("bank_share", "f8", (bank.K,), "-"),  # ... plus this share of the command's amplitude
     ("bank_doubt", "f8", (bank.K,), "-"),  # ... of what the correction may be wrong by (fdi/rfafe/correction.py)
     ("bank_stir", "f8", (bank.K,), "-"),  # ... of the rms of the angle of attack
+    ("bank_floor", "f8", (bank.K,)),  # and at least this: what the servos' friction makes in still air
     ("coherence", "f8", "-"),  # least agreement of the two periods
     ("purity", "f8", "-"),  # least share of the window's power that the oscillation explains
     ("hits", "f8", "-"),  # fits in a row that must pass
@@ -181,7 +182,7 @@ def oscillation(x, p):
         if x.bank_seen[int(p.bank_level[k])] <= p.bank_n[k]:
             continue  # its window is not full since the start
         most = p.bank_threshold[k] + p.bank_share[k] * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
-        most += p.bank_doubt[k] * doubt + p.bank_stir[k] * stir
+        most = max(most + p.bank_doubt[k] * doubt + p.bank_stir[k] * stir, p.bank_floor[k])
         r = math.sqrt(bank.mixed(x, k, 1.0, 0.0)) / most
         good = r >= 1.0 and (shaped(x, p, k, 0.0) or shaped(x, p, k, 1.0))
         x.r_ofc = max(x.r_ofc, r if good else min(r, BELOW))

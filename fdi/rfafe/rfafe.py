@@ -26,7 +26,7 @@ from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.rfafe import core as rfafe_core
 from fdi.rfafe import servo
-from fdi.rfafe.core import advance, estimate, fill_stored, hold_airframe, learned
+from fdi.rfafe.core import AIRFRAME, advance, estimate, fill_stored, learned, read_airframe
 from fdi.rfafe.model import estimate_E, first_order, fit_first_order, global_model, reduce_E
 from fdi.rfafe.store import choose, read, side_kinds
 from fdi.rfafe.synthesis import Design, Region, design
@@ -177,7 +177,7 @@ def step(x, u, p, dt):
     for i in range(4):
         good = min(good, usable(u.surface[i], u.surface_valid[i]))
     if good > 0.5:
-        hold_airframe(x, u, p)  # the gain on it is zero: a lost sensor of the airframe is no loss
+        read_airframe(x, u, p)  # the gain on it is zero: a lost sensor of the airframe is no loss
         x.y[4] = (p.weight[0] * u.surface[0] + p.weight[1] * u.surface[1]) / RAD_PER_DEG - p.y_trim[4]
         x.y[5] = (p.weight[2] * u.surface[2] + p.weight[3] * u.surface[3]) / RAD_PER_DEG - p.y_trim[5]
     for j in range(2):
@@ -186,7 +186,10 @@ def step(x, u, p, dt):
         advance(x, p, good, dt)
     else:
         servo.follow(x, p, dt)
-        if learned(x, p, good):
+        known = learned(x, p, good)
+        if good > 0.5:
+            servo.learn(x, p, AIRFRAME, dt)
+        if known:
             estimate(x, p, good, 0.0, dt)  # its model holds beyond the rate limit, too
     x.f_hat_left = _evened(x, p, 0)
     x.f_hat_right = _evened(x, p, 1)

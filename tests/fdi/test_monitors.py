@@ -137,6 +137,18 @@ def test_an_irregular_residual_is_no_oscillation():
     assert not (log["verdict"] == verdict.OFC_LIQUID).any()
 
 
+@pytest.mark.parametrize(("size", "lasts"), [(2e-3, 0.6), (3e-3, 1.1), (6e-3, 2.5), (15e-3, 20.0)])
+def test_a_rod_that_is_off_for_a_while_does_not_oscillate_nor_does_the_servo_answer_so(size, lasts):
+    """Off by `size` [m] for `lasts` [s], as while a sensor in the loop is: a step, or two, are no half periods."""
+    u = _missing(0.1, 1)
+    t = np.arange(u.shape[1]) * DT
+    before = roll(ofc_monitor, ofc_monitor.params(), u)[0]["response"][-1]
+    u["y_rod"][0] += size * ((t > 17.0) & (t < 17.0 + lasts))
+    log = roll(ofc_monitor, ofc_monitor.params(), u)[0]
+    assert not log["alarm"].any()
+    assert ofc_monitor.departure(log["response"][-1] - before) < 0.08
+
+
 def test_the_ofc_monitor_is_quiet_in_manoeuvres_and_at_a_jam():
     flights = [fly(doublets(20.0, degrees=2.0), seed=s) for s in range(3)]
     assert not run(ofc_monitor, flights)["alarm"].any()
@@ -193,7 +205,7 @@ def test_an_oscillation_is_added_or_in_place_by_the_commands_own_part_of_the_mot
     log = roll(ofc_monitor, ofc_monitor.params(), _swinging(follows, hz))[0]
     said = log["verdict"][log["alarm"] > 0.5]
     assert not log["alarm"][: round(15.0 / DT)].any()
-    assert set(said) == {verdict.AMBIGUOUS, name} and log["verdict"][round(21.0 / DT)] == name
+    assert set(said) == {verdict.AMBIGUOUS, name} and log["verdict"][round(22.0 / DT)] == name
     named = log[log["verdict"] == name][-1]
     assert named["gain"] == pytest.approx(follows, abs=4.0 * named["gain_sigma"] + 0.02)
     assert named["ofc_hz"] == pytest.approx(hz, rel=0.05)
@@ -257,3 +269,17 @@ def test_a_surface_sensor_that_is_frozen_is_named_and_one_without_noise_that_sta
         named = log[2020:][log["alarm"][2020:] > 0.5]
         assert len(named) and ((named["verdict"] == verdict.SENSOR) == (sigma > 0.0)).all()
         assert (named["culprit"] == (1.0 if sigma > 0.0 else 0.0)).all()
+
+
+@pytest.mark.parametrize("which", ["flight", "flight_ema"])
+@pytest.mark.parametrize("turns", [False, True])
+def test_a_surface_that_runs_away_and_turns_back_is_open(which, turns):
+    """Where the sensor in the loop is frozen the surface runs, too, but turns when the command passes the reading."""
+    t = np.arange(4000) * DT
+    command = np.radians(np.interp(t, [0.0, 10.0, 12.0, 14.0, 16.0], [0.0, 0.0, -2.0, 2.0, 2.0]))
+    surface = np.radians(np.interp(t, [0.0, 10.0, 12.0], [0.0, 0.0, 16.0]))
+    if turns:
+        surface = np.where(t < 13.0, surface, np.radians(16.0 - 15.0 * np.clip(t - 13.0, 0.0, 2.0)))
+    said = monitored(which, command, surface)["verdict"]
+    assert said[2599] == verdict.RUNAWAY and said[2200] == verdict.RUNAWAY
+    assert said[2900] == said[-1] == (verdict.AMBIGUOUS if turns else verdict.RUNAWAY)

@@ -47,6 +47,17 @@ def test_one_degree_of_all_elevators_is_found_in_moderate_gusts(hz):
     assert np.ptp(log["theta"][t > 10.0], axis=0).max() == 0.0  # a fault that comes later is not learned
 
 
+@pytest.mark.parametrize("seed", (700101, 700108))
+def test_friction_that_makes_command_and_elevators_swing_in_still_air_is_no_oscillation(seed):
+    """Light and fast, all hydraulic: 0.03 deg at 0.9 Hz, which the limit's constant was below."""
+    light = ("flight.mass_t=218", "flight.altitude_ft=28800", "flight.cas_kt=310", "flight.turbulence=none")
+    hydraulic = [f"elevator.{s}=hydraulic" for s in ("left_outer", "left_inner", "right_inner", "right_outer")]
+    _, log = flown(*light, *hydraulic, f"seed={seed}", "duration_s=30")
+    assert log["valid"][-1] > 0.5 and not log["alarm"].any()
+    _, log = flown(*light, *hydraulic, f"seed={seed}", "duration_s=28", *oscillation(1.0, 0.5))
+    assert log["alarm"].any()
+
+
 def test_nothing_is_said_while_it_learns_or_beyond_the_linear_angles():
     p = rfafe_airframe.DETECTOR.fit(site(0.005, "", load_scenario("cruise").elevator.technology))
     t, log = flown("duration_s=12", p=p)

@@ -32,7 +32,7 @@ METHODS: dict[str, dict[str, set[str]]] = {  # paper -> file -> functions that a
         "fdi/ema/model.py": {"limits"},
     },
     "sun13": {
-        "fdi/rfafe/core.py": {"hold_airframe", "airframe_usable"},
+        "fdi/rfafe/core.py": {"airframe_usable"},
         "fdi/rfafe/discrete.py": set(),
         "fdi/rfafe/model.py": set(),
         "fdi/rfafe/synthesis.py": {"_shapes", "_matrix", "_columns", "_learning_rate", "_check", "_region", "holds"},

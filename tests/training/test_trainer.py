@@ -78,16 +78,16 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
             "gust_max": 2.70396, "t_x": 1e-06, "t_y": 0.0013024, "t_z": 0.0060684,
         },
         "rfafe_airframe flight": {
-            "bank_threshold": 0.00713474, "bank_doubt": 0.0, "bank_stir": 0.120036, "th_static":
+            "bank_threshold": 0.00301063, "bank_doubt": 11.6168, "bank_stir": 0.120036, "th_static":
             0.012178, "static_away": 0.0379551, "bank_share": 1.17038, "noise": 1e-07,
         },
     },
     "rfafe": {
         "rfafe ": {
-            "bank_threshold": 0.000872665, "bank_share": 0.0, "th_static": 0.000739007,
+            "bank_threshold": 0.000872665, "bank_share": 0.0, "th_static": 0.000712537,
         },
         "rfafe_airframe ": {
-            "bank_threshold": 0.00107993, "bank_share": 0.0, "th_static": 0.000599313,
+            "bank_threshold": 0.00107993, "bank_share": 0.0, "th_static": 0.000716669,
         },
     },
 }  # fmt: skip
