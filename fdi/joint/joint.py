@@ -42,7 +42,7 @@ from fdi.joint.places import AIRCRAFT, CULPRITS, LANES, LOCAL, PLACES, SEGMENTS,
 from fdi.joint.tables import padded
 
 NL, NP, NG, NC = len(LANES), len(PLACES), len(SETS), 10
-NH, NR, NN, NA, NV = 128, 480, 30, 7, 6  # most hypotheses, rows, tokens; ages; sizes x variants
+NH, NR, NN, NA, NV = 128, 480, 30, 8, 6  # most hypotheses, rows, tokens; ages; sizes x variants
 UNEXPLAINED = 0.01  # P(token | h) below which a hypothesis does not explain an alarm
 NK, NCUL = 10, 24  # single hypotheses that a second one is tried with; culprits of a detector
 # (lane, detector, output) of what tells more than a class; of one lane the first that says anything counts

@@ -24,7 +24,7 @@ from fdi.joint.places import AIRCRAFT, DRIVE, ENGINES, LANES, LOCAL, SEGMENTS, H
 
 WEIGHT = 3.0  # flights that a record counts for
 UNSEEN = 0.2  # probability that a fault is of a kind that no flight had
-AGES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # [s] after the first witness
+AGES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # [s] after the first witness; alarms are counted for 15 s
 # P(alarm | designed for, may see, reads the sensor, blind), for a small, a middling and a large fault; assumed
 SIZES = {
     "local": {"designed": (0.5, 0.95, 0.99), "may": (0.02, 0.4, 0.95), "reads": (0.02, 0.1, 0.3),
@@ -116,14 +116,21 @@ def _culprits(detector, hypothesis):
     return right & set(registry.module(detector).CULPRITS)
 
 
-def keeps(detector: str, rates: dict) -> tuple[float, float]:
+def keeps(detector: str, rates: dict) -> tuple[float, float, float]:
     """Return P(a class of its record | a class), likewise of the culprit, and P(ambiguous | alarm), over every kind
-    that it is designed for."""
+    that it is designed for; P(it does not say more | an open class) over every kind for which it has a word."""
     counts = rates.get("seen", {}).get(detector, {})
     right, wrong, left = WEIGHT * RIGHT**2, WEIGHT * (1.0 - RIGHT**2), 0.0
+    mute, open_ = WEIGHT * OPEN, WEIGHT
     for h, technology in _LEFT.values():
         word, classes = stands(detector, h.kind, technology)
-        if h.kind not in counts or word != "designed":
+        if h.kind not in counts:
+            continue
+        if _told(detector, h.kind, technology):
+            for token, n in counts[h.kind]["said"].items():
+                mute += n * (token in OPEN_CLASSES)
+                open_ += n * (token.partition(" ")[0] in OPEN_CLASSES)
+        if word != "designed":
             continue
         good = {name(detector, v, c) for v in _classes(classes) for c in _culprits(detector, h) or {""}}
         for token, n in counts[h.kind]["said"].items():
@@ -134,7 +141,12 @@ def keeps(detector: str, rates: dict) -> tuple[float, float]:
             else:
                 wrong += n
     alarms = right + wrong + left
-    return float(np.sqrt(right / (right + wrong))), (WEIGHT * OPEN + left) / (WEIGHT + alarms)
+    return float(np.sqrt(right / (right + wrong))), (WEIGHT * OPEN + left) / (WEIGHT + alarms), mute / open_
+
+
+def _told(detector, kind, technology):
+    """Return those of `words` that mean a kind of fault."""
+    return [k for k in words(detector) if case(kind, technology).partition(".")[2] in k]
 
 
 def _classes(classes):
@@ -143,7 +155,7 @@ def _classes(classes):
 
 
 def believed(
-    detector: str, hypothesis: Hypothesis, technology: str, kept: tuple[float, float] = (RIGHT, OPEN)
+    detector: str, hypothesis: Hypothesis, technology: str, kept: tuple[float, float, float] = (RIGHT, OPEN, OPEN)
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return P(alarm) by size (3,) and P(token | alarm) (tokens,) as the records have them; `kept` as of `keeps`."""
     word, classes = stands(detector, hypothesis.kind, technology)
@@ -160,14 +172,12 @@ def believed(
         of_v = {v: (1.0 - kept[1]) * share + kept[1] * (v == "ambiguous") for v, share in of_v.items()}
     of_c = _shares(culprits, _culprits(detector, hypothesis), kept[0])
     told = words(detector)
-    mine = [k for k in told if case(hypothesis.kind, technology).partition(".")[2] in k]
-    of_k = _shares(told, set(mine) or {()}, kept[0])
-    of_k = {k: (1.0 - kept[1]) * share + kept[1] * (not k) for k, share in of_k.items()}
+    of_k = _shares(told, set(_told(detector, hypothesis.kind, technology)) or {()}, kept[0])
+    of_k = {k: (1.0 - kept[2]) * share + kept[2] * (not k) for k, share in of_k.items()}
     p = np.zeros(len(own))
     for c, v, k in itertools.product(culprits, said, told):
         p[own.index(name(detector, v, c, k))] += of_c[c] * of_v[v] * of_k[k]
-    p = np.maximum(p, 1e-3)
-    return alarm, p / p.sum()
+    return alarm, p
 
 
 def _shares(every, right, p):
@@ -179,7 +189,7 @@ def _shares(every, right, p):
 
 
 def measured(
-    detector: str, hypothesis: Hypothesis, technology: str, kept: tuple[float, float], rates: dict
+    detector: str, hypothesis: Hypothesis, technology: str, kept: tuple[float, float, float], rates: dict
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the same with what was counted: Beta and Dirichlet updates of WEIGHT flights' worth of the records."""
     alarm, said = believed(detector, hypothesis, technology, kept)
