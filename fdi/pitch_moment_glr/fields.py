@@ -88,7 +88,7 @@ STATE = dtype(
         ("place_d", "f8", "-"),
         ("held", "f8", (10,)),  # q, qdot, alpha_ground, p, r, pdot, n_x, n_z, g's part, v_ground as old as air data
         ("sum_", "f8", (NV + 1,)),  # over the ticks of a sample
-        ("mean_", "f8", (NV,)),  # alpha, alpha_ground, q, y, p, r, n_x, n_z, g's part, V, gust along, elevator
+        ("mean_", "f8", (NV,)),  # alpha, alpha_ground, q, y, p, r, n_x, n_z, g's part, V, V_ground, elevator
         ("rate", "f8", "rad/s"),
         ("roll", "f8", "rad/s2"),
         ("sum_r", "f8", (4,)),
@@ -110,11 +110,9 @@ STATE = dtype(
         ("head", "f8", "-"),
         ("since_line", "f8", "-"),  # ticks since it got the last
         ("tail", "f8", "rad"),  # gust at the tail
-        ("lagged", "f8", "rad"),
         ("stick", "f8", "-"),  # friction of the hydraulic servo over that of sliding
         ("rub", "f8", "1/m"),  # its mean over a sample and over all elevators, by the arm
-        ("slow", "f8", (3,), "rad/s2"),
-        ("slope_a", "f8", "1/s2"),
+        ("slow", "f8", (2,), "rad/s2"),
         ("push", "f8", "rad/s2"),  # moment of thrust
         ("effect", "f8", "1/s2"),  # pitch acceleration of an elevator angle
         ("term", "f8", (NX,), "rad/s2"),
