@@ -20,7 +20,19 @@ import numpy as np
 
 from fdi import registry
 from fdi.common.verdict import NAMES
-from fdi.joint.places import AIRCRAFT, DRIVE, ENGINES, LANES, LOCAL, SEGMENTS, Hypothesis, case, hypotheses, mirrored
+from fdi.joint.places import (
+    AIRCRAFT,
+    DRIVE,
+    ENGINES,
+    LANES,
+    LOCAL,
+    SEGMENTS,
+    WIDE,
+    Hypothesis,
+    case,
+    hypotheses,
+    mirrored,
+)
 
 WEIGHT = 3.0  # flights that a record counts for
 UNSEEN = 0.2  # probability that a fault is of a kind that no flight had
@@ -36,7 +48,8 @@ LARGE = ("runaway",)  # what goes on to a stop is large in the end, however slow
 # P(a class of the record | a class), likewise of a culprit, and P(ambiguous | alarm); assumed, then counted
 RIGHT, OPEN = 0.9, 0.2
 OPEN_CLASSES = ("effectiveness", "ambiguous")  # of more than one cause: where a detector tells more, it counts
-ELSEWHERE = 3e-4  # P(alarm) of a lane on another segment: a quarter of the 1e-3 per minute that it is trained to
+ELSEWHERE = 3e-4  # P(false alarm) of a lane: a quarter of the 1e-3 per minute that a detector is trained to
+SECOND = 0.9  # P(a detector names the second of two parts | it would name it alone)
 FALSE = 1e-3  # false alarms of a detector per flight of 60 s, to which they are trained
 # P(a detector is the only one to speak of a fault); assumed, then counted: few faults move the aircraft alone
 ALONE = {"local": 0.5, "aircraft": 0.1}
@@ -232,16 +245,19 @@ def rows(found: list[Hypothesis], technology: dict[str, str], rates: dict) -> tu
     row, alarms, saids = np.zeros((len(found), len(LANES))), [], []
     for i, h in enumerate(found):
         for j, (detector, lane) in enumerate(LANES):
-            if lane != "aircraft" and lane not in h.segments:
-                alarm, said = np.full(6, ELSEWHERE), np.full((2, len(names(detector))), 1.0 / len(names(detector)))
+            if lane not in WIDE and lane not in h.segments:
+                alarm, said = np.zeros(6), np.zeros((2, len(names(detector))))
             else:
                 own = h
-                if lane != "aircraft" and len(h.segments) > 1:  # a segment's own filters cannot tell whose command
+                if lane not in WIDE and len(h.segments) > 1:  # a segment's own filters cannot tell whose command
                     own = Hypothesis(h.place, h.verdict, f"{technology[lane]}.{h.kind.partition('.')[2]}", (lane,))
                 how = detector, own, common, kept[detector]
                 both = [measured(*how, rates), believed(*how)]
-                alarm = np.concatenate([a for a, _ in both])
+                alarm = np.concatenate([a for a, _ in both]) * (SECOND if lane == "second" else 1.0)
                 said = np.stack([s for _, s in both])
+            of_v = alarm.reshape(2, 3).mean(axis=1)[:, None]  # beside a fault an alarm may be false, and says anything
+            said = (of_v * said + false(detector)) / (of_v + ELSEWHERE)
+            alarm = 1.0 - (1.0 - alarm) * (1.0 - ELSEWHERE)
             padded = np.zeros((2, most))
             padded[:, 1 : 1 + said.shape[1]] = said
             key = np.concatenate([alarm, padded.ravel()]).tobytes()
@@ -251,6 +267,11 @@ def rows(found: list[Hypothesis], technology: dict[str, str], rates: dict) -> tu
                 saids.append(padded)
             row[i, j] = index[key]
     return row, np.array(alarms), np.array(saids)
+
+
+def false(detector: str) -> float:
+    """Return P(a false alarm with one name) of a lane."""
+    return ELSEWHERE / len(names(detector))
 
 
 def alone(rates: dict) -> np.ndarray:

@@ -103,7 +103,7 @@ def compare(x, p, dt):
         x.rough = y[15] * math.sqrt(max(x.square - x.sideslip * x.sideslip, 0.0))
     # the rows take the lateral velocity from sideslip and wind: in a bank, rolling and yawing gusts show in them
     fade = dt / p.tau
-    x.lateral[CLIMB] = math.fabs(sp)
+    x.lateral[CLIMB] += (1.0 - math.exp(-dt / p.tau_r)) * (math.fabs(sp) - x.lateral[CLIMB])  # as its residual comes
     x.lateral[TURN] += fade * (p.tau * math.fabs(roll) - x.lateral[TURN])
     x.lateral[SPEED] += fade * (p.tau * G0 * math.fabs(sp) / max(y[15], 1.0) - x.lateral[SPEED])
     for i in range(NR):

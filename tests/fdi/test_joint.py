@@ -21,7 +21,7 @@ def heard(*said, technology=MIXED, without=("pitch_moment_glr",), duration_s=8.0
     p = joint.params(technology, **how)
     u, here = np.zeros((1, round(duration_s / DT)), joint.INPUTS), places.segments(technology)
     for i, (detector, lane) in enumerate(places.LANES):
-        flies = lane == AIRCRAFT or here.get(lane) in registry.record(detector).technologies
+        flies = lane in places.WIDE or here.get(lane) in registry.record(detector).technologies
         u["valid"][0, :, i] = flies and detector not in without
     for detector, lane, class_, culprit, start in said:
         i, k = places.LANES.index((detector, lane)), round(start / DT)
@@ -232,3 +232,12 @@ def test_a_word_that_is_not_said_yet_is_not_denied():
     assert said.sum() == pytest.approx(1.0) and said.min() > 0.0
     assert kept[2] > 2.0 * kept[1]  # as often as friction was, which has a word: not as often as "ambiguous" is said
     assert said[own.index("effectiveness")] == pytest.approx(kept[2] * kept[0] / 2.0, rel=0.1)
+
+
+def test_a_second_sensor_that_a_detector_names_beside_the_first_is_another_fault():
+    first = ("kinematic", AIRCRAFT, "sensor", "theta", 1.0)
+    log = heard(first, ("kinematic", "second", "sensor", "cas", 4.0))
+    assert name(log, 35)[1:] == ("theta", "")
+    assert set(name(log)[1:]) == {"theta", "cas"}
+    three = heard(VALVE, first, ("kinematic", "second", "sensor", "cas", 4.0))
+    assert three["alarm"][40:].all()  # more than it can name are no false alarms
