@@ -100,7 +100,7 @@ STATE = dtype(
         ("started", "f8", "-"),
         ("filled", "f8", "-"),  # 1 once the high pass has started
         ("age", "f8", "s"),
-        ("since_steep", "f8", "s"),  # the angle of attack was beyond alpha_max
+        ("since_steep", "f8", "s"),  # the angle of attack was beyond alpha_max, or readings lost
         ("gone", "f8", "s"),  # time without a complete reading
         ("variable", "f8", (15,)),
         ("part", "f8", (NK,)),

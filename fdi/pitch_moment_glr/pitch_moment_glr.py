@@ -392,7 +392,7 @@ def step(x, u, p, dt):
         return
     if x.gone > 0.1:
         _forget(x)  # readings were lost: every filter begins anew, too
-        x.filled = 0.0
+        x.filled = x.since_steep = 0.0
         x.age, x.started = min(x.age, p.t_learn - 5.0), 0.0
     x.gone = 0.0
     _read(x, u, p, dt)

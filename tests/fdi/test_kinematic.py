@@ -12,6 +12,7 @@ from cosim.training.train_aircraft import over_rows
 from fdi.common import why
 from fdi.common.verdict import SENSOR
 from fdi.kinematic import kinematic, signatures
+from fdi.kinematic.rows import SPREAD
 from fdi.kinematic.signatures import CLIMB
 
 DEG, START = math.pi / 180, 12.0
@@ -131,13 +132,23 @@ def test_what_the_trainer_holds_a_row_against_is_what_the_detector_does(turned):
         np.testing.assert_allclose(over - limit, np.abs(log["res"][:, i]) - log["limit"][:, i], atol=1e-9)
 
 
-def test_the_limit_of_the_climb_follows_a_bank_as_slowly_as_its_residual(turned):
-    p, phi = kinematic.params()[0], turned[WIRES["phi"]].to_numpy()
+def test_the_limit_of_the_climb_holds_what_a_lateral_error_does_to_it_as_slowly_as_its_residual(turned):
+    p, log = kinematic.params()[0], watched(turned)
+    y = {n: turned[WIRES[n]].to_numpy() for n in ("phi", "theta", "alpha_ground", "v_ground")}
+    plane = np.cos(y["alpha_ground"]) * np.sin(y["theta"])
+    plane -= np.sin(y["alpha_ground"]) * np.cos(y["phi"]) * np.cos(y["theta"])
+
+    def rise(v):  # of a lateral velocity v over the ground, the rest of v_ground along the plane of symmetry
+        return np.sqrt(y["v_ground"] ** 2 - v**2) * plane - v * np.sin(y["phi"]) * np.cos(y["theta"])
+
+    off = 2.0 * SPREAD * log["rough"]
     lag, late = 1.0 - math.exp(-turned.attrs["dt"] / p["tau_r"]), 0.0
-    lateral = watched(turned)["lateral"][:, CLIMB]
-    for k, bank in enumerate(np.abs(np.sin(phi))):
-        late += lag * (bank - late)
-        assert lateral[k] == pytest.approx(late, abs=1e-9)
+    moved = np.abs(rise(log["lateral_ground"] + off) - rise(log["lateral_ground"]))
+    for k in range(len(moved)):
+        late += lag * (moved[k] - late)
+        if log["valid"][k]:
+            assert log["lateral"][k, CLIMB] * off[k] > late - 0.05  # gusts and with them `off` change slowly
+    assert (moved[log["valid"] > 0.5] > 0.2).any()
 
 
 def test_what_is_learned_in_a_bank_is_uncertain_and_no_wind():
@@ -153,7 +164,7 @@ def test_gusts_are_louder_in_faster_flight_and_that_is_no_fault_of_the_accelerom
     frame, late = flown.copy(), flown.index >= START
     frame.attrs = flown.attrs
     n_z = WIRES["n_z"]
-    frame.loc[late, n_z] += 0.03 * np.random.default_rng(1).standard_normal(late.sum())
+    frame.loc[late, n_z] += 0.025 * np.random.default_rng(1).standard_normal(late.sum())
     assert said(detect(frame, kinematic, WIRES)) == "n_z"
     faster = frame.copy()
     faster.attrs = flown.attrs
