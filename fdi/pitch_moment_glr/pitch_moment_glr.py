@@ -338,6 +338,7 @@ def _sample(x, p, dt):
     x.high[NX - 1] = 1.0
     x.filled = 1.0
     x.age += ts
+    x.since_steep = 0.0 if x.mean_[0] > p.alpha_max else x.since_steep + ts
     if x.age < p.t_settle:
         return
     e = y
@@ -350,7 +351,6 @@ def _sample(x, p, dt):
         rw -= x.ar[i] * x.past_r[(now + NA - 1 - i) % NA]
     x.past_r[now] = roll
     yw = whiten(x, y)
-    x.since_steep = 0.0 if x.mean_[0] > p.alpha_max else x.since_steep + ts
     if x.since_steep < STEEP * p.tau_high:  # neither is what the high pass has of it anything to learn from
         _forget(x)
         return
