@@ -5,6 +5,8 @@ may grow with (1 for its constant part). The weights w >= 0 of the limit x w are
 program); its scale follows from the largest y / (x w) of every flight: their upper fifth has an exponential tail.
 """
 
+from typing import Any
+
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 from scipy.optimize import linprog
@@ -63,13 +65,14 @@ def exceeded(largest: np.ndarray, probability: float) -> float:
 
 
 def limit(
-    flights: list[np.ndarray], probability: float, place: str = "", least: float = LEAST
+    flights: list[np.ndarray], probability: float, place: str = "", least: float = LEAST, kinds: Any = None
 ) -> tuple[np.ndarray, dict]:
     """Return (weights (features,), how they were found) of the limit that a flight passes with `probability`.
 
     `flights` holds (blocks, 1 + features) for each flight, y first; flights without a block count as far below. Of
     LEVELS the one with the least geometric mean of the limit is taken: still air, where limits are small, counts as
-    much as gusts. Raises DesignError if no flight has a block.
+    much as gusts. Of `kinds` (flights,) of flights each is held to the probability by itself: what few of all flights
+    meet is in no tail of them all. Raises DesignError if no flight has a block.
     """
     rows = np.concatenate([f for f in flights if len(f)] or [np.zeros((0, 2))])
     if not len(rows):
@@ -80,7 +83,8 @@ def limit(
         if not (rows[:, 1:] @ w > 0.0).all():
             continue
         ratio = np.array([(f[:, 0] / (f[:, 1:] @ w)).max() if len(f) else 0.0 for f in flights])
-        scale = exceeded(ratio, probability)
+        groups = [ratio] if kinds is None else [ratio[np.asarray(kinds) == kind] for kind in dict.fromkeys(kinds)]
+        scale = max(exceeded(group, probability) for group in groups)
         mean = float(np.log(np.maximum(rows[:, 1:] @ (w * scale), 1e-300)).mean())
         if mean < best[0]:
             found = {"level": level, "scale": scale, "largest": float(ratio.max() / scale) if scale else 0.0}

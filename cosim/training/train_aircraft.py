@@ -139,18 +139,26 @@ def alternating(y: np.ndarray, dt: float) -> float:
     return low
 
 
+def over_rows(frame: pd.DataFrame, log: np.ndarray) -> list[tuple[np.ndarray, list]]:
+    """Return (statistic (ticks,), what its limit grows with) of every row of kinematic: the residual less what the
+    limit has of the wind's doubt already, and the terms that `fields` gives weights. Units of the row."""
+    speed = frame[sources("kinematic")["v_ground"]].to_numpy()
+    doubt = {signatures.CLIMB + k: log["doubt"][:, k] for k in range(3)}
+    out = []
+    for i in range(signatures.NR):
+        lateral = log["lateral"][:, i]
+        side = [lateral * speed, lateral * log["rough"]] if i in doubt else []  # climb, turn and speed
+        out.append((np.abs(log["res"][:, i]) - doubt.get(i, 0.0), [1.0, log["rough"], *side]))
+    return out
+
+
 def survey_kinematic(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
     """Return the blocks of each row, of its jumps, and of the noise of all readings."""
-    log = watched(frame, "kinematic", p, ("res", "raw", "lateral", "rough", "valid", "ratio"))
+    log = watched(frame, "kinematic", p, ("res", "raw", "lateral", "doubt", "rough", "valid", "ratio"))
     valid, dt = log["valid"] > 0.5, frame.attrs["dt"]
-    speed = frame[sources("kinematic")["v_ground"]].to_numpy()
     out = {}
-    for i, row in enumerate(signatures.ROWS):
-        features = [1.0, log["rough"]]
-        if row in ("climb", "turn", "speed"):
-            lateral = log["lateral"][:, i]
-            features += [lateral * speed, lateral * log["rough"]]
-        out[row] = blocks(np.abs(log["res"][:, i]), features, valid, dt)
+    for i, (row, (over, features)) in enumerate(zip(signatures.ROWS, over_rows(frame, log), strict=True)):
+        out[row] = blocks(over, features, valid, dt)
         out[f"{row} jump"] = blocks(np.abs(np.diff(log["raw"][:, i], prepend=log["raw"][0, i])), [1.0], valid, dt)
     return out | {"noise": blocks(log["ratio"].max(axis=1), [1.0], valid, dt)}
 
@@ -225,10 +233,11 @@ def watched(frame: pd.DataFrame, name: str, p: np.ndarray, fields: tuple[str, ..
 
 def surveys(
     frame: pd.DataFrame, turbulence: str, fitted: Callable[[str], np.ndarray], prior: dict | None, names: Sequence[str]
-) -> dict[str, dict[str, list]]:
+) -> dict[str, Any]:
     """Return what the surveys of detectors `names` find in one flown table, plain data; of those not trained in its air
-    nothing. `fitted(name)` gives the parameters, `prior` the fields that `known` found, None: those stored."""
-    out = {}
+    nothing. Its `air` stands beside. `fitted(name)` gives the parameters, `prior` the fields that `known` found, None:
+    those stored."""
+    out: dict[str, Any] = {"air": turbulence}
     for name in names:
         if turbulence in TRAINED_IN[name]:
             p = fitted(name)
@@ -242,7 +251,7 @@ def surveys(
 
 def surveyed(
     index: int, first_seed: int = FIRST_SEED, prior: dict | None = None, names: Sequence[str] = tuple(SURVEYS)
-) -> dict[str, dict[str, list]]:
+) -> dict[str, Any]:
     """Return what `surveys` finds in one training flight."""
     frame = flown(arguments(index, first_seed))
     return surveys(frame, air(index), partial(fitted, index=index), prior, names)
@@ -330,7 +339,8 @@ def limits(values: list[dict], prior: dict) -> list[Trained]:
             if part in PIECES:
                 rows = [piece[None] for flight in rows for piece in flight]
             least = CONSTANT if (name, part) == ("lpv_smo", "elevator") else LEAST
-            w, found[part] = limit(rows, share / tests.count(test), f"{name}, {part}", least)
+            kinds = [v["air"] for v in values if v.get(name)] if name == "kinematic" else None
+            w, found[part] = limit(rows, share / tests.count(test), f"{name}, {part}", least, kinds)
             made[part] = w.tolist()
         about: dict[str, Any] = {"air": list(TRAINED_IN[name]), "found": found}
         rounded = decimals

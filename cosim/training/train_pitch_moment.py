@@ -2,7 +2,7 @@
 
 Flights as those of `cosim.training.train_aircraft`, up to moderate turbulence, with the manoeuvre at a random time. Of
 each flight the largest likelihood ratio of every band of frequencies counts; a threshold is what that exceeds with
-RARE per flight of 60 s, shared among the bands; seven flights per air and manoeuvre, so that its tail is
+RARE per flight of 60 s, shared among the bands; fourteen flights per air and manoeuvre, so that its tail is
 extrapolated.
 """
 
@@ -20,7 +20,7 @@ from cosim.training.trainer import Trained, Training
 from fdi.pitch_moment_glr import pitch_moment_glr
 
 NAME = "pitch_moment_glr"
-FLIGHTS, FIRST_SEED = 168, 36_000
+FLIGHTS, FIRST_SEED = 336, 36_000
 RARE = 60.0 / 360e3  # of a false alarm in a flight: one in 100 hours of valid flight
 
 

@@ -38,15 +38,15 @@ from fdi import registry
 from fdi.common.record import Detector, Site
 from fdi.common.verdict import AMBIGUOUS, NONE, code
 from fdi.joint import tables
-from fdi.joint.places import AIRCRAFT, CULPRITS, LANES, LOCAL, PLACES, SEGMENTS, SETS, hypotheses, segments
+from fdi.joint.places import AIRCRAFT, CULPRITS, LANES, LOCAL, PLACES, SEGMENTS, SETS, WIDE, hypotheses, segments
 from fdi.joint.tables import padded
 
 NL, NP, NG, NC = len(LANES), len(PLACES), len(SETS), 10
-NH, NR, NN, NA, NV = 128, 480, 30, 7, 6  # most hypotheses, rows, tokens; ages; sizes x variants
+NH, NR, NN, NA, NV = 128, 480, 30, 8, 6  # most hypotheses, rows, tokens; ages; sizes x variants
 UNEXPLAINED = 0.01  # P(token | h) below which a hypothesis does not explain an alarm
 NK, NCUL = 10, 24  # single hypotheses that a second one is tried with; culprits of a detector
 # (lane, detector, output) of what tells more than a class; of one lane the first that says anything counts
-FINER = [(i, d, output) for i, (d, _) in enumerate(LANES) for output in registry.record(d).finer]
+FINER = [(i, d, output) for i, (d, lane) in enumerate(LANES) for output in registry.record(d).finer if lane != "second"]
 LANE_OF = tuple(i for i, _, _ in FINER)
 NF, NW, NV_F = len(FINER), 8, 16  # words of a detector, values of such an output
 
@@ -70,7 +70,7 @@ PARAMS = dtype([
     ("alarm_mean", "f8", (NR,)),  # the same over sizes and variants
     ("said_mean", "f8", (NR, NN)),  # P(alarm and token | row)
     ("by_age", "f8", (NL, NA)),  # F
-    ("false", "f8", "-"),  # P(false alarm) of a lane
+    ("false", "f8", (NL,)),  # P(false alarm with one name) of a lane
     ("alone", "f8", (NL,)),  # odds of a fault where the lane alone has spoken
     ("use", "f8", (NL,)),  # 1 where the lane is listened to
     ("token", "f8", (NL, NC, NCUL)),  # of class code and culprit
@@ -112,8 +112,9 @@ STATE = dtype([
     ("other_w", "f8", (NH,)),  # of the second of two
 ])  # fmt: skip
 OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "p", "second", "verdict_2", "p_2", "p_fault")
-_READS = {f"{word}[{i}]": f"{d}.{lane}.{word}" for i, (d, lane) in enumerate(LANES)
-          for word in _WORDS}  # fmt: skip
+_SECOND = {"alarm": "second", "verdict": "verdict_2", "culprit": "second", "valid": "valid"}
+_READS = {f"{word}[{i}]": f"{d}.aircraft.{_SECOND[word]}" if lane == "second" else f"{d}.{lane}.{word}"
+          for i, (d, lane) in enumerate(LANES) for word in _WORDS}  # fmt: skip
 _READS |= {f"finer[{f}]": f"{d}.{LANES[i][1]}.{output}" for f, (i, d, output) in enumerate(FINER)}
 DETECTOR = Detector(
     id="joint",
@@ -168,17 +169,21 @@ def params(
             word[f, value] = tables.words(detector).index(kinds)
     size = np.repeat([1.0 - tables.UNSEEN, tables.UNSEEN], 3) / 3.0
     spoken = (size * alarm).reshape(-1, 2, 3).sum(axis=2)
+    mean, said_mean = alarm @ size, (spoken[:, :, None] * said).sum(axis=1)
+    one = np.unique(row[:, [lane == "second" for _, lane in LANES]]).astype(int)  # of one fault no second is named
+    alarm[one], said[one] = tables.ELSEWHERE, said[one] > 0.0
+    said[one] /= said[one].sum(axis=-1, keepdims=True)
     made = {
         "sure": 0.85, "two": 0.1, "none": 0.05, "keep": 5.0, "release": 0.5,
         "n_h": len(found), "n_k": NK, "row": padded(row, (NH, NL)),
         "twin": padded(tables.twins(found, here), (NH, NL)), "alike": 0.8, "prior": padded(tables.prior(found), (NH,)),
         "place": padded(np.array([PLACES.index(h.place) for h in found]), (NH,)), "share": size,
         "verdict": padded(np.array([code(h.verdict) for h in found]), (NH,)),
-        "alarm": padded(alarm, (NR, NV)), "said": padded(said, (NR, 2, NN)), "alarm_mean": padded(alarm @ size, (NR,)),
-        "said_mean": padded((spoken[:, :, None] * said).sum(axis=1), (NR, NN)), "by_age": tables.by_age(counted),
-        "false": tables.FALSE, "alone": tables.alone(counted), "token": token, "finer": finer, "word": word,
-        "ages": tables.AGES,
-        "use": [float(d in own and (lane == "aircraft" or lane in here)) for d, lane in LANES],
+        "alarm": padded(alarm, (NR, NV)), "said": padded(said, (NR, 2, NN)), "alarm_mean": padded(mean, (NR,)),
+        "said_mean": padded(said_mean, (NR, NN)), "by_age": tables.by_age(counted),
+        "false": [tables.false(d) for d, _ in LANES], "alone": tables.alone(counted), "token": token, "finer": finer,
+        "word": word, "ages": tables.AGES,
+        "use": [float(d in own and (lane in WIDE or lane in here)) for d, lane in LANES],
         "set_of": [[float(p in members) for p in PLACES] for members in SETS.values()],
         "name_of": [CULPRITS.index(p) for p in PLACES], "name_of_set": [CULPRITS.index(n) for n in SETS],
     }  # fmt: skip
@@ -318,7 +323,7 @@ def _false(x, p):
     w = 1.0
     for i in range(NL):
         if x.said[i] > 0.5:
-            w *= p.false
+            w *= p.false[i]
     return w
 
 

@@ -20,11 +20,23 @@ import numpy as np
 
 from fdi import registry
 from fdi.common.verdict import NAMES
-from fdi.joint.places import AIRCRAFT, DRIVE, ENGINES, LANES, LOCAL, SEGMENTS, Hypothesis, case, hypotheses, mirrored
+from fdi.joint.places import (
+    AIRCRAFT,
+    DRIVE,
+    ENGINES,
+    LANES,
+    LOCAL,
+    SEGMENTS,
+    WIDE,
+    Hypothesis,
+    case,
+    hypotheses,
+    mirrored,
+)
 
 WEIGHT = 3.0  # flights that a record counts for
 UNSEEN = 0.2  # probability that a fault is of a kind that no flight had
-AGES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # [s] after the first witness
+AGES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # [s] after the first witness; alarms are counted for 15 s
 # P(alarm | designed for, may see, reads the sensor, blind), for a small, a middling and a large fault; assumed
 SIZES = {
     "local": {"designed": (0.5, 0.95, 0.99), "may": (0.02, 0.4, 0.95), "reads": (0.02, 0.1, 0.3),
@@ -36,7 +48,8 @@ LARGE = ("runaway",)  # what goes on to a stop is large in the end, however slow
 # P(a class of the record | a class), likewise of a culprit, and P(ambiguous | alarm); assumed, then counted
 RIGHT, OPEN = 0.9, 0.2
 OPEN_CLASSES = ("effectiveness", "ambiguous")  # of more than one cause: where a detector tells more, it counts
-ELSEWHERE = 3e-4  # P(alarm) of a lane on another segment: a quarter of the 1e-3 per minute that it is trained to
+ELSEWHERE = 3e-4  # P(false alarm) of a lane: a quarter of the 1e-3 per minute that a detector is trained to
+SECOND = 0.9  # P(a detector names the second of two parts | it would name it alone)
 FALSE = 1e-3  # false alarms of a detector per flight of 60 s, to which they are trained
 # P(a detector is the only one to speak of a fault); assumed, then counted: few faults move the aircraft alone
 ALONE = {"local": 0.5, "aircraft": 0.1}
@@ -116,14 +129,21 @@ def _culprits(detector, hypothesis):
     return right & set(registry.module(detector).CULPRITS)
 
 
-def keeps(detector: str, rates: dict) -> tuple[float, float]:
+def keeps(detector: str, rates: dict) -> tuple[float, float, float]:
     """Return P(a class of its record | a class), likewise of the culprit, and P(ambiguous | alarm), over every kind
-    that it is designed for."""
+    that it is designed for; P(it does not say more | an open class) over every kind for which it has a word."""
     counts = rates.get("seen", {}).get(detector, {})
     right, wrong, left = WEIGHT * RIGHT**2, WEIGHT * (1.0 - RIGHT**2), 0.0
+    mute, open_ = WEIGHT * OPEN, WEIGHT
     for h, technology in _LEFT.values():
         word, classes = stands(detector, h.kind, technology)
-        if h.kind not in counts or word != "designed":
+        if h.kind not in counts:
+            continue
+        if _told(detector, h.kind, technology):
+            for token, n in counts[h.kind]["said"].items():
+                mute += n * (token in OPEN_CLASSES)
+                open_ += n * (token.partition(" ")[0] in OPEN_CLASSES)
+        if word != "designed":
             continue
         good = {name(detector, v, c) for v in _classes(classes) for c in _culprits(detector, h) or {""}}
         for token, n in counts[h.kind]["said"].items():
@@ -134,7 +154,12 @@ def keeps(detector: str, rates: dict) -> tuple[float, float]:
             else:
                 wrong += n
     alarms = right + wrong + left
-    return float(np.sqrt(right / (right + wrong))), (WEIGHT * OPEN + left) / (WEIGHT + alarms)
+    return float(np.sqrt(right / (right + wrong))), (WEIGHT * OPEN + left) / (WEIGHT + alarms), mute / open_
+
+
+def _told(detector, kind, technology):
+    """Return those of `words` that mean a kind of fault."""
+    return [k for k in words(detector) if case(kind, technology).partition(".")[2] in k]
 
 
 def _classes(classes):
@@ -143,7 +168,7 @@ def _classes(classes):
 
 
 def believed(
-    detector: str, hypothesis: Hypothesis, technology: str, kept: tuple[float, float] = (RIGHT, OPEN)
+    detector: str, hypothesis: Hypothesis, technology: str, kept: tuple[float, float, float] = (RIGHT, OPEN, OPEN)
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return P(alarm) by size (3,) and P(token | alarm) (tokens,) as the records have them; `kept` as of `keeps`."""
     word, classes = stands(detector, hypothesis.kind, technology)
@@ -160,14 +185,12 @@ def believed(
         of_v = {v: (1.0 - kept[1]) * share + kept[1] * (v == "ambiguous") for v, share in of_v.items()}
     of_c = _shares(culprits, _culprits(detector, hypothesis), kept[0])
     told = words(detector)
-    mine = [k for k in told if case(hypothesis.kind, technology).partition(".")[2] in k]
-    of_k = _shares(told, set(mine) or {()}, kept[0])
-    of_k = {k: (1.0 - kept[1]) * share + kept[1] * (not k) for k, share in of_k.items()}
+    of_k = _shares(told, set(_told(detector, hypothesis.kind, technology)) or {()}, kept[0])
+    of_k = {k: (1.0 - kept[2]) * share + kept[2] * (not k) for k, share in of_k.items()}
     p = np.zeros(len(own))
     for c, v, k in itertools.product(culprits, said, told):
         p[own.index(name(detector, v, c, k))] += of_c[c] * of_v[v] * of_k[k]
-    p = np.maximum(p, 1e-3)
-    return alarm, p / p.sum()
+    return alarm, p
 
 
 def _shares(every, right, p):
@@ -179,7 +202,7 @@ def _shares(every, right, p):
 
 
 def measured(
-    detector: str, hypothesis: Hypothesis, technology: str, kept: tuple[float, float], rates: dict
+    detector: str, hypothesis: Hypothesis, technology: str, kept: tuple[float, float, float], rates: dict
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the same with what was counted: Beta and Dirichlet updates of WEIGHT flights' worth of the records."""
     alarm, said = believed(detector, hypothesis, technology, kept)
@@ -222,16 +245,19 @@ def rows(found: list[Hypothesis], technology: dict[str, str], rates: dict) -> tu
     row, alarms, saids = np.zeros((len(found), len(LANES))), [], []
     for i, h in enumerate(found):
         for j, (detector, lane) in enumerate(LANES):
-            if lane != "aircraft" and lane not in h.segments:
-                alarm, said = np.full(6, ELSEWHERE), np.full((2, len(names(detector))), 1.0 / len(names(detector)))
+            if lane not in WIDE and lane not in h.segments:
+                alarm, said = np.zeros(6), np.zeros((2, len(names(detector))))
             else:
                 own = h
-                if lane != "aircraft" and len(h.segments) > 1:  # a segment's own filters cannot tell whose command
+                if lane not in WIDE and len(h.segments) > 1:  # a segment's own filters cannot tell whose command
                     own = Hypothesis(h.place, h.verdict, f"{technology[lane]}.{h.kind.partition('.')[2]}", (lane,))
                 how = detector, own, common, kept[detector]
                 both = [measured(*how, rates), believed(*how)]
-                alarm = np.concatenate([a for a, _ in both])
+                alarm = np.concatenate([a for a, _ in both]) * (SECOND if lane == "second" else 1.0)
                 said = np.stack([s for _, s in both])
+            of_v = alarm.reshape(2, 3).mean(axis=1)[:, None]  # beside a fault an alarm may be false, and says anything
+            said = (of_v * said + false(detector)) / (of_v + ELSEWHERE)
+            alarm = 1.0 - (1.0 - alarm) * (1.0 - ELSEWHERE)
             padded = np.zeros((2, most))
             padded[:, 1 : 1 + said.shape[1]] = said
             key = np.concatenate([alarm, padded.ravel()]).tobytes()
@@ -241,6 +267,11 @@ def rows(found: list[Hypothesis], technology: dict[str, str], rates: dict) -> tu
                 saids.append(padded)
             row[i, j] = index[key]
     return row, np.array(alarms), np.array(saids)
+
+
+def false(detector: str) -> float:
+    """Return P(a false alarm with one name) of a lane."""
+    return ELSEWHERE / len(names(detector))
 
 
 def alone(rates: dict) -> np.ndarray:

@@ -52,9 +52,12 @@ from fdi.kinematic import wind
 from fdi.kinematic.rows import compare, read
 from fdi.kinematic.signatures import (
     CLIMB,
+    CULPRITS,
+    EITHER,
     FAST,
     FIRST,
     JUMPS,
+    KNOWN,
     MAY,
     MUST,
     NC,
@@ -68,8 +71,6 @@ from fdi.kinematic.signatures import (
     Q,
 )
 
-CULPRITS = ("", *SENSORS, "q or theta")
-EITHER = len(CULPRITS) - 1.0
 SPEEDS = ("tas", "cas", "v_ground")
 # a gust changes by sigma sqrt(2 V dt / L) from tick to tick [Dryden]: the variance of airspeed goes with V, that of a
 # vane's angle with 1 / V, that of a load factor, V times that angle, with V^3
@@ -110,6 +111,8 @@ STATE = dtype(
         ("alarm", "f8", "-"),
         ("verdict", "f8", "-"),  # SENSOR, AMBIGUOUS
         ("culprit", "f8", "-"),  # index into CULPRITS
+        ("second", "f8", "-"),  # the other one where two sensors are wrong, 0 where one explains all
+        ("verdict_2", "f8", "-"),
         ("valid", "f8", "-"),
         ("why", "f8", "-"),  # code of fdi.common.why, 0 while valid
         ("res", "f8", (NR,), "rad, m/s, m, -"),  # residuals through the lag, less what was learned
@@ -140,11 +143,13 @@ STATE = dtype(
         ("age", "f8", "s"),
         ("n_learn", "f8", "-"),
         ("since", "f8", "s"),  # time since the first row fired, 0 while none has
+        ("beyond", "f8", "s"),  # and since one did that does not read the named sensor
+        ("known", "f8", (NR,)),  # 1 where a row reads that sensor
         ("noisy", "f8", "-"),  # 1 + sensor whose noise is wrong, 0 for none
         ("quiet", "f8", "s"),  # time since anything fired
     ]
 )
-OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "why", "res")
+OUTPUTS = ("r", "alarm", "verdict", "culprit", "second", "verdict_2", "valid", "why", "res")
 DETECTOR = Detector(
     id="kinematic",
     level="aircraft",
@@ -232,7 +237,8 @@ def _noise(x, p, dt):
 
 @kernel
 def _named(x):
-    """Return (number of sensors that explain what fired and jumped, the last of them + 1); q and theta are EITHER."""
+    """Return (number of sensors that explain what fired and jumped, the last of them + 1); q and theta are EITHER. What
+    x.known has, another sensor may have done."""
     count, best, pair = 0, 0, 0
     for s in range(NC):
         fits = True
@@ -243,11 +249,13 @@ def _named(x):
                 # gusts may hide it there
                 size = math.fabs(x.res[FIRST[s]]) * SHOWS[s, i] * (x.y[15] if FAST[s, i] > 0.5 else 1.0)
                 missing = size > HIDDEN * x.limit[i]
-            if missing or (on and MAY[s, i] < 0.5):
+            if missing or (on and MAY[s, i] < 0.5 and x.known[i] < 0.5):
                 fits = False
         jumped = x.jumped[FIRST[s]] > 0.0
         if (JUMPS[s] > 0.5 and not jumped) or (JUMPS[s] < -0.5 and jumped):
             fits = False
+        if x.known[FIRST[s]] > 0.5:
+            fits = False  # nothing is left that would show it
         if fits and best != OF[s] + 1:
             count += 1
             best = OF[s] + 1
@@ -258,10 +266,27 @@ def _named(x):
 
 
 @kernel
+def _again(x, p, dt):
+    """Name a second sensor: by rows that do not read the first one, or by its noise."""
+    if x.noisy > 0.5 and x.noisy != x.culprit:
+        x.second, x.verdict_2 = x.noisy, SENSOR
+    left = False
+    for i in range(NR):
+        x.known[i] = KNOWN[int(x.culprit), i]
+        left = left or (x.fired[i] > 0.0 and x.known[i] < 0.5)
+    x.beyond = x.beyond + dt if left else 0.0
+    if x.beyond >= p.t_collect:
+        count, best = _named(x)
+        if count == 1:
+            x.second, x.verdict_2 = best, SENSOR
+
+
+@kernel
 def _decide(x, p, dt):
     """Name the sensor when the rows that belong together are in; hold the alarm for t_release."""
     any_row = False
     for i in range(NR):
+        x.known[i] = 0.0
         any_row = any_row or x.fired[i] > 0.0
     x.quiet = 0.0 if any_row or x.noisy > 0.5 else x.quiet + dt
     if not any_row:
@@ -277,8 +302,15 @@ def _decide(x, p, dt):
             x.alarm, x.verdict, x.culprit = 1.0, SENSOR, best
         elif sought and x.since >= p.t_ambiguous:
             x.alarm, x.verdict, x.culprit = 1.0, AMBIGUOUS, 0.0
+    if x.alarm > 0.5 and x.verdict == SENSOR and x.second < 0.5:
+        _again(x, p, dt)
     if x.alarm > 0.5 and x.quiet > p.t_release:
-        x.alarm, x.verdict, x.culprit = 0.0, NONE, 0.0
+        _clear(x)
+
+
+@kernel
+def _clear(x):
+    x.alarm, x.verdict, x.culprit, x.second, x.verdict_2, x.beyond = 0.0, NONE, 0.0, 0.0, NONE, 0.0
 
 
 @kernel
@@ -295,7 +327,8 @@ def _rest(x, p, why):
         for i in range(NS):
             x.level[i] = 0.0
     x.since, x.noisy, x.quiet, x.valid, x.why = 0.0, 0.0, 0.0, 0.0, why
-    x.r, x.alarm, x.verdict, x.culprit = 0.0, 0.0, NONE, 0.0
+    x.r = 0.0
+    _clear(x)
 
 
 @kernel
@@ -329,7 +362,7 @@ def step(x, u, p, dt):
     if x.valid > 0.5:
         _decide(x, p, dt)
     else:
-        x.alarm, x.verdict, x.culprit = 0.0, NONE, 0.0
+        _clear(x)
 
 
 rollout = entry(step, STATE, INPUTS, PARAMS)

@@ -8,6 +8,7 @@ from fdi.common.decision import usable
 from fdi.kinematic.signatures import BARO, CLIMB, HEIGHT, IMPACT, NR, PHI, PSI, SOUND, SPEED, THETA, TURN
 from fdi.kinematic.wind import blow, plane
 
+SPREAD = 3.0  # half of what lateral velocity may be off by, over the rms of lateral gusts: half of `side_gust`
 EARTH = 6.356766e6  # radius that makes a geometric altitude one of the standard atmosphere [m]
 
 
@@ -78,7 +79,8 @@ def compare(x, p, dt):
     v = x.lateral_ground  # gusts are in it, and `side` allows for them
     path = ok[14] * ok[15] * ok[3] * ok[4]
     x.live[CLIMB] = path * ok[8]
-    rise = u * st - v * sp * ct - w * cp * ct
+    steep = u * st - w * cp * ct
+    rise = steep - v * sp * ct
     x.raw[CLIMB] = y[8] - rise
     _integrated(x, p, TURN, w, pitch * u - roll * v + G0 * (ct * cp - y[7]), path * body * ok[7], dt, 0.0)
     along = G0 * (y[6] * u + y[18] * v - y[7] * w - rise) / max(y[15], 1.0)  # no rate of rotation moves the whole speed
@@ -103,7 +105,9 @@ def compare(x, p, dt):
         x.rough = y[15] * math.sqrt(max(x.square - x.sideslip * x.sideslip, 0.0))
     # the rows take the lateral velocity from sideslip and wind: in a bank, rolling and yawing gusts show in them
     fade = dt / p.tau
-    x.lateral[CLIMB] = math.fabs(sp)
+    # in a climb what of the speed over the ground is lateral does not climb: v^2 / (2 V), v and an error of it alike
+    shown = math.fabs(sp) + math.fabs(steep) * (math.fabs(v) + SPREAD * x.rough) / max(y[15] * y[15], 1.0)
+    x.lateral[CLIMB] += (1.0 - math.exp(-dt / p.tau_r)) * (shown - x.lateral[CLIMB])  # as its residual comes
     x.lateral[TURN] += fade * (p.tau * math.fabs(roll) - x.lateral[TURN])
     x.lateral[SPEED] += fade * (p.tau * G0 * math.fabs(sp) / max(y[15], 1.0) - x.lateral[SPEED])
     for i in range(NR):

@@ -51,3 +51,14 @@ _SHOWN = {("q", "turn"): (1.0, True), ("alpha_ground", "climb"): (1.0, False), (
 SHOWS, FAST = (
     np.array([[float(_SHOWN.get((c[0], row), (0.0, False))[k]) for row in ROWS] for c in SIGNATURES]) for k in (0, 1)
 )
+# the sensors that each row reads, in its order of ROWS: what it shows while one of them is wrong tells of no other
+READS = (
+    ("p", "q", "r", "phi", "theta"), ("q", "r", "phi", "theta"), ("q", "r", "phi", "theta", "psi"),
+    ("hdot", "phi", "theta", "alpha_ground", "v_ground"),
+    ("p", "q", "r", "phi", "theta", "n_z", "alpha_ground", "v_ground"),
+    ("phi", "theta", "n_x", "n_y", "n_z", "alpha_ground", "v_ground"), ("hdot", "h_inertial"),
+    ("tas", "mach", "h_inertial"), ("cas", "mach", "h_baro"), ("hdot", "h_inertial", "h_baro"),
+)  # fmt: skip
+CULPRITS = ("", *SENSORS, "q or theta")
+EITHER = len(CULPRITS) - 1.0
+KNOWN = np.array([[float(bool(set(c.split(" or ")) & set(row))) for row in READS] for c in CULPRITS])

@@ -88,7 +88,7 @@ def blow(x, p, dt):
         x.lateral_ground = lateral + cp * x.wind[1] + sp * st * x.wind[0]
     sigma, fade = SURE * math.sqrt(P[1, 1]), dt / p.tau
     climb = max(_variance(x, h0, h1, 1.0) - 2.0 * GUST_S * ACROSS * ACROSS / LEARNED, 0.0)
-    x.doubt[0] += dt / p.tau_r * (SURE * math.sqrt(climb) - x.doubt[0])
+    x.doubt[0] += (1.0 - math.exp(-dt / p.tau_r)) * (SURE * math.sqrt(climb) - x.doubt[0])
     x.doubt[1] += fade * (p.tau * math.fabs(y[0]) * sigma - x.doubt[1])
     x.doubt[2] += fade * (p.tau * G0 * math.fabs(sp) / max(y[15], 1.0) * sigma - x.doubt[2])
     x.offset[CLIMB] = x.wind[2]

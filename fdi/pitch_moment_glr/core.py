@@ -86,9 +86,9 @@ def correlate(x, p, e, s, roll):
     oscillation, followed for the terms that a manoeuvre moves, and G what is left of it in the innovation. Whatever G
     is, as long as it comes from the past, M is the variance of z. `roll` is the whitened roll acceleration.
     """
-    x0, x1, x2, x3 = x.xw[0], x.xw[2], x.xw[3], x.xw[4]
-    k0, k1, k2, k3 = x.K[0], x.K[2], x.K[3], x.K[4]
-    g, own = 1.0 / s, x.xw[3]
+    x0, x1, x2, x3 = x.xw[0], x.xw[1], x.xw[2], x.xw[3]
+    k0, k1, k2, k3 = x.K[0], x.K[1], x.K[2], x.K[3]
+    g, own = 1.0 / s, x.xw[2]
     for f in range(NF):
         cc, ss = x.cosine[f], x.sine[f]
         c, d = p.turn_c[f] * cc - p.turn_s[f] * ss, p.turn_s[f] * cc + p.turn_c[f] * ss

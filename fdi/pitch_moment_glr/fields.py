@@ -19,6 +19,7 @@ PARAMS = dtype(
         *[(n, "f8", (2,), u) for (n, _), u in zip(
             reference.PARAM_FIELDS, ("1/s", "1/s", "1/s", "rad/s", "rad/s2", "rad/s3"), strict=True)],
         ("part", "f8", (2,), "-"),  # of the elevators that is hydraulic, electromechanical
+        ("arm", "f8", "m"),  # of the hydraulic ones: surface angle to rod
         ("late", "f8", "s"),  # age of the pitch acceleration
         ("limit_low", "f8", "rad"),  # travel
         ("limit_high", "f8", "rad"),
@@ -87,10 +88,10 @@ STATE = dtype(
         ("place_d", "f8", "-"),
         ("held", "f8", (10,)),  # q, qdot, alpha_ground, p, r, pdot, n_x, n_z, g's part, v_ground as old as air data
         ("sum_", "f8", (NV + 1,)),  # over the ticks of a sample
-        ("mean_", "f8", (NV,)),  # alpha, alpha_ground, q, y, p, r, n_x, n_z, g's part, V, gust along, elevator
+        ("mean_", "f8", (NV,)),  # alpha, alpha_ground, q, y, p, r, n_x, n_z, g's part, V, V_ground, elevator
         ("rate", "f8", "rad/s"),
         ("roll", "f8", "rad/s2"),
-        ("sum_r", "f8", (3,)),
+        ("sum_r", "f8", (4,)),
         ("cas", "f8", "m/s"),
         ("mach", "f8", "-"),
         ("mass", "f8", "kg"),
@@ -99,6 +100,7 @@ STATE = dtype(
         ("started", "f8", "-"),
         ("filled", "f8", "-"),  # 1 once the high pass has started
         ("age", "f8", "s"),
+        ("since_steep", "f8", "s"),  # the angle of attack was beyond alpha_max, or readings lost
         ("gone", "f8", "s"),  # time without a complete reading
         ("variable", "f8", (15,)),
         ("part", "f8", (NK,)),
@@ -108,9 +110,9 @@ STATE = dtype(
         ("head", "f8", "-"),
         ("since_line", "f8", "-"),  # ticks since it got the last
         ("tail", "f8", "rad"),  # gust at the tail
-        ("lagged", "f8", "rad"),
+        ("stick", "f8", "-"),  # friction of the hydraulic servo over that of sliding
+        ("rub", "f8", "1/m"),  # its mean over a sample and over all elevators, by the arm
         ("slow", "f8", (2,), "rad/s2"),
-        ("slope_a", "f8", "1/s2"),
         ("push", "f8", "rad/s2"),  # moment of thrust
         ("effect", "f8", "1/s2"),  # pitch acceleration of an elevator angle
         ("term", "f8", (NX,), "rad/s2"),

@@ -14,27 +14,33 @@ from actuators.constants import G0
 from fdi.common.decision import clipped
 from fdi.control_redundancy.force_model import air_data, contributions
 
-NX = 13  # terms of the regression, `TERMS`
+NX = 10  # terms of the regression, `TERMS`
 NV = 12  # signals that are averaged between two samples
 LINE = 100  # of the gust on its way to the tail, every FINE seconds: down to 65 m/s
 FINE = 0.005  # what a gust changes by in a sample of the regression is no small part of its moment [s]
 TAU_FUSE = 0.2  # noise of the gyro over that of the accelerometer of pitch: the gyro tells more below 1 / TAU_FUSE [s]
 TAPS = 9  # samples of the filter that fuses them
 LATE = TAPS // 2 + 1  # samples that it comes late, and with it all terms
-TAU_VANE = 0.1  # of the lagged gust [s]
 TAU_THRUST = 0.2  # of thrust as the accelerometer has it: engines are slower, its noise is not [s]
-TAU_LAG = 0.12  # of elevator and static moment: friction makes a servo late, circulation the air [s]
+TAU_LAG = 0.12  # of elevator and friction: a servo takes up what makes it late [s]
+SLIP = 0.5e-3  # of a rod, after which friction has turned [m]
 PITCH, LIFT, DRAG = 4, 0, 1  # axes of the force model
 
 
 @kernel
 def follow(x, p, i, command, dt):
-    """Advance the servo model `i` with the limits of `actuators.common.reference`; return the surface of `late` ago."""
+    """Advance the servo model `i` with the limits of `actuators.common.reference`; return the surface of `late` ago.
+
+    Friction of the hydraulic one, -1 to 1 of that of sliding, has turned after SLIP of its rod [Dahl76].
+    """
     now = x.m[i] - p.late * x.md[i]
     away = min(max(command, p.limit_low), p.limit_high) - x.m[i]
     v = clipped(p.k1[i] * away, min(p.v_max[i], math.sqrt(0.8 * p.a_max[i] * math.fabs(away))))
     a = clipped(p.k2[i] * (v - x.md[i]), p.a_max[i])
     j = clipped(p.k3[i] * (a - x.mdd[i]), p.j_max[i])
+    if i == 0:
+        way = x.md[0] * dt * p.arm / SLIP
+        x.stick += clipped(way - math.fabs(way) * x.stick, 1.0)
     x.m[i] += dt * (x.md[i] + dt * (x.mdd[i] / 2.0 + dt * j / 6.0))
     x.md[i] += dt * (x.mdd[i] + dt * j / 2.0)
     x.mdd[i] += dt * j
@@ -62,6 +68,12 @@ def fuse(x, p, rate, acceleration, ts):
         y += p.blend[i] * x.apart[(head + TAPS - i) % TAPS]
     x.fused = (head + 1) % TAPS
     return y
+
+
+@kernel
+def upward(alpha, ground, tas, v_ground):
+    """Return the vertical gust as an angle [rad]: what the vane has of a gust along the way is none of it."""
+    return math.sin(alpha) - v_ground / max(tas, 10.0) * math.sin(ground)
 
 
 @kernel
@@ -111,19 +123,15 @@ def terms(x, p, ts):
     v = x.mean_
     alpha, ground, q, fast, slow_r = v[0], v[1], v[2], v[4], v[5]
     n_x, n_z, level = v[6], v[7], v[8]
-    tas, gust_u = max(v[9], 10.0), v[10]
+    tas, v_ground = max(v[9], 10.0), v[10]
     de, rate = v[11], x.rate
     _, qbar = air_data(x.cas, x.mach)
     gain = qbar * p.area / p.gyration2[1] / x.mass
     dx = (x.cg - p.cg_ref) * p.chord
     half = 0.5 * p.chord / tas
-    gust = alpha - ground
     for i in range(15):
         x.variable[i] = 0.0
     x.variable[0] = 1.0
-    contributions(p, ground, x.mach, qbar, x.variable, x.part, x.slope)
-    _sort(x, p, math.cos(ground), math.sin(ground), dx, q, de)
-    calm = gain * x.group[0]
     ca, sa = math.cos(alpha), math.sin(alpha)
     x.variable[1] = half * (q + G0 * (level - n_z * ca + n_x * sa) / tas)
     x.variable[3] = half
@@ -132,37 +140,29 @@ def terms(x, p, ts):
     x.variable[14] = x.stab
     contributions(p, alpha, x.mach, qbar, x.variable, x.part, x.slope)
     along = _sort(x, p, ca, sa, dx, q, de)
-    x.lagged += (1.0 - math.exp(-ts / TAU_VANE)) * (gust - x.lagged)
-    slope = 0.0
-    if math.fabs(gust) > 1e-6:
-        slope = (gain * x.group[0] - calm) / gust
-    x.slope_a += (1.0 - math.exp(-ts / 5.0)) * (slope - x.slope_a)
     x.effect = gain * x.group[3]
     t = x.term
     t[0] = gain * x.group[0]
-    t[1] = gain * x.group[0] - calm
-    t[2] = gain * x.group[2] * q
-    t[3] = x.effect * de
-    t[4] = gain * x.group[1]
-    t[5] = gain * x.group[2] * (x.tail - gust) * tas / p.tail_arm
+    t[1] = gain * x.group[2] * q
+    t[2] = x.effect * de
+    t[3] = gain * x.group[1]
+    t[4] = gain * x.group[2] * (x.tail - upward(alpha, ground, tas, v_ground)) * tas / p.tail_arm
     spin = (p.gyration2[2] - p.gyration2[0]) / p.gyration2[1] * fast * slow_r - p.gyration2[3] / p.gyration2[1] * (
         fast * fast - slow_r * slow_r
     )
     c = 1.0 - math.exp(-ts / TAU_LAG)
     if x.filled < 0.5:
-        x.slow[0], x.slow[1] = t[3], t[0]
-    x.slow[0] += c * (t[3] - x.slow[0])
-    x.slow[1] += c * (t[0] - x.slow[1])
-    t[6] = t[3] - x.slow[0]
-    t[7] = t[0] - x.slow[1]
-    t[8] = x.effect * rate
-    t[9] = t[3] * gust_u / tas
-    t[10] = x.slope_a * (x.lagged - gust)
+        x.slow[0], x.slow[1] = t[2], x.effect * x.rub
+    x.slow[0] += c * (t[2] - x.slow[0])
+    x.slow[1] += c * (x.effect * x.rub - x.slow[1])
+    t[5] = t[2] - x.slow[0]
+    t[6] = x.effect * rate
     # engines below the centre of gravity: what the accelerometer has and the air does not make is thrust
     push = p.thrust_arm * (G0 * n_x - qbar * p.area / x.mass * along)
     if x.filled < 0.5:
         x.push = push
     x.push += (1.0 - math.exp(-ts / TAU_THRUST)) * (push - x.push)
-    t[11] = x.push
-    t[12] = 1.0
-    return t[0] + t[2] + t[3] + t[4] + t[11] + gain * x.group[4] + spin
+    t[7] = x.push
+    t[8] = x.effect * x.rub - x.slow[1]
+    t[9] = 1.0
+    return t[0] + t[1] + t[2] + t[3] + t[7] + gain * x.group[4] + spin

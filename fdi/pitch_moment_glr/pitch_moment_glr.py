@@ -9,7 +9,8 @@ x (NX) are the parts of that moment, each of which may be wrong by a share, and 
 theta; of its innovations the likelihood ratio of an oscillation is taken, where what the filter learns of the
 oscillation is followed, too (core.correlate). Sources: [Willsky76] A. Willsky, H. Jones, A generalized likelihood ratio
 approach to the detection and estimation of jumps in linear systems, IEEE Trans. Automatic Control 21 (1976);
-[Basseville93] M. Basseville, I. Nikiforov, Detection of Abrupt Changes, Prentice Hall (1993), sections 2.4, 7.2.4.
+[Basseville93] M. Basseville, I. Nikiforov, Detection of Abrupt Changes, Prentice Hall (1993), sections 2.4, 7.2.4;
+[Dahl76] P. Dahl, Solid friction damping of mechanical vibrations, AIAA Journal 14 (1976).
 
 One moment does not tell which of the four segments swings, so the culprit is the elevator; the side is named where the
 roll acceleration swings with the pitch acceleration as one side's elevator makes it. OFC_SOLID is named where the
@@ -22,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from actuators.block import entry, kernel, record
-from actuators.common import linkage, reference
+from actuators.common import reference
 from actuators.ema import servo as ema_servo
 from actuators.hydraulic import servo as hydraulic_servo
 from fdi.common.decision import usable
@@ -36,18 +37,19 @@ from fdi.pitch_moment_glr import core
 from fdi.pitch_moment_glr.core import F_HIGH, F_LOW, NA, NF, correct, correlate, levinson, whiten
 from fdi.pitch_moment_glr.decide import TURNS, classify, judge
 from fdi.pitch_moment_glr.fields import INPUTS, MEASURED, NK, NK_A, PARAMS, STATE
-from fdi.pitch_moment_glr.moment import FINE, LATE, NV, NX, TAPS, TAU_FUSE, follow, fuse, late_gust, terms
+from fdi.pitch_moment_glr.moment import FINE, LATE, NV, NX, TAPS, TAU_FUSE, follow, fuse, late_gust, terms, upward
 
 CULPRITS = ("", "elevator", "elevator_left", "elevator_right")
 SAMPLE = 0.02  # [s] from one sample of the regression to the next; readings are averaged in between
 PERIODS = 5.0  # memory: after ten periods an oscillation has 0.76 of what a window of just these would have
-LAG = -0.25  # of the elevator less its lag, before anything is learned: friction
-TERMS = (  # and the standard deviation of theta before anything is learned
-    ("static moment at the angle of attack", 0.08), ("that of the gust alone", 0.15), ("pitch rate", 0.12),
-    ("elevator", 0.08), ("rate of the angle of attack", 0.3), ("gust between wing and tail, as a pitch rate", 0.6),
-    ("elevator less its lag", 0.15), ("static moment less its lag", 0.3), ("rate of the elevator [s]", 0.008),
-    ("gust along the way", 0.3), ("moment of the gust, lagged", 0.2),
-    ("moment of thrust", 0.3), ("constant [rad/s2]", 0.002),
+STEEP = 3.0  # time constants of the high pass after an angle of attack beyond `alpha_max`
+# theta before anything is learned: most of the tail's gust is not turned by the wing's wake; friction makes servos late
+BEFORE = {4: 0.6, 5: -0.25, 8: -0.3e-3}
+TERMS = (  # and its standard deviation then
+    ("static moment at the angle of attack", 0.08), ("pitch rate", 0.12), ("elevator", 0.08),
+    ("rate of the angle of attack", 0.3), ("gust between wing and tail, as a pitch rate", 0.15),
+    ("elevator less its lag", 0.15), ("rate of the elevator [s]", 0.008), ("moment of thrust", 0.3),
+    ("friction less its lag [m]", 0.15e-3), ("constant [rad/s2]", 0.002),
 )  # fmt: skip
 
 OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "why", "frequency", "lost", "lean")
@@ -83,13 +85,13 @@ DETECTOR = Detector(
 def params(
     which: str = "flight", *, model: Any, dt: float = 0.005, late: float = 0.01, behind: float = 0.0,
     hydraulic: float = 1.0, limits: tuple[float, float] = (math.radians(-23.0), math.radians(17.0)), own: Any = None,
-    **values: Any,
+    actuators: Any = None, **values: Any,
 ) -> np.ndarray:  # fmt: skip
     """Return PARAMS for a `ForceModel` with threshold set `which`; `values` replace fields.
 
     `late` is the age of the pitch acceleration [s], `behind` what air data are older than it, `hydraulic` the share of
-    the elevators that is hydraulic, `limits` their travel [rad]. Raises ValueError for a model with more than NK
-    quantities of lift, drag and pitch.
+    the elevators that is hydraulic, `limits` their travel [rad], `actuators` {technology: what differs from it}. Raises
+    ValueError for a model with more than NK quantities of lift, drag and pitch.
     """
     kept = [k for k, (axis, _) in enumerate(model.quantities) if axis in ("lift", "drag", "pitch")]
     made = force_model.fields(model)
@@ -101,10 +103,12 @@ def params(
         cut = np.take(np.asarray(made[field]), some, axis=-1)
         made[field] = np.concatenate([cut, np.zeros((*cut.shape[:-1], size - cut.shape[-1]))], axis=-1)
     made |= {"n_k": len(kept), "n_ka": n_a}
-    servos = hydraulic_servo.params(dt=dt)[0], ema_servo.params(dt=dt)[0]
-    per = (linkage.ARM, 1.0)
+    actuators = actuators or {}
+    servos = (hydraulic_servo.params(dt=dt, **actuators.get("hydraulic", {}))[0],
+              ema_servo.params(dt=dt, symbols=actuators.get("ema"))[0])  # fmt: skip
+    arm = float(servos[0]["arm"])
     own_fields = {
-        name: [s[name] / (per[i] if name.endswith("_max") else 1.0) for i, s in enumerate(servos)]
+        name: [s[name] / (arm if name.endswith("_max") and not i else 1.0) for i, s in enumerate(servos)]
         for name, _ in reference.PARAM_FIELDS
     }
     stride = max(1.0, math.floor(SAMPLE / dt + 1e-9))
@@ -113,7 +117,7 @@ def params(
     prior = np.array([sd for _, sd in TERMS])
     found = {
         **{n: v for n, v in made.items() if n in PARAMS.names},
-        **own_fields, "part": [hydraulic, 1.0 - hydraulic], "late": late + behind, "limit_low": limits[0],
+        **own_fields, "part": [hydraulic, 1.0 - hydraulic], "arm": arm, "late": late + behind, "limit_low": limits[0],
         "limit_high": limits[1], "stride": stride, "turn_c": np.cos(angle), "turn_s": np.sin(angle),
         "keep": np.exp(-f * stride * dt / PERIODS), "period": 1.0 / f, "prior": prior, "swing_roll": swing_roll(model),
         "behind": behind, "taken": 1.0 - math.exp(-dt / max(behind - dt, 1e-9)), "blend": blend(stride * dt),
@@ -167,8 +171,9 @@ def fitted(site: Site, **values: Any) -> np.ndarray:
     """Return PARAMS for a loop, on the force model of the aircraft that flies."""
     kinds = list(site.technologies.values()) or ["hydraulic"]
     travel: dict[str, Any] = {"limits": site.travel} if site.travel else {}
+    known = site.aircraft()
     return params(
-        model=site.aircraft().model, dt=site.dt, late=site.delay("qdot"), own=site.own,
+        model=known.model, actuators=known.actuators, dt=site.dt, late=site.delay("qdot"), own=site.own,
         behind=site.delay("alpha") - site.delay("qdot"),
         hydraulic=1.0 - kinds.count("ema") / len(kinds), **travel, **values,
     )  # fmt: skip
@@ -179,7 +184,9 @@ def init(p: np.ndarray) -> np.ndarray:
     x = np.zeros(p.shape, STATE)
     x["cosine"] = 1.0
     x["why"] = NOT_READY
-    x["theta"][..., 6] = LAG
+    x["since_steep"] = p["t_learn"]
+    for i, value in BEFORE.items():
+        x["theta"][..., i] = value
     for i in range(NX):
         x["P"][..., i, i] = p["prior"][..., i] ** 2
     return x
@@ -216,12 +223,12 @@ def _read(x, u, p, dt):
     if math.isfinite(u.stab):
         x.stab = u.stab
     q, qdot, ground = _hold(x, 0, u.q, p), _hold(x, 1, u.qdot, p), _hold(x, 2, u.alpha_ground, p)
-    along = u.tas - _hold(x, 9, u.v_ground, p)
+    v_ground = _hold(x, 9, u.v_ground, p)
     if x.started < 0.5:
         x.m[0] = x.m[1] = min(max(x.command, p.limit_low), p.limit_high)
     rate = p.part[0] * x.md[0] + p.part[1] * x.md[1]
     de = p.part[0] * follow(x, p, 0, x.command, dt) + p.part[1] * follow(x, p, 1, x.command, dt)
-    tail = late_gust(x, p, u.alpha - ground, u.tas, dt)
+    tail = late_gust(x, p, upward(u.alpha, ground, u.tas, v_ground), u.tas, dt)
     s = x.sum_
     s[0] += u.alpha
     s[1] += ground
@@ -233,12 +240,13 @@ def _read(x, u, p, dt):
     s[7] += _hold(x, 7, u.n_z, p)
     s[8] += _hold(x, 8, math.cos(u.theta) * math.cos(u.phi), p)
     s[9] += u.tas
-    s[10] += along
+    s[10] += v_ground
     s[11] += de
     s[12] += 1.0
     x.sum_r[0] += rate
     x.sum_r[1] += _hold(x, 5, u.pdot if usable(u.pdot, u.pdot_valid) > 0.5 else 0.0, p)
     x.sum_r[2] += tail
+    x.sum_r[3] += p.part[0] * x.stick / p.arm
     x.cas += (u.cas - x.cas) / s[12]
     x.mach += (u.mach - x.mach) / s[12]
     x.mass, x.cg = u.mass, u.cg
@@ -276,9 +284,9 @@ def _delay(x, computed):
 
 
 @kernel
-def _restart(x):
-    """Begin every window and every filter anew: readings were lost."""
-    x.filled, x.since = 0.0, 0.0
+def _forget(x):
+    """Begin the sums of every hypothesis anew."""
+    x.since = 0.0
     for f in range(NF):
         x.z_c[f] = x.z_s[f] = x.z_g[f] = x.R_c[f] = x.R_s[f] = 0.0
         x.M_cc[f] = x.M_cs[f] = x.M_ss[f] = x.M_gg[f] = 0.0
@@ -317,8 +325,8 @@ def _sample(x, p, dt):
         x.mean_[i] = x.sum_[i] / n
         x.sum_[i] = 0.0
     x.sum_[NV] = 0.0
-    x.rate, x.roll, x.tail = x.sum_r[0] / n, x.sum_r[1] / n, x.sum_r[2] / n
-    x.sum_r[0] = x.sum_r[1] = x.sum_r[2] = 0.0
+    x.rate, x.roll, x.tail, x.rub = x.sum_r[0] / n, x.sum_r[1] / n, x.sum_r[2] / n, x.sum_r[3] / n
+    x.sum_r[:] = 0.0
     computed = terms(x, p, ts)
     y = fuse(x, p, x.mean_[2], x.mean_[3], ts)
     computed, roll = _delay(x, computed)
@@ -330,6 +338,7 @@ def _sample(x, p, dt):
     x.high[NX - 1] = 1.0
     x.filled = 1.0
     x.age += ts
+    x.since_steep = 0.0 if x.mean_[0] > p.alpha_max else x.since_steep + ts
     if x.age < p.t_settle:
         return
     e = y
@@ -342,6 +351,9 @@ def _sample(x, p, dt):
         rw -= x.ar[i] * x.past_r[(now + NA - 1 - i) % NA]
     x.past_r[now] = roll
     yw = whiten(x, y)
+    if x.since_steep < STEEP * p.tau_high:  # neither is what the high pass has of it anything to learn from
+        _forget(x)
+        return
     x.noise = max(max(x.power, x.local), 1e-10)
     s = core.gain(x, p, ts)
     x.e = yw
@@ -379,7 +391,8 @@ def step(x, u, p, dt):
             _silent(x, LOST_SENSOR)
         return
     if x.gone > 0.1:
-        _restart(x)
+        _forget(x)  # readings were lost: every filter begins anew, too
+        x.filled = x.since_steep = 0.0
         x.age, x.started = min(x.age, p.t_learn - 5.0), 0.0
     x.gone = 0.0
     _read(x, u, p, dt)

@@ -21,7 +21,7 @@ def heard(*said, technology=MIXED, without=("pitch_moment_glr",), duration_s=8.0
     p = joint.params(technology, **how)
     u, here = np.zeros((1, round(duration_s / DT)), joint.INPUTS), places.segments(technology)
     for i, (detector, lane) in enumerate(places.LANES):
-        flies = lane == AIRCRAFT or here.get(lane) in registry.record(detector).technologies
+        flies = lane in places.WIDE or here.get(lane) in registry.record(detector).technologies
         u["valid"][0, :, i] = flies and detector not in without
     for detector, lane, class_, culprit, start in said:
         i, k = places.LANES.index((detector, lane)), round(start / DT)
@@ -209,3 +209,35 @@ def test_rates_move_what_records_say_by_their_number_of_flights():
     assert before[wrong] < 0.2 and after[wrong] > 0.85
     alarm = tables.measured("lpv_smo", h, "hydraulic", kept, counts)[0]
     assert alarm.mean() == pytest.approx((3.0 * tables.believed("lpv_smo", h, "hydraulic")[0].mean() + 30.0) / 33.0)
+
+
+def test_a_name_that_its_detector_has_never_given_wrongly_is_believed_though_nobody_has_flown_that_kind():
+    log = heard(("kinematic", AIRCRAFT, "sensor", "alpha", 1.0))  # rates know a bias of the vane, which it cannot see
+    assert name(log) == ("sensor", "alpha", "")
+
+
+def test_who_would_have_spoken_by_now_counts_as_silent_for_good():
+    said = [("position_monitor", "left_inner", "ambiguous", "", 1.0)]
+    said += [("rfafe", AIRCRAFT, "ambiguous", "elevator_left", 1.6)]
+    log = heard(*said, duration_s=20.0)
+    assert name(log, 100)[1] == "elevator_left_inner"  # a few of its alarms come late
+    assert name(log) == ("jam_liquid", "elevator_left_inner_command", "")  # iotsekf has not blamed its pressure
+
+
+def test_a_word_that_is_not_said_yet_is_not_denied():
+    h = next(h for h in places.hypotheses(MIXED) if h.kind == "ema.surface.effectiveness")
+    kept = tables.keeps("ema_kalman_flight", tables.stored())
+    said = tables.believed("ema_kalman_flight", h, "ema", kept)[1]
+    own = tables.names("ema_kalman_flight")
+    assert said.sum() == pytest.approx(1.0) and said.min() > 0.0
+    assert kept[2] > 2.0 * kept[1]  # as often as friction was, which has a word: not as often as "ambiguous" is said
+    assert said[own.index("effectiveness")] == pytest.approx(kept[2] * kept[0] / 2.0, rel=0.1)
+
+
+def test_a_second_sensor_that_a_detector_names_beside_the_first_is_another_fault():
+    first = ("kinematic", AIRCRAFT, "sensor", "theta", 1.0)
+    log = heard(first, ("kinematic", "second", "sensor", "cas", 4.0))
+    assert name(log, 35)[1:] == ("theta", "")
+    assert set(name(log)[1:]) == {"theta", "cas"}
+    three = heard(VALVE, first, ("kinematic", "second", "sensor", "cas", 4.0))
+    assert three["alarm"][40:].all()  # more than it can name are no false alarms

@@ -35,6 +35,15 @@ def test_less_probability_is_a_higher_limit():
     assert exceeded(largest, 1e-4) > exceeded(largest, 1e-3) >= largest.max()
 
 
+def test_a_kind_that_few_flights_are_of_is_held_to_the_probability_by_itself():
+    rng = np.random.default_rng(4)
+    kinds = ["severe" if k % 20 == 0 else "calm" for k in range(400)]
+    flights = [np.array([[(4.0 if kind == "severe" else 1.0) * rng.exponential(), 1.0]]) for kind in kinds]
+    new = 4.0 * rng.exponential(size=20_000)
+    passed = [(new > limit(flights, 1e-3, kinds=own)[0][0]).mean() for own in (None, kinds)]
+    assert passed[1] < 2e-3 < 4e-3 < passed[0]
+
+
 def test_a_threshold_is_nowhere_nothing():
     flights = [np.array([[1.0, 1.0, 5.0], [2.0, 1.0, 10.0]])] * 10  # all that is seen grows with the gust
     w, _ = limit(flights, 1e-3)

@@ -71,7 +71,7 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
             0.0, "floor": 0.0, "swing_threshold": 0.00122688, "swing_gust": 0.0136927, "swing_away": 0.0,
         },
         "kinematic flight": {
-            "threshold": 0.468345, "gust": 0.000145311, "side": 0.0365739, "side_gust": 0.14616,
+            "threshold": 0.468345, "gust": 0.000145311, "side": 0.0182681, "side_gust": 0.244957,
             "jump": 4.65399, "noise_ratio": 1.81795,
         },
         "control_redundancy flight": {

@@ -26,13 +26,15 @@ class About:
     model: object  # of the forces, fdi/control_redundancy/force_model.py
     delays: tuple[float, ...]  # mean delays of the healthy actuators [s]
     rates: tuple[float, ...]  # how fast they follow their commands [rad/s]
+    actuators: dict[str, dict[str, float]]  # of the elevators: {technology: what differs from that of `actuators`} [SI]
 
 
 def aircraft(own: Aircraft) -> About:
     """Return what is known of an aircraft."""
     late = (2.0 * ZETA / s.omega_rad_s for s in (own.surfaces.aileron, own.surfaces.rudder))
     rates = (s.rate for s in (own.surfaces.aileron, own.surfaces.rudder, own.surfaces.stabiliser))
-    return About(force_model(own.folder), (SERVO, *late, 0.0), (RATE, *rates))
+    actuators = {technology: dict(own.own(technology)) for technology in own.actuators}
+    return About(force_model(own.folder), (SERVO, *late, 0.0), (RATE, *rates), actuators)
 
 
 def site(
