@@ -54,6 +54,7 @@ from fdi.kinematic.signatures import (
     CLIMB,
     CULPRITS,
     EITHER,
+    FADES,
     FAST,
     FIRST,
     JUMPS,
@@ -77,6 +78,9 @@ SPEEDS = ("tas", "cas", "v_ground")
 GUSTY = {**dict.fromkeys(("tas", "cas", "mach"), 1), **dict.fromkeys(("alpha", "beta"), 2),
          **dict.fromkeys(("n_x", "n_y", "n_z"), 3)}  # fmt: skip
 POWER = np.array([GUSTY.get(name, 0) for name in SENSORS])
+# A named error that its row or its noise shows at any time is over when neither has for SHOWN_S [s]. One of an integrated
+# reading fades from its row: it is over when the reading has jumped back to BACK of what it was off by
+SHOWN_S, BACK = 5.0, 0.3
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
 
 PARAMS = dtype(
@@ -120,6 +124,8 @@ STATE = dtype(
         ("jumped", "f8", (NR,), "s"),  # time for which it still counts as jumped
         ("raw", "f8", (NR,)),  # residuals
         ("last", "f8", (NR,)),  # at the tick before
+        ("off", "f8", (NR,)),  # sum of the jumps of a fault
+        ("off_most", "f8", (NR,)),  # and the largest that it was
         ("seen", "f8", (NR,)),  # 1 where the tick before had one
         ("model", "f8", (NR,)),  # states of the rows that integrate
         ("rate", "f8", (NR,)),  # what they integrated last
@@ -147,6 +153,8 @@ STATE = dtype(
         ("known", "f8", (NR,)),  # 1 where a row reads that sensor
         ("noisy", "f8", "-"),  # 1 + sensor whose noise is wrong, 0 for none
         ("quiet", "f8", "s"),  # time since anything fired
+        ("below", "f8", "s"),  # and since anything was beyond its threshold
+        ("ends", "f8", "-"),  # 1 where the named error would show if it still were there
     ]
 )
 OUTPUTS = ("r", "alarm", "verdict", "culprit", "second", "verdict_2", "valid", "why", "res")
@@ -181,14 +189,22 @@ def init(p: np.ndarray) -> np.ndarray:
 def _residuals(x, p, dt):
     """Learn offsets, lag the residuals, note what fires and what jumps; return the largest over its threshold."""
     c, largest = 1.0 - math.exp(-dt / p.tau_r), 0.0
-    learning = x.age <= p.t_learn
+    learning, fades, back = x.age <= p.t_learn, -1, False
+    if x.alarm > 0.5 and x.verdict == SENSOR and x.culprit < EITHER:
+        fades = FADES[int(x.culprit) - 1]
     for i in range(NR):
         x.fired[i], x.jumped[i] = max(x.fired[i] - dt, 0.0), max(x.jumped[i] - dt, 0.0)
+        if x.jumped[i] == 0.0 and x.alarm < 0.5:
+            x.off[i] = x.off_most[i] = 0.0
         if x.live[i] < 0.5:
             x.seen[i], x.res[i] = 0.0, 0.0
             continue
-        if x.seen[i] > 0.5 and math.fabs(x.raw[i] - x.last[i]) > p.jump[i]:
+        leap = x.raw[i] - x.last[i] if x.seen[i] > 0.5 else 0.0
+        if math.fabs(leap) > p.jump[i]:
             x.jumped[i] = p.t_hold
+            x.off[i] += leap
+            x.off_most[i] = max(x.off_most[i], math.fabs(x.off[i]))
+            back = back or (i == fades and math.fabs(x.off[i]) < BACK * x.off_most[i])
         x.last[i], x.seen[i] = x.raw[i], 1.0
         if learning:
             if x.age > p.t_settle and i != CLIMB:  # its own in fdi/kinematic/wind.py
@@ -199,6 +215,11 @@ def _residuals(x, p, dt):
         largest = max(largest, r)
         if r >= 1.0:
             x.fired[i] = p.t_hold
+    if back:  # what integrates starts anew from the reading that is right again [Lu15]
+        x.ends = 1.0
+        for i in range(NR):
+            if KNOWN[int(x.culprit), i] > 0.5:
+                x.seen[i], x.res[i], x.fired[i] = 0.0, 0.0, 0.0
     return largest
 
 
@@ -283,34 +304,38 @@ def _again(x, p, dt):
 
 @kernel
 def _decide(x, p, dt):
-    """Name the sensor when the rows that belong together are in; hold the alarm for t_release."""
+    """Name the sensor when the rows that belong together are in; hold the alarm for t_release, or for SHOWN_S."""
     any_row = False
     for i in range(NR):
         x.known[i] = 0.0
         any_row = any_row or x.fired[i] > 0.0
     x.quiet = 0.0 if any_row or x.noisy > 0.5 else x.quiet + dt
+    x.below = 0.0 if x.r >= 1.0 else x.below + dt
     if not any_row:
         x.since = 0.0
     else:
         x.since += dt
     sought = x.alarm < 0.5 or x.verdict == AMBIGUOUS
     if x.noisy > 0.5 and sought:
-        x.alarm, x.verdict, x.culprit = 1.0, SENSOR, x.noisy
+        x.alarm, x.verdict, x.culprit, x.ends = 1.0, SENSOR, x.noisy, 1.0
     elif any_row and x.since >= p.t_collect and (sought or x.culprit == EITHER):
         count, best = _named(x)
         if count == 1:
             x.alarm, x.verdict, x.culprit = 1.0, SENSOR, best
+            x.ends = 1.0 if best < EITHER and FADES[int(best) - 1] < 0 else 0.0
         elif sought and x.since >= p.t_ambiguous:
             x.alarm, x.verdict, x.culprit = 1.0, AMBIGUOUS, 0.0
     if x.alarm > 0.5 and x.verdict == SENSOR and x.second < 0.5:
         _again(x, p, dt)
-    if x.alarm > 0.5 and x.quiet > p.t_release:
+    if x.alarm > 0.5 and (x.quiet > p.t_release or (x.ends > 0.5 and x.below > SHOWN_S)):
         _clear(x)
 
 
 @kernel
 def _clear(x):
-    x.alarm, x.verdict, x.culprit, x.second, x.verdict_2, x.beyond = 0.0, NONE, 0.0, 0.0, NONE, 0.0
+    x.alarm, x.verdict, x.culprit, x.second, x.verdict_2, x.beyond, x.ends = 0.0, NONE, 0.0, 0.0, NONE, 0.0, 0.0
+    for i in range(NR):
+        x.fired[i] = 0.0
 
 
 @kernel
