@@ -68,6 +68,7 @@ from fdi.kinematic.signatures import (
     SENSORS,
     SHOWS,
     SIGNATURES,
+    STAYS,
     THETA_SENSOR,
     Q,
 )
@@ -78,9 +79,10 @@ SPEEDS = ("tas", "cas", "v_ground")
 GUSTY = {**dict.fromkeys(("tas", "cas", "mach"), 1), **dict.fromkeys(("alpha", "beta"), 2),
          **dict.fromkeys(("n_x", "n_y", "n_z"), 3)}  # fmt: skip
 POWER = np.array([GUSTY.get(name, 0) for name in SENSORS])
-# A named error that its row or its noise shows at any time is over when neither has for SHOWN_S [s]. One of an integrated
-# reading fades from its row: it is over when the reading has jumped back to BACK of what it was off by
-SHOWN_S, BACK = 5.0, 0.3
+# A named error is over when what it did last would be SEEN of a threshold and is not there, for SHOWN_S [s]. One of an
+# integrated reading fades from its row: it is over when the reading has jumped back to BACK of what it was off by
+SHOWN_S, BACK, SEEN = 5.0, 0.3, 0.75
+FADING, STAYING, NOISE, JUMPED_BACK = 0.0, 1.0, 2.0, 3.0
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
 
 PARAMS = dtype(
@@ -153,8 +155,9 @@ STATE = dtype(
         ("known", "f8", (NR,)),  # 1 where a row reads that sensor
         ("noisy", "f8", "-"),  # 1 + sensor whose noise is wrong, 0 for none
         ("quiet", "f8", "s"),  # time since anything fired
-        ("below", "f8", "s"),  # and since anything was beyond its threshold
-        ("ends", "f8", "-"),  # 1 where the named error would show if it still were there
+        ("held", "f8", (NR,)),  # residuals that were beyond their thresholds, the last of each row
+        ("refuted", "f8", "s"),  # time for which those of the named error would be there and are not
+        ("shows", "f8", "-"),  # how that error shows: FADING, STAYING, NOISE, JUMPED_BACK
     ]
 )
 OUTPUTS = ("r", "alarm", "verdict", "culprit", "second", "verdict_2", "valid", "why", "res")
@@ -214,9 +217,9 @@ def _residuals(x, p, dt):
         r = math.fabs(x.res[i]) / x.limit[i]
         largest = max(largest, r)
         if r >= 1.0:
-            x.fired[i] = p.t_hold
+            x.fired[i], x.held[i] = p.t_hold, x.res[i]
     if back:  # what integrates starts anew from the reading that is right again [Lu15]
-        x.ends = 1.0
+        x.shows = JUMPED_BACK
         for i in range(NR):
             if KNOWN[int(x.culprit), i] > 0.5:
                 x.seen[i], x.res[i], x.fired[i] = 0.0, 0.0, 0.0
@@ -304,38 +307,51 @@ def _again(x, p, dt):
 
 @kernel
 def _decide(x, p, dt):
-    """Name the sensor when the rows that belong together are in; hold the alarm for t_release, or for SHOWN_S."""
+    """Name the sensor when the rows that belong together are in; hold the alarm for t_release or until it is refuted."""
     any_row = False
     for i in range(NR):
         x.known[i] = 0.0
         any_row = any_row or x.fired[i] > 0.0
     x.quiet = 0.0 if any_row or x.noisy > 0.5 else x.quiet + dt
-    x.below = 0.0 if x.r >= 1.0 else x.below + dt
     if not any_row:
         x.since = 0.0
     else:
         x.since += dt
     sought = x.alarm < 0.5 or x.verdict == AMBIGUOUS
     if x.noisy > 0.5 and sought:
-        x.alarm, x.verdict, x.culprit, x.ends = 1.0, SENSOR, x.noisy, 1.0
+        x.alarm, x.verdict, x.culprit, x.shows = 1.0, SENSOR, x.noisy, NOISE
     elif any_row and x.since >= p.t_collect and (sought or x.culprit == EITHER):
         count, best = _named(x)
         if count == 1:
             x.alarm, x.verdict, x.culprit = 1.0, SENSOR, best
-            x.ends = 1.0 if best < EITHER and FADES[int(best) - 1] < 0 else 0.0
+            x.shows = STAYING if best < EITHER and FADES[int(best) - 1] < 0 else FADING
         elif sought and x.since >= p.t_ambiguous:
             x.alarm, x.verdict, x.culprit = 1.0, AMBIGUOUS, 0.0
     if x.alarm > 0.5 and x.verdict == SENSOR and x.second < 0.5:
         _again(x, p, dt)
-    if x.alarm > 0.5 and (x.quiet > p.t_release or (x.ends > 0.5 and x.below > SHOWN_S)):
+    x.refuted = (x.refuted + dt if _would_show(x) else x.refuted) if x.alarm > 0.5 and x.r < 1.0 else 0.0
+    if x.alarm > 0.5 and (x.quiet > p.t_release or x.refuted > SHOWN_S):
         _clear(x)
 
 
 @kernel
-def _clear(x):
-    x.alarm, x.verdict, x.culprit, x.second, x.verdict_2, x.beyond, x.ends = 0.0, NONE, 0.0, 0.0, NONE, 0.0, 0.0
+def _would_show(x):
+    """Return whether the named error would be at a threshold now if it were as it was, and is not."""
+    if x.shows != STAYING:
+        return x.shows > STAYING
     for i in range(NR):
-        x.fired[i] = 0.0
+        held = math.fabs(x.held[i])
+        if STAYS[int(x.culprit) - 1, i] > 0.5 and held >= SEEN * x.limit[i] and math.fabs(x.res[i]) < 0.5 * held:
+            return True
+    return False
+
+
+@kernel
+def _clear(x):
+    x.alarm, x.verdict, x.culprit, x.second, x.verdict_2, x.beyond = 0.0, NONE, 0.0, 0.0, NONE, 0.0
+    x.shows = x.refuted = 0.0
+    for i in range(NR):
+        x.fired[i] = x.held[i] = 0.0
 
 
 @kernel
