@@ -80,8 +80,9 @@ GUSTY = {**dict.fromkeys(("tas", "cas", "mach"), 1), **dict.fromkeys(("alpha", "
          **dict.fromkeys(("n_x", "n_y", "n_z"), 3)}  # fmt: skip
 POWER = np.array([GUSTY.get(name, 0) for name in SENSORS])
 # A named error is over when what it did last would be SEEN of a threshold and is not there, for SHOWN_S [s]. One of an
-# integrated reading fades from its row: it is over when the reading has jumped back to BACK of what it was off by
-SHOWN_S, BACK, SEEN = 5.0, 0.3, 0.75
+# integrated reading fades from its row: it stands for OFF_S at most [s], until the reading has jumped back to BACK of
+# what it was off by. One that came without a jump, a drift or a frozen reading, ends with one
+SHOWN_S, BACK, SEEN, OFF_S = 5.0, 0.3, 0.75, 120.0
 FADING, STAYING, NOISE, JUMPED_BACK = 0.0, 1.0, 2.0, 3.0
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
 
@@ -157,6 +158,7 @@ STATE = dtype(
         ("quiet", "f8", "s"),  # time since anything fired
         ("held", "f8", (NR,)),  # residuals that were beyond their thresholds, the last of each row
         ("refuted", "f8", "s"),  # time for which those of the named error would be there and are not
+        ("leapt", "f8", "-"),  # 1 where the reading that is named jumped at first
         ("shows", "f8", "-"),  # how that error shows: FADING, STAYING, NOISE, JUMPED_BACK
     ]
 )
@@ -207,7 +209,7 @@ def _residuals(x, p, dt):
             x.jumped[i] = p.t_hold
             x.off[i] += leap
             x.off_most[i] = max(x.off_most[i], math.fabs(x.off[i]))
-            back = back or (i == fades and math.fabs(x.off[i]) < BACK * x.off_most[i])
+            back = back or (i == fades and (x.leapt < 0.5 or math.fabs(x.off[i]) < BACK * x.off_most[i]))
         x.last[i], x.seen[i] = x.raw[i], 1.0
         if learning:
             if x.age > p.t_settle and i != CLIMB:  # its own in fdi/kinematic/wind.py
@@ -293,6 +295,10 @@ def _named(x):
 def _again(x, p, dt):
     """Name a second sensor: by rows that do not read the first one, or by its noise."""
     if x.noisy > 0.5 and x.noisy != x.culprit:
+        row = FADES[int(x.noisy) - 1]
+        if row >= 0 and x.culprit < EITHER and STAYS[int(x.culprit) - 1, row] > 0.5:
+            x.culprit, x.shows = x.noisy, NOISE  # an attitude that is frozen looks like an error of its rate, too
+            return
         x.second, x.verdict_2 = x.noisy, SENSOR
     left = False
     for i in range(NR):
@@ -307,7 +313,7 @@ def _again(x, p, dt):
 
 @kernel
 def _decide(x, p, dt):
-    """Name the sensor when the rows that belong together are in; hold the alarm for t_release or until it is refuted."""
+    """Name the sensor when the rows that belong together are in; hold the alarm for t_release, or as it ends."""
     any_row = False
     for i in range(NR):
         x.known[i] = 0.0
@@ -324,13 +330,16 @@ def _decide(x, p, dt):
         count, best = _named(x)
         if count == 1:
             x.alarm, x.verdict, x.culprit = 1.0, SENSOR, best
-            x.shows = STAYING if best < EITHER and FADES[int(best) - 1] < 0 else FADING
+            row = FADES[int(best) - 1] if best < EITHER else -1
+            x.shows = FADING if row >= 0 or best == EITHER else STAYING
+            x.leapt = 1.0 if row >= 0 and x.off_most[row] > 0.0 else 0.0
         elif sought and x.since >= p.t_ambiguous:
             x.alarm, x.verdict, x.culprit = 1.0, AMBIGUOUS, 0.0
     if x.alarm > 0.5 and x.verdict == SENSOR and x.second < 0.5:
         _again(x, p, dt)
     x.refuted = (x.refuted + dt if _would_show(x) else x.refuted) if x.alarm > 0.5 and x.r < 1.0 else 0.0
-    if x.alarm > 0.5 and (x.quiet > p.t_release or x.refuted > SHOWN_S):
+    off = x.shows == FADING and x.leapt > 0.5
+    if x.alarm > 0.5 and (x.quiet > (OFF_S if off else p.t_release) or x.refuted > SHOWN_S):
         _clear(x)
 
 
@@ -349,7 +358,7 @@ def _would_show(x):
 @kernel
 def _clear(x):
     x.alarm, x.verdict, x.culprit, x.second, x.verdict_2, x.beyond = 0.0, NONE, 0.0, 0.0, NONE, 0.0
-    x.shows = x.refuted = 0.0
+    x.shows = x.refuted = x.leapt = 0.0
     for i in range(NR):
         x.fired[i] = x.held[i] = 0.0
 
