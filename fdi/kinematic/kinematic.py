@@ -54,6 +54,7 @@ from fdi.kinematic.signatures import (
     CLIMB,
     CULPRITS,
     EITHER,
+    FADES,
     FAST,
     FIRST,
     JUMPS,
@@ -67,6 +68,7 @@ from fdi.kinematic.signatures import (
     SENSORS,
     SHOWS,
     SIGNATURES,
+    STAYS,
     THETA_SENSOR,
     Q,
 )
@@ -77,6 +79,11 @@ SPEEDS = ("tas", "cas", "v_ground")
 GUSTY = {**dict.fromkeys(("tas", "cas", "mach"), 1), **dict.fromkeys(("alpha", "beta"), 2),
          **dict.fromkeys(("n_x", "n_y", "n_z"), 3)}  # fmt: skip
 POWER = np.array([GUSTY.get(name, 0) for name in SENSORS])
+# A named error is over when what it did last would be SEEN of a threshold and is not there, for SHOWN_S [s]. One of an
+# integrated reading fades from its row: it stands for OFF_S at most [s], until the reading has jumped back to BACK of
+# what it was off by. One that came without a jump, a drift or a frozen reading, ends with one
+SHOWN_S, BACK, SEEN, OFF_S = 5.0, 0.3, 0.75, 120.0
+FADING, STAYING, NOISE, JUMPED_BACK = 0.0, 1.0, 2.0, 3.0
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
 
 PARAMS = dtype(
@@ -120,6 +127,8 @@ STATE = dtype(
         ("jumped", "f8", (NR,), "s"),  # time for which it still counts as jumped
         ("raw", "f8", (NR,)),  # residuals
         ("last", "f8", (NR,)),  # at the tick before
+        ("off", "f8", (NR,)),  # sum of the jumps of a fault
+        ("off_most", "f8", (NR,)),  # and the largest that it was
         ("seen", "f8", (NR,)),  # 1 where the tick before had one
         ("model", "f8", (NR,)),  # states of the rows that integrate
         ("rate", "f8", (NR,)),  # what they integrated last
@@ -147,6 +156,10 @@ STATE = dtype(
         ("known", "f8", (NR,)),  # 1 where a row reads that sensor
         ("noisy", "f8", "-"),  # 1 + sensor whose noise is wrong, 0 for none
         ("quiet", "f8", "s"),  # time since anything fired
+        ("held", "f8", (NR,)),  # residuals that were beyond their thresholds, the last of each row
+        ("refuted", "f8", "s"),  # time for which those of the named error would be there and are not
+        ("leapt", "f8", "-"),  # 1 where the reading that is named jumped at first
+        ("shows", "f8", "-"),  # how that error shows: FADING, STAYING, NOISE, JUMPED_BACK
     ]
 )
 OUTPUTS = ("r", "alarm", "verdict", "culprit", "second", "verdict_2", "valid", "why", "res")
@@ -181,14 +194,22 @@ def init(p: np.ndarray) -> np.ndarray:
 def _residuals(x, p, dt):
     """Learn offsets, lag the residuals, note what fires and what jumps; return the largest over its threshold."""
     c, largest = 1.0 - math.exp(-dt / p.tau_r), 0.0
-    learning = x.age <= p.t_learn
+    learning, fades, back = x.age <= p.t_learn, -1, False
+    if x.alarm > 0.5 and x.verdict == SENSOR and x.culprit < EITHER:
+        fades = FADES[int(x.culprit) - 1]
     for i in range(NR):
         x.fired[i], x.jumped[i] = max(x.fired[i] - dt, 0.0), max(x.jumped[i] - dt, 0.0)
+        if x.jumped[i] == 0.0 and x.alarm < 0.5:
+            x.off[i] = x.off_most[i] = 0.0
         if x.live[i] < 0.5:
             x.seen[i], x.res[i] = 0.0, 0.0
             continue
-        if x.seen[i] > 0.5 and math.fabs(x.raw[i] - x.last[i]) > p.jump[i]:
+        leap = x.raw[i] - x.last[i] if x.seen[i] > 0.5 else 0.0
+        if math.fabs(leap) > p.jump[i]:
             x.jumped[i] = p.t_hold
+            x.off[i] += leap
+            x.off_most[i] = max(x.off_most[i], math.fabs(x.off[i]))
+            back = back or (i == fades and (x.leapt < 0.5 or math.fabs(x.off[i]) < BACK * x.off_most[i]))
         x.last[i], x.seen[i] = x.raw[i], 1.0
         if learning:
             if x.age > p.t_settle and i != CLIMB:  # its own in fdi/kinematic/wind.py
@@ -198,7 +219,12 @@ def _residuals(x, p, dt):
         r = math.fabs(x.res[i]) / x.limit[i]
         largest = max(largest, r)
         if r >= 1.0:
-            x.fired[i] = p.t_hold
+            x.fired[i], x.held[i] = p.t_hold, x.res[i]
+    if back:  # what integrates starts anew from the reading that is right again [Lu15]
+        x.shows = JUMPED_BACK
+        for i in range(NR):
+            if KNOWN[int(x.culprit), i] > 0.5:
+                x.seen[i], x.res[i], x.fired[i] = 0.0, 0.0, 0.0
     return largest
 
 
@@ -269,6 +295,10 @@ def _named(x):
 def _again(x, p, dt):
     """Name a second sensor: by rows that do not read the first one, or by its noise."""
     if x.noisy > 0.5 and x.noisy != x.culprit:
+        row = FADES[int(x.noisy) - 1]
+        if row >= 0 and x.culprit < EITHER and STAYS[int(x.culprit) - 1, row] > 0.5:
+            x.culprit, x.shows = x.noisy, NOISE  # an attitude that is frozen looks like an error of its rate, too
+            return
         x.second, x.verdict_2 = x.noisy, SENSOR
     left = False
     for i in range(NR):
@@ -283,7 +313,7 @@ def _again(x, p, dt):
 
 @kernel
 def _decide(x, p, dt):
-    """Name the sensor when the rows that belong together are in; hold the alarm for t_release."""
+    """Name the sensor when the rows that belong together are in; hold the alarm for t_release, or as it ends."""
     any_row = False
     for i in range(NR):
         x.known[i] = 0.0
@@ -295,22 +325,42 @@ def _decide(x, p, dt):
         x.since += dt
     sought = x.alarm < 0.5 or x.verdict == AMBIGUOUS
     if x.noisy > 0.5 and sought:
-        x.alarm, x.verdict, x.culprit = 1.0, SENSOR, x.noisy
+        x.alarm, x.verdict, x.culprit, x.shows = 1.0, SENSOR, x.noisy, NOISE
     elif any_row and x.since >= p.t_collect and (sought or x.culprit == EITHER):
         count, best = _named(x)
         if count == 1:
             x.alarm, x.verdict, x.culprit = 1.0, SENSOR, best
+            row = FADES[int(best) - 1] if best < EITHER else -1
+            x.shows = FADING if row >= 0 or best == EITHER else STAYING
+            x.leapt = 1.0 if row >= 0 and x.off_most[row] > 0.0 else 0.0
         elif sought and x.since >= p.t_ambiguous:
             x.alarm, x.verdict, x.culprit = 1.0, AMBIGUOUS, 0.0
     if x.alarm > 0.5 and x.verdict == SENSOR and x.second < 0.5:
         _again(x, p, dt)
-    if x.alarm > 0.5 and x.quiet > p.t_release:
+    x.refuted = (x.refuted + dt if _would_show(x) else x.refuted) if x.alarm > 0.5 and x.r < 1.0 else 0.0
+    off = x.shows == FADING and x.leapt > 0.5
+    if x.alarm > 0.5 and (x.quiet > (OFF_S if off else p.t_release) or x.refuted > SHOWN_S):
         _clear(x)
+
+
+@kernel
+def _would_show(x):
+    """Return whether the named error would be at a threshold now if it were as it was, and is not."""
+    if x.shows != STAYING:
+        return x.shows > STAYING
+    for i in range(NR):
+        held = math.fabs(x.held[i])
+        if STAYS[int(x.culprit) - 1, i] > 0.5 and held >= SEEN * x.limit[i] and math.fabs(x.res[i]) < 0.5 * held:
+            return True
+    return False
 
 
 @kernel
 def _clear(x):
     x.alarm, x.verdict, x.culprit, x.second, x.verdict_2, x.beyond = 0.0, NONE, 0.0, 0.0, NONE, 0.0
+    x.shows = x.refuted = x.leapt = 0.0
+    for i in range(NR):
+        x.fired[i] = x.held[i] = 0.0
 
 
 @kernel

@@ -46,6 +46,12 @@ MUST, MAY = _table(1), _table(1, 2)
 JUMPS = np.array([{None: 0.0, True: 1.0, False: -1.0}[c[3]] for c in SIGNATURES])
 FIRST = np.array([ROWS.index(c[1][0]) for c in SIGNATURES])
 OF = np.array([SENSORS.index(c[0]) for c in SIGNATURES])
+# of every sensor the row that integrates it, from which its error fades; -1 where an error stays
+FADES = np.array([next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] == name and c[3]), -1) for name in SENSORS])
+# rows in which a constant error of a sensor stays: those that integrate nothing, and its rate's
+STAYS = np.array([[float(any(c[0] == name and row in (*c[1], *c[2]) and (row in ("climb", "sound", "impact", "baro")
+                                                                        or (c[3] is False and row == c[1][0]))
+                             for c in SIGNATURES)) for row in ROWS] for name in SENSORS])  # fmt: skip
 # how large an error of this size in the first row is in a row whose threshold gusts raise; times the speed where FAST
 _SHOWN = {("q", "turn"): (1.0, True), ("alpha_ground", "climb"): (1.0, False), ("hdot", "climb"): (0.5, False)}
 SHOWS, FAST = (

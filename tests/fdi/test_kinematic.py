@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import cosim
 from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect, fly
 from cosim.scenario import load_scenario
@@ -219,3 +220,21 @@ def test_a_row_that_a_sensor_may_move_reads_it():
     for sensor, must, may, _ in signatures.SIGNATURES:
         for row in (*must, *may):
             assert sensor in signatures.READS[signatures.ROWS.index(row)]
+
+
+ENDS = {
+    "theta, bias": ("theta", "kind='bias',bias_deg=2"), "phi, bias": ("phi", "kind='bias',bias_deg=1"),
+    "n_z, bias": ("n_z", "kind='bias',bias_g=0.15"), "cas, bias": ("cas", "kind='bias',bias_kt=16"),
+    "n_x, noise": ("n_x", "kind='noise',sigma_g=0.08"), "theta, drift": ("theta", "kind='drift',drift_deg_s=0.2"),
+    "psi, frozen": ("psi", "kind='freeze'"), "theta, frozen": ("theta", "kind='freeze'"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("sensor", "fault"), ENDS.values(), ids=ENDS)
+def test_an_alarm_stands_as_long_as_the_error_and_ends_with_it(sensor, fault):
+    fault = f"target='sensor.{sensor}',path='observers',{fault},start_s=14,end_s=74"
+    told = ["duration_s=90", "flight.turbulence=light", "manoeuvre.kind=nz_doublet", f"faults=[{{{fault}}}]"]
+    found = cosim.simulate(load_scenario("cruise", [*told, "detectors.enabled=['kinematic']"])).to_dict()
+    lane = found["detectors"][0]
+    assert lane["alarm_share"] > 0.95 and lane["withdrawn_after_s"] < 10.0 and lane["false_alarms"] == 0
+    assert lane["isolated"]["target"] == sensor
