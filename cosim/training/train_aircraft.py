@@ -57,7 +57,6 @@ STILL, STILL_S, STILL_ALPHA = 24, 400.0, 12.9
 # elevators swing against each other at 1 Hz, and they move the aircraft most; few of FLIGHTS are so
 CALM, LIGHT, FAST = 64, {"mass_t": (200.0, 260.0)}, {"cas_kt": (285.0, 330.0)}
 PIECE_S = 60.0  # of a flight: for so long PROBABILITY is
-SLOW = 4  # ticks of kinematic's slowest rate, 50 Hz
 HALF_S = 1.0  # between half periods that count together
 
 
@@ -154,15 +153,7 @@ def over_rows(frame: pd.DataFrame, log: np.ndarray) -> list[tuple[np.ndarray, li
 
 
 def survey_kinematic(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the blocks of each row, of its jumps, and of the noise of all readings: at every tick, and at the slowest
-    rate that flies, where a gust changes more from tick to tick."""
-    slow = frame.iloc[::SLOW]
-    slow.attrs = frame.attrs | {"dt": SLOW * frame.attrs["dt"]}
-    found = [_kinematic(f, p) for f in (frame, slow)]
-    return {name: np.concatenate([f[name] for f in found]) for name in found[0]}
-
-
-def _kinematic(frame, p):
+    """Return the blocks of each row, of its jumps, and of the noise of all readings."""
     log = watched(frame, "kinematic", p, ("res", "raw", "lateral", "doubt", "rough", "valid", "ratio"))
     valid, dt = log["valid"] > 0.5, frame.attrs["dt"]
     out = {}

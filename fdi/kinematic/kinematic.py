@@ -74,6 +74,7 @@ from fdi.kinematic.signatures import (
 )
 
 SPEEDS = ("tas", "cas", "v_ground")
+TICK = 0.005  # of the training flights [s]
 # a gust changes by sigma sqrt(2 V dt / L) from tick to tick [Dryden]: the variance of airspeed goes with V, that of a
 # vane's angle with 1 / V, that of a load factor, V times that angle, with V^3
 GUSTY = {**dict.fromkeys(("tas", "cas", "mach"), 1), **dict.fromkeys(("alpha", "beta"), 2),
@@ -176,13 +177,20 @@ DETECTOR = Detector(
     shares=(("q", "theta", CULPRITS[-1]),),  # theta' = q
     # by two of three speeds: a fault of one, of Mach number or altitude is to be named, however large
     range=dict.fromkeys(SPEEDS, FLYING),
-    fit=lambda site: params(own=site.own),
+    fit=lambda site: params(dt=site.dt, own=site.own),
 )
 
 
-def params(which: str = "flight", *, t_learn: float = 8.0, own: Any = None) -> np.ndarray:
-    """Return PARAMS with the threshold set `which`; offsets and noise are learned over the first `t_learn` seconds."""
-    return record(PARAMS, t_learn=t_learn, **thresholds("kinematic", which, own))
+def params(which: str = "flight", *, dt: float = TICK, t_learn: float = 8.0, own: Any = None) -> np.ndarray:
+    """Return PARAMS with the threshold set `which`, trained at ticks of TICK, for those of `dt` seconds; offsets and
+    noise are learned over the first `t_learn` seconds.
+
+    With longer ticks the lag of the residuals averages fewer samples, and gusts change more from one to the next.
+    """
+    limits, longer = thresholds("kinematic", which, own), max(dt / TICK, 1.0)
+    limits["threshold"] = [math.sqrt(longer) * v for v in limits["threshold"]]
+    limits["noise_ratio"] = 1.0 + longer * (limits["noise_ratio"] - 1.0)
+    return record(PARAMS, t_learn=t_learn, **limits)
 
 
 def init(p: np.ndarray) -> np.ndarray:
