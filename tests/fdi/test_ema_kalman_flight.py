@@ -121,6 +121,17 @@ def test_smallest_fault_that_is_found():
         assert small < 19 <= large, fault
 
 
+@pytest.mark.parametrize("off", [-0.01, 0.01])
+def test_a_lever_off_its_length_is_learned_and_is_no_surface_sensor(off):
+    """Learned as far as 7 mm of rod in noise tell it; before it is known it is no disagreement of the two."""
+    t = np.arange(round(20.0 / DT)) * DT
+    command = three_two_one_one(t, start=3.0) + three_two_one_one(t, start=10.0)
+    tick = script(20.0, command=command, hm0=1500.0, hmd=-20e3, rng=np.random.default_rng(3))
+    log = fly_bench(tick, tolerance={"arm": 1.0 + off}, reconfigure=False).log
+    assert not log["alarm"].any() and log["r_pair"].max() < 0.8
+    assert log["lever"][-1] == pytest.approx(off, abs=0.003)
+
+
 @pytest.mark.parametrize(
     "share", [0.002, 0.005, 0.03, 0.1, *(pytest.param(x, marks=pytest.mark.slow) for x in (0.01, 0.05, 0.07))]
 )
