@@ -80,7 +80,7 @@ def flights(first_seed: int = FIRST_SEED, number: int = FLIGHTS) -> list[dict[st
 
 def _gain_z(log: np.ndarray, p: Any) -> np.ndarray:
     """Return by how many of its own deviations a gain exceeds its threshold, (ticks,); 0 while it is not learned."""
-    a, b, da, db = np.array([gains.gain_and_magnets(sums, p) for sums in log["gain_sum"]]).T
+    a, _, b, da, db = np.array([gains.gain_and_magnets(sums, p) for sums in log["gain_sum"]]).T
     gain = (np.abs(a) - p["th_a"]) / np.hypot(da, log["gain_doubt"])
     magnets = (np.abs(b) - p["th_b"]) / np.hypot(db, log["magnets_doubt"])
     gain = np.where(log["gain_learned"] > 0.5, gain, 0.0)

@@ -42,7 +42,7 @@ from actuators.block import kernel
 from fdi.common.decision import clipped, confirm
 from fdi.common.sinusoid import beside
 from fdi.common.verdict import EFFECTIVENESS, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY
-from fdi.ema.gains import RELEASE, amplifier, doubt, doubt_b, gains
+from fdi.ema.gains import RELEASE, doubt, doubt_b, gains, tick
 from fdi.ema.torque import push, read
 
 RING = 100  # samples of each ring
@@ -280,8 +280,7 @@ def explain(x, p, slow, measured):
         if said == WEAK:  # stays until motion tells otherwise: at rest magnets are neither weak nor healed
             x.hot_gain = x.weak = 1.0
             x.gain_timer = RELEASE
-            for k in range(6):
-                x.gain_now[k] = 0.0
+            x.gain_now[:] = 0.0
 
 
 @kernel
@@ -323,8 +322,8 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     d, rest, limit = demanded(u + x.amp_own * fast, w, x.gain_own, x.magnets_own, p)
     seen = current and not limit and math.fabs(y) < NO_CURRENT * p.I_max
     f = y - d if seen else 0.0
-    if seen and math.fabs(d) < p.I_max and measured and x.gain_learned > 0.5 and x.f_timer <= 0.0 and x.alarm < 0.5:
-        amplifier(x, f, rest, (1.0 + x.gain_own) * p.K_gi / p.R_loop * fast, p, dt)
+    if seen and math.fabs(d) < p.I_max:
+        tick(x, f, rest, (1.0 + x.gain_own) * p.K_gi / p.R_loop * fast, w, w - gamma)
     x.f_now, x.d_now = f, d
     x.f_lag += min(dt / 0.03, 1.0) * (f - x.f_lag)
     if seen:
@@ -409,7 +408,8 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     magnets = x.f_age > RING and x.left[5] < 0.5 * best  # what explains best is told by more than one window
     plain = x.f_timer <= 0.0 or known or magnets
     if whole and measured and plain and math.fabs(f) < 3.0 * usual:
-        gains(x, p, f, d, w, dt)
+        gains(x, p, f, d, dt)
+    x.gain_tick[:] = 0.0
     if x.hot_f < 0.5 and x.f_timer <= 0.0:
         if x.f_age > 0.0:
             begin(x)

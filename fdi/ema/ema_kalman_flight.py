@@ -306,7 +306,6 @@ def params(
         leak=made["Phi"][5, 5],
         b_motor=v["K_B"] / (v["K_ic"] + v["R"]),
         amp=-math.expm1(-v["b"] * dt),
-        sigma_tick=0.1 * noise,  # of the current sensor
         th_friction=torque.RUBS * amperes * v["K_T"],
         **trained | {"th_rough": [*trained["th_rough"], rough.TH_CURRENT]},
     )

@@ -27,6 +27,7 @@ from actuators.ema import jay
 from cosim.training import train_ema
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, SENSOR
 from fdi.ema import ema_kalman_flight as flight
+from fdi.ema import gains
 from fdi.ema import model as ema_design
 
 QUICK = range(2000, 2030)
@@ -130,6 +131,32 @@ def test_a_lever_off_its_length_is_learned_and_is_no_surface_sensor(off):
     log = fly_bench(tick, tolerance={"arm": 1.0 + off}, reconfigure=False).log
     assert not log["alarm"].any() and log["r_pair"].max() < 0.8
     assert log["lever"][-1] == pytest.approx(off, abs=0.003)
+
+
+@pytest.mark.parametrize("over", [-0.18, 0.0, 0.22])
+def test_gain_magnets_and_pole_are_learned_although_the_demand_answers_the_noise_of_the_rate(over):
+    """Least squares on the measured rate takes its noise, which stands in f, for magnets that are stronger."""
+    p, n = flight.params(), 4000
+    x, b = flight.init(p), p["b_motor"][0]
+    rng, lag, w, answer = np.random.default_rng(5), 0.0, 0.0, 0.0
+    rows = []
+    for _ in range(n):
+        d = 0.5 * rng.normal() - answer
+        lag += p["amp"][0] * (d - lag)
+        predicted = 0.98 * w + 0.3 * d
+        w = predicted + 0.5 * rng.normal()
+        read = w + rng.normal()
+        answer = 0.8 * (read - w) + 0.1 * w
+        f = 0.1 * d + over * (d - lag) - 0.05 * b * w + b * (read - w) + 0.1 * rng.normal()
+        gains.tick(x[0], f, d, d - lag, read, predicted)
+        rows.append((d, d - lag, b * read, f))
+    x["gain_tick"] /= p["even"][0]
+    gain, pole, magnets, doubt, doubt_b = gains.solve(x["gain_tick"][0], p[0], 0.0)
+    assert gain == pytest.approx(0.1, abs=4.0 * doubt) and doubt < 0.01
+    assert pole == pytest.approx(over, abs=0.02)
+    assert magnets / b == pytest.approx(-0.05, abs=min(4.0 * doubt_b / b, 0.1))
+    *regressors, f = np.array(rows).T
+    assert np.linalg.lstsq(np.array(regressors).T, f)[0][2] > 0.1
 
 
 @pytest.mark.parametrize(
