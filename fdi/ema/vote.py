@@ -21,6 +21,7 @@ T_AGAIN = 3.0  # an alarm that comes back within that time had not healed: it is
 WEAK_LEFT = 0.4  # weaker magnets leave more of what a current sensor does
 HEAVY = 0.4  # of the load that is a jam's: what winds the screw up while the filter has yet to learn it
 JAMMED = 1.5  # of the load that nothing explains: less may be friction
+MOVES = 1.0  # mean rate that is motion: eight deviations of what noise makes of it [rad/s]
 T_MOVING = 1.0  # after the alarm: what moves under such a load has not just been stopped [s]
 STEADY = 250.0  # samples of a current that only grows, longer than half a period of the slowest oscillation
 GROWN = 0.12  # of the stall current, so that it is told from what a load model misses
@@ -72,7 +73,7 @@ def _drive(x, p, dt):
     if x.drive_name == drive.WEAK:
         return EFFECTIVENESS, 0.0
     even = min(x.left[4], x.left[6]) <= drive.PURE  # constant or growing: no fault of the drive adds what stays so
-    constant = even and (x.curved >= CURVED or x.must >= p.felt_least)  # no part of a slow sine that friction hides
+    constant = even and x.curved >= CURVED  # no part of a slow sine
     read = p.felt_least <= x.misread <= MISREAD_MOST and x.misread * x.misread * x.read_den >= SURE_READ
     felt_too = math.fabs(x.felt - 1.0) <= FELT_TOO + SURE_SINE * drive.felt_sigma(x, p, dt)
     if x.hot_f > 0.5 and read and felt_too and not even:
@@ -95,8 +96,8 @@ def _drive(x, p, dt):
             return SENSOR, CURRENT
     if x.hot_gain > 0.5 and (x.weak > 0.5 or (x.gain_den >= SURE and x.gain_num >= p.felt_least * x.gain_den)):
         return EFFECTIVENESS, 0.0
-    held = math.fabs(x.x_hat[5]) >= p.th_load  # a screw that jams rubs before the load has wound it up
-    if x.hot_friction > 0.5 and x.hot_f < 0.5 and x.hot_gain < 0.5 and not held:
+    moves = math.fabs(x.w_slow) >= MOVES  # what has not moved may as well have jammed
+    if x.hot_friction > 0.5 and x.hot_f < 0.5 and x.hot_gain < 0.5 and moves:
         return EFFECTIVENESS, 0.0
     return NONE, 0.0
 
