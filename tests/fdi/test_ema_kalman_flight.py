@@ -25,9 +25,9 @@ from scipy.linalg import solve_discrete_lyapunov
 from actuators.constants import RAD_PER_DEG
 from actuators.ema import jay
 from cosim.training import train_ema
-from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, SENSOR
+from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, RUNAWAY, SENSOR
+from fdi.ema import drive, gains
 from fdi.ema import ema_kalman_flight as flight
-from fdi.ema import gains
 from fdi.ema import model as ema_design
 
 QUICK = range(2000, 2030)
@@ -157,6 +157,19 @@ def test_gain_magnets_and_pole_are_learned_although_the_demand_answers_the_noise
     assert magnets / b == pytest.approx(-0.05, abs=min(4.0 * doubt_b / b, 0.1))
     *regressors, f = np.array(rows).T
     assert np.linalg.lstsq(np.array(regressors).T, f)[0][2] > 0.1
+
+
+@pytest.mark.parametrize(("swing", "name"), [(0.3, RUNAWAY), (-0.3, RUNAWAY), (0.5, NONE), (-0.5, NONE)])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_current_that_has_jumped_and_stays_is_a_runaway_before_a_model_is_fitted(side, swing, name):
+    """What has left it again by four tenths, up or down, is part of a fast oscillation."""
+    p = flight.params()
+    x, level = flight.init(p), side * 0.5 * p["I_max"][0]
+    x["age"] = 10.0
+    while x["f_age"][0] < drive.STAYS:
+        y = level * (1.0 + swing) if x["f_age"][0] >= drive.JUMP else level
+        drive.watch(x[0], y, True, 0.0, 0.0, True, 0.0, p[0], DT)
+    assert x["drive_name"][0] == name
 
 
 @pytest.mark.parametrize(
