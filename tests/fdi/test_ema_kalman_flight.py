@@ -26,7 +26,7 @@ from actuators.constants import RAD_PER_DEG
 from actuators.ema import jay
 from cosim.training import train_ema
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, RUNAWAY, SENSOR
-from fdi.ema import drive, gains
+from fdi.ema import drive, gains, vote
 from fdi.ema import ema_kalman_flight as flight
 from fdi.ema import model as ema_design
 
@@ -170,6 +170,31 @@ def test_a_current_that_has_jumped_and_stays_is_a_runaway_before_a_model_is_fitt
         y = level * (1.0 + swing) if x["f_age"][0] >= drive.JUMP else level
         drive.watch(x[0], y, True, 0.0, 0.0, True, 0.0, p[0], DT)
     assert x["drive_name"][0] == name
+
+
+@pytest.mark.parametrize(("beyond", "says"), [(1e-3, {NONE}), (-5e-3, {NONE, JAM_SOLID})])
+def test_a_drive_that_presses_on_a_stop_neither_rubs_nor_is_jammed(beyond, says):
+    p, n = flight.params(), 1600
+    rng, u = np.random.default_rng(2), np.zeros((1, n), flight.INPUTS)
+    where = p["stop_high"][0] + beyond
+    u["u"][0, 400:] = 0.75 * STALL
+    u["y_current"] = np.roll(u["u"], int(p["delay"][0]), axis=1) + 0.1 * rng.normal(size=n)
+    u["y_velocity"] = rng.normal(size=n)
+    u["y_position"] = where + 1e-4 * rng.normal(size=n)
+    u["y_surface"] = (where + 1e-4 * rng.normal(size=n)) / ARM
+    for name in ("velocity", "position", "current", "surface"):
+        u[f"{name}_valid"] = 1.0
+    log = np.zeros((1, n), flight.STATE)
+    flight.rollout(flight.init(p), u, p, DT, log)
+    assert set(log["verdict"][0]) == says
+
+
+@pytest.mark.parametrize(("rate", "name"), [(0.0, NONE), (2.0, EFFECTIVENESS), (-2.0, EFFECTIVENESS)])
+def test_friction_is_named_where_the_drive_moves_and_may_be_a_jam_where_it_does_not(rate, name):
+    p = flight.params()
+    x = flight.init(p)
+    x["hot_friction"], x["left"], x["w_slow"] = 1.0, 1.0, rate
+    assert vote._drive(x[0], p[0], DT)[0] == name
 
 
 @pytest.mark.parametrize(
