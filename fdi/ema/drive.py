@@ -69,7 +69,6 @@ ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections
 TAU_FELT = 0.03  # lag of what the motor feels [s]
 HEALTHY = 0.03  # of the stall torque: one and a half times the friction of a healthy drive (actuators.ema.actuator)
 SLOWEST, WIDE = 0.4, 1.5  # slowest oscillation that a short window may hold a part of [Hz]; from one to the next
-TAU_LOAD = 2.0  # memory of the load before a fault [s]
 TAU_KEPT = 60.0  # of what friction keeps in health [s]
 
 PARAMS = [
@@ -117,7 +116,6 @@ STATE = [
     ("felt", "f8", "-"),  # share of f that the motor has felt, as a torque,
     ("misread", "f8", "-"),  # and, beside that, as a velocity that is misread
     ("grain", "f8", "-"),  # share of f that noise makes
-    ("load_before", "f8", "N m"),  # load before f began
     ("gain_num", "f8"),  # the same of a gain that is off
     ("gain_den", "f8"),
     ("off_power", "f8", "A2"),  # of what the gain may be off by, lagged as f_power
@@ -359,8 +357,6 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     else:
         x.gain_num = x.gain_den = 0.0
     gamma -= x.kept_num / max(x.kept_den, 1e-9) * kept
-    if x.f_age == 0.0:
-        x.load_before += min(dt / TAU_LOAD, 1.0) * (x.x_hat[5] - x.load_before)
     if x.f_timer <= 0.0:  # what came shortly before an alarm is of its onset
         x.felt_num -= min(dt / TAU_POWER, 1.0) * x.felt_num
         x.felt_den -= min(dt / TAU_POWER, 1.0) * x.felt_den

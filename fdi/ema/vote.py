@@ -23,8 +23,6 @@ HEAVY = 0.4  # of the load that is a jam's: what winds the screw up while the fi
 JAMMED = 1.5  # of the load that nothing explains: less may be friction
 MOVES = 1.0  # mean rate that is motion: eight deviations of what noise makes of it [rad/s]
 T_MOVING = 1.0  # after the alarm: what moves under such a load has not just been stopped [s]
-STEADY = 250.0  # samples of a current that only grows, longer than half a period of the slowest oscillation
-GROWN = 0.12  # of the stall current, so that it is told from what a load model misses
 SURE = 120.0  # information about what the motor has felt [rad2/s2]: the share is known to a tenth
 SURE_READ = 4.0 * SURE  # of a velocity that is off: its own noise is in f, too
 MISREAD = 0.35  # half of what a velocity sensor that is off leaves in f for its own
@@ -88,12 +86,6 @@ def _drive(x, p, dt):
             return SENSOR, CURRENT
         if x.felt >= p.felt_least and x.misread < MISREAD and x.drive_name != NONE:
             return x.drive_name, 0.0
-    grown = math.fabs(x.f_lag) / p.I_max  # of the stall current: so much of the stall moment would the load be off by
-    unknown = x.felt < p.felt_least or x.felt_den < 10.0 * SURE
-    if unknown and x.f_age >= STEADY and x.left[6] <= drive.PURE and grown >= GROWN:
-        moved = (x.x_hat[5] - x.load_before) / (0.5 * p.load_max) * math.copysign(1.0, x.f_lag)
-        if moved < 0.5 * grown:
-            return SENSOR, CURRENT
     if x.hot_gain > 0.5 and (x.weak > 0.5 or (x.gain_den >= SURE and x.gain_num >= p.felt_least * x.gain_den)):
         return EFFECTIVENESS, 0.0
     moves = math.fabs(x.w_slow) >= MOVES  # what has not moved may as well have jammed
