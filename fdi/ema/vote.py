@@ -10,7 +10,7 @@ import math
 from actuators.block import kernel
 from fdi.common.decision import confirm
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, SENSOR
-from fdi.ema import drive, rough
+from fdi.ema import drive, rough, torque
 from fdi.ema.dead_reckoning import MEAN
 from fdi.ema.ema_kalman import CULPRITS as PUBLISHED
 from fdi.ema.ema_kalman import CURRENT, POSITION, VELOCITY
@@ -21,7 +21,6 @@ T_AGAIN = 3.0  # an alarm that comes back within that time had not healed: it is
 WEAK_LEFT = 0.4  # weaker magnets leave more of what a current sensor does
 HEAVY = 0.4  # of the load that is a jam's: what winds the screw up while the filter has yet to learn it
 JAMMED = 1.5  # of the load that nothing explains: less may be friction
-MOVES = 1.0  # mean rate that is motion: eight deviations of what noise makes of it [rad/s]
 T_MOVING = 1.0  # after the alarm: what moves under such a load has not just been stopped [s]
 SURE = 120.0  # information about what the motor has felt [rad2/s2]: the share is known to a tenth
 SURE_READ = 4.0 * SURE  # of a velocity that is off: its own noise is in f, too
@@ -88,7 +87,7 @@ def _drive(x, p, dt):
             return x.drive_name, 0.0
     if x.hot_gain > 0.5 and (x.weak > 0.5 or (x.gain_den >= SURE and x.gain_num >= p.felt_least * x.gain_den)):
         return EFFECTIVENESS, 0.0
-    moves = math.fabs(x.w_slow) >= MOVES  # what has not moved may as well have jammed
+    moves = x.w_power >= torque.CREEP * torque.CREEP  # what does not move may as well have jammed
     if x.hot_friction > 0.5 and x.hot_f < 0.5 and x.hot_gain < 0.5 and moves:
         return EFFECTIVENESS, 0.0
     return NONE, 0.0
