@@ -157,10 +157,12 @@ def solve(s, p, sure):
 
 @kernel
 def gain_and_magnets(s, p):
-    """Return (a, h, b, deviation of a, of b), b over b_motor: healthy magnets are off by MAGNETS, which tells of a."""
-    sure = p.sigma_f / (MAGNETS * p.b_motor)
+    """Return (a, h, b, deviation of a, of b), b over b_motor: healthy magnets are off by MAGNETS, which tells of a,
+    and b is within OFF_B until motion tells it.
+    """
+    sure, wide = p.sigma_f / (MAGNETS * p.b_motor), p.sigma_f / (OFF_B[0] * p.b_motor)
     a, h, _, da, _ = solve(s, p, sure * sure)
-    _, _, b, _, db = solve(s, p, 0.0)
+    _, _, b, _, db = solve(s, p, wide * wide)
     return a, h, b / p.b_motor, da, db / p.b_motor
 
 
