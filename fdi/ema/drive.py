@@ -42,7 +42,7 @@ from actuators.block import kernel
 from fdi.common.decision import clipped, confirm
 from fdi.common.sinusoid import beside
 from fdi.common.verdict import EFFECTIVENESS, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY
-from fdi.ema.gains import RELEASE, amplifier, doubt, doubt_b, gains
+from fdi.ema.gains import RELEASE, doubt, doubt_b, gains, tick
 from fdi.ema.torque import push, read
 
 RING = 100  # samples of each ring
@@ -69,7 +69,6 @@ ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections
 TAU_FELT = 0.03  # lag of what the motor feels [s]
 HEALTHY = 0.03  # of the stall torque: one and a half times the friction of a healthy drive (actuators.ema.actuator)
 SLOWEST, WIDE = 0.4, 1.5  # slowest oscillation that a short window may hold a part of [Hz]; from one to the next
-TAU_LOAD = 2.0  # memory of the load before a fault [s]
 TAU_KEPT = 60.0  # of what friction keeps in health [s]
 
 PARAMS = [
@@ -117,7 +116,6 @@ STATE = [
     ("felt", "f8", "-"),  # share of f that the motor has felt, as a torque,
     ("misread", "f8", "-"),  # and, beside that, as a velocity that is misread
     ("grain", "f8", "-"),  # share of f that noise makes
-    ("load_before", "f8", "N m"),  # load before f began
     ("gain_num", "f8"),  # the same of a gain that is off
     ("gain_den", "f8"),
     ("off_power", "f8", "A2"),  # of what the gain may be off by, lagged as f_power
@@ -280,8 +278,7 @@ def explain(x, p, slow, measured):
         if said == WEAK:  # stays until motion tells otherwise: at rest magnets are neither weak nor healed
             x.hot_gain = x.weak = 1.0
             x.gain_timer = RELEASE
-            for k in range(6):
-                x.gain_now[k] = 0.0
+            x.gain_now[:] = 0.0
 
 
 @kernel
@@ -323,8 +320,8 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     d, rest, limit = demanded(u + x.amp_own * fast, w, x.gain_own, x.magnets_own, p)
     seen = current and not limit and math.fabs(y) < NO_CURRENT * p.I_max
     f = y - d if seen else 0.0
-    if seen and math.fabs(d) < p.I_max and measured and x.gain_learned > 0.5 and x.f_timer <= 0.0 and x.alarm < 0.5:
-        amplifier(x, f, rest, (1.0 + x.gain_own) * p.K_gi / p.R_loop * fast, p, dt)
+    if seen and math.fabs(d) < p.I_max:
+        tick(x, f, rest, (1.0 + x.gain_own) * p.K_gi / p.R_loop * fast, w, w - gamma)
     x.f_now, x.d_now = f, d
     x.f_lag += min(dt / 0.03, 1.0) * (f - x.f_lag)
     if seen:
@@ -360,8 +357,6 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     else:
         x.gain_num = x.gain_den = 0.0
     gamma -= x.kept_num / max(x.kept_den, 1e-9) * kept
-    if x.f_age == 0.0:
-        x.load_before += min(dt / TAU_LOAD, 1.0) * (x.x_hat[5] - x.load_before)
     if x.f_timer <= 0.0:  # what came shortly before an alarm is of its onset
         x.felt_num -= min(dt / TAU_POWER, 1.0) * x.felt_num
         x.felt_den -= min(dt / TAU_POWER, 1.0) * x.felt_den
@@ -409,7 +404,8 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     magnets = x.f_age > RING and x.left[5] < 0.5 * best  # what explains best is told by more than one window
     plain = x.f_timer <= 0.0 or known or magnets
     if whole and measured and plain and math.fabs(f) < 3.0 * usual:
-        gains(x, p, f, d, w, dt)
+        gains(x, p, f, d, dt)
+    x.gain_tick[:] = 0.0
     if x.hot_f < 0.5 and x.f_timer <= 0.0:
         if x.f_age > 0.0:
             begin(x)

@@ -306,7 +306,6 @@ def params(
         leak=made["Phi"][5, 5],
         b_motor=v["K_B"] / (v["K_ic"] + v["R"]),
         amp=-math.expm1(-v["b"] * dt),
-        sigma_tick=0.1 * noise,  # of the current sensor
         th_friction=torque.RUBS * amperes * v["K_T"],
         **trained | {"th_rough": [*trained["th_rough"], rough.TH_CURRENT]},
     )
@@ -365,7 +364,7 @@ def step(x, u, p, dt):
     x.age_doubt = 0.0 if x.culprit == VELOCITY else x.age_doubt + dt
     believed = x.age_vel == 0.0 and x.r_speed < 0.5 and x.age_doubt > p.t_doubt
     told = x.age_vel == 0.0 and x.at_limit < 0.5
-    torque.rub(x, x.x_hat[3], gamma, told, p, dt)
+    torque.rub(x, x.x_hat[3], gamma, told and p.stop_low < x.pos_hat < p.stop_high, p, dt)
     drive.watch(x, u.y_current, current, x.u_old[int(p.delay)], w, believed, gamma, p, dt)
     if x.even_ticks == 0.0:
         loose.weigh(x, p)

@@ -1,6 +1,11 @@
-"""Gain of the current and strength of the magnets of one drive, as it has them and as they change: f = a d + b w.
+"""Gain of the current and strength of the magnets of one drive, as it has them and as they change: f = a d + h e + b w.
 
-The amplifier's pole over its zero, by which fast demands have another gain than slow ones, is learned from ticks.
+e is the part of the demand d above the amplifier's pole: of a zero a beside its pole b the amplifier makes
+(s + a) / (s + b) = a / b (1 + (b / a - 1) s / (s + b)), and h is b / a - 1. The measured rate w stands in f, too, and
+the demand of the next tick answers its noise: least squares would take that for magnets (in still air 6 % of the
+voltage, up to 20 %). So w has an instrument, the rate w' that the filter predicted before this tick's reading: the
+normal equations are those of (d, e, w') times (f - a d - h e - b w) = 0, tick by tick [Söderström and Stoica,
+Instrumental Variable Methods for System Identification, 1983].
 
 Amplifier, winding and magnets of a healthy drive are a few per cent off their nominal values, the first two by as much
 as a warm winding is. What a drive has in its first LEARN seconds is taken for its own, the gain up to TOLERANCE, the
@@ -12,6 +17,7 @@ import math
 from actuators.block import kernel
 from fdi.common.decision import confirm
 
+SUMS = 11
 TAU_MOST, TAU_NOW = 60.0, 0.6  # longest and shortest memory of the gains [s]
 KNOWN_A, KNOWN_B = 0.0015, 0.02  # deviations of gain and magnets: what is told so well of both is forgotten
 KNOWN_NOW = 0.0045  # deviation of the gain when it is asked whether it stands or has healed: under half of `th_a`
@@ -36,14 +42,13 @@ PARAMS = [
     ("th_b", "f8", "-"),  # share of the magnets: beyond two tolerances of 5 %
     ("z_gain", "f8", "-"),  # by so many deviations beyond it, by `cosim train ema`
     ("amp", "f8", "-"),  # by how much the amplifier's pole follows the demand in a tick
-    ("sigma_tick", "f8", "A"),  # noise of the current in a tick
 ]
 STATE = [
     ("amp_lag", "f8", "A"),  # demand behind the amplifier's pole
     ("amp_own", "f8", "-"),  # pole over zero of this drive's amplifier, less one
-    ("amp_sum", "f8", (5,), "A2"),  # dd, de, ee, fd, fe of the current d at rest and of its fast part e
-    ("gain_sum", "f8", (6,)),  # ff, fd, fw, dd, dw, ww, as long as it takes to know
-    ("gain_now", "f8", (6,)),  # over TAU_NOW
+    ("gain_tick", "f8", (SUMS,)),  # products of a sample: fd, fe, fw', dd, de, dw, ee, ew, w'd, w'e, w'w
+    ("gain_sum", "f8", (SUMS,)),  # as long as it takes to know
+    ("gain_now", "f8", (SUMS,)),  # over TAU_NOW
     ("gain_fault", "f8", "-"),  # gain error while it shows
     ("gain_ended", "f8", "-"),  # log likelihood that it has ended since, over that it stands (cumulative sum)
     ("gain_own", "f8", "-"),  # of this drive, less one
@@ -62,24 +67,21 @@ STATE = [
 
 
 @kernel
-def amplifier(x, f, d, fast, p, dt):
-    """Learn how the amplifier answers fast demands, from the error `f` [A] of a tick, the current `d` [A] of the demand
-    at rest and the part `fast` [A] of it above the amplifier's pole b.
-
-    Of a zero a beside it the amplifier makes (s + a) / (s + b) = a / b (1 + (b / a - 1) s / (s + b)): least squares of
-    f = g d + (b / a - 1) fast, over TAU_MOST.
-    """
-    s, keep = x.amp_sum, 1.0 - dt / TAU_MOST
-    f += x.amp_own * fast
-    s[0] = keep * s[0] + d * d
-    s[1] = keep * s[1] + d * fast
-    s[2] = keep * s[2] + fast * fast
-    s[3] = keep * s[3] + f * d
-    s[4] = keep * s[4] + f * fast
-    sure = p.sigma_tick / OFF_AMP
-    det = s[0] * (s[2] + sure * sure) - s[1] * s[1]
-    if det > 0.0:
-        x.amp_own = (s[0] * s[4] - s[1] * s[3]) / det
+def tick(x, f, d, fast, w, predicted):
+    """Take the products of a tick: error `f` [A], current `d` [A] of the demand at rest, its part `fast` [A] above the
+    amplifier's pole, rate `w` [rad/s] and the one that was `predicted`."""
+    s = x.gain_tick
+    s[0] += f * d
+    s[1] += f * fast
+    s[2] += f * predicted
+    s[3] += d * d
+    s[4] += d * fast
+    s[5] += d * w
+    s[6] += fast * fast
+    s[7] += fast * w
+    s[8] += predicted * d
+    s[9] += predicted * fast
+    s[10] += predicted * w
 
 
 @kernel
@@ -103,77 +105,85 @@ def outside(v, most):
 
 
 @kernel
-def learn(x, a, da, p):
-    """Take what the gain is off, `a` with deviation `da`, for the drive's own at the times of LEARN; the voltage of its
-    magnets, too, where it has moved enough.
+def learn(x, a, h, da, p):
+    """Take what the gain is off, `a` with deviation `da`, and the amplifier's pole over its zero, `h`, for the drive's
+    own at the times of LEARN; the voltage of its magnets, too, where it has moved enough.
     """
     k = int(x.gain_learned)
     if k >= 3 or x.age < LEARN[k] or da > SURE or outside(x.gain_own + a * (1.0 + x.gain_own), TOLERANCE) > 0.0:
         return
-    both, b, d_both, db = solve(x.gain_sum, p.sigma_f, 0.0)
-    b, db = b / p.b_motor, db / p.b_motor
-    known = db <= SURE_B and outside(b - x.magnets_own, OFF_B) <= 0.0
+    both, fast, b, d_both, db = solve(x.gain_sum, p, 0.0)
+    known = db / p.b_motor <= SURE_B and outside(b / p.b_motor - x.magnets_own, OFF_B) <= 0.0
     if known and outside(x.gain_own + both * (1.0 + x.gain_own), TOLERANCE) <= 0.0:
-        a, da = both, d_both
-        x.magnets_own -= b
-        x.magnets_doubt = db
+        a, h, da = both, fast, d_both
+        x.magnets_own -= b / p.b_motor
+        x.magnets_doubt = db / p.b_motor
         x.magnets_learned = 1.0
     else:
         b = 0.0
     x.gain_own += a * (1.0 + x.gain_own)
+    x.amp_own += h / (1.0 + a)
     x.gain_doubt = da
     x.gain_learned += 1.0
-    b *= p.b_motor
-    for s in (x.gain_sum, x.gain_now):  # f - a d - b w, (1 + a) d
-        s[0] += a * a * s[3] + b * b * s[5] - 2.0 * (a * s[1] + b * s[2] - a * b * s[4])
-        s[1] = (1.0 + a) * (s[1] - a * s[3] - b * s[4])
-        s[2] -= a * s[4] + b * s[5]
-        s[3] *= (1.0 + a) * (1.0 + a)
-        s[4] *= 1.0 + a
+    more = 1.0 + a
+    for s in (x.gain_sum, x.gain_now):  # f - a d - h e - b w, (1 + a) d + h e, (1 + a) e
+        fd, fe = s[0] - a * s[3] - h * s[4] - b * s[5], s[1] - a * s[4] - h * s[6] - b * s[7]
+        s[0], s[1], s[2] = more * fd + h * fe, more * fe, s[2] - a * s[8] - h * s[9] - b * s[10]
+        s[3] = more * (more * s[3] + 2.0 * h * s[4]) + h * h * s[6]
+        s[4] = more * (more * s[4] + h * s[6])
+        s[5] = more * s[5] + h * s[7]
+        s[6] *= more * more
+        s[7] *= more
+        s[8] = more * s[8] + h * s[9]
+        s[9] *= more
 
 
 @kernel
-def solve(s, noise, sure):
-    """Return (a, b, deviation of a, of b) of f = a d + b w from sums `s` with noise of deviation `noise`; `sure` is
-    what is known beforehand of b, that it is small: (noise over its deviation)^2.
+def solve(s, p, sure):
+    """Return (a, h, b, deviation of a, of b) of f = a d + h e + b w from sums `s`; `sure` is what is known beforehand
+    of b, that it is small: (noise over its deviation)^2.
     """
-    ww = s[5] + sure
-    det = s[3] * ww - s[4] * s[4]
-    if det <= 1e-6 * s[3] * ww or det <= 0.0:
-        return 0.0, 0.0, 1e3, 1e3
-    a, b = (s[1] * ww - s[2] * s[4]) / det, (s[2] * s[3] - s[1] * s[4]) / det
-    return a, b, noise * math.sqrt(ww / det), noise * math.sqrt(s[3] / det)
+    ee = s[6] + (p.sigma_f / OFF_AMP) * (p.sigma_f / OFF_AMP)
+    d, w = s[4] / ee, s[9] / ee  # of e in the instruments d and w', which is taken out of them
+    dd, dw, wd, ww = s[3] - d * s[4], s[5] - d * s[7], s[8] - w * s[4], s[10] + sure - w * s[7]
+    fd, fw = s[0] - d * s[1], s[2] - w * s[1]
+    det = dd * ww - dw * wd
+    if dd <= 0.0 or ww <= 0.0 or det <= 1e-6 * dd * ww:
+        return 0.0, 0.0, 0.0, 1e3, 1e3
+    a, b = (fd * ww - fw * dw) / det, (fw * dd - fd * wd) / det
+    h = (s[1] - s[4] * a - s[7] * b) / ee
+    return a, h, b, p.sigma_f * math.sqrt(ww / det), p.sigma_f * math.sqrt(dd / det)
 
 
 @kernel
 def gain_and_magnets(s, p):
-    """Return (a, b, deviation of a, of b), b over b_motor: healthy magnets are off by MAGNETS, which tells of a."""
-    sure = p.sigma_f / (MAGNETS * p.b_motor)
-    a, _, da, _ = solve(s, p.sigma_f, sure * sure)
-    _, b, _, db = solve(s, p.sigma_f, 0.0)
-    return a, b / p.b_motor, da, db / p.b_motor
+    """Return (a, h, b, deviation of a, of b), b over b_motor: healthy magnets are off by MAGNETS, which tells of a,
+    and b is within OFF_B until motion tells it.
+    """
+    sure, wide = p.sigma_f / (MAGNETS * p.b_motor), p.sigma_f / (OFF_B[0] * p.b_motor)
+    a, h, _, da, _ = solve(s, p, sure * sure)
+    _, _, b, _, db = solve(s, p, wide * wide)
+    return a, h, b / p.b_motor, da, db / p.b_motor
 
 
 @kernel
-def gains(x, p, f, d, w, dt):
+def gains(x, p, f, d, dt):
     """Take a sample into the gains of current and magnets, and test them."""
-    h, ka, kb = p.even * dt, KNOWN_A * d / p.sigma_f, KNOWN_B * p.b_motor * w / p.sigma_f
+    new = x.gain_tick
+    h, ka, kb = p.even * dt, KNOWN_A / p.sigma_f, KNOWN_B * p.b_motor / p.sigma_f
+    told_a, told_b = ka * ka * new[3] / p.even, kb * kb * max(new[10], 0.0) / p.even
     for k in range(2):
         # forgets by what the sample tells, so that a drive at work is judged at once, one at rest at all
-        told = min(ka * ka, kb * kb)
+        told = min(told_a, told_b)
         if k == 1:  # magnets at rest are neither weak nor healed
             told = 1.0 if x.weak > 0.5 else (KNOWN_NOW * d / p.sigma_f) * (KNOWN_NOW * d / p.sigma_f)
         keep = 1.0 - min(max(told, h / TAU_MOST), h / TAU_NOW)
         if k == 0 and x.age < LEARN[2]:
             keep = 1.0  # all there is to learn from
         s = x.gain_sum if k == 0 else x.gain_now
-        s[0] = keep * s[0] + f * f
-        s[1] = keep * s[1] + f * d
-        s[2] = keep * s[2] + f * w
-        s[3] = keep * s[3] + d * d
-        s[4] = keep * s[4] + d * w
-        s[5] = keep * s[5] + w * w
-    a, x.gain_b, da, db = gain_and_magnets(x.gain_sum, p)
+        for i in range(SUMS):
+            s[i] = keep * s[i] + new[i] / p.even
+    a, fast, x.gain_b, da, db = gain_and_magnets(x.gain_sum, p)
     x.gain_a = a
     over_a = math.fabs(a) if x.gain_learned > 0.5 else outside(a, TOLERANCE)
     over_a -= p.z_gain * math.sqrt(da * da + x.gain_doubt * x.gain_doubt)
@@ -182,7 +192,7 @@ def gains(x, p, f, d, w, dt):
     x.r_gain = max(over_a / p.th_a, over_b / p.th_b)
     sure = True
     if x.hot_gain > 0.5:  # `gain_now` tells whether it stands or has healed; where nothing moves, neither
-        a, b, da, db = gain_and_magnets(x.gain_now, p)
+        a, _, b, da, db = gain_and_magnets(x.gain_now, p)
         size, off, least, most = math.fabs(a), 2.0 * da, STANDS * p.th_a, HEALED * STANDS * p.th_a
         if x.weak > 0.5:
             size, off, least, most = math.fabs(b), 2.0 * db, STANDS * p.th_b, HEALED_B * STANDS * p.th_b
@@ -198,7 +208,7 @@ def gains(x, p, f, d, w, dt):
                 shows, sure = False, True
     else:
         if x.r_gain < 1.0:
-            learn(x, a, da, p)
+            learn(x, a, fast, da, p)
         shows = x.r_gain >= 1.0
         x.gain_fault, x.gain_ended = a, 0.0
         if shows:
@@ -207,7 +217,7 @@ def gains(x, p, f, d, w, dt):
     if sure:
         x.gain_timer, x.hot_gain = confirm(x.gain_timer, x.hot_gain, shows, p.even * dt, 0.2, RELEASE)
     if before > 0.5 and x.hot_gain < 0.5:  # healed: what came before is of the fault
-        for k in range(6):
+        for k in range(SUMS):
             if x.gain_ended >= ENDED:
                 x.gain_now[k] = 0.0
             x.gain_sum[k] = x.gain_now[k]

@@ -10,7 +10,7 @@ import math
 from actuators.block import kernel
 from fdi.common.decision import confirm
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, SENSOR
-from fdi.ema import drive, rough
+from fdi.ema import drive, rough, torque
 from fdi.ema.dead_reckoning import MEAN
 from fdi.ema.ema_kalman import CULPRITS as PUBLISHED
 from fdi.ema.ema_kalman import CURRENT, POSITION, VELOCITY
@@ -22,8 +22,6 @@ WEAK_LEFT = 0.4  # weaker magnets leave more of what a current sensor does
 HEAVY = 0.4  # of the load that is a jam's: what winds the screw up while the filter has yet to learn it
 JAMMED = 1.5  # of the load that nothing explains: less may be friction
 T_MOVING = 1.0  # after the alarm: what moves under such a load has not just been stopped [s]
-STEADY = 250.0  # samples of a current that only grows, longer than half a period of the slowest oscillation
-GROWN = 0.12  # of the stall current, so that it is told from what a load model misses
 SURE = 120.0  # information about what the motor has felt [rad2/s2]: the share is known to a tenth
 SURE_READ = 4.0 * SURE  # of a velocity that is off: its own noise is in f, too
 MISREAD = 0.35  # half of what a velocity sensor that is off leaves in f for its own
@@ -72,7 +70,7 @@ def _drive(x, p, dt):
     if x.drive_name == drive.WEAK:
         return EFFECTIVENESS, 0.0
     even = min(x.left[4], x.left[6]) <= drive.PURE  # constant or growing: no fault of the drive adds what stays so
-    constant = even and (x.curved >= CURVED or x.must >= p.felt_least)  # no part of a slow sine that friction hides
+    constant = even and x.curved >= CURVED  # no part of a slow sine
     read = p.felt_least <= x.misread <= MISREAD_MOST and x.misread * x.misread * x.read_den >= SURE_READ
     felt_too = math.fabs(x.felt - 1.0) <= FELT_TOO + SURE_SINE * drive.felt_sigma(x, p, dt)
     if x.hot_f > 0.5 and read and felt_too and not even:
@@ -87,16 +85,10 @@ def _drive(x, p, dt):
             return SENSOR, CURRENT
         if x.felt >= p.felt_least and x.misread < MISREAD and x.drive_name != NONE:
             return x.drive_name, 0.0
-    grown = math.fabs(x.f_lag) / p.I_max  # of the stall current: so much of the stall moment would the load be off by
-    unknown = x.felt < p.felt_least or x.felt_den < 10.0 * SURE
-    if unknown and x.f_age >= STEADY and x.left[6] <= drive.PURE and grown >= GROWN:
-        moved = (x.x_hat[5] - x.load_before) / (0.5 * p.load_max) * math.copysign(1.0, x.f_lag)
-        if moved < 0.5 * grown:
-            return SENSOR, CURRENT
     if x.hot_gain > 0.5 and (x.weak > 0.5 or (x.gain_den >= SURE and x.gain_num >= p.felt_least * x.gain_den)):
         return EFFECTIVENESS, 0.0
-    held = math.fabs(x.x_hat[5]) >= p.th_load  # a screw that jams rubs before the load has wound it up
-    if x.hot_friction > 0.5 and x.hot_f < 0.5 and x.hot_gain < 0.5 and not held:
+    moves = x.w_power >= torque.CREEP * torque.CREEP  # what does not move may as well have jammed
+    if x.hot_friction > 0.5 and x.hot_f < 0.5 and x.hot_gain < 0.5 and moves:
         return EFFECTIVENESS, 0.0
     return NONE, 0.0
 

@@ -19,9 +19,7 @@ BLAMED = 0.6  # of the threshold: so far a position has left the integral before
 DOUBT = 0.7  # of the threshold: from there on the lever is not learned
 HALF = 0.5  # of `load_max` is the stall moment
 WASH_FAULT = 0.3  # while the velocity is wrong, the integral's constant follows in [s]
-# lever over lead: deviation of machined parts; variance of a disagreement of 0.05 mm that lasts 3 s; deviations of what
-# has yet to be learned of it that are no disagreement
-OFF_LEVER, VARIANCE, UNSURE = 0.008, 7.5e-9, 2.5  # [1], [m^2 s]
+VARIANCE = 2e-9  # of what windup and noise put the two apart by, over a second: 0.03 mm that last 2 s [m^2 s]
 STANDS = 0.55  # of the threshold: so much of it keeps the alarm
 
 PARAMS = [
@@ -36,9 +34,7 @@ PARAMS = [
 ]
 STATE = [
     *decision.PAIR_STATE,
-    ("lever", "f8", "-"),  # what the surface's lever is off by, over the screw's lead
-    ("P_lever", "f8", "-"),  # its variance
-    ("y_slow", "f8", "m"),  # reading of the surface, lagged as the rigging is
+    *decision.LEVER_STATE,
     ("age_pos", "f8", "s"),  # since the last usable sample of the position
     ("age_surface", "f8", "s"),  # and of the surface
     ("y_arm", "f8", "m"),  # what the surface sensor says of the rod
@@ -58,16 +54,6 @@ def beyond_clip(d, p):
 
 
 @kernel
-def _learn_lever(x, p, dt):
-    """Correct the lever by the disagreement: a scalar Kalman update; what is near the mean reading tells nothing."""
-    x.y_slow += dt / p.pair_learn * (x.y_surface - x.y_slow)
-    h = x.y_surface - x.y_slow
-    k = x.P_lever * h / (h * h * x.P_lever + VARIANCE / dt)
-    x.lever += k * x.pair_e
-    x.P_lever -= k * h * x.P_lever
-
-
-@kernel
 def _begin(x, share):
     """Take the integral's constant for the mean since engage, not for one noisy sample."""
     x.base_rod += share * x.e_rod
@@ -82,23 +68,21 @@ def hear(x, u, w, p, dt):
     position, surface = usable(u.y_position, u.position_valid), usable(u.y_surface, u.surface_valid)
     x.age_pos = 0.0 if position > 0.5 else x.age_pos + dt
     x.age_surface = 0.0 if surface > 0.5 else x.age_surface + dt
-    unsure = 0.0
+    q = p.lead * x.x_hat[2]  # by the velocity: free of the readings' noise
+    _, slack = decision.lever_at(x, q)
+    x.rigging = x.lever_offset
     if surface > 0.5:
         with_load = p.lead * x.x_hat[2] - p.arm * x.x_hat[0]
         without = with_load + p.arm / p.spring * x.x_hat[5]  # a motor that is held does not wind up the screw
         other = with_load + p.wind * x.f_lag
         low, high = min(with_load, min(without, other)), max(with_load, max(without, other))
-        y = p.arm * u.y_surface * (1.0 + x.lever)
-        if x.pair_time < p.pair_settle:
-            x.y_slow, x.P_lever = y, OFF_LEVER * OFF_LEVER
+        y = p.arm * u.y_surface + x.lever * q
         x.y_arm = y + with_load
         if position > 0.5 and x.pair_time >= p.pair_settle:  # torque says it no better: between the three
             x.y_arm = y + min(max(u.y_position - x.rigging - y, low), high)
-            most = UNSURE * math.sqrt(x.P_lever) * math.fabs(y - x.y_slow)
-            unsure = clipped(u.y_position - x.rigging - x.y_arm, most)
     load = (x.hm0 + x.hmd * x.x_hat[0] + x.x_hat[5]) / (p.load_max * HALF)
     bias = x.model_bias
-    decision.pair_test(x, u.y_position, position, x.y_arm + unsure, surface, p.lead * w, load, 0.0, False, p, dt)
+    decision.pair_test(x, u.y_position, position, x.y_arm, surface, p.lead * w, load, slack, True, p, dt)
     if x.pair_time < p.pair_settle and position > 0.5 and surface > 0.5:
         _begin(x, min(dt / max(x.pair_time, p.pair_tau), 1.0))
     if x.sensor > 0.5 and position > 0.5 and surface > 0.5:  # the clip is for spikes before an alarm: 24 mm/s
@@ -107,10 +91,12 @@ def hear(x, u, w, p, dt):
         x.blame = 0.0  # which of them has left the integral cannot be seen yet
     if surface > 0.5:
         x.y_surface = p.arm * u.y_surface
-    if position > 0.5 and surface > 0.5 and x.pair_time >= p.pair_settle:
-        x.pair_e = u.y_position - x.y_arm - x.rigging
-        if math.fabs(x.pair_d) < DOUBT * p.pair_threshold and x.sensor < 0.5:
-            _learn_lever(x, p, dt)
+    if position > 0.5 and surface > 0.5:
+        apart = u.y_position - x.y_arm
+        if x.pair_time >= p.pair_settle:
+            x.pair_e = apart - x.rigging
+        if math.fabs(x.pair_d) < DOUBT * x.pair_limit and x.sensor < 0.5:
+            decision.learn_lever(x, apart + x.lever * q, q, VARIANCE / dt, dt)
     if x.impact > 0.0:  # within a tick the integral is not known
         x.base_rod += x.e_rod
         x.base_surface += x.e_surface
@@ -118,7 +104,7 @@ def hear(x, u, w, p, dt):
     if x.culprit == VELOCITY:  # the integral's constant follows at once: what is left tells of the velocity as it is
         x.base_rod += min(dt / WASH_FAULT, 1.0) * x.e_rod
         x.base_surface += min(dt / WASH_FAULT, 1.0) * x.e_surface
-    x.r_pair = math.fabs(x.pair_d) / p.pair_threshold
+    x.r_pair = math.fabs(x.pair_d) / x.pair_limit
     e = 0.0
     if x.e_rod * x.e_surface > 0.0:  # what both say is learned, as far as a healthy velocity sensor may be off
         e = x.e_rod if math.fabs(x.e_rod) < math.fabs(x.e_surface) else x.e_surface

@@ -25,7 +25,8 @@ from scipy.linalg import solve_discrete_lyapunov
 from actuators.constants import RAD_PER_DEG
 from actuators.ema import jay
 from cosim.training import train_ema
-from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, SENSOR
+from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, RUNAWAY, SENSOR
+from fdi.ema import drive, gains, vote
 from fdi.ema import ema_kalman_flight as flight
 from fdi.ema import model as ema_design
 
@@ -119,6 +120,81 @@ def test_smallest_fault_that_is_found():
     ):
         small, large = ([o.named for o in outcomes(fault, seeds, size=size)].count(FAULTS[fault][2]) for size in sizes)
         assert small < 19 <= large, fault
+
+
+@pytest.mark.parametrize("off", [-0.01, 0.01])
+def test_a_lever_off_its_length_is_learned_and_is_no_surface_sensor(off):
+    """Learned as far as 7 mm of rod in noise tell it; before it is known it is no disagreement of the two."""
+    t = np.arange(round(20.0 / DT)) * DT
+    command = three_two_one_one(t, start=3.0) + three_two_one_one(t, start=10.0)
+    tick = script(20.0, command=command, hm0=1500.0, hmd=-20e3, rng=np.random.default_rng(3))
+    log = fly_bench(tick, tolerance={"arm": 1.0 + off}, reconfigure=False).log
+    assert not log["alarm"].any() and log["r_pair"].max() < 0.8
+    assert log["lever"][-1] == pytest.approx(off, abs=0.003)
+
+
+@pytest.mark.parametrize("over", [-0.18, 0.0, 0.22])
+def test_gain_magnets_and_pole_are_learned_although_the_demand_answers_the_noise_of_the_rate(over):
+    """Least squares on the measured rate takes its noise, which stands in f, for magnets that are stronger."""
+    p, n = flight.params(), 4000
+    x, b = flight.init(p), p["b_motor"][0]
+    rng, lag, w, answer = np.random.default_rng(5), 0.0, 0.0, 0.0
+    rows = []
+    for _ in range(n):
+        d = 0.5 * rng.normal() - answer
+        lag += p["amp"][0] * (d - lag)
+        predicted = 0.98 * w + 0.3 * d
+        w = predicted + 0.5 * rng.normal()
+        read = w + rng.normal()
+        answer = 0.8 * (read - w) + 0.1 * w
+        f = 0.1 * d + over * (d - lag) - 0.05 * b * w + b * (read - w) + 0.1 * rng.normal()
+        gains.tick(x[0], f, d, d - lag, read, predicted)
+        rows.append((d, d - lag, b * read, f))
+    x["gain_tick"] /= p["even"][0]
+    gain, pole, magnets, doubt, doubt_b = gains.solve(x["gain_tick"][0], p[0], 0.0)
+    assert gain == pytest.approx(0.1, abs=4.0 * doubt) and doubt < 0.01
+    assert pole == pytest.approx(over, abs=0.02)
+    assert magnets / b == pytest.approx(-0.05, abs=min(4.0 * doubt_b / b, 0.1))
+    *regressors, f = np.array(rows).T
+    assert np.linalg.lstsq(np.array(regressors).T, f)[0][2] > 0.1
+
+
+@pytest.mark.parametrize(("swing", "name"), [(0.3, RUNAWAY), (-0.3, RUNAWAY), (0.5, NONE), (-0.5, NONE)])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_current_that_has_jumped_and_stays_is_a_runaway_before_a_model_is_fitted(side, swing, name):
+    """What has left it again by four tenths, up or down, is part of a fast oscillation."""
+    p = flight.params()
+    x, level = flight.init(p), side * 0.5 * p["I_max"][0]
+    x["age"] = 10.0
+    while x["f_age"][0] < drive.STAYS:
+        y = level * (1.0 + swing) if x["f_age"][0] >= drive.JUMP else level
+        drive.watch(x[0], y, True, 0.0, 0.0, True, 0.0, p[0], DT)
+    assert x["drive_name"][0] == name
+
+
+@pytest.mark.parametrize(("beyond", "says"), [(1e-3, {NONE}), (-5e-3, {NONE, JAM_SOLID})])
+def test_a_drive_that_presses_on_a_stop_neither_rubs_nor_is_jammed(beyond, says):
+    p, n = flight.params(), 1600
+    rng, u = np.random.default_rng(2), np.zeros((1, n), flight.INPUTS)
+    where = p["stop_high"][0] + beyond
+    u["u"][0, 400:] = 0.75 * STALL
+    u["y_current"] = np.roll(u["u"], int(p["delay"][0]), axis=1) + 0.1 * rng.normal(size=n)
+    u["y_velocity"] = rng.normal(size=n)
+    u["y_position"] = where + 1e-4 * rng.normal(size=n)
+    u["y_surface"] = (where + 1e-4 * rng.normal(size=n)) / ARM
+    for name in ("velocity", "position", "current", "surface"):
+        u[f"{name}_valid"] = 1.0
+    log = np.zeros((1, n), flight.STATE)
+    flight.rollout(flight.init(p), u, p, DT, log)
+    assert set(log["verdict"][0]) == says
+
+
+@pytest.mark.parametrize(("rate", "name"), [(1.2, NONE), (4.0, EFFECTIVENESS)])
+def test_friction_is_named_where_the_drive_moves_and_may_be_a_jam_where_it_does_not(rate, name):
+    p = flight.params()
+    x = flight.init(p)
+    x["hot_friction"], x["left"], x["w_power"] = 1.0, 1.0, rate * rate
+    assert vote._drive(x[0], p[0], DT)[0] == name
 
 
 @pytest.mark.parametrize(

@@ -56,9 +56,9 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
     },
     "ema": {
         "ema_kalman_flight flight": {
-            "pair_threshold": 0.00027, "th_speed": 0.00027, "rho_speed": 0.0, "th_f": 0.177009,
-            "rho_f": 0.0, "th_vel": 1.49531, "rho_vel": 0.164975, "rho_rate": 0.0255689,
-            "th_jump": 0.000296349, "th_R1": 0.000564525, "z_gain": 2.0, "th_rough": 10.3407,
+            "pair_threshold": 0.00027, "th_speed": 0.00027, "rho_speed": 0.0, "th_f": 0.285,
+            "rho_f": 0.00112, "th_vel": 1.49531, "rho_vel": 0.164975, "rho_rate": 0.024084,
+            "th_jump": 0.000296349, "th_R1": 0.000564525, "z_gain": 2.0, "th_rough": 10.3687,
         },
         "position_monitor flight_ema": {
             "threshold": 0.00872665,
