@@ -167,9 +167,10 @@ def waves(x, p, w):
 
 
 @kernel
-def columns(x, p, w, place):
+def columns(x, p, w, ears, place):
     """Write the sums of an oscillation's columns at `place`: with each other, packed in x.LL, with the innovations and
     with the gain's signature."""
+    response = p.response[ears, place, w]
     for k in range(WAVES):
         x.cb[k] = x.cx[k] = x.cf[k] = 0.0
     for k in range(WAVES * (WAVES + 1) // 2):
@@ -181,7 +182,7 @@ def columns(x, p, w, place):
         unit = 1.0 / math.sqrt(x.noise[j])
         pair = 0
         for k in range(LINES):
-            a, b = p.response[place, w, k, 2 * j], p.response[place, w, k, 2 * j + 1]
+            a, b = response[k, 2 * j], response[k, 2 * j + 1]
             i = 2 * k
             e, g, f = x.window_D[w, 0, j], x.window_D[w, 1, j], x.window_D[w, 2, j]
             x.cb[i] += unit * (a * e[i] - b * e[i + 1])
@@ -192,7 +193,7 @@ def columns(x, p, w, place):
                 x.cf[i] += unit * (a * f[i] - b * f[i + 1])
                 x.cf[i + 1] += unit * (b * f[i] + a * f[i + 1])
             for l in range(k + 1):
-                c, d = p.response[place, w, l, 2 * j], p.response[place, w, l, 2 * j + 1]
+                c, d = response[l, 2 * j], response[l, 2 * j + 1]
                 n = 2 * l
                 cc, cs, sc, ss = x.gram[pair, 0], x.gram[pair, 1], x.gram[pair, 2], x.gram[pair, 3]
                 pair += 1
@@ -365,9 +366,9 @@ def evaluate(x, p, o):
             ratio = 1.0
         give(x, NOISE_ROD + j, Q0 - m * (ratio - 1.0), logdet0 + m * math.log(ratio) + p.occam, n, base)
     # rod and surface apart
-    b, J = 0.0, 0.0
+    ears, b, J = int(x.heard), 0.0, 0.0
     for j in range(SENSORS):
-        H = p.still[2, j] / math.sqrt(x.noise[j])
+        H = p.still[ears, 2, j] / math.sqrt(x.noise[j])
         b += H * x.tt[MEAN, j]
         J += H * H * x.tt[NUMBER, j]
     sd = p.sine_sd[2]
@@ -388,7 +389,7 @@ def evaluate(x, p, o):
     logdet_gone = math.log(pivot2_gone * p.slow_sd * p.slow_sd)
     waves(x, p, o)
     for place in range(5):
-        columns(x, p, o, place)
+        columns(x, p, o, ears, place)
         sd = p.sine_sd[place] * (6.2831853 * p.hz[o, LINES // 2] if place == 0 else 1.0)
         h = 0 if place == 0 else place + 1
         logdet = factor_columns(x, sd)
