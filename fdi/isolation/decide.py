@@ -12,7 +12,7 @@ from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LI
 from fdi.isolation import evidence as ev
 from fdi.isolation import joined
 from fdi.isolation.filter import N
-from fdi.isolation.sums import OCTAVES
+from fdi.isolation.sums import OCTAVES, OSCILLATIONS
 
 LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, APART, LET_GO, DRIVEN = range(1, 12)
 CALM = 0.35  # of a threshold: below, nothing speaks for a fault
@@ -42,6 +42,7 @@ STATE = [
     ("own_lead", "f8", (OCTAVES,)),
     ("own_fits", "f8", (OCTAVES,)),
     ("own_hz", "f8", (OCTAVES,), "Hz"),  # of an oscillation, else 0
+    ("own_behind", "f8", (OCTAVES, 2)),  # by which an oscillation added, one in place, falls behind the best
     ("silent", "f8", (OCTAVES,)),  # time for which an octave that spoke is silent [s]
     ("loud", "f8", (OCTAVES,)),  # ratio that it had, lagged
     ("speaks_timer", "f8", "s"),
@@ -100,23 +101,38 @@ def class_of(x, h):
 
 
 @kernel
+def told(x, o, h):
+    """Return the evidence of hypothesis `h` in the window of octave `o`, just evaluated."""
+    return x.own_told[o, h] if h < OSCILLATIONS else x.ev[h]
+
+
+@kernel
 def hear(x, p, o):
     """Keep what the evaluation of octave `o` says."""
-    best, at_best, ratio = x.ev[0], 0, 0.0
+    for h in range(OSCILLATIONS):
+        x.own_told[o, h] = x.ev[h]
+        if o > 0:  # one that is too fast for the lines of this window swings in its parts
+            x.own_told[o, h] = max(x.ev[h], x.parts[o, h] + x.own_told[o - 1, h])
+    best, at_best, ratio = x.own_told[o, 0], 0, 0.0
     for h in range(ev.HYPOTHESES):
         ratio = max(ratio, x.ev[h] / p.limit[h])
-        if x.ev[h] > best:
-            best, at_best = x.ev[h], h
+        if told(x, o, h) > best:
+            best, at_best = told(x, o, h), h
     mine = class_of(x, at_best)
     second = 0.0
     for h in range(ev.HYPOTHESES):
         if class_of(x, h) != mine:
-            second = max(second, x.ev[h])
+            second = max(second, told(x, o, h))
+    for h in range(2):
+        x.own_behind[o, h] = best - x.own_told[o, h]
     n, Q, Q0 = x.ev_n, x.ev_Q[at_best], x.ev_Q[ev.HYPOTHESES]
     x.own[o], x.own_ratio[o], x.own_class[o], x.own_fault[o] = best, ratio, mine, at_best
     x.own_lead[o] = best - second
-    x.own_hz[o] = x.ev_hz[at_best] if at_best <= ev.SWING_LOAD else 0.0
-    x.own_size[o] = x.ev_amplitude[at_best] if at_best <= ev.SWING_LOAD else 0.0
+    if at_best < OSCILLATIONS and best > x.ev[at_best]:
+        x.own_hz[o], x.own_size[o], x.own_fits[o] = x.own_hz[o - 1], x.own_size[o - 1], x.own_fits[o - 1]
+        return
+    x.own_hz[o] = x.ev_hz[at_best] if at_best < OSCILLATIONS else 0.0
+    x.own_size[o] = x.ev_amplitude[at_best] if at_best < OSCILLATIONS else 0.0
     fits = Q < FAIR * n + ev.LEAST * math.sqrt(2.0 * n) or Q - n < PLAIN * (Q0 - n)
     x.own_fits[o] = 1.0 if fits else 0.0
 

@@ -26,6 +26,7 @@ PERIODS = 2.0
 PAIRS = N * (N + 1) // 2
 ENERGY, NUMBER, MEAN, NEXT = range(4)  # sums of e^2, 1, e, and of e with that of the tick before
 TOLD = 4
+OSCILLATIONS = 6  # hypotheses
 SOLVE_BLOCKS = 50  # so often the lesson is solved for
 
 PARAMS = [
@@ -51,6 +52,8 @@ STATE = [
     ("window_b", "f8", (OCTAVES, N)),
     ("window_t", "f8", (OCTAVES, TOLD, SENSORS)),
     ("window_D", "f8", (OCTAVES, 3, SENSORS, WAVES)),  # innovations, signatures of gain and fast part, by cos, sin
+    ("own_told", "f8", (OCTAVES, OSCILLATIONS)),  # evidence of an oscillation in a window, or in its parts
+    ("parts", "f8", (OCTAVES, OSCILLATIONS)),  # that of the shorter windows in it that are over
     ("e_last", "f8", (SENSORS,)),  # whitened innovations of the tick before
     ("JJ", "f8", (PAIRS,)),  # sums of the window at hand
     ("bb", "f8", (N,)),
@@ -85,6 +88,8 @@ def begin(x, w):
                 x.window_D[w, s, j, k] = 0.0
     for k in range(LINES):
         x.phase_c[w, k], x.phase_s[w, k] = 1.0, 0.0
+    for h in range(OSCILLATIONS):
+        x.own_told[w, h] = x.parts[w, h] = 0.0
 
 
 @kernel
@@ -166,6 +171,8 @@ def fold(x, p):
             for t in range(TOLD):
                 for j in range(SENSORS):
                     x.window_t[o + 1, t, j] += x.window_t[o, t, j]
+            for h in range(OSCILLATIONS):
+                x.parts[o + 1, h] += x.own_told[o, h]
         begin(x, o)
 
 
