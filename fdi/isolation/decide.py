@@ -101,38 +101,29 @@ def class_of(x, h):
 
 
 @kernel
-def told(x, o, h):
-    """Return the evidence of hypothesis `h` in the window of octave `o`, just evaluated."""
-    return x.own_told[o, h] if h < OSCILLATIONS else x.ev[h]
-
-
-@kernel
 def hear(x, p, o):
     """Keep what the evaluation of octave `o` says."""
-    for h in range(OSCILLATIONS):
-        x.own_told[o, h] = x.ev[h]
-        if o > 0:  # one that is too fast for the lines of this window swings in its parts
-            x.own_told[o, h] = max(x.ev[h], x.parts[o, h] + x.own_told[o - 1, h])
-    best, at_best, ratio = x.own_told[o, 0], 0, 0.0
+    told, at_best, ratio = x.ev_told, 0, 0.0
     for h in range(ev.HYPOTHESES):
         ratio = max(ratio, x.ev[h] / p.limit[h])
-        if told(x, o, h) > best:
-            best, at_best = told(x, o, h), h
-    mine = class_of(x, at_best)
+        if told[h] > told[at_best]:
+            at_best = h
+    mine, best = class_of(x, at_best), told[at_best]
     second = 0.0
     for h in range(ev.HYPOTHESES):
         if class_of(x, h) != mine:
-            second = max(second, told(x, o, h))
+            second = max(second, told[h])
     for h in range(2):
-        x.own_behind[o, h] = best - x.own_told[o, h]
+        x.own_behind[o, h] = best - told[h]
     n, Q, Q0 = x.ev_n, x.ev_Q[at_best], x.ev_Q[ev.HYPOTHESES]
     x.own[o], x.own_ratio[o], x.own_class[o], x.own_fault[o] = best, ratio, mine, at_best
     x.own_lead[o] = best - second
-    if at_best < OSCILLATIONS and best > x.ev[at_best]:
-        x.own_hz[o], x.own_size[o], x.own_fits[o] = x.own_hz[o - 1], x.own_size[o - 1], x.own_fits[o - 1]
-        return
-    x.own_hz[o] = x.ev_hz[at_best] if at_best < OSCILLATIONS else 0.0
-    x.own_size[o] = x.ev_amplitude[at_best] if at_best < OSCILLATIONS else 0.0
+    swings = at_best < OSCILLATIONS
+    if swings:
+        Q = x.told[o, at_best, 0]
+    parts = swings and best > x.ev[at_best]
+    x.own_hz[o] = x.own_hz[o - 1] if parts else (x.ev_hz[at_best] if swings else 0.0)
+    x.own_size[o] = x.own_size[o - 1] if parts else (x.ev_amplitude[at_best] if swings else 0.0)
     fits = Q < FAIR * n + ev.LEAST * math.sqrt(2.0 * n) or Q - n < PLAIN * (Q0 - n)
     x.own_fits[o] = 1.0 if fits else 0.0
 

@@ -12,7 +12,7 @@ import math
 from actuators.block import kernel
 from fdi.common.decision import lever_variance
 from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SCALE, SENSORS, SETTLES_S, SOFT, SUPPLY, N
-from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, PAIRS, WAVES, gather
+from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, OSCILLATIONS, PAIRS, WAVES, gather
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
 LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, FREE = range(6, 13)
@@ -22,6 +22,7 @@ NU = 50.0
 NOISE_LEAST = 0.05  # of the sensors' variance: one that reports no noise at all is not that good
 APART = 0.1  # least share of the gain's column that no oscillation explains: responses are those of rest
 WHITE = 0.1  # noise is not correlated more from tick to tick
+KNOWN = 0.7  # share of a window that its parts must have been asked for
 LEAST = 3.0  # Q is no less than noise leaves, by so many sigma
 
 PARAMS = [
@@ -67,8 +68,10 @@ STATE = [
     ("ev_n", "f8"),
     ("ev_Q", "f8", (HYPOTHESES + 1,)),  # what each leaves; the last: health
     ("ev", "f8", (HYPOTHESES,)),  # evidence against health
-    ("ev_hz", "f8", (6,), "Hz"),
-    ("ev_amplitude", "f8", (6,)),
+    ("ev_base", "f8"),  # logarithm of the likelihood of health
+    ("ev_told", "f8", (HYPOTHESES,)),  # evidence, of an oscillation perhaps in the parts of the window
+    ("ev_hz", "f8", (OSCILLATIONS,), "Hz"),
+    ("ev_amplitude", "f8", (OSCILLATIONS,)),
 ]
 
 
@@ -326,7 +329,7 @@ def evaluate(x, p, o):
     first = math.log(first)
     Q0 = left(x)
     base = logarithm(Q0, n) - 0.5 * logdet0
-    x.ev_Q[HYPOTHESES] = Q0
+    x.ev_Q[HYPOTHESES], x.ev_base = Q0, base
     alone(x)
     health(x)
     for i in range(FAST, GAIN + 1):
@@ -402,6 +405,26 @@ def evaluate(x, p, o):
             Q, more = beside(x, Q_gone, r_gone, pivot2_gone)
             give(x, IN_PLACE, Q, logdet_gone + logdet + more, n, base)
             heard(x, p, o, IN_PLACE)
+
+
+@kernel
+def in_parts(x, o):
+    """Write `ev_told`: an oscillation too fast for the lines of octave `o` swings in the parts of the window, a sine in
+    each. What they leave, of one unknown scale of noise, and their determinants are added up."""
+    n = x.ev_n
+    m = x.parts_n[o] + x.told_n[o - 1] if o > 0 else 0.0
+    for h in range(OSCILLATIONS):
+        Q, c, x.ev_told[h] = x.ev_Q[h], x.ev[h] + x.ev_base - logarithm(x.ev_Q[h], n), x.ev[h]
+        if m > KNOWN * n:
+            Q2 = (x.parts[o, h, 0] + x.told[o - 1, h, 0]) * n / m
+            c2 = x.parts[o, h, 1] + x.told[o - 1, h, 1]
+            told = logarithm(Q2, n) + c2 - x.ev_base
+            if told > x.ev[h]:
+                Q, c, x.ev_told[h] = Q2, c2, told
+        x.told[o, h, 0], x.told[o, h, 1] = Q, c
+    x.told_n[o] = n
+    for h in range(OSCILLATIONS, HYPOTHESES):
+        x.ev_told[h] = x.ev[h]
 
 
 @kernel

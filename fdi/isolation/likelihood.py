@@ -111,6 +111,7 @@ def close(x, p, suspicious, dt):
         o = sums.octave(blocks // SPARSE) if blocks % SPARSE == 0 else -1
     if o >= 0 and x.window_age[o] >= YOUNG * p.length[o] and x.h_clock >= LEARN_S:
         evidence.evaluate(x, p, o)
+        evidence.in_parts(x, o)
         anew = by_evidence.judge(x, p, o, dt)
     if x.window_age[0] >= p.length[0] and (quiet or x.h_clock < LEARN_S):
         evidence.teach(x, p, dt)

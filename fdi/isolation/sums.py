@@ -52,8 +52,11 @@ STATE = [
     ("window_b", "f8", (OCTAVES, N)),
     ("window_t", "f8", (OCTAVES, TOLD, SENSORS)),
     ("window_D", "f8", (OCTAVES, 3, SENSORS, WAVES)),  # innovations, signatures of gain and fast part, by cos, sin
-    ("own_told", "f8", (OCTAVES, OSCILLATIONS)),  # evidence of an oscillation in a window, or in its parts
-    ("parts", "f8", (OCTAVES, OSCILLATIONS)),  # that of the shorter windows in it that are over
+    # what an oscillation leaves in a window, or in its parts together, and -1/2 of its ln det
+    ("told", "f8", (OCTAVES, OSCILLATIONS, 2)),
+    ("told_n", "f8", (OCTAVES,)),  # of so many samples
+    ("parts", "f8", (OCTAVES, OSCILLATIONS, 2)),  # sums over the shorter windows in it that are over
+    ("parts_n", "f8", (OCTAVES,)),
     ("e_last", "f8", (SENSORS,)),  # whitened innovations of the tick before
     ("JJ", "f8", (PAIRS,)),  # sums of the window at hand
     ("bb", "f8", (N,)),
@@ -88,8 +91,10 @@ def begin(x, w):
                 x.window_D[w, s, j, k] = 0.0
     for k in range(LINES):
         x.phase_c[w, k], x.phase_s[w, k] = 1.0, 0.0
+    x.told_n[w] = x.parts_n[w] = 0.0
     for h in range(OSCILLATIONS):
-        x.own_told[w, h] = x.parts[w, h] = 0.0
+        for i in range(2):
+            x.told[w, h, i] = x.parts[w, h, i] = 0.0
 
 
 @kernel
@@ -171,8 +176,10 @@ def fold(x, p):
             for t in range(TOLD):
                 for j in range(SENSORS):
                     x.window_t[o + 1, t, j] += x.window_t[o, t, j]
+            x.parts_n[o + 1] += x.told_n[o]
             for h in range(OSCILLATIONS):
-                x.parts[o + 1, h] += x.own_told[o, h]
+                for i in range(2):
+                    x.parts[o + 1, h, i] += x.told[o, h, i]
         begin(x, o)
 
 
