@@ -410,18 +410,21 @@ def evaluate(x, p, o):
 @kernel
 def in_parts(x, o):
     """Write `ev_told`: an oscillation too fast for the lines of octave `o` swings in the parts of the window, a sine in
-    each. What they leave, of one unknown scale of noise, and their determinants are added up."""
+    each that shows it. What they leave, of one unknown scale of noise, and their determinants are added up."""
     n = x.ev_n
-    m = x.parts_n[o] + x.told_n[o - 1] if o > 0 else 0.0
     for h in range(OSCILLATIONS):
+        part = o > 0 and x.told[o - 1, h, 2] > 0.0
+        m = (x.parts_n[o] + (x.told_n[o - 1] if part else 0.0)) if o > 0 else 0.0
         Q, c, x.ev_told[h] = x.ev_Q[h], x.ev[h] + x.ev_base - logarithm(x.ev_Q[h], n), x.ev[h]
-        if m > KNOWN * n:
-            Q2 = (x.parts[o, h, 0] + x.told[o - 1, h, 0]) * n / m
-            c2 = x.parts[o, h, 1] + x.told[o - 1, h, 1]
+        if m > KNOWN * n and h != SWING_LOAD:
+            Q2, c2 = x.parts[o, h, 0], x.parts[o, h, 1]
+            if part:
+                Q2, c2 = Q2 + x.told[o - 1, h, 0], c2 + x.told[o - 1, h, 1]
+            Q2 *= n / m
             told = logarithm(Q2, n) + c2 - x.ev_base
             if told > x.ev[h]:
                 Q, c, x.ev_told[h] = Q2, c2, told
-        x.told[o, h, 0], x.told[o, h, 1] = Q, c
+        x.told[o, h, 0], x.told[o, h, 1], x.told[o, h, 2] = Q, c, x.ev_told[h]
     x.told_n[o] = n
     for h in range(OSCILLATIONS, HYPOTHESES):
         x.ev_told[h] = x.ev[h]

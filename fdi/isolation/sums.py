@@ -27,6 +27,7 @@ PAIRS = N * (N + 1) // 2
 ENERGY, NUMBER, MEAN, NEXT = range(4)  # sums of e^2, 1, e, and of e with that of the tick before
 TOLD = 4
 OSCILLATIONS = 6  # hypotheses
+REFUSED = 1e12  # left by an oscillation that is not in a part
 SOLVE_BLOCKS = 50  # so often the lesson is solved for
 
 PARAMS = [
@@ -52,8 +53,8 @@ STATE = [
     ("window_b", "f8", (OCTAVES, N)),
     ("window_t", "f8", (OCTAVES, TOLD, SENSORS)),
     ("window_D", "f8", (OCTAVES, 3, SENSORS, WAVES)),  # innovations, signatures of gain and fast part, by cos, sin
-    # what an oscillation leaves in a window, or in its parts together, and -1/2 of its ln det
-    ("told", "f8", (OCTAVES, OSCILLATIONS, 2)),
+    # what an oscillation leaves in a window, or in its parts together, -1/2 of its ln det, and its evidence
+    ("told", "f8", (OCTAVES, OSCILLATIONS, 3)),
     ("told_n", "f8", (OCTAVES,)),  # of so many samples
     ("parts", "f8", (OCTAVES, OSCILLATIONS, 2)),  # sums over the shorter windows in it that are over
     ("parts_n", "f8", (OCTAVES,)),
@@ -95,6 +96,7 @@ def begin(x, w):
     for h in range(OSCILLATIONS):
         for i in range(2):
             x.told[w, h, i] = x.parts[w, h, i] = 0.0
+        x.told[w, h, 2] = 0.0
 
 
 @kernel
@@ -178,8 +180,8 @@ def fold(x, p):
                     x.window_t[o + 1, t, j] += x.window_t[o, t, j]
             x.parts_n[o + 1] += x.told_n[o]
             for h in range(OSCILLATIONS):
-                for i in range(2):
-                    x.parts[o + 1, h, i] += x.told[o, h, i]
+                x.parts[o + 1, h, 0] += x.told[o, h, 0] if x.told[o, h, 2] > 0.0 else REFUSED
+                x.parts[o + 1, h, 1] += x.told[o, h, 1]
         begin(x, o)
 
 
