@@ -86,7 +86,8 @@ NOISE = {
     "share": 0.03,
     # tolerances of 5 % of every parameter (uniform, some of them in one column); friction of 1 % of the stall force
     "prior_mean": (0.0, 0.0, 0.0, -0.05, 0.0, 0.01, 0.0, 0.0, 0.0, 0.0),
-    "prior_sd": (0.05, 0.012, 0.002, 0.06, 0.035, 0.006, 0.002, 0.0003, 0.05, 0.05),
+    # ... and friction at rest, which holds as a mass of 10 to 20 % would while the rod hardly moves
+    "prior_sd": (0.1, 0.012, 0.002, 0.06, 0.035, 0.006, 0.002, 0.0003, 0.05, 0.05),
 }
 
 
