@@ -102,7 +102,7 @@ def noticed(found: Mapping[str, Any], scenario: Scenario) -> list[str]:
             if e.get("detection_delay_s") is not None]  # fmt: skip
     of = (lambda e: f" of fault {e['fault']}") if len(scenario.faults) > 1 else (lambda e: "")
     out = []
-    for _, d, e in sorted(told, key=lambda one: one[0]):
+    for _, d, e in sorted(told, key=_soonest):
         said = "no name" if not e["isolated"] else f"{e['isolated']['class']} {part(d, e)}".strip()
         named = e["time_to_right_s"]
         right = f"right name after {seconds(named)} s" if named is not None else "no right name"
@@ -143,12 +143,17 @@ def _entries(i, lanes):
     return [(d, e) for d, e in mine if e.get("fault", i) == i]
 
 
+def _soonest(told):
+    """Return what (time, lane, ...) is ordered by: in the same tick who has heard others comes after them."""
+    return told[0], told[1]["level"] == "both"
+
+
 def _heard(i, lanes):
     """Return who noticed fault `i` first, who named it right first, and who was first at the other level."""
 
     def first(key, level=None):
         told = [(e[key], d) for d, e in _entries(i, lanes) if e.get(key) is not None and level in (None, d["level"])]
-        return min(told, key=lambda one: one[0], default=(None, None))
+        return min(told, key=_soonest, default=(None, None))
 
     late, lane = first("detection_delay_s")
     if lane is None:

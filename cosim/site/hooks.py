@@ -10,5 +10,12 @@ MARKED = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>'
 
 
 def on_page_content(text: str, **_: Any) -> str:
-    """Return the page's HTML with every formula as MathML."""
-    return MARKED.sub(lambda m: convert(html.unescape(m[3]), display="block" if m[2] == "[" else "inline"), text)
+    """Return the page's HTML with every formula as MathML; a ValueError for TeX that the converter does not know."""
+    return MARKED.sub(lambda m: _formula(html.unescape(m[3]), "block" if m[2] == "[" else "inline"), text)
+
+
+def _formula(tex: str, display: str) -> str:
+    made = convert(tex, display=display)
+    if left := re.search(r"\\[A-Za-z]+", made):  # the converter prints what it does not know
+        raise ValueError(f"{left[0]} in {tex!r} is not known. Write it with another command")
+    return made

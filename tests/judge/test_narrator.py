@@ -36,6 +36,8 @@ def test_it_tells_what_broke_the_first_alarm_its_level_the_right_name_and_the_ot
     ]
     aside = sentences(found(lane("rfafe", "aircraft", 0.1), *filters), LIQUID)[0]
     assert "by rfafe (aircraft level), right name after 1.20 s by iotsekf; actuator level after 0.12 s" in aside
+    joined = sentences(found(lane("joint", "both", 0.12, 1.2), *filters), LIQUID)[0]  # it alarms by the filter's alarm
+    assert "first alarm after 0.12 s by iotsekf (actuator level), right name after 1.20 s." in joined
 
 
 def test_what_did_not_happen_is_said_and_a_level_that_did_not_fly_is_not():
