@@ -12,7 +12,7 @@ import math
 from actuators.block import kernel
 from fdi.common.decision import lever_variance
 from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SCALE, SENSORS, SETTLES_S, SOFT, SUPPLY, N
-from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, OSCILLATIONS, PAIRS, WAVES, gather
+from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, OCTAVES, PAIRS, PARTED, REFUSED, WAVES, gather
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
 LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, FREE = range(6, 13)
@@ -69,9 +69,8 @@ STATE = [
     ("ev_Q", "f8", (HYPOTHESES + 1,)),  # what each leaves; the last: health
     ("ev", "f8", (HYPOTHESES,)),  # evidence against health
     ("ev_base", "f8"),  # logarithm of the likelihood of health
-    ("ev_told", "f8", (HYPOTHESES,)),  # evidence, of an oscillation perhaps in the parts of the window
-    ("ev_hz", "f8", (OSCILLATIONS,), "Hz"),
-    ("ev_amplitude", "f8", (OSCILLATIONS,)),
+    ("ev_told", "f8", (PARTED,)),  # evidence of oscillations, perhaps in the parts of the window
+    ("ev_hz", "f8", (6,), "Hz"),
 ]
 
 
@@ -256,14 +255,13 @@ def beside(x, Q, r, pivot2):
 
 @kernel
 def heard(x, p, o, h):
-    """Write frequency and amplitude of the fitted oscillation."""
+    """Write the frequency of the fitted oscillation."""
     total, weighed = 0.0, 0.0
     for k in range(LINES):
         a2 = x.ca[2 * k] * x.ca[2 * k] + x.ca[2 * k + 1] * x.ca[2 * k + 1]
         total += a2
         weighed += a2 * p.hz[o, k]
     x.ev_hz[h] = weighed / max(total, 1e-300)
-    x.ev_amplitude[h] = math.sqrt(total)
 
 
 @kernel
@@ -412,22 +410,24 @@ def in_parts(x, o):
     """Write `ev_told`: an oscillation too fast for the lines of octave `o` swings in the parts of the window, a sine in
     each that shows it. What they leave, of one unknown scale of noise, and their determinants are added up."""
     n = x.ev_n
-    for h in range(OSCILLATIONS):
-        part = o > 0 and x.told[o - 1, h, 2] > 0.0
-        m = (x.parts_n[o] + (x.told_n[o - 1] if part else 0.0)) if o > 0 else 0.0
-        Q, c, x.ev_told[h] = x.ev_Q[h], x.ev[h] + x.ev_base - logarithm(x.ev_Q[h], n), x.ev[h]
-        if m > KNOWN * n and h != SWING_LOAD:
-            Q2, c2 = x.parts[o, h, 0], x.parts[o, h, 1]
-            if part:
-                Q2, c2 = Q2 + x.told[o - 1, h, 0], c2 + x.told[o - 1, h, 1]
-            Q2 *= n / m
-            told = logarithm(Q2, n) + c2 - x.ev_base
-            if told > x.ev[h]:
-                Q, c, x.ev_told[h] = Q2, c2, told
-        x.told[o, h, 0], x.told[o, h, 1], x.told[o, h, 2] = Q, c, x.ev_told[h]
-    x.told_n[o] = n
-    for h in range(OSCILLATIONS, HYPOTHESES):
-        x.ev_told[h] = x.ev[h]
+    for k in range(PARTED):
+        h = k if k < 2 else SWING_PRESSURE
+        Q, told = x.ev_Q[h], x.ev[h]
+        c = told + x.ev_base - logarithm(Q, n)
+        if o > 0:
+            Q2, c2, m = x.parts[o - 1, k, 0], x.parts[o - 1, k, 1], x.parts_n[o - 1]
+            if x.told_n[o - 1] > 0.0 and x.told[o - 1, k, 0] < REFUSED:
+                Q2, c2, m = Q2 + x.told[o - 1, k, 0], c2 + x.told[o - 1, k, 1], m + x.told_n[o - 1]
+            if m > KNOWN * n:
+                Q2 *= n / m
+                other = logarithm(Q2, n) + c2 - x.ev_base
+                if other > told:
+                    Q, c, told = Q2, c2, other
+        x.ev_told[k] = told
+        if o < OCTAVES - 1:
+            x.told[o, k, 0], x.told[o, k, 1] = Q if told > 0.0 else REFUSED, c
+    if o < OCTAVES - 1:
+        x.told_n[o] = n
 
 
 @kernel
