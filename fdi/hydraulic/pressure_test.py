@@ -28,7 +28,7 @@ from fdi.common.decision import usable
 # instead finds 5 % three times in four and not two, and takes one runaway in twelve for a sensor: not worth it
 # The crest of an oscillation is as flat, but begins before: by more than STEP_BEFORE of it in the sample before. A
 # pulse of the valve of one tick that is not obeyed is as sudden and stays: up to STEP_VALVE of it is the valve's
-STEP_SIGMA, STEP_LEAST, STEP_WAIT, STEP_STAYS, STEP_BEFORE, STEP_VALVE = 5.0, 0.045, 5, 0.3, 0.5, 1.5
+STEP_SIGMA, STEP_LEAST, STEP_WAIT, STEP_STAYS, STEP_BEFORE, STEP_VALVE = 6.0, 0.045, 5, 0.3, 0.5, 1.5
 # An input fault declared within STEP_DOUBT of taking a jump made it: the jump is taken back [s]
 STEP_DOUBT = 1.0
 # An offset is dropped when the load beyond the model has for DROP_TIME moved by it, to the shares DROP, from its mean

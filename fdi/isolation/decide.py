@@ -36,7 +36,6 @@ TURNS = 0.4  # share of steps that turn back, of a sensor with noise: white nois
 STATE = [
     ("own", "f8", (OCTAVES,)),  # evidence of the best hypothesis of every octave at its last evaluation
     ("own_ratio", "f8", (OCTAVES,), "-"),  # largest evidence over its threshold
-    ("own_size", "f8", (OCTAVES,), "-"),  # amplitude of an oscillation at its place
     ("own_class", "f8", (OCTAVES,)),
     ("own_fault", "f8", (OCTAVES,)),  # its hypothesis
     ("own_lead", "f8", (OCTAVES,)),
@@ -69,7 +68,6 @@ STATE = [
     ("jam_most", "f8", "-"),  # largest load beyond the model since a jam is declared
     ("jam_s", "f8", "s"),  # since then
     ("likely_hz", "f8", "Hz"),  # of the oscillation that is named
-    ("likely_size", "f8", "-"),  # flow [m/s], rod [m], surface as a rod [m], pressure [1], load [1]
 ]
 
 
@@ -100,23 +98,33 @@ def class_of(x, h):
 
 
 @kernel
+def told(x, h):
+    """Return the evidence of hypothesis `h`, of an oscillation perhaps in the parts of the window."""
+    if h == ev.ADDED or h == ev.IN_PLACE:
+        return x.ev_told[h]
+    return x.ev_told[2] if h == ev.SWING_PRESSURE else x.ev[h]
+
+
+@kernel
 def hear(x, p, o):
     """Keep what the evaluation of octave `o` says."""
-    best, at_best, ratio = x.ev[0], 0, 0.0
+    at_best, ratio = 0, 0.0
     for h in range(ev.HYPOTHESES):
         ratio = max(ratio, x.ev[h] / p.limit[h])
-        if x.ev[h] > best:
-            best, at_best = x.ev[h], h
-    mine = class_of(x, at_best)
+        if told(x, h) > told(x, at_best):
+            at_best = h
+    mine, best = class_of(x, at_best), told(x, at_best)
     second = 0.0
     for h in range(ev.HYPOTHESES):
         if class_of(x, h) != mine:
-            second = max(second, x.ev[h])
-    n, Q, Q0 = x.ev_n, x.ev_Q[at_best], x.ev_Q[ev.HYPOTHESES]
+            second = max(second, told(x, h))
     x.own[o], x.own_ratio[o], x.own_class[o], x.own_fault[o] = best, ratio, mine, at_best
     x.own_lead[o] = best - second
+    if best > x.ev[at_best]:
+        x.own_hz[o], x.own_fits[o] = x.own_hz[o - 1], x.own_fits[o - 1]
+        return
+    n, Q, Q0 = x.ev_n, x.ev_Q[at_best], x.ev_Q[ev.HYPOTHESES]
     x.own_hz[o] = x.ev_hz[at_best] if at_best <= ev.SWING_LOAD else 0.0
-    x.own_size[o] = x.ev_amplitude[at_best] if at_best <= ev.SWING_LOAD else 0.0
     fits = Q < FAIR * n + ev.LEAST * math.sqrt(2.0 * n) or Q - n < PLAIN * (Q0 - n)
     x.own_fits[o] = 1.0 if fits else 0.0
 
@@ -195,7 +203,7 @@ def follow(x, u, own, dt):
     if not alarm:
         x.likely = x.candidate = x.candidate_s = x.emptied = x.turned = 0.0
         x.rod_low = x.rod_high = x.rod_slow
-        x.likely_hz = x.likely_size = 0.0
+        x.likely_hz = 0.0
         return
     low, high = x.rod_slow - x.rod_low, x.rod_high - x.rod_slow
     if high + low > MOVED and min(low, high) > TURNED * (low + high):
@@ -288,7 +296,7 @@ def judge(x, p, o, dt):
             x.candidate_s = 0.0
         x.candidate, x.candidate_hz, x.candidate_octave = x.own_class[c], x.own_hz[c], float(c)
         if x.candidate == x.likely or x.likely == 0.0:
-            x.likely_fault, x.likely_hz, x.likely_size = x.own_fault[c], x.own_hz[c], x.own_size[c]
+            x.likely_fault, x.likely_hz = x.own_fault[c], x.own_hz[c]
     if x.own[o] > CLEAR and x.own_ratio[o] >= 1.0 and x.emptied < 0.5:
         x.emptied = 1.0
         return True

@@ -12,7 +12,7 @@ import math
 from actuators.block import kernel
 from fdi.common.decision import lever_variance
 from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SCALE, SENSORS, SETTLES_S, SOFT, SUPPLY, N
-from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, PAIRS, WAVES, gather
+from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, OCTAVES, PAIRS, PARTED, REFUSED, WAVES, gather
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
 LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, FREE = range(6, 13)
@@ -22,6 +22,7 @@ NU = 50.0
 NOISE_LEAST = 0.05  # of the sensors' variance: one that reports no noise at all is not that good
 APART = 0.1  # least share of the gain's column that no oscillation explains: responses are those of rest
 WHITE = 0.1  # noise is not correlated more from tick to tick
+KNOWN = 0.7  # share of a window that its parts must have been asked for
 LEAST = 3.0  # Q is no less than noise leaves, by so many sigma
 
 PARAMS = [
@@ -67,8 +68,9 @@ STATE = [
     ("ev_n", "f8"),
     ("ev_Q", "f8", (HYPOTHESES + 1,)),  # what each leaves; the last: health
     ("ev", "f8", (HYPOTHESES,)),  # evidence against health
+    ("ev_base", "f8"),  # logarithm of the likelihood of health
+    ("ev_told", "f8", (PARTED,)),  # evidence of oscillations, perhaps in the parts of the window
     ("ev_hz", "f8", (6,), "Hz"),
-    ("ev_amplitude", "f8", (6,)),
 ]
 
 
@@ -167,9 +169,10 @@ def waves(x, p, w):
 
 
 @kernel
-def columns(x, p, w, place):
+def columns(x, p, w, ears, place):
     """Write the sums of an oscillation's columns at `place`: with each other, packed in x.LL, with the innovations and
     with the gain's signature."""
+    response = p.response[ears, place, w]
     for k in range(WAVES):
         x.cb[k] = x.cx[k] = x.cf[k] = 0.0
     for k in range(WAVES * (WAVES + 1) // 2):
@@ -181,7 +184,7 @@ def columns(x, p, w, place):
         unit = 1.0 / math.sqrt(x.noise[j])
         pair = 0
         for k in range(LINES):
-            a, b = p.response[place, w, k, 2 * j], p.response[place, w, k, 2 * j + 1]
+            a, b = response[k, 2 * j], response[k, 2 * j + 1]
             i = 2 * k
             e, g, f = x.window_D[w, 0, j], x.window_D[w, 1, j], x.window_D[w, 2, j]
             x.cb[i] += unit * (a * e[i] - b * e[i + 1])
@@ -192,7 +195,7 @@ def columns(x, p, w, place):
                 x.cf[i] += unit * (a * f[i] - b * f[i + 1])
                 x.cf[i + 1] += unit * (b * f[i] + a * f[i + 1])
             for l in range(k + 1):
-                c, d = p.response[place, w, l, 2 * j], p.response[place, w, l, 2 * j + 1]
+                c, d = response[l, 2 * j], response[l, 2 * j + 1]
                 n = 2 * l
                 cc, cs, sc, ss = x.gram[pair, 0], x.gram[pair, 1], x.gram[pair, 2], x.gram[pair, 3]
                 pair += 1
@@ -252,14 +255,13 @@ def beside(x, Q, r, pivot2):
 
 @kernel
 def heard(x, p, o, h):
-    """Write frequency and amplitude of the fitted oscillation."""
+    """Write the frequency of the fitted oscillation."""
     total, weighed = 0.0, 0.0
     for k in range(LINES):
         a2 = x.ca[2 * k] * x.ca[2 * k] + x.ca[2 * k + 1] * x.ca[2 * k + 1]
         total += a2
         weighed += a2 * p.hz[o, k]
     x.ev_hz[h] = weighed / max(total, 1e-300)
-    x.ev_amplitude[h] = math.sqrt(total)
 
 
 @kernel
@@ -325,7 +327,7 @@ def evaluate(x, p, o):
     first = math.log(first)
     Q0 = left(x)
     base = logarithm(Q0, n) - 0.5 * logdet0
-    x.ev_Q[HYPOTHESES] = Q0
+    x.ev_Q[HYPOTHESES], x.ev_base = Q0, base
     alone(x)
     health(x)
     for i in range(FAST, GAIN + 1):
@@ -365,9 +367,9 @@ def evaluate(x, p, o):
             ratio = 1.0
         give(x, NOISE_ROD + j, Q0 - m * (ratio - 1.0), logdet0 + m * math.log(ratio) + p.occam, n, base)
     # rod and surface apart
-    b, J = 0.0, 0.0
+    ears, b, J = int(x.heard), 0.0, 0.0
     for j in range(SENSORS):
-        H = p.still[2, j] / math.sqrt(x.noise[j])
+        H = p.still[ears, 2, j] / math.sqrt(x.noise[j])
         b += H * x.tt[MEAN, j]
         J += H * H * x.tt[NUMBER, j]
     sd = p.sine_sd[2]
@@ -388,7 +390,7 @@ def evaluate(x, p, o):
     logdet_gone = math.log(pivot2_gone * p.slow_sd * p.slow_sd)
     waves(x, p, o)
     for place in range(5):
-        columns(x, p, o, place)
+        columns(x, p, o, ears, place)
         sd = p.sine_sd[place] * (6.2831853 * p.hz[o, LINES // 2] if place == 0 else 1.0)
         h = 0 if place == 0 else place + 1
         logdet = factor_columns(x, sd)
@@ -401,6 +403,31 @@ def evaluate(x, p, o):
             Q, more = beside(x, Q_gone, r_gone, pivot2_gone)
             give(x, IN_PLACE, Q, logdet_gone + logdet + more, n, base)
             heard(x, p, o, IN_PLACE)
+
+
+@kernel
+def in_parts(x, o):
+    """Write `ev_told`: an oscillation too fast for the lines of octave `o` swings in the parts of the window, a sine in
+    each that shows it. What they leave, of one unknown scale of noise, and their determinants are added up."""
+    n = x.ev_n
+    for k in range(PARTED):
+        h = k if k < 2 else SWING_PRESSURE
+        Q, told = x.ev_Q[h], x.ev[h]
+        c = told + x.ev_base - logarithm(Q, n)
+        if o > 0:
+            Q2, c2, m = x.parts[o - 1, k, 0], x.parts[o - 1, k, 1], x.parts_n[o - 1]
+            if x.told_n[o - 1] > 0.0 and x.told[o - 1, k, 0] < REFUSED:
+                Q2, c2, m = Q2 + x.told[o - 1, k, 0], c2 + x.told[o - 1, k, 1], m + x.told_n[o - 1]
+            if m > KNOWN * n:
+                Q2 *= n / m
+                other = logarithm(Q2, n) + c2 - x.ev_base
+                if other > told:
+                    Q, c, told = Q2, c2, other
+        x.ev_told[k] = told
+        if o < OCTAVES - 1:
+            x.told[o, k, 0], x.told[o, k, 1] = Q if told > 0.0 else REFUSED, c
+    if o < OCTAVES - 1:
+        x.told_n[o] = n
 
 
 @kernel

@@ -74,8 +74,7 @@ STATE = [
     ("fed", "f8", (N,)),  # learned errors that the prediction has taken up, lagged by FEED_TAU
     ("h_e", "f8", (SENSORS,)),  # innovations, less what the learned errors explain
     ("h_s", "f8", (SENSORS,)),  # their variances; 0: no sample
-    ("h_lost", "f8", "s"),  # since the last position sample
-    ("h_lost_dp", "f8", "s"),
+    ("h_lost", "f8", (SENSORS,), "s"),  # since the last sample of each
 ]
 
 NOISE = {
@@ -87,7 +86,8 @@ NOISE = {
     "share": 0.03,
     # tolerances of 5 % of every parameter (uniform, some of them in one column); friction of 1 % of the stall force
     "prior_mean": (0.0, 0.0, 0.0, -0.05, 0.0, 0.01, 0.0, 0.0, 0.0, 0.0),
-    "prior_sd": (0.05, 0.012, 0.002, 0.06, 0.035, 0.006, 0.002, 0.0003, 0.05, 0.05),
+    # ... and friction at rest, which holds as a mass of 10 to 20 % would while the rod hardly moves
+    "prior_sd": (0.1, 0.012, 0.002, 0.06, 0.035, 0.006, 0.002, 0.0003, 0.05, 0.05),
 }
 
 
@@ -118,7 +118,8 @@ def start(x, q, dp, u, p):
     x.load_last = load_model(x, u, p)
     x.h_z = -x.load_last
     x.load_rate2 = x.flow2 = 0.0
-    x.h_lost = x.h_lost_dp = 0.0
+    for j in range(SENSORS):
+        x.h_lost[j] = 0.0
     if x.lever_P[2] <= 0.0:
         forget_lever(x)
     x.h_started = 1.0
@@ -171,23 +172,22 @@ def measurement_update(x, u, mu, p, dt):
         x.fresh[c] = mu[c] - x.fed[c]
     for j in range(SENSORS):
         x.h_s[j] = 0.0
-    x.h_lost += dt
-    x.h_lost_dp += dt
+        x.h_lost[j] += dt
     rod = u.y_rod_valid > 0.5 and math.isfinite(u.y_rod)
     surface = u.y_surface_valid > 0.5 and math.isfinite(u.y_surface)
     if rod:
         measure(x, ROD, u.y_rod, p)
-        x.h_lost = 0.0
+        x.h_lost[ROD] = 0.0
     if surface:
         y = p.arm * u.y_surface
         if rod and x.sensor < 0.5 and math.fabs(x.pair_d) < APART * x.pair_limit:
             learn_lever(x, u.y_rod - y, x.h_hat[0], p.h_r[ROD] + p.h_r[SURFACE], dt)
         if x.lever_P[0] < RIGGING_SD * RIGGING_SD:
             measure(x, SURFACE, y + x.lever_offset + x.lever * x.h_hat[0], p)
-            x.h_lost = 0.0
+            x.h_lost[SURFACE] = 0.0
     if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp):
         measure(x, PRESSURE, u.y_dp, p)
-        x.h_lost_dp = 0.0
+        x.h_lost[PRESSURE] = 0.0
 
 
 @kernel

@@ -20,7 +20,7 @@ from actuators.hydraulic import lu17
 from fdi.isolation import decide as by_evidence
 from fdi.isolation import evidence, filter, sums
 from fdi.isolation.filter import SENSORS
-from fdi.isolation.response import PLACES, responses
+from fdi.isolation.response import HEARD, PLACES, responses
 
 PERIOD = 0.005  # of the samples whose variance stands in `filter.NOISE` [s]
 LEARN_S = 4.0  # what is learned until then starts the windows [s]
@@ -39,8 +39,9 @@ LEAST = 13.1
 PARAMS = [
     *filter.PARAMS,
     *sums.PARAMS,
-    ("response", "f8", (len(PLACES), sums.OCTAVES, sums.LINES, 2 * SENSORS)),  # real and imaginary parts
-    ("still", "f8", (len(PLACES), SENSORS)),  # responses to a constant
+    # real and imaginary parts, by the position sensors that are heard
+    ("response", "f8", (len(HEARD), len(PLACES), sums.OCTAVES, sums.LINES, 2 * SENSORS)),
+    ("still", "f8", (len(HEARD), len(PLACES), SENSORS)),  # responses to a constant
     *evidence.PARAMS,
     ("limit", "f8", (evidence.HYPOTHESES,), "-"),  # evidence that is an alarm
     ("asks", "f8"),  # 1 where ticks are short enough and the pressure is measured, ALL: every block is asked
@@ -49,6 +50,7 @@ PARAMS = [
 ]
 STATE = [
     *filter.STATE,
+    ("heard", "f8"),  # positions that the filter hears: of HEARD
     *sums.STATE,
     *evidence.STATE,
     *by_evidence.STATE,
@@ -72,15 +74,15 @@ def respond(p: np.ndarray, dt: float) -> None:
         return
     hz = p["hz"][0].ravel()
     given = [p[0][name].tolist() for name in ("arm", "h_q", "h_r", "h_P0", *lu17.NOMINAL)]
-    shape = (len(PLACES), 1 + len(hz), 2 * SENSORS)
+    shape = (len(HEARD), len(PLACES), 1 + len(hz), 2 * SENSORS)
     H = kept((given, dt, hz.tolist()), float, lambda: _responses(p[0], dt, hz), __file__).reshape(shape)
-    p["still"][0] = H[:, 0, 0::2]
-    p["response"][0] = H[:, 1:].reshape(len(PLACES), sums.OCTAVES, sums.LINES, 2 * SENSORS)
+    p["still"][0] = H[:, :, 0, 0::2]
+    p["response"][0] = H[:, :, 1:].reshape(len(HEARD), len(PLACES), sums.OCTAVES, sums.LINES, 2 * SENSORS)
 
 
 def _responses(p, dt, hz):
-    H = responses(p, dt, np.concatenate([[STILL_HZ], hz]))
-    H[:, 1:] *= np.sinc(hz * p["block"] * dt)[None, :, None]  # of the sum over a block
+    H = np.stack([responses(p, dt, np.concatenate([[STILL_HZ], hz]), heard) for heard in HEARD])
+    H[:, :, 1:] *= np.sinc(hz * p["block"] * dt)[:, None]  # of the sum over a block
     return np.stack([H.real, H.imag], axis=-1).ravel()
 
 
@@ -109,6 +111,7 @@ def close(x, p, suspicious, dt):
         o = sums.octave(blocks // SPARSE) if blocks % SPARSE == 0 else -1
     if o >= 0 and x.window_age[o] >= YOUNG * p.length[o] and x.h_clock >= LEARN_S:
         evidence.evaluate(x, p, o)
+        evidence.in_parts(x, o)
         anew = by_evidence.judge(x, p, o, dt)
     if x.window_age[0] >= p.length[0] and (quiet or x.h_clock < LEARN_S):
         evidence.teach(x, p, dt)
@@ -131,7 +134,11 @@ def listen(x, u, p, suspicious, dt):
     x.since += dt
     x.speaks_timer = max(x.speaks_timer - dt, 0.0)
     stop = x.h_hat[0] < p.q_lo + STOP or x.h_hat[0] > p.q_hi - STOP
-    if stop or x.at_stop > 0.5 or max(x.h_lost, x.h_lost_dp) > LOST_S:  # the model ends there
+    rod, surface = x.h_lost[filter.ROD] <= LOST_S, x.h_lost[filter.SURFACE] <= LOST_S
+    heard = 0.0 if rod and surface else (1.0 if rod else 2.0)
+    lost = x.h_lost[filter.PRESSURE] > LOST_S or not (rod or surface)
+    if stop or x.at_stop > 0.5 or lost or heard != x.heard:  # the model ends there, or is another
+        x.heard = heard
         x.at_stop = 1.0 if stop else 0.0
         restart(x)
     else:

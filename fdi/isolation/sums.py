@@ -26,6 +26,8 @@ PERIODS = 2.0
 PAIRS = N * (N + 1) // 2
 ENERGY, NUMBER, MEAN, NEXT = range(4)  # sums of e^2, 1, e, and of e with that of the tick before
 TOLD = 4
+PARTED = 3  # oscillations that are asked for in the parts of a window: added, in place, of the pressure sensor
+REFUSED = 1e12  # left by an oscillation that is not in a part
 SOLVE_BLOCKS = 50  # so often the lesson is solved for
 
 PARAMS = [
@@ -51,6 +53,11 @@ STATE = [
     ("window_b", "f8", (OCTAVES, N)),
     ("window_t", "f8", (OCTAVES, TOLD, SENSORS)),
     ("window_D", "f8", (OCTAVES, 3, SENSORS, WAVES)),  # innovations, signatures of gain and fast part, by cos, sin
+    # what an oscillation leaves in a window, but the longest, or in its parts together, and -1/2 of its ln det
+    ("told", "f8", (OCTAVES - 1, PARTED, 2)),
+    ("told_n", "f8", (OCTAVES - 1,)),  # of so many samples
+    ("parts", "f8", (OCTAVES - 1, PARTED, 2)),  # sums over the windows so long that are over in the next longer one
+    ("parts_n", "f8", (OCTAVES - 1,)),
     ("e_last", "f8", (SENSORS,)),  # whitened innovations of the tick before
     ("JJ", "f8", (PAIRS,)),  # sums of the window at hand
     ("bb", "f8", (N,)),
@@ -85,6 +92,12 @@ def begin(x, w):
                 x.window_D[w, s, j, k] = 0.0
     for k in range(LINES):
         x.phase_c[w, k], x.phase_s[w, k] = 1.0, 0.0
+    if w < OCTAVES - 1:
+        x.told_n[w] = 0.0
+    if w > 0:
+        x.parts_n[w - 1] = 0.0
+        for k in range(PARTED):
+            x.parts[w - 1, k, 0] = x.parts[w - 1, k, 1] = 0.0
 
 
 @kernel
@@ -166,6 +179,11 @@ def fold(x, p):
             for t in range(TOLD):
                 for j in range(SENSORS):
                     x.window_t[o + 1, t, j] += x.window_t[o, t, j]
+            if x.told_n[o] > 0.0:
+                x.parts_n[o] += x.told_n[o]
+                for k in range(PARTED):
+                    x.parts[o, k, 0] += x.told[o, k, 0]
+                    x.parts[o, k, 1] += x.told[o, k, 1]
         begin(x, o)
 
 
