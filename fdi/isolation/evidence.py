@@ -12,7 +12,7 @@ import math
 from actuators.block import kernel
 from fdi.common.decision import lever_variance
 from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SCALE, SENSORS, SETTLES_S, SOFT, SUPPLY, N
-from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, OCTAVES, PAIRS, PARTED, REFUSED, WAVES, gather
+from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, PAIRS, PARTED, WAVES, gather
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
 LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, FREE = range(6, 13)
@@ -22,7 +22,6 @@ NU = 50.0
 NOISE_LEAST = 0.05  # of the sensors' variance: one that reports no noise at all is not that good
 APART = 0.1  # least share of the gain's column that no oscillation explains: responses are those of rest
 WHITE = 0.1  # noise is not correlated more from tick to tick
-KNOWN = 0.7  # share of a window that its parts must have been asked for
 LEAST = 3.0  # Q is no less than noise leaves, by so many sigma
 
 PARAMS = [
@@ -403,31 +402,6 @@ def evaluate(x, p, o):
             Q, more = beside(x, Q_gone, r_gone, pivot2_gone)
             give(x, IN_PLACE, Q, logdet_gone + logdet + more, n, base)
             heard(x, p, o, IN_PLACE)
-
-
-@kernel
-def in_parts(x, o):
-    """Write `ev_told`: an oscillation too fast for the lines of octave `o` swings in the parts of the window, a sine in
-    each that shows it. What they leave, of one unknown scale of noise, and their determinants are added up."""
-    n = x.ev_n
-    for k in range(PARTED):
-        h = k if k < 2 else SWING_PRESSURE
-        Q, told = x.ev_Q[h], x.ev[h]
-        c = told + x.ev_base - logarithm(Q, n)
-        if o > 0:
-            Q2, c2, m = x.parts[o - 1, k, 0], x.parts[o - 1, k, 1], x.parts_n[o - 1]
-            if x.told_n[o - 1] > 0.0 and x.told[o - 1, k, 0] < REFUSED:
-                Q2, c2, m = Q2 + x.told[o - 1, k, 0], c2 + x.told[o - 1, k, 1], m + x.told_n[o - 1]
-            if m > KNOWN * n:
-                Q2 *= n / m
-                other = logarithm(Q2, n) + c2 - x.ev_base
-                if other > told:
-                    Q, c, told = Q2, c2, other
-        x.ev_told[k] = told
-        if o < OCTAVES - 1:
-            x.told[o, k, 0], x.told[o, k, 1] = Q if told > 0.0 else REFUSED, c
-    if o < OCTAVES - 1:
-        x.told_n[o] = n
 
 
 @kernel

@@ -18,7 +18,7 @@ from actuators.block import kernel
 from actuators.disk_cache import kept
 from actuators.hydraulic import lu17
 from fdi.isolation import decide as by_evidence
-from fdi.isolation import evidence, filter, sums
+from fdi.isolation import evidence, filter, parts, sums
 from fdi.isolation.filter import SENSORS
 from fdi.isolation.response import HEARD, PLACES, responses
 
@@ -111,7 +111,7 @@ def close(x, p, suspicious, dt):
         o = sums.octave(blocks // SPARSE) if blocks % SPARSE == 0 else -1
     if o >= 0 and x.window_age[o] >= YOUNG * p.length[o] and x.h_clock >= LEARN_S:
         evidence.evaluate(x, p, o)
-        evidence.in_parts(x, o)
+        parts.in_parts(x, o)
         anew = by_evidence.judge(x, p, o, dt)
     if x.window_age[0] >= p.length[0] and (quiet or x.h_clock < LEARN_S):
         evidence.teach(x, p, dt)
