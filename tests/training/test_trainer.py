@@ -33,8 +33,8 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
             "sum_threshold": 0.0030224,
         },
         "iotsekf flight_load2": {
-            "bank_threshold": 0.0059608, "slow_threshold": 0.000642376, "run_threshold": 0.00511357,
-            "sum_threshold": 0.0049673, "limit": 4.33043,
+            "bank_threshold": 0.00598626, "slow_threshold": 0.000642376, "run_threshold": 0.00511357,
+            "sum_threshold": 0.0049886, "limit": 4.26824,
         },
         "rtsekf flight_load0": {
             "threshold": 0.0267695, "step": 0.00657689,
