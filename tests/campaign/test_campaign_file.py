@@ -190,7 +190,8 @@ def test_sizes_of_the_built_in_campaigns():
     quiet, severe, faulty = (flights[n] for n in ("fault-free", "fault-free-severe", "aircraft-vs-local"))
     assert (len(quiet), len(severe)) == (600, 200) and len(faulty) >= 2000
     for own in flights.values():  # independent flights over the envelope, not the points of training
-        assert len({s.seed for s in own}) == len(own) and len({(s.flight.mass_t, s.flight.cas_kt) for s in own}) >= 100
+        assert len({s.seed for s in own}) == len(own)
+        assert len({(s.flight.mass_t, s.flight.cas_kt) for s in own}) >= min(100, 0.9 * len(own))
         assert min(s.flight.mass_t for s in own) < 210 and max(s.flight.mass_t for s in own) > 395
     assert not {s.seed for s in quiet} & {s.seed for s in faulty}
     assert {s.flight.turbulence for s in severe} == {"severe"}
