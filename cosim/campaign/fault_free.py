@@ -133,17 +133,22 @@ def space(campaign: str) -> Space:
     return Space(load_campaign(campaign), first_seed=FIRST_SEED)
 
 
-def fly(campaign: str, number: int, digest: str = "", files: Sequence[str] = ()) -> dict:
-    """Fly one flight, also past the user's detectors in `files`, and return what is kept of it, as plain data; `digest`
-    tells files of one name apart."""
+def fly(
+    campaign: str, number: int, digest: str = "", files: Sequence[str] = (), also: Sequence[str] = ()
+) -> dict:
+    """Fly one flight, also past the user's detectors in `files` and the shipped ones `also`, and return what is kept of
+    it, as plain data; `digest` tells files of one name apart."""
     from cosim.flight.build import build
     from cosim.flight.faults.conditions import resolved
     from cosim.flight.fly import fly as flown
     from cosim.flight.plugins import with_detectors
     from cosim.scenario.brought import identified
 
+    flight = space(campaign).number(number)
+    enabled = tuple(dict.fromkeys((*flight.detectors.enabled, *also)))
+    flight = flight.model_copy(update={"detectors": flight.detectors.model_copy(update={"enabled": enabled})})
     try:
-        setup = build(resolved(identified(with_detectors(space(campaign).number(number), files))))
+        setup = build(resolved(identified(with_detectors(flight, files))))
     except TrimError:
         return {"seconds": 0.0, "dt": 0.0, "status": "infeasible", "lanes": {}}
     trace, status, _ = flown(setup)

@@ -77,7 +77,8 @@ def false_alarms(
     flights = _flights(made, hours * 3600.0)
     said = "".join([repr(made.campaign), *(g.sha256 for g in guests)])
     digest = hashlib.sha256(said.encode()).hexdigest()[:16]
-    own = {"files": files} if files else {}
+    also = [name for name in ids if name in registry.ON_REQUEST]
+    own = ({"files": files} if files else {}) | ({"also": also} if also else {})
     jobs = [(fly, {"campaign": campaign, "number": n, "digest": digest, **own}) for n in range(flights)]
     flown = work(jobs, folder=folder, workers=workers, progress=progress, read=FaultFreeFlight.read)
     return summary(flown, campaign, [*ids, *(g.DETECTOR.id for g in guests)] or registry.DEFAULT)
