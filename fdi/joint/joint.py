@@ -11,10 +11,9 @@ class (fdi/joint/places.py),
 
 where v is how large the fault is (small, middling, large) and whether it is like one that rates were measured on.
 P(silent | h, v) = 1 - P(alarm | h, v) F(age), F the share of that detector's alarms that come so soon after the first
-witness: silence counts as time goes on. Where one command moves two segments of one technology, detectors of one kind
-on both part with (1 - `alike`) of the probability with which independent ones would. Of a lane that is silent and not
-valid, or of a detector that does not fly, it is 1; an alarm that comes while its lane is not valid is not heard, one
-that came before is: it may have made it so.
+witness. Where one command moves two segments of one technology, detectors of one kind on both part with (1 - `alike`)
+of the probability of independent ones. Of a lane that is silent and not valid, or of a detector that does not fly, it
+is 1; an alarm that comes while its lane is not valid is not heard, one that came before is.
 
 Two faults: P(token | h, h') is that of whichever speaks, 1 - (1 - a)(1 - a') of them alarms. They are tried with one
 of the likeliest single ones and any other one, where that single one leaves an alarm unexplained, with the prior of a
@@ -22,10 +21,8 @@ second fault `two`. No fault: every alarm is false, with its detector's probabil
 counts how often its detector stays alone with a fault, how often it is wrong. The alarm: a lane's, P(a fault) >= 1/2.
 
 The culprit is the smallest that holds `sure` of the probability: a place, else a set (SETS, "q or theta"), else none;
-the verdict is a class that holds as much of that, else AMBIGUOUS. `p` is what the culprit holds. With two faults the
-other one stands in `second` and `verdict_2`.
-
-Work is done when a token changes or an age passes; otherwise a tick only looks at its inputs.
+the verdict is a class that holds as much, else AMBIGUOUS; `p` is what the culprit holds, `second` and `verdict_2` the
+other of two faults. Work is done when a token changes or an age passes; otherwise a tick only looks at its inputs.
 """
 
 import functools

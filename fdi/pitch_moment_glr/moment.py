@@ -72,7 +72,7 @@ def fuse(x, p, rate, acceleration, ts):
 
 @kernel
 def upward(alpha, ground, tas, v_ground):
-    """Return the vertical gust as an angle [rad]: what the vane has of a gust along the way is none of it."""
+    """Return the vertical gust as an angle [rad]: without what the vane has of a gust along the way."""
     return math.sin(alpha) - v_ground / max(tas, 10.0) * math.sin(ground)
 
 
