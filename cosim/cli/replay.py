@@ -126,15 +126,15 @@ def _attached(log, folder):
     from cosim.replay import log_schema
     from cosim.scenario import attached
     from cosim.scenario.brought import places
-    from cosim.scenario.user_file import meant
+    from cosim.scenario.user_file import identity_unrun
 
     found = open_log(log)
     tables = log_schema.scenario_tables(found)
     missing = attached.write(tables, found.attachments, folder)
     own = [at for at in places(tables) if at.name.startswith("detectors.") and at.name not in missing]
     for at in own:
-        if not meant(folder / at.table[at.key], str(at.table.get(at.digest, ""))):
-            said = "what is attached is not the code that flew: its digest differs, or a large file is not attached"
+        if identity_unrun((folder / at.table[at.key]).parent) != at.table.get(at.digest):
+            said = "what is attached is not the code that flew: its digest differs, or a file of it is not attached"
             raise LogError(said, place=f"{log}: {at.name}", remedy="Give it by --detector")
     return [folder / at.table[at.key] for at in own]
 

@@ -9,10 +9,11 @@ import os
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
+from pydantic import Field, ValidationError, ValidationInfo, model_validator
 
 from actuators.constants import M_PER_FT, RAD_PER_DEG
 from cosim.errors import ScenarioError, did_you_mean
+from cosim.scenario.problem import Table
 from cosim.texts import read, toml
 
 FOLDER = Path(__file__).resolve().parents[2] / "aircraft"
@@ -21,12 +22,7 @@ DEFAULT = "transport"
 Positive = Annotated[float, Field(gt=0.0)]
 Span = Annotated[tuple[float, float], Field(strict=False)]
 
-
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
-
-class Geometry(_Table):
+class Geometry(Table):
     """Reference geometry as in the JSBSim model: lengths of the coefficients, and where the CG is counted from."""
 
     wing_area_ft2: Positive
@@ -38,7 +34,7 @@ class Geometry(_Table):
     reference_pct: Annotated[float, Field(ge=0.0, le=100.0)]  # CG reference, of the mean chord
 
 
-class Gyration(_Table):
+class Gyration(Table):
     """Radii of gyration squared [m2], body axes; `xz` is the product of inertia over mass."""
 
     xx: Positive
@@ -47,7 +43,7 @@ class Gyration(_Table):
     xz: float
 
 
-class Mass(_Table):
+class Mass(Table):
     """What may be loaded, and what the empty aircraft and its one tank weigh."""
 
     mass_t: Span
@@ -57,7 +53,7 @@ class Mass(_Table):
     gyration2_m2: Gyration
 
 
-class Limits(_Table):
+class Limits(Table):
     """What a scenario may ask for, and the angle below which no wing of this aircraft stalls."""
 
     altitude_ft: Span
@@ -67,17 +63,16 @@ class Limits(_Table):
     alpha_surely_flies_deg: Positive
 
 
-class Segment(_Table):
+class Segment(Table):
     """An elevator segment: its short name in fields and properties, and the technology that moves it by default."""
 
     short: Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$")]
     actuator: str
 
 
-class Elevator(_Table):
+class Elevator(Table, extra="allow"):
     """The elevator: travel of every segment (trailing edge down +), and the segments from left to right."""
 
-    model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
     __pydantic_extra__: dict[str, Segment]
 
     travel_deg: Span
@@ -88,7 +83,7 @@ class Elevator(_Table):
         return dict(self.model_extra or {})
 
 
-class Surface(_Table):
+class Surface(Table):
     """A surface with a plain actuator: travel, fastest rate, natural frequency of the position loop."""
 
     travel_deg: Span
@@ -98,7 +93,7 @@ class Surface(_Table):
     @property
     def travel(self) -> tuple[float, float]:
         """Return the stops [rad]."""
-        return math.radians(self.travel_deg[0]), math.radians(self.travel_deg[1])
+        return _radians(self.travel_deg)
 
     @property
     def rate(self) -> float:
@@ -106,7 +101,7 @@ class Surface(_Table):
         return math.radians(self.rate_deg_s)
 
 
-class Surfaces(_Table):
+class Surfaces(Table):
     """The surfaces beside the elevator."""
 
     aileron: Surface
@@ -114,7 +109,7 @@ class Surfaces(_Table):
     stabiliser: Surface
 
 
-class Aircraft(_Table):
+class Aircraft(Table):
     """What the loop must know of an aircraft beside its JSBSim model."""
 
     title: str
@@ -124,8 +119,9 @@ class Aircraft(_Table):
     limits: Limits
     elevator: Elevator
     surfaces: Surfaces
-    actuators: dict[str, dict[str, float]] = {}  # technology -> parameters that differ from its own design
-    points: dict[str, dict[str, float]] = {}
+    # technology -> parameters that differ from its own design
+    actuators: dict[str, dict[str, float]] = Field(default_factory=dict)
+    points: dict[str, dict[str, float]] = Field(default_factory=dict)
     name: str = ""  # the folder's
     folder: Annotated[Path, Field(strict=False)] = Path()
 
@@ -175,7 +171,7 @@ class Aircraft(_Table):
     @property
     def travels(self) -> dict[str, tuple[float, float]]:
         """Return `travels_deg` in rad."""
-        return {name: (math.radians(low), math.radians(high)) for name, (low, high) in self.travels_deg.items()}
+        return {name: _radians(span) for name, span in self.travels_deg.items()}
 
     @property
     def travel(self) -> float:
@@ -214,6 +210,10 @@ class Aircraft(_Table):
         return _multipliers(self.folder)
 
 
+def _radians(span):
+    return math.radians(span[0]), math.radians(span[1])
+
+
 def bundled() -> list[str]:
     """Return the names of the aircraft that ship."""
     return sorted(p.parent.name for p in FOLDER.glob(f"*/{RECORD}"))
@@ -245,10 +245,8 @@ def load_aircraft(name: str = DEFAULT, sha256: str | None = None) -> Aircraft:
     folder = FOLDER / name if name in known else Path(os.path.expanduser(name))
     if not os.path.isfile(folder / RECORD):
         said = f"{name!r} is no aircraft" if not os.path.isdir(folder) else f"the folder has no {RECORD}"
-        raise ScenarioError(
-            said, place=f"flight.aircraft = {name}", allowed=f"{', '.join(known)}, or a folder with {RECORD}",
-            remedy=did_you_mean(name, known),
-        )  # fmt: skip
+        where = {"place": f"flight.aircraft = {name}", "allowed": f"{', '.join(known)}, or a folder with {RECORD}"}
+        raise ScenarioError(said, **where, remedy=did_you_mean(name, known))
     return _read(folder.resolve())
 
 
@@ -277,5 +275,4 @@ def _multipliers(folder: Path) -> tuple[str, ...]:
     import re
 
     texts = (path.read_text(encoding="utf-8", errors="replace") for path in sorted(folder.rglob("*.xml")))
-    found = (re.findall(r"aero/mult/(\w+)", text) for text in texts)
-    return tuple(dict.fromkeys(name for names in found for name in names))
+    return tuple(dict.fromkeys(name for text in texts for name in re.findall(r"aero/mult/(\w+)", text)))

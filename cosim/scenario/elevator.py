@@ -2,7 +2,7 @@
 
 from typing import Any, Literal
 
-from pydantic import ConfigDict, Field, ModelWrapValidatorHandler, ValidationInfo, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, ValidationInfo, model_validator
 
 from cosim.scenario import catalog as c
 from cosim.scenario import tolerance
@@ -19,10 +19,9 @@ class Settings(Table):
     model: dict[str, float] = Field(default_factory=dict)
 
 
-class Elevator(Table):
+class Elevator(Table, extra="allow"):
     """The elevator segments, by the aircraft's names: actuator technology and servo feedback."""
 
-    model_config = ConfigDict(frozen=True, extra="allow", strict=True)
     __pydantic_extra__: dict[str, str]
 
     # what each segment's servo closes on; a word is for every hydraulic segment, iotsekf where nothing is said

@@ -1,21 +1,25 @@
 """[flight]: the point at which the aircraft is trimmed. Feet, knots, tonnes and degrees end here."""
 
 import math
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ModelWrapValidatorHandler, ValidationInfo, model_validator
 
 from actuators.constants import M_PER_FT, M_S_PER_KT
 from cosim.scenario.aircraft import DEFAULT, of
-from cosim.scenario.problem import Mistakes, Table, problem
+from cosim.scenario.problem import Mistakes, Seconds, Table, problem
 
 SPEEDS = ("cas_kt", "mach", "tas_kt")
 AIR = ("turbulence", "air", "wind_kt", "wind_from_deg", "shear_kt_1000ft", "gusts")  # keys of what the air does
 PATHS = (("climb_fpm", "gamma_deg"), ("bank_deg", "turn_deg_s"))  # of each pair one, or none
 
-
 Turbulence = Literal["none", "light", "moderate", "severe"]
-Start = Annotated[float, Field(ge=0.0, le=36000.0)]
+
+
+def _si(key: str, convert: Callable[[float], float]) -> Any:
+    """Return the property of a Flight that is its `key` in SI, None where that is not given."""
+    return property(lambda flight: None if (value := getattr(flight, key)) is None else convert(value))
 
 
 def cas_kt(altitude_ft: float, *, mach: float | None = None, tas_kt: float | None = None) -> float:
@@ -33,7 +37,7 @@ def cas_kt(altitude_ft: float, *, mach: float | None = None, tas_kt: float | Non
 class AirChange(Table):
     """A change of the turbulence within a flight."""
 
-    start_s: Start
+    start_s: Seconds
     turbulence: Turbulence
     ramp_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 5.0  # until it is reached
 
@@ -41,7 +45,7 @@ class AirChange(Table):
 class Gust(Table):
     """A discrete gust; a positive speed raises angle of attack, sideslip or airspeed."""
 
-    start_s: Start
+    start_s: Seconds
     axis: Literal["vertical", "lateral", "longitudinal"] = "vertical"
     speed_fps: Annotated[float, Field(ge=-150.0, le=150.0)]  # of the air, true: from below, the right, ahead +
     gradient_ft: Annotated[float, Field(ge=10.0, le=10000.0)] = 350.0  # flown from its beginning to its full speed
@@ -69,7 +73,13 @@ class Flight(Table):
     wind_from_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0  # true; the aircraft starts heading north
     shear_kt_1000ft: Annotated[float, Field(ge=-100.0, le=100.0)] = 0.0  # growth of that wind with altitude
     gusts: Annotated[tuple[Gust, ...], Field(strict=False, max_length=16)] = ()
-
+    mass = _si("mass_t", lambda t: t * 1000.0)  # [kg]
+    cg = _si("cg_pct", lambda pct: pct / 100.0)  # fraction of the mean aerodynamic chord
+    altitude = _si("altitude_ft", lambda ft: ft * M_PER_FT)  # [m]
+    climb = _si("climb_fpm", lambda fpm: fpm * M_PER_FT / 60.0)  # vertical speed at the start [m/s]
+    gamma = _si("gamma_deg", math.radians)  # angle of the path at the start [rad]
+    bank = _si("bank_deg", math.radians)  # of a steady turn [rad]
+    turn = _si("turn_deg_s", math.radians)  # rate of the heading [rad/s]
     @model_validator(mode="after")
     def _together(self):
         wrong = Mistakes()
@@ -111,41 +121,6 @@ class Flight(Table):
         return self
 
     @property
-    def mass(self) -> float:
-        """Return the mass [kg]."""
-        return self.mass_t * 1000.0
-
-    @property
-    def cg(self) -> float:
-        """Return the centre of gravity as a fraction of the mean aerodynamic chord."""
-        return self.cg_pct / 100.0
-
-    @property
-    def altitude(self) -> float:
-        """Return the altitude [m]."""
-        return self.altitude_ft * M_PER_FT
-
-    @property
-    def climb(self) -> float | None:
-        """Return the vertical speed at the start [m/s], None where none is asked for."""
-        return None if self.climb_fpm is None else self.climb_fpm * M_PER_FT / 60.0
-
-    @property
-    def gamma(self) -> float | None:
-        """Return the angle of the path at the start [rad], None where none is asked for."""
-        return None if self.gamma_deg is None else math.radians(self.gamma_deg)
-
-    @property
-    def bank(self) -> float | None:
-        """Return the bank of a steady turn [rad], None where none is asked for."""
-        return None if self.bank_deg is None else math.radians(self.bank_deg)
-
-    @property
-    def turn(self) -> float | None:
-        """Return the turn rate [rad/s], None where none is asked for."""
-        return None if self.turn_deg_s is None else math.radians(self.turn_deg_s)
-
-    @property
     def changes(self) -> tuple[tuple[float, str, float], ...]:
         """Return (start [s], turbulence, time until it is reached [s]) of each change of the turbulence."""
         return tuple((a.start_s, a.turbulence, a.ramp_s) for a in self.air)
@@ -168,9 +143,7 @@ class Flight(Table):
     @property
     def discrete(self) -> tuple[tuple[float, str, float, float, str], ...]:
         """Return (start [s], axis, speed [m/s], gradient [m], shape) of each discrete gust."""
-        return tuple(
-            (g.start_s, g.axis, g.speed_fps * M_PER_FT, g.gradient_ft * M_PER_FT, g.shape) for g in self.gusts
-        )
+        return tuple((g.start_s, g.axis, g.speed_fps * M_PER_FT, g.gradient_ft * M_PER_FT, g.shape) for g in self.gusts)
 
     @property
     def weather(self) -> str:

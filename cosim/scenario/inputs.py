@@ -11,16 +11,16 @@ A file is read once, when the scenario is: the scenario then holds its numbers, 
 
 import csv
 import math
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario.aircraft import of
-from cosim.scenario.problem import problem
+from cosim.scenario.problem import Table, problem
+from cosim.scenario.user_file import found as file_of
 from cosim.texts import read
 
 TIME = "time_s"
@@ -44,11 +44,8 @@ MOST = 30_000  # numbers of a table: with all their digits they fit into a scena
 Column = Annotated[tuple[float, ...], Field(strict=False)]
 
 
-class Inputs(BaseModel):
+class Inputs(Table):
     """Fly a table of one's own stick, bank, throttle and stabiliser inputs, or a CSV file with them."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
     kind: Literal["inputs"]
     file: str | None = None  # read by `located`, which puts its columns here
     between: Literal["linear", "hold"] = "linear"  # a value between two rows: on the line, or that of the row before
@@ -133,19 +130,15 @@ def located(table: dict, folder: Path | None, place: str) -> dict:
     own = table.get("manoeuvre")
     if not (isinstance(own, dict) and own.get("kind") == "inputs" and isinstance(own.get("file"), str)):
         return table
-    path = Path(os.path.expanduser(own["file"]))
-    beside = folder / path if folder else path
-    path = beside if os.path.isfile(beside) else path
-    where = f"{place}: manoeuvre.file = {own['file']}"
+    where = f"{place}: manoeuvre.file"
     twice = [name for name in RANGES if name in own]
     if twice:
-        raise ScenarioError(f"{twice[0]} is given beside the file", place=where, remedy="Keep one of them")
-    try:
-        text = read(path, error=ScenarioError, what="table of inputs")
-    except FileNotFoundError:
-        raise ScenarioError("no such file", place=where) from None
+        place = f"{where} = {own['file']}"
+        raise ScenarioError(f"{twice[0]} is given beside the file", place=place, remedy="Keep one of them")
+    path = file_of(own["file"], folder, where)
+    text = read(path, error=ScenarioError, what="table of inputs")
     rest = {key: value for key, value in own.items() if key != "file"}
-    return {**table, "manoeuvre": {**rest, **_columns(text, str(path))}}
+    return {**table, "manoeuvre": {**rest, **_columns(text, path)}}
 
 
 def _columns(text, place):

@@ -2,22 +2,17 @@
 
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from cosim.scenario.inputs import Inputs
-from cosim.scenario.problem import problem
+from cosim.scenario.problem import Seconds, Table, problem
 
-Start = Annotated[float, Field(ge=0.0, le=36000.0)]
 Length = Annotated[float, Field(gt=0.0, le=3600.0)]
-Stick = Annotated[float, Field(ge=0.1, le=1.0)]
 LoadFactor = Annotated[float, Field(ge=-1.5, le=1.5)]
 
 
-class _Manoeuvre(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
+class _Manoeuvre(Table):
     hold_speed: bool = False  # the throttles hold the speed; a climb, descent or turn from the start has it anyway
-
 
 class Cruise(_Manoeuvre):
     """Hold the trimmed flight, hands off."""
@@ -29,16 +24,16 @@ class AoaProtection(_Manoeuvre):
     """Pull the stick (a share of full travel) and hold it: the angle-of-attack protection takes over."""
 
     kind: Literal["aoa_protection"]
-    start_s: Start = 5.0
+    start_s: Seconds = 5.0
     duration_s: Length = 20.0
-    stick: Stick = 1.0
+    stick: Annotated[float, Field(ge=0.1, le=1.0)] = 1.0
 
 
 class NoseUp(_Manoeuvre):
     """Pull abruptly for a short time."""
 
     kind: Literal["nose_up"]
-    start_s: Start = 5.0
+    start_s: Seconds = 5.0
     duration_s: Length = 2.0
     amplitude_g: Annotated[float, Field(ge=0.05, le=1.5)] = 0.5
 
@@ -47,7 +42,7 @@ class PitchProtection(_Manoeuvre):
     """Pull gently for long, until the pitch-attitude protection takes over."""
 
     kind: Literal["pitch_protection"]
-    start_s: Start = 5.0
+    start_s: Seconds = 5.0
     duration_s: Length = 20.0
     amplitude_g: Annotated[float, Field(ge=0.05, le=1.0)] = 0.3
 
@@ -57,7 +52,7 @@ class CoordinatedTurn(_Manoeuvre):
 
     kind: Literal["coordinated_turn"]
     hold_speed: bool = True
-    start_s: Start = 5.0
+    start_s: Seconds = 5.0
     duration_s: Length = 60.0
     bank_deg: Annotated[float, Field(ge=-60.0, le=60.0)] = 30.0
 
@@ -67,7 +62,7 @@ class YawAngle(_Manoeuvre):
 
     kind: Literal["yaw_angle"]
     hold_speed: bool = True
-    start_s: Start = 5.0
+    start_s: Seconds = 5.0
     heading_deg: Annotated[float, Field(ge=-180.0, le=180.0)] = 10.0
 
 
@@ -75,7 +70,7 @@ class NzDoublet(_Manoeuvre):
     """Demand load factor up and down, each for a width."""
 
     kind: Literal["nz_doublet"]
-    start_s: Start = 5.0
+    start_s: Seconds = 5.0
     width_s: Length = 3.0
     amplitude_g: LoadFactor = 0.15
 
@@ -84,7 +79,7 @@ class ThreeTwoOneOne(_Manoeuvre):
     """Alternate pulses of 3, 2, 1 and 1 units, as a load-factor demand or added to the elevator command."""
 
     kind: Literal["three_two_one_one"]
-    start_s: Start = 5.0
+    start_s: Seconds = 5.0
     unit_s: Length = 1.0
     amplitude_g: LoadFactor | None = None
     amplitude_deg: Annotated[float, Field(ge=-15.0, le=15.0)] | None = None
@@ -92,25 +87,16 @@ class ThreeTwoOneOne(_Manoeuvre):
     @model_validator(mode="before")
     @classmethod
     def _one_amplitude(cls, raw: Any) -> Any:
-        if isinstance(raw, dict) and raw.get("amplitude_g") is not None and raw.get("amplitude_deg") is not None:
-            raise problem(
-                "amplitude_g and amplitude_deg exclude each other", key="amplitude_deg", remedy="Keep one of them"
-            )
-        if isinstance(raw, dict) and raw.get("amplitude_g") is None and raw.get("amplitude_deg") is None:
-            return {**raw, "amplitude_g": 0.15}  # stays inside the load factor that Alwi14's point C has left
-        return raw
+        given = [k for k in ("amplitude_g", "amplitude_deg") if isinstance(raw, dict) and raw.get(k) is not None]
+        if len(given) > 1:
+            raise problem(f"{' and '.join(given)} exclude each other", key=given[1], remedy="Keep one of them")
+        # stays inside the load factor that Alwi14's point C has left
+        return {**raw, "amplitude_g": 0.15} if isinstance(raw, dict) and not given else raw
 
 
 Manoeuvre = Annotated[
-    Cruise
-    | AoaProtection
-    | NoseUp
-    | PitchProtection
-    | CoordinatedTurn
-    | YawAngle
-    | NzDoublet
-    | ThreeTwoOneOne
-    | Inputs,
+    Cruise | AoaProtection | NoseUp | PitchProtection | CoordinatedTurn | YawAngle | NzDoublet
+    | ThreeTwoOneOne | Inputs,
     Field(discriminator="kind"),
 ]
 KINDS: dict[str, type[BaseModel]] = {

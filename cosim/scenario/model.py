@@ -7,13 +7,12 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     ModelWrapValidatorHandler,
     ValidationError,
     ValidationInfo,
     model_validator,
-)
+)  # fmt: skip
 
 from cosim.scenario import brought, conflict, toml
 from cosim.scenario import catalog as c
@@ -23,7 +22,7 @@ from cosim.scenario.fault import Fault
 from cosim.scenario.flight import Flight
 from cosim.scenario.manoeuvre import Cruise, Manoeuvre
 from cosim.scenario.own_actuator import OwnActuator
-from cosim.scenario.problem import MULTIPLIER, Mistakes, Table, choice, known_keys, problem
+from cosim.scenario.problem import MULTIPLIER, Duration, Mistakes, Table, choice, known_keys, problem
 from cosim.scenario.sensors import Sensors
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_file import UserFile
@@ -31,12 +30,10 @@ from cosim.table import Table as Drawn
 from fdi.registry import DEFAULT, GUESTS, SHIPPED
 
 
-class Tolerances(Table):
+class Tolerances(Table, extra="allow"):
     """Multipliers of what flies against its nominal value: aerodynamic coefficients, actuator parameters."""
 
-    model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
     __pydantic_extra__: dict[str, dict[str, float]]
-
     aero: dict[str, float] = Field(default_factory=dict)
 
     @model_validator(mode="before")
@@ -77,12 +74,10 @@ def _parameter(value):
 Parameter = Annotated[Any, BeforeValidator(_parameter)]
 
 
-class Law(Table):
+class Law(Table, extra="allow"):
     """The control law: a file with one's own, or gains of the shipped one (cosim/flight/plugins/law.py)."""
 
-    model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
     __pydantic_extra__: dict[str, float]
-
     file: str | None = None
     sha256: str | None = None
     reallocate: bool = False  # what control_redundancy isolates is flown around by the effectors that are left
@@ -93,12 +88,10 @@ class Law(Table):
         return dict(self.model_extra or {})
 
 
-class Detectors(Table):
+class Detectors(Table, extra="allow"):
     """The detectors that run, and a table of parameters for each."""
 
-    model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
     __pydantic_extra__: dict[str, dict[str, Parameter]]
-
     enabled: Annotated[tuple[str, ...], Field(strict=False)] = DEFAULT
 
     @model_validator(mode="wrap")
@@ -139,7 +132,7 @@ class Scenario(Table):
     """A flight: where, with what, doing what, and what goes wrong."""
 
     title: str = ""
-    duration_s: Annotated[float, Field(gt=0.0, le=36000.0)] = 30.0
+    duration_s: Duration = 30.0
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 1
     rate_hz: Annotated[int, Field(ge=50, le=2000)] = 200
     log_profile: Annotated[Literal["full", "replay", "signals"] | None, AfterValidator(_profile)] = None
@@ -251,13 +244,12 @@ class Scenario(Table):
 
     def warnings(self) -> list[str]:
         """Return lines about what is legal and probably not meant."""
-        late = [(i, f) for i, f in enumerate(self.faults) if f.start_s >= self.duration_s and not f.waits]
-        lines = [
-            f"faults.{i} ({f.kind}) starts at {f.start_s:g} s, after the flight's end at {self.duration_s:g} s"
-            if f.when is None
-            else f"faults.{i} ({f.kind}) never began: {f.when} did not come true"
-            for i, f in late
-        ]
+        lines = []
+        for i, f in enumerate(self.faults):
+            if f.start_s >= self.duration_s and not f.waits:
+                late = f"starts at {f.start_s:g} s, after the flight's end at {self.duration_s:g} s"
+                never = f"never began: {f.when} did not come true"
+                lines.append(f"faults.{i} ({f.kind}) {late if f.when is None else never}")
         for i, f in enumerate(self.faults):
             rate, limit = ((f.model_extra or {}).get(k, 0.0) for k in ("rate_deg_s", "limit_deg"))
             if rate * limit < 0.0 and f.target != "stabiliser":  # the others trim at zero

@@ -10,15 +10,16 @@
 """
 
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from actuators.constants import TO_SI
 from cosim.errors import ScenarioError
 from cosim.scenario import catalog as c
-from cosim.scenario.problem import choice, problem
+from cosim.scenario.problem import Table, choice, problem
 from cosim.scenario.user_file import load
 
 INPUTS = {  # word -> its unit
@@ -27,28 +28,24 @@ INPUTS = {  # word -> its unit
 OUTPUTS = {"surface": "rad", "rod": "m", "pressure": "-"}
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
-
-class Variable(_Table):
+class Variable(Table):
     """A variable of an FMU and its unit; left out: the one that the FMU declares, else SI."""
 
     variable: Annotated[str, Field(min_length=1)]
     unit: str = ""
 
 
-class OwnActuator(_Table):
+class OwnActuator(Table):
     """A block in a file, or an FMU with its variables."""
 
     file: str | None = None
     fmu: str | None = None
     sha256: str | None = None
     servo: Literal["", "hydraulic"] = ""
-    inputs: dict[str, Variable] = {}
-    outputs: dict[str, Variable] = {}
-    start: dict[str, Variable] = {}
-    parameters: dict[str, float] = {}
+    inputs: dict[str, Variable] = Field(default_factory=dict)
+    outputs: dict[str, Variable] = Field(default_factory=dict)
+    start: dict[str, Variable] = Field(default_factory=dict)
+    parameters: dict[str, float] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _whole(self):
@@ -58,11 +55,10 @@ class OwnActuator(_Table):
             return self
         own, other = ("valve_command", "command") if self.servo else ("command", "valve_command")
         inputs = {word: si for word, si in INPUTS.items() if word != other}
-        if own not in self.inputs:
-            raise problem("is missing", key=f"inputs.{own}", allowed="{ variable = ..., unit = ... }")
-        for word in ("surface", "rod", "pressure") if self.servo else ("surface",):
-            if word not in self.outputs:
-                raise problem("is missing", key=f"outputs.{word}", allowed="{ variable = ..., unit = ... }")
+        measured = ("surface", "rod", "pressure") if self.servo else ("surface",)
+        for part, word in (("inputs", own), *(("outputs", word) for word in measured)):
+            if word not in getattr(self, part):
+                raise problem("is missing", key=f"{part}.{word}", allowed="{ variable = ..., unit = ... }")
         for part, words in (("inputs", inputs), ("outputs", OUTPUTS), ("start", {"surface": "rad", **inputs})):
             for word, variable in getattr(self, part).items():
                 if word not in words:
@@ -92,26 +88,20 @@ def register(actuators: dict[str, OwnActuator]) -> None:
             return ScenarioError(text, place=place)
 
         if own.file is not None:
-            c.register(user_actuator.from_file(name, own.path, own.servo, load, error), brought=True)
-            continue
-        si = {**INPUTS, **OUTPUTS}
-        tables = {
-            part: {w: fmu.Variable(v.variable, v.unit, si[w]) for w, v in getattr(own, part).items()}
-            for part in ("inputs", "outputs", "start")
-        }
-        made = user_actuator.from_fmu(name, own.path, own.servo, {**tables, "parameters": own.parameters}, error)
+            made = user_actuator.from_file(name, own.path, own.servo, load, error)
+        else:
+            tables: dict = {"parameters": own.parameters}
+            for part in ("inputs", "outputs", "start"):
+                given = getattr(own, part).items()
+                tables[part] = {w: fmu.Variable(v.variable, v.unit, {**INPUTS, **OUTPUTS}[w]) for w, v in given}
+            made = user_actuator.from_fmu(name, own.path, own.servo, tables, error)
         c.register(made, brought=True)
 
 
 def take(table: dict) -> None:
     """Register what the raw `table` of a scenario brings along; what is wrong with it is for the model to say."""
-    own = table.get("actuators")
-    if not isinstance(own, dict):
-        return
-    made = {}
-    for name, raw in own.items():
-        try:
+    own, made = table.get("actuators"), {}
+    for name, raw in own.items() if isinstance(own, dict) else ():
+        with suppress(ValueError):
             made[name] = OwnActuator.model_validate(raw)
-        except ValueError:
-            continue
     register(made)

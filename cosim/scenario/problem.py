@@ -7,14 +7,18 @@ A validator says `problem`; `Mistakes` collects several; `Origin` knows the line
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
+from actuators.technology import Key
 from cosim.errors import did_you_mean
-from cosim.scenario.catalog import Key
 from cosim.texts import toml_lines
+
+Seconds = Annotated[float, Field(ge=0.0, le=36000.0)]  # of a flight, at the most as long as one may last
+Duration = Annotated[float, Field(gt=0.0, le=36000.0)]
+MULTIPLIER = Key("multiplier", 0.2, 5.0)
 
 
 def problem(text: str, *, key: str = "", allowed: str = "", remedy: str = "") -> PydanticCustomError:
@@ -92,9 +96,6 @@ class Origin:
         return next((where for where in found if where), self.place)
 
 
-MULTIPLIER = Key("multiplier", 0.2, 5.0)
-
-
 class Table(BaseModel):
     """A frozen table of a scenario: unknown keys, wrong types and numbers that are not finite are errors."""
 
@@ -106,7 +107,6 @@ def known_keys(table: Iterable[str], known: Iterable[str], path: str = "") -> No
     known, wrong = tuple(known), Mistakes()
     for key in table:
         if key not in known:
-            with wrong.caught():
-                near = did_you_mean(key, known)
-                raise problem("unknown key", key=f"{path}{key}", allowed=", ".join(known), remedy=near)
+            near = did_you_mean(key, known)
+            wrong.add("unknown key", key=f"{path}{key}", allowed=", ".join(known), remedy=near)
     wrong.check()

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from cosim.scenario import catalog as c
 from cosim.scenario.problem import Mistakes, Table, choice, known_keys
@@ -22,12 +22,10 @@ class SensorSetting:
     quantum: float | None = None
 
 
-class Sensors(Table):
+class Sensors(Table, extra="allow"):
     """The sensor set, and a table per sensor that deviates from it."""
 
-    model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
     __pydantic_extra__: dict[str, dict[str, float]]
-
     set: Literal["transport"] = "transport"
     noise_scale: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0
     reconstructed: bool = False  # the law flies on n_z and alpha less what lpv_smo estimates of faults

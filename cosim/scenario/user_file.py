@@ -3,14 +3,11 @@
 A detector, law or actuator in Python, an FMU, a folder with an aircraft. The digest of a Python file is that of the
 file, of every module that it imports from beside it, and of every file that it opens while it is loaded, or names in a
 list `files` at its top: what another library opens past Python, or what is opened later, must stand there. Name and
-digest say which file is meant; the path says only where it lies on this machine. `replay --trust`
-compares the digest before it runs the file (`meant`).
+digest say which file is meant; the path says only where it lies on this machine.
 """
 
-import ast
 import hashlib
 import importlib.util
-import itertools
 import logging
 import os
 import sys
@@ -18,7 +15,7 @@ import sysconfig
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, redirect_stdout
-from fnmatch import fnmatch
+from functools import cache
 from importlib.machinery import (
     EXTENSION_SUFFIXES,
     ExtensionFileLoader,
@@ -35,8 +32,6 @@ from actuators.source_hash import cache_root, closure, forget
 from cosim.errors import CosimError, ScenarioError
 
 BLOCK = 1 << 20  # [byte] read at a time
-SETS = 10  # files beside a source of which every set is tried, 1024 of them
-MOST = 1 << 30  # [byte] a larger file that a source only names is no part of it
 CHANGED, AGREE = "is not the file that the scenario means: its digest differs", "Read it, then remove or renew sha256"
 SYSTEM = tuple(Path(p) for p in ("/proc", "/sys", "/dev", "/etc", "/usr", "/lib", "/run"))  # nothing there is a user's
 OURS = Path(__file__).resolve().parents[2]
@@ -83,11 +78,11 @@ _owners: dict[str, _Load] = {}  # source file -> the load that ran it
 _beside: dict[str, ModuleType] = {}  # modules that loads have brought into the process
 
 
-def found(name: str, folder: Path | None, place: str, *, folders: bool = False) -> str:
+def found(name: str, folder: Path | None, place: str) -> str:
     """Return the path of a file of a user's, from beside the scenario (`folder`) or from here. Raises ScenarioError."""
     path = Path(os.path.expanduser(name))
     for here in (folder / path if folder else path, path):
-        if os.path.isdir(here) if folders else os.path.isfile(here):
+        if os.path.isfile(here):
             return os.path.abspath(here)
     raise ScenarioError("no such file", place=f"{place} = {name}")
 
@@ -107,65 +102,9 @@ def identity(path: str | os.PathLike, error: Callable[[str], Exception] | None =
     return UserFile(path.name, held[1])
 
 
-def meant(path: str | os.PathLike, sha256: str) -> bool:
-    """Tell, without running anything, whether the file or folder at `path` can be the one of digest `sha256`.
-
-    Of a Python file that has not been loaded yet: with all, some or none of the files beside it that its sources import
-    or name. Whether it opens just these, `load` tells.
-    """
-    path = Path(os.path.realpath(os.path.expanduser(path)))
-    if path.suffix != ".py" or not path.is_file():
-        files = _all(path)
-        return _digest(files, path if path.is_dir() else path.parent) == sha256
-    with _lock:
-        if path in _loaded and _loaded[path][0] == _stamps(_loaded[path][1].files):
-            return _loaded[path][1].file.sha256 == sha256
-    imported, named = _beside_of(path)
-    if _digest({path, *imported}, path.parent) == sha256:
-        return True
-    free = sorted({*imported, *named} - {path})
-    if len(free) > SETS:
-        return _digest({path, *free}, path.parent) == sha256
-    return any(
-        _digest({path, *some}, path.parent) == sha256
-        for n in range(len(free) + 1)
-        for some in itertools.combinations(free, n)
-    )
-
-
-def _beside_of(path):
-    """Return ({sources}, {other files}) that a source imports from beside it, directly or not, and that they name."""
-    home, sources, words, todo = path.parent, {path}, set(), [path]
-    while todo:
-        try:
-            tree = ast.parse(todo.pop().read_bytes())
-        except (OSError, SyntaxError, ValueError):
-            continue
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Constant) and isinstance(node.value, str) and 2 < len(node.value) < 256:
-                words.add(node.value)
-            names = [a.name for a in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
-            if isinstance(node, ast.ImportFrom):
-                names = [f"{node.module}.{n}" if node.module else n for n in ("", *names)]
-            for name in names:
-                parts = [part for part in name.split(".") if part]
-                stems = [home.joinpath(*parts[: i + 1]) for i in range(len(parts))]
-                new = {f for s in stems for f in (s.with_suffix(".py"), s / "__init__.py") if f.is_file()} - sources
-                sources |= new
-                todo += new
-    there = {f: f.relative_to(home).as_posix() for f in _all(home) if f not in sources and _counts(f, home)}
-    named = {f for f, name in there.items() if any(_names(word, name) for word in words)}
-    return sources, {f for f in named | _elsewhere(words, home) if f.stat().st_size <= MOST}
-
-
-def _names(word, name):
-    """Tell whether a text of a source names the file `name`: whole, its end, its folder, or by a pattern."""
-    return name.endswith(word) or name.startswith(word.rstrip("/") + "/") or fnmatch(name.rpartition("/")[2], word)
-
-
-def _elsewhere(words, home):
-    paths = {Path(os.path.realpath(os.path.expanduser(w))) for w in words if w[0] in "/~" and "\0" not in w}
-    return {p for p in paths if home not in p.parents and p.is_file() and _counts(p, home)}
+def identity_unrun(folder: Path) -> str:
+    """Return the digest of a file of which `folder` holds all that it is made of and nothing else; nothing is run."""
+    return _digest(_all(folder), folder)
 
 
 def contents(path: str | os.PathLike) -> dict[str, Path]:
@@ -342,15 +281,10 @@ def _counts(path, home):
     return path.is_file() and not any(p.startswith(".") or p == "__pycache__" for p in path.parts)
 
 
-_watching = False
-
-
+@cache
 def _watch():
     """Hear from now on of every file that Python opens; such a hook stays for as long as the process lasts."""
-    global _watching
-    if not _watching:
-        sys.addaudithook(_heard)
-        _watching = True
+    sys.addaudithook(_heard)
 
 
 def _heard(event, given):

@@ -335,12 +335,15 @@ def test_a_digest_is_compared_before_the_file_is_run(source, tmp_path):
         path.write_text("X = 1\n")
     file = tmp_path / "own.py"
     file.write_text(source)
-    _, other = user_file.load(file), tmp_path / "elsewhere"
-    sha256 = user_file.identity(file).sha256
-    shutil.copytree(tmp_path, other)  # where it has not been loaded
-    assert user_file.meant(other / "own.py", sha256)
-    for part in user_file.load(file).files:
-        held = (other / part.relative_to(tmp_path)).read_text()
-        (other / part.relative_to(tmp_path)).write_text(held + "\n")
-        assert not user_file.meant(other / "own.py", sha256), part
-        (other / part.relative_to(tmp_path)).write_text(held)
+    sha256, other = user_file.identity(file).sha256, tmp_path / "elsewhere"
+    for name, path in user_file.contents(file).items():  # as a log's attachments are written out
+        (other / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, other / name)
+    assert user_file.identity_unrun(other) == sha256
+    for part in [path for path in other.rglob("*") if path.is_file()]:
+        held = part.read_text()
+        part.write_text(held + "\n")
+        assert user_file.identity_unrun(other) != sha256, part
+        part.unlink()
+        assert user_file.identity_unrun(other) != sha256, part
+        part.write_text(held)
