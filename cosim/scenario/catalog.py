@@ -10,7 +10,7 @@ from typing import Any
 
 from actuators.constants import M_PER_FT, M_S_PER_KT, RAD_PER_DEG
 from actuators.registry import SHIPPED
-from actuators.technology import LOSS, SURFACE_DEG, Key, Kind, Technology, Unit
+from actuators.technology import ARM_DEG, LOSS, MM, SURFACE_DEG, Key, Kind, Technology, Unit
 from cosim.scenario.aircraft import Aircraft, load_aircraft
 
 _TRANSPORT = load_aircraft()
@@ -45,18 +45,27 @@ SENSORS = {  # aircraft sensor -> units of its faults and settings; the first on
 FREQUENCY = Key("frequency_hz", 0.01, 25.0, 2 * math.pi, "rad/s")
 SHAPES = ("sine", "square", "triangle", "chirp")  # of an oscillation; the first is the default
 SWEEP = Key("chirp_hz_s", -10.0, 10.0, 2 * math.pi, "rad/s2", healthy=0.0)  # of a chirp
-_sine = (
-    FREQUENCY,
-    Key("phase_deg", -360.0, 360.0, RAD_PER_DEG, "rad", default=0.0),
-)
+_sine = (FREQUENCY, Key("phase_deg", -360.0, 360.0, RAD_PER_DEG, "rad", default=0.0))
+
+
+def _keys(stem: str, units: Iterable[Unit], tail: str = "", *, signed: bool = True, open_low: bool = True):
+    """Return the Key of a number in each of `units`: of either sign but 0, or (`open_low`: above) 0 and up."""
+    more: dict[str, Any] = {"healthy": 0.0} if signed else {"open_low": open_low}
+    per = "/s" if tail else ""
+    return tuple(Key(f"{stem}_{u.suffix}{tail}", -u.limit if signed else 0.0, u.limit, u.factor, u.si + per, **more)
+                 for u in units)  # fmt: skip
+
+
+def _rod(mm: float, deg: float) -> tuple[Unit, Unit]:
+    """Return the units of a position up to `mm` of rod, or the surface angle `deg` that it stands for."""
+    return replace(MM, limit=mm), replace(ARM_DEG, limit=deg)
 
 
 def _amplitudes(open_low):
     return (
         Key("amplitude", 0.0, 1.0, 1.0, "u", open_low),
-        Key("amplitude_mm", 0.0, 120.0, 1e-3, "m", open_low),
-        Key("amplitude_deg", 0.0, 20.0, RAD_PER_DEG, "rad", open_low),
-        Key("amplitude_travel", 0.0, 0.5, 1.0, "of travel", open_low)  # of the elevator's [Sun13],
+        *_keys("amplitude", _rod(120.0, 20.0), signed=False, open_low=open_low),
+        Key("amplitude_travel", 0.0, 0.5, 1.0, "of travel", open_low),  # of the elevator's [Sun13]
     )
 
 
@@ -71,54 +80,24 @@ _runaway = (Key("rate_deg_s", -60.0, 60.0, RAD_PER_DEG, "rad/s", healthy=0.0),)
 # What every elevator actuator can suffer, as far as it has what the kind needs; a technology's record adds its own
 _COMMON = {
     "ofc_liquid": Kind("oscillation added to the signal", _amplitudes(True), _sine, ("valve", "command", "sensor")),
-    "ofc_solid": Kind(
-        "oscillation in place of the signal", _amplitudes(False), _sine, ("valve", "command"), exclusive="at"
-    ),
-    "bias": Kind(
-        "constant added to the position command",
-        (
-            Key("bias_mm", -120.0, 120.0, 1e-3, "m", healthy=0.0),
-            Key("bias_deg", -20.0, 20.0, RAD_PER_DEG, "rad", healthy=0.0),
-        ),
-        at=("command",),
-    ),
-    "jam_liquid": Kind(
-        "bias on the position sensor that closes the loop (the same as bias on it)",
-        (
-            Key("bias_mm", -150.0, 150.0, 1e-3, "m", healthy=0.0),
-            Key("bias_deg", -40.0, 40.0, RAD_PER_DEG, "rad", healthy=0.0),
-        ),
-    ),
+    "ofc_solid": Kind("oscillation in place of the signal", _amplitudes(False), _sine, ("valve", "command"),
+                      exclusive="at"),
+    "bias": Kind("constant added to the position command", _keys("bias", _rod(120.0, 20.0)), at=("command",)),
+    "jam_liquid": Kind("bias on the position sensor that closes the loop (the same as bias on it)",
+                       _keys("bias", _rod(150.0, 40.0))),
     "jam_solid": Kind("the surface stops where it is", switched=True, exclusive="motion"),
     "runaway": Kind(
         "the surface drives off, to its stop or to limit_deg; to a limit, and without a valve, the command runs",
-        _runaway,
-        at=("valve", "command"),
-        exclusive="at",
-    ),
+        _runaway, at=("valve", "command"), exclusive="at"),
     "loss_of_effectiveness": Kind(
         "the surface gives only a part of what is commanded; at the valve or drive the servo makes up for it as it can",
-        LOSS,
-        at=("command", "valve"),
-        exclusive="at",
-    ),
-    "free_float": Kind(
-        "the actuator lets go, the surface trails", switched=True, exclusive="motion"
-    ),
-    "friction": Kind(
-        "added Coulomb friction, share of the stall force",
-        (Key("friction_pct", 0.0, 100.0, 0.01, "fraction", open_low=True),),
-        exclusive="friction",
-    ),
-    "backlash": Kind(
-        "play between actuator and surface, full width",
-        (
-            Key("backlash_mm", 0.0, 20.0, 1e-3, "m", open_low=True),
-            Key("backlash_deg", 0.0, 4.0, RAD_PER_DEG, "rad", open_low=True),
-        ),
-        exclusive="backlash",
-    ),
-}
+        LOSS, at=("command", "valve"), exclusive="at"),
+    "free_float": Kind("the actuator lets go, the surface trails", switched=True, exclusive="motion"),
+    "friction": Kind("added Coulomb friction, share of the stall force",
+                     (Key("friction_pct", 0.0, 100.0, 0.01, "fraction", open_low=True),), exclusive="friction"),
+    "backlash": Kind("play between actuator and surface, full width", _keys("backlash", _rod(20.0, 4.0), signed=False),
+                     exclusive="backlash"),
+}  # fmt: skip
 SURFACE_KINDS = {
     "jam": Kind("the surface stops where it is", switched=True, exclusive="motion"),
     "runaway": Kind("the surface drives off, to its stop or to limit_deg", _runaway, exclusive="motion"),
@@ -211,29 +190,14 @@ ACTUATOR_PATHS = ("loop", "monitor")  # of an actuator's sensor
 
 def sensor_kinds(units: Iterable[Unit]) -> dict[str, Kind]:
     """Return {kind: Kind} for a sensor whose values may be given in `units`."""
-
-    def keys(stem, tail="", signed=True):
-        return tuple(
-            Key(
-                f"{stem}_{u.suffix}{tail}",
-                -u.limit if signed else 0.0,
-                u.limit,
-                u.factor,
-                u.si + ("/s" if tail else ""),
-                open_low=not signed,
-                healthy=0.0 if signed else None,
-            )
-            for u in units
-        )
-
     text = SENSOR_SUMMARIES
     return {
-        "bias": Kind(text["bias"], keys("bias")),
-        "drift": Kind(text["drift"], keys("drift", "_s")),
+        "bias": Kind(text["bias"], _keys("bias", units)),
+        "drift": Kind(text["drift"], _keys("drift", units, "_s")),
         "scale": Kind(text["scale"], (Key("scale", -10.0, 10.0, healthy=1.0),)),
         "freeze": Kind(text["freeze"], switched=True, exclusive="sample"),
-        "noise": Kind(text["noise"], keys("sigma", signed=False)),
-        "oscillation": Kind(text["oscillation"], keys("amplitude", signed=False), _sine),
+        "noise": Kind(text["noise"], _keys("sigma", units, signed=False)),
+        "oscillation": Kind(text["oscillation"], _keys("amplitude", units, signed=False), _sine),
         "dropout": Kind(text["dropout"], switched=True, exclusive="sample"),
     }
 

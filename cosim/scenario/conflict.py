@@ -24,49 +24,30 @@ def check(faults: Mapping[int, Fault], technology: dict[str, str]) -> None:
         for name in fault.parsed.names:
             claim = (fault.parsed.place, name, fault.parsed.sensor, what)
             for other, claimed, index in taken:
-                if claimed == claim and _overlap(fault, other):
+                if claimed == claim and fault.start_s < other.end and other.start_s < fault.end:
                     said = f"{fault.kind} and faults.{index} ({other.kind}) take over {fault.target} at the same time"
                     remedy = f"Set faults.{index}.end_s before this start, or remove one"
                     wrong.add(said, key=f"faults.{i}.start_s", remedy=remedy)
             taken.append((fault, claim, i))
     wrong.check()
 
-
-def _overlap(a, b):
-    def end(f):
-        return float("inf") if f.end_s is None else f.end_s
-
-    return a.start_s < end(b) and b.start_s < end(a)
-
-
 def _possible(i, fault, technology):
     if fault.parsed.place not in ("elevator", "actuator_sensor"):
         return
     for name in fault.parsed.names:
-        own, where = technology[name], f"elevator.{name} is {_article(technology[name])} actuator"
-        remedy = f'Choose another target, or set elevator.{name} = "{{}}"'
-        if fault.parsed.sensor and fault.parsed.sensor not in c.SENSORS_OF[own]:
-            fits = [t for t in c.TECHNOLOGIES if fault.parsed.sensor in c.SENSORS_OF[t]]
-            raise problem(
-                f"{where} and has no sensor {fault.parsed.sensor!r}",
-                key=f"faults.{i}.target",
-                allowed=", ".join(c.SENSORS_OF[own]) or "none",
-                remedy=remedy.format(fits[0]),
-            )
-        if fault.spec.technologies and own not in fault.spec.technologies:
-            fits = fault.spec.technologies
-            raise problem(
-                f"{where}, {fault.kind} is a fault of {' or '.join(_article(t) for t in fits)} one",
-                key=f"faults.{i}.kind",
-                remedy=remedy.format(fits[0]),
-            )
-        if not c.TECHNOLOGIES[own].inlet and fault.at in ("valve", "sensor"):
-            raise problem(
-                f"{where}, which has no {fault.at}",
-                key=f"faults.{i}.at",
-                allowed="command",
-                remedy=remedy.format("hydraulic"),
-            )
+        own, sensor, fits = technology[name], fault.parsed.sensor, fault.spec.technologies
+        where, said, allowed = f"elevator.{name} is {_article(own)} actuator", "", ""
+        if sensor and sensor not in c.SENSORS_OF[own]:
+            fits = [t for t in c.TECHNOLOGIES if sensor in c.SENSORS_OF[t]]
+            key, said = "target", f"{where} and has no sensor {sensor!r}"
+            allowed = ", ".join(c.SENSORS_OF[own]) or "none"
+        elif fits and own not in fits:
+            key, said = "kind", f"{where}, {fault.kind} is a fault of {' or '.join(map(_article, fits))} one"
+        elif not c.TECHNOLOGIES[own].inlet and fault.at in ("valve", "sensor"):
+            key, said, allowed, fits = "at", f"{where}, which has no {fault.at}", "command", ["hydraulic"]
+        if said:
+            remedy = f'Choose another target, or set elevator.{name} = "{fits[0]}"'
+            raise problem(said, key=f"faults.{i}.{key}", allowed=allowed, remedy=remedy)
 
 
 def _article(technology):

@@ -2,27 +2,18 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    ModelWrapValidatorHandler,
-    PrivateAttr,
-    ValidationInfo,
-    model_validator,
-)
+from pydantic import ModelWrapValidatorHandler, PrivateAttr, ValidationInfo, model_validator
 
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario import catalog as c
 from cosim.scenario.aircraft import Aircraft, load_aircraft, of
 from cosim.scenario.condition import condition, other_fault
-from cosim.scenario.problem import Mistakes, choice, problem
+from cosim.scenario.problem import Duration, Mistakes, Seconds, Table, choice, problem
 
 COMMON = ("target", "kind", "start_s", "when", "lasts_s", "end_s", "ramp_s")
 NEVER_S = 36000.0  # the onset of a fault that waits for its condition
-Seconds = Annotated[float, Field(ge=0.0, le=36000.0)]
 
 
 @dataclass(frozen=True)
@@ -54,17 +45,16 @@ class Injection:
     limit: float = math.nan  # [rad]
 
 
-class Fault(BaseModel):
+class Fault(Table, extra="allow"):
     """A fault as written: common keys are fields, the kind's own numbers are checked against the catalog."""
 
-    model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
     __pydantic_extra__: dict[str, float]
 
     target: str
     kind: str
     start_s: Seconds
     when: str | None = None
-    lasts_s: Annotated[float, Field(gt=0.0, le=36000.0)] | None = None  # of one with a condition, until it heals
+    lasts_s: Duration | None = None  # of one with a condition, until it heals
     end_s: Seconds | None = None
     ramp_s: Seconds = 0.0
     at: Literal["valve", "command", "sensor"] | None = None
@@ -110,6 +100,11 @@ class Fault(BaseModel):
     def waits(self) -> bool:
         """Return whether the onset is still to be found: that of its condition `when`."""
         return self.when is not None and self.start_s == NEVER_S
+
+    @property
+    def end(self) -> float:
+        """Return when it is healed [s], inf for never."""
+        return math.inf if self.end_s is None else self.end_s
 
     def at_time(self, start_s: float) -> "Fault":
         """Return this fault with its onset at `start_s` [s]."""
@@ -182,37 +177,21 @@ class Fault(BaseModel):
             magnitude, unit = magnitude * self._aircraft.travel, "rad"
         if self.kind == "scale":
             magnitude -= 1.0
-        si = {
-            k.name: numbers[k.name] * k.factor
-            for k in (*spec.keys, *c.optional_keys(self.kind, self.target, self._aircraft))
-            if k.name in numbers
-        }
+        known = (*spec.keys, *c.optional_keys(self.kind, self.target, self._aircraft))
+        si = {k.name: numbers[k.name] * k.factor for k in known if k.name in numbers}
+        common: dict[str, Any] = {
+            "fault": index, "kind": self.kind, "at": self.at or "", "path": self.path or "",
+            "start": self.start_s, "end": self.end, "ramp": self.ramp_s, "magnitude": magnitude, "unit": unit,
+            "omega": si.get("frequency_hz", math.nan), "phase": si.get("phase_deg", 0.0),
+            "shape": self.shape or c.SHAPES[0], "sweep": si.get("chirp_hz_s", 0.0),
+            "limit": si.get("limit_deg", math.nan),
+        }  # fmt: skip
         target, out = self.parsed, []
         for name in target.names:
             sensor = target.sensor
             if not sensor and (self.kind == "jam_liquid" or self.at == "sensor"):
                 sensor = c.LOOP_SENSOR[technology[name]]
-            out.append(
-                Injection(
-                    fault=index,
-                    kind=self.kind,
-                    place=target.place,
-                    name=name,
-                    sensor=sensor,
-                    at=self.at or "",
-                    path=self.path or "",
-                    start=self.start_s,
-                    end=math.inf if self.end_s is None else self.end_s,
-                    ramp=self.ramp_s,
-                    magnitude=magnitude,
-                    unit=unit,
-                    omega=si.get("frequency_hz", math.nan),
-                    phase=si.get("phase_deg", 0.0),
-                    shape=self.shape or c.SHAPES[0],
-                    sweep=si.get("chirp_hz_s", 0.0),
-                    limit=si.get("limit_deg", math.nan),
-                )
-            )
+            out.append(Injection(place=target.place, name=name, sensor=sensor, **common))
         return out
 
 
@@ -222,42 +201,32 @@ def _kind(target, raw):
         return kinds[raw["kind"]]
     if raw["kind"] not in c.ALL_KINDS:
         raise choice(raw["kind"], kinds, "kind of fault", key="kind")
-    where = {
-        "surface": "a surface other than the elevator",
-        "actuator_sensor": "an actuator's sensor",
-        "sensor": "an aircraft sensor",
-    }
+    where = {"surface": "a surface other than the elevator", "actuator_sensor": "an actuator's sensor",
+             "sensor": "an aircraft sensor"}  # fmt: skip
     place = where.get(target.place, f"an {target.place}")
     raise problem(f"{raw['kind']!r} is no fault of {place} ({raw['target']})", key="kind", allowed=", ".join(kinds))
 
 
 def _place(target, kind, raw):
     """Return the keys `at` and `path` with their defaults, or raise when the kind has none or not this one."""
-    out = {}
+    out, name = {}, raw["kind"]
     if kind.at:
-        out["at"] = kind.at[0] if raw.get("at") is None else raw["at"]
-        if out["at"] not in kind.at:
-            why = (
-                " (a sensor adds to its reading, it cannot replace it)"
-                if (raw["kind"], out["at"]) == ("ofc_solid", "sensor")
-                else ""
-            )
-            raise problem(f"{raw['kind']} cannot enter at {out['at']!r}{why}", key="at", allowed=", ".join(kind.at))
+        out["at"] = at = kind.at[0] if raw.get("at") is None else raw["at"]
+        if at not in kind.at:
+            adds = (name, at) == ("ofc_solid", "sensor")
+            why = " (a sensor adds to its reading, it cannot replace it)" if adds else ""
+            raise problem(f"{name} cannot enter at {at!r}{why}", key="at", allowed=", ".join(kind.at))
     elif raw.get("at") is not None:
-        raise problem(f"{raw['kind']} has no place of entry", key="at", remedy="Remove at")
+        raise problem(f"{name} has no place of entry", key="at", remedy="Remove at")
     paths: tuple[str, ...] = {"sensor": c.SENSOR_PATHS, "actuator_sensor": c.ACTUATOR_PATHS}.get(target.place, ())
+    where = f"{name} on {raw['target']}"
     if paths:
-        out["path"] = paths[0] if raw.get("path") is None else raw["path"]
-        if raw["kind"] == "jam_liquid":
-            paths = paths[:1]
-        if out["path"] not in paths:
-            raise problem(
-                f"{out['path']!r} is no path of {raw['kind']} on {raw['target']}", key="path", allowed=", ".join(paths)
-            )
+        out["path"] = path = paths[0] if raw.get("path") is None else raw["path"]
+        paths = paths[:1] if name == "jam_liquid" else paths
+        if path not in paths:
+            raise problem(f"{path!r} is no path of {where}", key="path", allowed=", ".join(paths))
     elif raw.get("path") is not None:
-        raise problem(
-            f"{raw['kind']} on {raw['target']} has no path; only sensor faults have", key="path", remedy="Remove path"
-        )
+        raise problem(f"{where} has no path; only sensor faults have", key="path", remedy="Remove path")
     return out
 
 
@@ -288,22 +257,22 @@ def _magnitudes(name, kind, full, aircraft, wrong):
     one_of, at = kind.one_of, full.get("at")
     if name.startswith("ofc_") and isinstance(at, str) and at in c.AMPLITUDES_AT:
         one_of = tuple(k for k in one_of if k.name in c.AMPLITUDES_AT[at])
-    optional = c.optional_keys(name, full["target"], aircraft)
-    known = [k.name for k in (*one_of, *kind.keys, *optional)]
+    optional, names = c.optional_keys(name, full["target"], aircraft), [k.name for k in one_of]
+    known = [*names, *(k.name for k in (*kind.keys, *optional))]
     meant = set()
     for key in [key for key in full if key not in (*COMMON, "at", "path", "shape", *known)]:
         remedy = did_you_mean(key, [*known, *COMMON])
         elsewhere = key in (k.name for k in kind.one_of)  # the amplitude of another place
-        meant |= {k.name for k in one_of} if elsewhere else set(remedy.split("'")[1:2])
+        meant |= set(names if elsewhere else remedy.split("'")[1:2])
         said = f"unknown key for {name}{' at ' + repr(full['at']) if elsewhere else ''}"
         wrong.add(said, key=key, allowed=", ".join(known) or "no further key", remedy=remedy)
     given = [k for k in one_of if k.name in full]
     if len(given) > 1:
         said = f"{' and '.join(k.name for k in given)} say the same thing twice"
         wrong.add(said, key=given[1].name, remedy="Keep one of them")
-    elif one_of and not given and not meant & {k.name for k in one_of}:
-        said = f"{name} needs {'one of ' if len(one_of) > 1 else ''}{', '.join(k.name for k in one_of)}"
-        wrong.add(said, key=one_of[0].name, allowed=one_of[0].range)
+    elif one_of and not given and not meant & {*names}:
+        said = f"{name} needs {'one of ' if len(names) > 1 else ''}{', '.join(names)}"
+        wrong.add(said, key=names[0], allowed=one_of[0].range)
     for key in kind.keys:
         if key.default is not None:
             full.setdefault(key.name, key.default)
@@ -348,13 +317,12 @@ def targets(aircraft: Aircraft) -> list[str]:
 def parse_target(text: str, aircraft: Aircraft) -> Target:
     """Return the Target that `text` names; an unknown part raises the error that lists what there is."""
     head, _, rest = text.partition(".")
-    segments, groups, engines = aircraft.segments, aircraft.groups, aircraft.engine_names
+    groups, engines = aircraft.groups, aircraft.engine_names
+    parts, sensors = (*aircraft.segments, *groups), [f"sensor.{n}" for n in c.SENSORS]
     if head == "elevator":
         part, _, sensor = rest.partition(".")
-        if part not in segments and part not in groups:
-            raise choice(
-                text, [f"elevator.{n}" for n in (*segments, *groups)], "part of this aircraft", key="target"
-            )
+        if part not in parts:
+            raise choice(text, [f"elevator.{n}" for n in parts], "part of this aircraft", key="target")
         if sensor and sensor not in c.ACTUATOR_SENSORS:
             known = [f"elevator.{part}.{s}" for s in c.ACTUATOR_SENSORS]
             raise choice(text, known, "sensor of an actuator", key="target")
@@ -367,16 +335,10 @@ def parse_target(text: str, aircraft: Aircraft) -> Target:
         return Target("engine", engines if rest == "all" else (rest,))
     if head == "sensor":
         if rest not in c.SENSORS:
-            raise choice(text, [f"sensor.{n}" for n in c.SENSORS], "sensor of this aircraft", key="target")
+            raise choice(text, sensors, "sensor of this aircraft", key="target")
         return Target("sensor", (rest,), rest)
-    near = did_you_mean(
-        text, [*c.SURFACES, *(f"elevator.{n}" for n in (*segments, *groups)), *(f"sensor.{n}" for n in c.SENSORS)]
-    )
-    raise problem(
-        f"{text!r} is no part of this aircraft",
-        key="target",
-        remedy=near or "`cosim list` shows every target",
-        allowed="elevator.<segment or group>[.<sensor>], "
-        + ", ".join(c.SURFACES)
-        + f", engine.1 to engine.{engines[-1]}, engine.all, sensor.<name>",
-    )
+    near = did_you_mean(text, [*c.SURFACES, *(f"elevator.{n}" for n in parts), *sensors])
+    allowed = (f"elevator.<segment or group>[.<sensor>], {', '.join(c.SURFACES)}, engine.1 to engine.{engines[-1]}, "
+               "engine.all, sensor.<name>")  # fmt: skip
+    remedy = near or "`cosim list` shows every target"
+    raise problem(f"{text!r} is no part of this aircraft", key="target", allowed=allowed, remedy=remedy)

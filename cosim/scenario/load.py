@@ -29,16 +29,13 @@ WORDS = {  # what pydantic calls by the names of Python
     "string_type": "must be text",
     "bool_type": "must be true or false",
 }
-
-
 NUMBERS = tuple(f"{kind}_{what}" for kind in ("float", "int", "bool") for what in ("type", "parsing"))  # of a text
 
 
 def builtin_names() -> list[str]:
     """Return the names of the built-in scenarios, sorted."""
-    return sorted(
-        p.name[:-5] for p in resources.files("cosim").joinpath("scenarios").iterdir() if p.name.endswith(".toml")
-    )
+    files = resources.files("cosim").joinpath("scenarios").iterdir()
+    return sorted(p.name.removesuffix(".toml") for p in files if p.name.endswith(".toml"))
 
 
 @told_at_call
@@ -51,9 +48,8 @@ def load_scenario(name_or_path: str | os.PathLike = DEFAULT, overrides: str | It
     overrides = [overrides] if isinstance(overrides, str) else list(overrides)
     for given in overrides:
         if not isinstance(given, str):
-            raise ScenarioError(
-                f"{given!r} is no text", place="overrides", allowed="texts like 'faults.0.frequency_hz=3'"
-            )
+            allowed = "texts like 'faults.0.frequency_hz=3'"
+            raise ScenarioError(f"{given!r} is no text", place="overrides", allowed=allowed)
     table, wrong, said = applied(toml(text, place=place, error=ScenarioError), overrides)
 
     def origin() -> Origin:
@@ -82,9 +78,7 @@ def located(table: dict[str, Any], name: str | os.PathLike) -> dict[str, Any]:
     return inputs.located(locate(table, folder, str(name)), folder, str(name))
 
 
-def parse(
-    table: dict[str, Any], *, place: str = "scenario", origin: Callable[[], Origin] | None = None
-) -> Scenario:
+def parse(table: dict[str, Any], *, place: str = "scenario", origin: Callable[[], Origin] | None = None) -> Scenario:
     """Return the Scenario of nested dicts; raises ScenarioError that names every mistake with `place` or, where
     `origin` tells it, the line or override, key, value and what is allowed.
     """
@@ -105,9 +99,8 @@ def _aircraft(table, place):
         known = name if isinstance(name, str) else DEFAULT_AIRCRAFT
         return load_aircraft(known, sha256 if isinstance(sha256, str) else None)
     except ScenarioError as error:
-        raise ScenarioError(
-            error.problem, place=f"{place}: {error.place}", allowed=error.allowed, remedy=error.remedy
-        ) from None
+        error.place = f"{place}: {error.place}"
+        raise
 
 
 def _read(name_or_path):

@@ -10,14 +10,13 @@ from typing import Any
 
 from cosim.errors import CosimError, Mistakes, ScenarioError
 from cosim.scenario.aircraft import DEFAULT, load_aircraft
+from cosim.scenario.flight import PATHS, SPEEDS
 from cosim.scenario.inputs import RANGES
 from cosim.scenario.manoeuvre import KINDS
 from cosim.scenario.toml import inline
 from cosim.texts import half_letter, toml
 
 LISTS = ("faults", "flight.air", "flight.gusts")
-SPEEDS = ("cas_kt", "mach", "tas_kt")
-PATHS = ("climb_fpm", "gamma_deg"), ("bank_deg", "turn_deg_s")
 FORM, EXAMPLE = "is not of the form key=value", "Example: --set faults.0.frequency_hz=3"
 KEPT = ("target", "kind", "start_s", "end_s", "ramp_s", "path")
 
@@ -62,13 +61,6 @@ def assigned(table: dict[str, Any], pairs: Iterable[tuple[str, Any]]) -> tuple[d
     return out, wrong
 
 
-def _set(table, key, value, place):
-    path = key.split(".")
-    if not all(path):
-        raise ScenarioError(FORM, place=place, remedy=EXAMPLE)
-    _assign(table, path, value, place)
-
-
 def _parse(value):
     """Return a TOML value; what is none is a string, so that words need no quotes."""
     try:
@@ -78,8 +70,10 @@ def _parse(value):
     return parsed["x"] if len(parsed) == 1 else value
 
 
-def _assign(table, path, value, place):
-    node = table
+def _set(table, key, value, place):
+    path, node = key.split("."), table
+    if not all(path):
+        raise ScenarioError(FORM, place=place, remedy=EXAMPLE)
     for i, part in enumerate(path[:-1]):
         here = ".".join(path[: i + 1])
         if isinstance(node, list):
@@ -112,9 +106,8 @@ def _aircraft(table):
 def _item(items, index, here, place, value=None):
     """Return items[index], appended as a table when it is the next one; sets it when `value` is given."""
     if not index.isdigit() or int(index) > len(items):
-        raise ScenarioError(
-            f"{here} is not in the list", place=place, allowed=f"index 0 to {len(items)} ({len(items)} appends)"
-        )
+        allowed = f"index 0 to {len(items)} ({len(items)} appends)"
+        raise ScenarioError(f"{here} is not in the list", place=place, allowed=allowed)
     if int(index) == len(items):
         items.append({})
     if value is not None:

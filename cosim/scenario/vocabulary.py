@@ -9,6 +9,7 @@ An output of another detector is named `detector.lane.output`, as in "iotsekf.le
 """
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -88,9 +89,8 @@ def _words(technologies):
     out = []
     for name, meaning in AIRCRAFT.items():
         bus, unit = f"sensors.{name}", c.SENSORS[name][0].si
-        out.append(
-            Signal(name, "sensor", meaning, unit, f"{bus}.y_obs", f"{bus}.valid_obs", "/sensors/aircraft", name)
-        )
+        place = (f"{bus}.y_obs", f"{bus}.valid_obs", "/sensors/aircraft", name)
+        out.append(Signal(name, "sensor", meaning, unit, *place))
     for name, meaning in COMMANDS.items():
         unit = "-" if name == "throttle_cmd" else "rad"
         out.append(Signal(name, "command", meaning, unit, f"law.law.{name}", "", "/law", name))
@@ -99,8 +99,8 @@ def _words(technologies):
         bus, unit = f"sensors.{{lane}}_{name}", c.ACTUATOR_SENSORS[name][0].si
         unit = "-" if unit.startswith("of ") else unit
         has = tuple(t for t in technologies if name in c.TECHNOLOGIES[t].sensors)
-        place = (f"{bus}.y_obs", f"{bus}.valid_obs", "/sensors/{lane}", name, has)
-        out.append(Signal(name, "sensor", sensors[name].meaning, unit, *place))
+        place = (f"{bus}.y_obs", f"{bus}.valid_obs", "/sensors/{lane}", name)
+        out.append(Signal(name, "sensor", sensors[name].meaning, unit, *place, has))
     for tech in technologies:
         name, meaning, unit = c.TECHNOLOGIES[tech].sent
         topic = f"/actuators/{{lane}}/{tech}"
@@ -148,28 +148,23 @@ def _output(name, lane):
 
 def outputs(module: Any) -> list[str]:
     """Return the names of a detector's outputs, elements of arrays as `name[i]`."""
-    kind = module.STATE
-    return [
-        f"{name}[{i}]" if kind[name].shape else name
-        for name in kind.names
-        if name in module.OUTPUTS
-        for i in range(kind[name].itemsize // 8)
-    ]
+    return elements(module.STATE, module.OUTPUTS)
+
+
+def elements(kind: Any, names: Sequence[str]) -> list[str]:
+    """Return the elements of fields `names` of a record, in memory order; those of an array as `name[i]`."""
+    own = [(name, kind[name]) for name in kind.names if name in names]
+    return [f"{n}[{i}]" if k.shape else n for n, k in own for i in range(k.itemsize // 8)]
 
 
 def inventory() -> list[dict[str, str]]:
     """Return [{name, kind, unit, summary, topic, field}] of the vocabulary, for `cosim list signals`."""
-    return [
-        {
-            "name": s.word,
-            "kind": s.kind,
-            "unit": s.unit,
-            "summary": s.meaning + (f"; of an actuator: {', '.join(s.technologies)}" if s.technologies else ""),
-            "topic": s.topic.format(lane="<segment>"),
-            "field": s.field,
-        }
-        for s in words().values()
-    ]
+    out = []
+    for s in words().values():
+        summary = s.meaning + (f"; of an actuator: {', '.join(s.technologies)}" if s.technologies else "")
+        about = {"name": s.word, "kind": s.kind, "unit": s.unit, "summary": summary}
+        out.append({**about, "topic": s.topic.format(lane="<segment>"), "field": s.field})
+    return out
 
 
 # Where the sections of the bus stand in the log; those that are not named here are an actuator's or a detector's
