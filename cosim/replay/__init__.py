@@ -23,8 +23,8 @@ from cosim.errors import told_at_call
 from cosim.flight.plugins import loaded
 from cosim.flight.plugins.plain import SLOW
 from cosim.judge.column_store import SPAN, ColumnStore
-from cosim.judge.detection import columns, watch_of
-from cosim.judge.result import judge, judged, plain
+from cosim.judge.detection import columns
+from cosim.judge.result import judged, plain
 from cosim.log import open_log
 from cosim.log.chunk import GATHER
 from cosim.replay import guest, log_schema
@@ -33,17 +33,18 @@ from cosim.replay.detector_replay import (
     elements,
     fill,
     in_stages,
+    judgement,
     manifest,
     pieces,
     replay_lane,
     tick_of,
     topics,
-)
+)  # fmt: skip
 from cosim.replay.params import LAID_OUT, ReplayError, check_start
 from cosim.replay.write import Overlay
 
+COUNTS = ("rows", "values", "skipped")
 __all__ = ["Difference", "Replay", "ReplayError", "compare", "pieces", "replay", "replay_lane"]
-
 
 @dataclass
 class Difference:
@@ -64,11 +65,11 @@ class Replay:
     values: int = 0  # values compared
     skipped: int = 0  # rows that follow a gap of the log, up to the next whole state
     dt: float = 0.0  # of a tick [s]
-    differences: list = field(default_factory=list)  # a dict per field: count, first tick, largest
     changed: dict = field(default_factory=dict)  # {detector: {parameter: value}}: then differences are expected
+    differences: list = field(default_factory=list)  # a dict per field: count, first tick, largest
     detectors: list = field(default_factory=list)  # detection metrics, logged and replayed
-    output: str | None = None  # the log that was written
     left_out: dict = field(default_factory=dict)  # {detector: why it cannot be replayed by this version}
+    output: str | None = None  # the log that was written
     notes: list = field(default_factory=list)  # sentences: guests that were not run, or are not the code that flew
 
     @property
@@ -78,22 +79,9 @@ class Replay:
 
     def to_dict(self) -> Any:
         """Return what `cosim replay --json` prints."""
-        return plain(
-            {
-                "log": self.log,
-                "exact": self.exact,
-                "rows": self.rows,
-                "values": self.values,
-                "skipped": self.skipped,
-                "dt_s": self.dt,
-                "changed": self.changed,
-                "differences": [vars(d) for d in self.differences],
-                "detectors": self.detectors,
-                "left_out": self.left_out,
-                "output": self.output,
-                "notes": self.notes,
-            }
-        )
+        own = {{"dt": "dt_s"}.get(name, name): value for name, value in vars(self).items()}
+        differences = [vars(d) for d in self.differences]
+        return plain({"log": self.log, "exact": self.exact, **own, "differences": differences})
 
 
 def compare(name: str, fields: Any, ticks: np.ndarray, logged: np.ndarray, again: np.ndarray) -> list:
@@ -159,9 +147,7 @@ def replay(
             if progress:
                 progress(min(b, log.n_ticks) * log.dt_ns / 1e9, log.n_ticks * log.dt_ns / 1e9)
     result = Replay(str(path), dt=tick_of(log), changed=overrides or {}, output=str(output) if output else None)
-    result.rows = sum(m.rows for m in members)
-    result.values = sum(m.values for m in members)
-    result.skipped = sum(m.skipped for m in members)
+    result.rows, result.values, result.skipped = (sum(getattr(m, n) for m in members) for n in COUNTS)
     result.notes = [line for d in entries for line in (guest.missing(d), guest.other_code(d)) if line]
     if left_out:
         what = ", ".join(why.removesuffix(LAID_OUT) for why in left_out.values())
@@ -173,20 +159,33 @@ def replay(
     result.differences = sorted((d for m in members for d in m.differences.values()), key=lambda d: d.first_tick)
     for d in entries:
         guest.tell(d)
-    faults = _faults(log)
+    scenario = log_schema.scenario(log)
+    faults = judged(scenario)
     result.detectors = [m.judge(faults) for m in members]
     for own in fresh:
-        result.detectors += _fresh(log, own, faults)
+        for lane, rows in guest.outputs(log, own, scenario.elevator.technology).items():
+            names = dict(elements(own.STATE, own.OUTPUTS))
+            new = judgement(own.DETECTOR, lane, own.CULPRITS, names, rows, tick_of(log), faults)
+            result.detectors.append(_both(None, new))
     return result
+
+
+def _both(old, new):
+    """Return the detection metrics of a lane, as logged (None where it did not fly) and as replayed."""
+    return {**{k: new[k] for k in ("id", "level", "target")}, "logged": old, "replayed": new}
 
 
 def _ready(wired):
     """Compile on every core what is not compiled yet."""
-    entries = [w.module.rollout for w in wired if isinstance(getattr(w.module, "rollout", None), Entry)]
-    if entries and not PLAIN:
-        compile_ahead([GATHER, SWEEP, *(entry.native for entry in entries)])
-        for native in (SWEEP, *(entry.native for entry in entries)):
+    natives = [w.module.rollout.native for w in wired if _compiled(w.module)]
+    if natives and not PLAIN:
+        compile_ahead([GATHER, SWEEP, *natives])
+        for native in (SWEEP, *natives):
             _ = native.address  # before there are threads, of which each would compile it
+
+
+def _compiled(module):
+    return isinstance(getattr(module, "rollout", None), Entry)
 
 
 def _span(log, members, stages, read, span, pool):
@@ -206,36 +205,17 @@ def _span(log, members, stages, read, span, pool):
 
 def _each(members, call, pool):
     """Return call(m) of each member: of compiled ones side by side, of guests with objects of their own one by one."""
-    tasks = [pool.submit(call, m) if isinstance(getattr(m.w.module, "rollout", None), Entry) else None for m in members]
+    tasks = [pool.submit(call, m) if _compiled(m.w.module) else None for m in members]
     return [task.result() if task else call(m) for m, task in zip(members, tasks)]
 
 
-def _fresh(log, own, faults):
-    """Return the results of a guest on a flight that it was not part of."""
-    technologies, out = log_schema.scenario(log).elevator.technology, []
-    names = [n for n, _ in elements(own.STATE, own.OUTPUTS)]
-    for lane, rows in guest.outputs(log, own, technologies).items():
-        record = own.DETECTOR
-        target = f"elevator.{lane}" if record.level == "local" else "aircraft"
-        watch = watch_of(record.id, record.level, target, own.CULPRITS, {n: i for i, n in enumerate(names)})
-        new = judge(watch, rows, tick_of(log) * record.every, faults)
-        out.append({"id": record.id, "level": record.level, "target": target, "logged": None, "replayed": new})
-    return out
-
-
 def _nothing(log, path, tick):
-    if tick and log.spans and tick >= sum(log.spans[-1]):
-        return ReplayError(
-            "there is nothing to compare: the log ends before that time",
-            place=str(path),
-            allowed=f"--from below {sum(log.spans[-1]) * log.dt_ns / 1e9:g} s",
-        )
-    return ReplayError(
-        "there is nothing to compare: the log holds no detector outputs",
-        place=str(path),
-        remedy="Fly the scenario with detectors.enabled set",
-    )
-
+    end = sum(log.spans[-1]) if log.spans else 0
+    why = "the log holds no detector outputs"
+    how = {"remedy": "Fly the scenario with detectors.enabled set"}
+    if tick and log.spans and tick >= end:
+        why, how = "the log ends before that time", {"allowed": f"--from below {end * log.dt_ns / 1e9:g} s"}
+    return ReplayError(f"there is nothing to compare: {why}", place=str(path), **how)
 
 def _spans(log, wired, tick):
     """Yield (start, stop) of the ticks that are replayed together, from the last whole states up to `tick` on."""
@@ -314,14 +294,7 @@ class _Member:
 
     def judge(self, faults):
         """Return the lane's detection metrics, as logged and as replayed."""
-        w = self.w
-        at = {n: i for i, n in enumerate(self.names)}
-        watch = watch_of(w.id, w.level, w.target, w.module.CULPRITS, at)
-        old = judge(watch, self.logged, self.dt * w.every, faults)
-        new = deepcopy(old) if self.again is self.logged else judge(watch, self.again, self.dt * w.every, faults)
-        return {"id": w.id, "level": w.level, "target": w.target, "logged": old, "replayed": new}
-
-
-def _faults(log):
-    """Return the faults of the flight as `judge` wants them."""
-    return judged(log_schema.scenario(log))
+        about = self.w, self.w.lane, self.w.module.CULPRITS, self.names
+        old = judgement(*about, self.logged, self.dt, faults)
+        same = self.again is self.logged
+        return _both(old, deepcopy(old) if same else judgement(*about, self.again, self.dt, faults))

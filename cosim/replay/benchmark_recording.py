@@ -33,12 +33,11 @@ from cosim.flight.detection.detectors import Installed, chosen, cost, with_sourc
 from cosim.flight.faults.conditions import resolved
 from cosim.flight.faults.fault_free_reference import Twin
 from cosim.flight.fly import fly
-from cosim.flight.plugins.plain import PlainDetector
 from cosim.flight.plugins.watchdog import watched
 from cosim.judge import estimation
 from cosim.judge.detection import columns, watch_of
 from cosim.judge.result import judge, judged
-from cosim.replay.detector_replay import field_of, replay_lane, unlogged
+from cosim.replay.detector_replay import inputs, replay_lane, runner, unlogged
 from cosim.scenario import Scenario, parse, vocabulary
 from cosim.texts import from_json, toml
 
@@ -70,7 +69,7 @@ def record(scenario: Scenario, path: str | Path) -> dict:
     bus, kept = setup.loop.bus, list(setup.trace.index)
     words = {w: s for w, s in readable(scenario).items() if s.source.split(".")[0] in bus.lanes and _there(bus, s)}
     flags = {w + VALID: s.flag for w, s in words.items() if s.flag}
-    truth = [n for n in estimation.truths(scenario)]
+    truth = list(estimation.truths(scenario))
     sources = [*(s.source for s in words.values()), *flags.values(), *truth]
     index = [bus.index(n) for n in sources]
     first = bus.v[index]  # what a servo had sent before the first tick
@@ -89,11 +88,9 @@ def record(scenario: Scenario, path: str | Path) -> dict:
             table[name] = column
         elif name in truth:
             table[source] = column.astype(np.float32)
-    about = {
-        "status": status, "reason": reason, "sim_time_s": len(rows) * scenario.dt,
-        "achieved": achieved,
-        "consequences": setup.trace.consequences(scenario, trace), "scenario": scenario.expanded_toml(),
-    }  # fmt: skip
+    about = {"status": status, "reason": reason, "sim_time_s": len(rows) * scenario.dt, "achieved": achieved,
+             "consequences": setup.trace.consequences(scenario, trace),
+             "scenario": scenario.expanded_toml()}  # fmt: skip
     content = hashlib.sha256(json.dumps(about | {"scenario": ""}, sort_keys=True).encode())
     for name, column in table.items():
         content.update(name.encode() + b"\0" + column.tobytes())
@@ -177,11 +174,9 @@ class Recording:
 
     def inputs(self, detector: Installed, lane: str, given: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the INPUTS (1, ticks) of a lane; `given` has outputs (ticks,) of detectors by their bus names."""
-        u = np.zeros((1, self.ticks), detector.module.INPUTS)
-        for w in detector.inputs(lane):
-            own = given[w.source] if w.source in given else self.column(w.signal.word + VALID * w.flag)
-            field_of(u, w.field)[:] = own
-        return u
+        own = ((w.field, given[w.source] if w.source in given else self.column(w.signal.word + VALID * w.flag))
+               for w in detector.inputs(lane))  # fmt: skip
+        return inputs(detector.module, self.ticks, own)
 
 
 def flown_with(recording: Recording, ids: Iterable[str], files: Iterable[str | Path] = ()) -> list[Installed]:
@@ -210,19 +205,18 @@ class Judged:
 
 def judgement(recording: Recording, detectors: Iterable[Installed], *, timed: bool = True) -> Iterator[Judged]:
     """Yield what every lane of `detectors` comes to. Raises LogError for a signal that the recording lacks."""
-    scenario, dt = recording.scenario, recording.scenario.dt
-    detectors = list(detectors)
+    scenario, dt, detectors = recording.scenario, recording.scenario.dt, list(detectors)
     given: dict[str, np.ndarray] = {}
     read = {w.source.split(".")[0] for d in detectors for lane in d.lanes for w in d.inputs(lane)
             if w.signal.kind == "detector"}  # fmt: skip
     for d in detectors:
         p = d.params(scenario, dt)
         for i, lane in enumerate(d.lanes):
-            own, u = p[i : i + 1], recording.inputs(d, lane, given)
-            rollout = d.module.runner() if isinstance(d.module, PlainDetector) else None
+            own, u, told = p[i : i + 1], recording.inputs(d, lane, given), []
+            rollout = runner(d.module)
             if rollout:
                 rollout.keeps, rollout.patience_s = True, PATIENCE_S
-            stretch = unlogged(d.id, lane, d.module, d.every, u, own, rollout)
+            stretch = unlogged(d, lane, d.module, u, own, rollout)
             with watched([rollout], lost=_end) if rollout else nullcontext():
                 out, _, x = replay_lane(stretch, dt)
             out = np.repeat(out, d.every, axis=0)[: recording.ticks]
@@ -231,14 +225,11 @@ def judgement(recording: Recording, detectors: Iterable[Installed], *, timed: bo
                 given |= {f"{d.id}.{lane}.{name}": np.ascontiguousarray(out[:, j]) for j, name in enumerate(names)}
             if not d.asked:
                 continue
-            out = out.astype(np.float32)
-            us = math.nan
+            us = cost(d.module, x, stretch.u[:, -1:], own, dt * d.every) if timed and not rollout else math.nan
             if rollout:
                 us = rollout.seconds / max(1, rollout.steps) * 1e6
-            elif timed:
-                us = cost(d.module, x, stretch.u[:, -1:], own, dt * d.every)
-            told = [(k * d.every, said) for k, _, said in rollout.told] if rollout else []
-            yield Judged(_entry(recording, d, lane, out), us, told)
+                told = [(k * d.every, said) for k, _, said in rollout.told]
+            yield Judged(_entry(recording, d, lane, out.astype(np.float32)), us, told)
 
 
 def _end(runner, text):
@@ -249,12 +240,10 @@ def _end(runner, text):
 
 def _entry(recording, d, lane, out):
     """Return the entry of one lane from its outputs (ticks, fields) in the order of STATE."""
-    names: list[str] = []
+    names: dict[str, int] = {}
 
     def column(name):
-        if name not in names:
-            names.append(name)
-        return names.index(name)
+        return names.setdefault(name, len(names))
 
     at = {f: column(f"{d.id}.{lane}.{f}") for f in columns(d.module.CULPRITS, d.module.OUTPUTS)}
     plan = estimation.plan(recording.scenario, d.id, lane, column)

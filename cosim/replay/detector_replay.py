@@ -5,7 +5,7 @@ every second. Ticks that a damaged log has lost cut a lane into pieces; a piece 
 starts at its first whole state.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -17,9 +17,12 @@ from actuators.block import Entry, unit
 from cosim.errors import LogError, did_you_mean
 from cosim.flight.detection.parameters import wrong_state
 from cosim.flight.plugins.plain import PlainDetector
+from cosim.judge.detection import watch_of
+from cosim.judge.result import judge
 from cosim.log import Log
 from cosim.replay import log_schema
-from cosim.replay.params import LayoutError, ReplayError, attached, chosen_overrides, older, override, trusted
+from cosim.replay.params import LayoutError, ReplayError, attached, chosen_overrides, older, override, reaches, trusted
+from cosim.scenario import vocabulary
 from fdi import registry
 
 BLOCK_BYTES = 1 << 18  # of full states at once: they stay in the processor's cache
@@ -28,40 +31,8 @@ NONE: tuple = (np.empty(0, np.int64), np.empty((0, 0)))  # no whole states, noth
 
 @dataclass
 class Lane:
-    """A stretch of one detector lane: its inputs, parameters, the state before tick `at`, and what was logged."""
-
-    id: str
-    lane: str
-    module: object
-    every: int
-    p: np.ndarray
-    x: np.ndarray
-    at: int
-    u: np.ndarray  # (1, rows)
-    ticks: np.ndarray  # of the rows
-    logged: np.ndarray  # (rows, outputs)
-    states: tuple  # (ticks, values) of the hidden state's snapshots
-    rollout: object = None  # of a guest with objects of its own
-
-
-def unlogged(name: str, lane: str, module: Any, every: int, u: np.ndarray, p: np.ndarray, rollout: Any = None) -> Lane:
-    """Return the Lane of a detector on inputs u (1, ticks) that no log holds, from the first tick on."""
-    ticks = np.arange(u.shape[1])[::every]
-    return Lane(name, lane, module, every, p, module.init(p), 0, u[:, ::every], ticks, NONE[1], NONE, rollout)
-
-
-def manifest(log: Log) -> list:
-    """Return the list of detectors that a log describes."""
-    found = log_schema.detectors(log)
-    strange = [d["id"] for d in found if d["id"] not in registry.SHIPPED and "guest" not in d]
-    if strange:
-        raise older(log, f"detector {strange[0]!r}")
-    return found
-
-
-@dataclass
-class Wired:
-    """One detector lane as a log describes it: parameters, inputs, and the state with which tick `at` begins."""
+    """One detector lane: what it is, its parameters, the state before tick `at`, and, once they are read, a stretch of
+    its inputs and of what was logged."""
 
     id: str
     lane: str
@@ -70,9 +41,13 @@ class Wired:
     every: int
     p: np.ndarray
     x: np.ndarray
-    inputs: list  # (input field, topic, field of the topic)
-    at: int = 0
+    inputs: Sequence = ()  # in a log: (input field, topic, field of the topic)
     rollout: object = None  # of a guest with objects of its own
+    at: int = 0
+    u: Any = None  # (1, rows)
+    ticks: Any = None  # of the rows
+    logged: Any = None  # (rows, outputs)
+    states: tuple = NONE  # (ticks, values) of the hidden state's snapshots
 
     @property
     def topic(self) -> str:
@@ -84,10 +59,31 @@ class Wired:
         """Return the topic of the hidden state's snapshots."""
         return f"/state/{self.id}/{self.lane}"
 
-    @property
-    def target(self) -> str:
-        """Return the name of what the lane watches."""
-        return f"elevator.{self.lane}" if self.level == "local" else "aircraft"
+
+def unlogged(record: Any, lane: str, module: Any, u: np.ndarray, p: np.ndarray, rollout: Any = None) -> Lane:
+    """Return the Lane of a detector on inputs u (1, ticks) that no log holds, from the first tick on."""
+    every, x = record.every, module.init(p)
+    ticks = np.arange(u.shape[1])[::every]
+    return Lane(record.id, lane, record.level, module, every, p, x, (), rollout, u=u[:, ::every], ticks=ticks)
+
+
+def judgement(record: Any, lane: str, culprits: tuple, names: Any, rows: Any, dt: float, faults: Sequence) -> dict:
+    """Return the entry of a lane (`judge`) of its outputs `rows` (n, fields), fields by `names`, at ticks of `dt` [s];
+    of `record` the id, the level and the ticks from step to step are read.
+    """
+    target = f"elevator.{lane}" if record.level == "local" else "aircraft"
+    watch = watch_of(record.id, record.level, target, culprits, {n: i for i, n in enumerate(names)})
+    return judge(watch, rows, dt * record.every, faults)
+
+
+def manifest(log: Log) -> list:
+    """Return the list of detectors that a log describes."""
+    found = log_schema.detectors(log)
+    strange = [d["id"] for d in found if d["id"] not in registry.SHIPPED and "guest" not in d]
+    if strange:
+        raise older(log, f"detector {strange[0]!r}")
+    return found
+
 
 
 def tick_of(log: Log) -> Any:
@@ -100,27 +96,24 @@ def tick_of(log: Log) -> Any:
 
 def describe(
     log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None = None, left_out: dict[str, str] | None = None
-) -> list[Wired]:
-    """Return the Wired lanes of the detectors in `chosen` (all) whose code is here.
+) -> list[Lane]:
+    """Return the lanes of the detectors in `chosen` (all) whose code is here; `fill` reads a stretch of them.
 
     `overrides` is {detector: {parameter: value}}. `left_out` takes {detector: why} of those whose layout is another
     one in the log than here, where some of the log's can be replayed and none is chosen; else they raise LayoutError.
     """
-    found = manifest(log)
+    found, place = manifest(log), str(log.path)
     if log.metadata.get("run", {}).get("log_profile") == "signals":
         remedy = "Fly it again with log_profile = 'full' or 'replay'"
+        raise ReplayError("holds signals alone, not what detectors read", place=place, remedy=remedy)
         raise ReplayError("holds signals alone, not what detectors read", place=str(log.path), remedy=remedy)
     known = [d["id"] for d in found]
     if chosen is not None and not chosen:
         raise ReplayError("no detector is named", place="--detectors", allowed=", ".join(known))
     for name in [*(chosen or ()), *(overrides or {})]:
         if name not in known:
-            raise ReplayError(
-                f"the log has no detector {name!r}",
-                place=str(log.path),
-                allowed=", ".join(known) or "none",
-                remedy=did_you_mean(name, known),
-            )
+            allowed, remedy = ", ".join(known) or "none", did_you_mean(name, known)
+            raise ReplayError(f"the log has no detector {name!r}", place=place, allowed=allowed, remedy=remedy)
     chosen_overrides(chosen, overrides)
     out, first = [], None
     for d in (d for d in found if (not chosen or d["id"] in chosen) and registry.known(d["id"])):
@@ -136,7 +129,7 @@ def describe(
 
 
 def _wired(log, d, changes):
-    """Return the Wired lanes of one detector, its parameters with `changes`."""
+    """Return the lanes of one detector, its parameters with `changes`."""
     record, module = registry.record(d["id"]), registry.module(d["id"])
     p = attached(log, f"{d['id']}.params", module.PARAMS, len(d["lanes"]))
     x = attached(log, f"{d['id']}.initial", module.STATE, len(d["lanes"]))
@@ -144,11 +137,9 @@ def _wired(log, d, changes):
     override(record, module, p, changes, tick_of(log))
     out = []
     for i, lane in enumerate(d["lanes"]):
-        row = slice(i, i + 1)
-        own = module.runner() if isinstance(module, PlainDetector) else None
-        wired = Wired(d["id"], lane, d["level"], module, d["every"], p[row], x[row], d["inputs"][lane], rollout=own)
-        _check(log, wired)
-        out.append(wired)
+        own, row = d["inputs"][lane], slice(i, i + 1)
+        out.append(Lane(d["id"], lane, d["level"], module, d["every"], p[row], x[row], own, runner(module)))
+        _check(log, out[-1])
     return out
 
 
@@ -167,7 +158,7 @@ def _check(log, wired):
             raise older(log, f"{source}.{column}, which {wired.id} reads as {name},")
 
 
-def in_stages(wired: Sequence[Wired], place: str = "") -> list[list[int]]:
+def in_stages(wired: Sequence[Lane], place: str = "") -> list[list[int]]:
     """Return the positions of lanes, those of a stage reading outputs of earlier stages only.
 
     Raises LogError where lanes of a log wait for each other, which no flight allows.
@@ -192,21 +183,27 @@ def topics(log: Log, wired: Any) -> list[Any]:
 
 
 def fill(log: Log, wired: Any, start: float = 0, stop: Any = None, read: dict | None = None) -> list[Lane]:
-    """Return the Lane of each of `wired` for the ticks start <= k < stop; `read` is what log.arrays gave for them."""
+    """Return each Lane of `wired` with the ticks start <= k < stop; `read` is what log.arrays gave for them."""
     read = log.arrays(topics(log, wired), start, stop) if read is None else read
     return [_fill(log, w, read, start, stop) for w in wired]
 
 
 def _fill(log, w, read, start, stop):
-    ticks = log.ticks(w.topic, start, stop)
-    u = np.zeros((1, len(ticks)), w.module.INPUTS)
-    for name, source, own in w.inputs:
+    ticks, own = log.ticks(w.topic, start, stop), []
+    for name, source, field in w.inputs:
         same = log.topics[source].every == w.every
         rows = slice(None) if same else np.searchsorted(log.ticks(source, start, stop), ticks)
-        field_of(u, name)[:] = read[source][rows, log.topics[source].fields.index(own)]
-    held = w.hidden in log.topics
-    states = (log.ticks(w.hidden, start, stop), read[w.hidden]) if held else NONE
-    return Lane(w.id, w.lane, w.module, w.every, w.p, w.x, w.at, u, ticks, read[w.topic], states, w.rollout)
+        own.append((name, read[source][rows, log.topics[source].fields.index(field)]))
+    states = (log.ticks(w.hidden, start, stop), read[w.hidden]) if w.hidden in log.topics else NONE
+    return replace(w, u=inputs(w.module, len(ticks), own), ticks=ticks, logged=read[w.topic], states=states)
+
+
+def inputs(module: Any, n: int, values: Iterable[tuple[str, Any]]) -> np.ndarray:
+    """Return INPUTS (1, n) of a detector from the (input, its values (n,)); `name[i]` is an element."""
+    u = np.zeros((1, n), module.INPUTS)
+    for name, y in values:
+        field_of(u, name)[:] = y
+    return u
 
 
 def field_of(u: np.ndarray, name: str) -> np.ndarray:
@@ -217,21 +214,13 @@ def field_of(u: np.ndarray, name: str) -> np.ndarray:
 
 def columns(kind: Any, names: Sequence[Any]) -> np.ndarray:
     """Return the positions of fields `names` in a record of `kind` seen as float64, in memory order."""
-    out: list = []
-    for name in kind.names:
-        if name in names:
-            sub, offset = kind.fields[name][:2]
-            out += range(offset // 8, offset // 8 + sub.itemsize // 8)
-    return np.array(out, np.int64)
+    spans = [(kind[n].itemsize // 8, kind.fields[n][1] // 8) for n in kind.names if n in names]
+    return np.array([at + i for size, at in spans for i in range(size)], np.int64)
 
 
 def elements(kind: Any, names: Sequence[str]) -> list[tuple[str, str]]:
     """Return [(field of a log, unit)] of the elements of fields `names` of a record, in memory order."""
-    out: list[tuple[str, str]] = []
-    for name in (n for n in kind.names if n in names):
-        count = kind[name].itemsize // 8
-        out += [(name if kind[name].shape == () else f"{name}_{i}", unit(kind, name)) for i in range(count)]
-    return out
+    return [(vocabulary.column(name), unit(kind, name)) for name in vocabulary.elements(kind, names)]
 
 
 def output_names(d: Any) -> list[str]:
@@ -278,28 +267,22 @@ def _piece(lane, a, b, tick):
     flat(x)[0, outputs] = lane.logged[row]
     flat(x)[0, hidden] = lane.states[1][np.searchsorted(lane.states[0], k)]
     if wrong := wrong_state(registry.record(lane.id), lane.module, x):
-        raise LogError(
-            f"{wrong[0]} = {wrong[1]:g} would reach beyond the detector's arrays",
-            place=f"/state/{lane.id}/{lane.lane}, tick {k}",
-            allowed=f"{wrong[2]:g} to {wrong[3]:g}",
-            remedy="`cosim run` did not write this",
-        )
+        raise reaches(f"{lane.hidden}, tick {k}", *wrong)
     rows = slice(row + 1, b)
-    return replace(
-        lane, x=x, at=int(k) + lane.every, u=lane.u[:, rows], ticks=lane.ticks[rows], logged=lane.logged[rows]
-    )
+    own = {"u": lane.u[:, rows], "ticks": lane.ticks[rows], "logged": lane.logged[rows]}
+    return replace(lane, x=x, at=int(k) + lane.every, **own)
 
 
-def stepper(module: Any) -> Any:
-    """Return what steps a lane of a detector through its ticks: of a plain guest, with objects of its own."""
-    return module.runner() if isinstance(module, PlainDetector) else module.rollout
+def runner(module: Any) -> Any:
+    """Return what steps a lane of a plain guest, with objects of its own; None for any other detector."""
+    return module.runner() if isinstance(module, PlainDetector) else None
 
 
 def replay_lane(lane: Any, dt: float) -> Any:
     """Replay one gapless lane; return outputs (rows, n), snapshots (ticks (m,), hidden states (m, h)), last state."""
     module, n = lane.module, len(lane.ticks)
     outputs, hidden = split(module)
-    rollout, x, p = lane.rollout or stepper(module), lane.x.copy(), lane.p.copy()
+    rollout, x, p = lane.rollout or runner(module) or module.rollout, lane.x.copy(), lane.p.copy()
     first, last = lane.ticks[[0, -1]] if n else (0, -1)
     wanted = lane.states[0]
     wanted = wanted[(wanted >= first) & (wanted <= last) & ((wanted - first) % lane.every == 0)]
@@ -307,19 +290,13 @@ def replay_lane(lane: Any, dt: float) -> Any:
     if isinstance(rollout, Entry):
         out, held = rollout.sweep(x, lane.u, p, dt * lane.every, outputs, at, hidden)
         return out, (wanted, held), x
-    out, held, done = np.empty((n, len(outputs))), np.empty((len(wanted), len(hidden))), 0
-    given = flat(np.ascontiguousarray(lane.u))
-    block = max(1, min(n, BLOCK_BYTES // module.STATE.itemsize))
-    u, states = np.zeros((1, block), module.INPUTS), np.zeros((1, block), module.STATE)
+    out, held = np.empty((n, len(outputs))), np.empty((len(wanted), len(hidden)))
+    block = max(1, BLOCK_BYTES // module.STATE.itemsize)
     for a in range(0, n, block):
-        b = min(n, a + block)
-        if b - a < block:
-            u, states = np.zeros((1, b - a), module.INPUTS), np.zeros((1, b - a), module.STATE)
-        flat(u)[:] = given[:, a:b]
+        u = np.ascontiguousarray(lane.u[:, a : a + block])
+        states = np.zeros(u.shape, module.STATE)
         rollout(x, u, p, dt * lane.every, states)
-        seen = flat(states)[0]
-        np.take(seen, outputs, axis=1, out=out[a:b], mode="clip")  # the mode that needs no copy in between
-        while done < len(at) and at[done] < b:
-            held[done] = seen[at[done] - a, hidden]
-            done += 1
+        seen, here = flat(states)[0], (at >= a) & (at < a + block)
+        out[a : a + block] = seen[:, outputs]
+        held[here] = seen[np.ix_(at[here] - a, hidden)]
     return out, (wanted, held), x

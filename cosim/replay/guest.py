@@ -11,7 +11,7 @@ import numpy as np
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import wires
 from cosim.log import Log
-from cosim.replay.detector_replay import field_of, replay_lane, tick_of, unlogged
+from cosim.replay.detector_replay import inputs, replay_lane, tick_of, unlogged
 from cosim.replay.params import ReplayError
 from fdi import registry
 from fdi.common.record import Detector, Estimate
@@ -61,15 +61,15 @@ def outputs(log: Log, guest: Any, technologies: dict[str, str]) -> dict[str, np.
     own = guest.DETECTOR
     if not log.spans or log.spans[0][0] or sum(log.spans[-1]) != log.n_ticks:
         raise ReplayError("ticks are missing, and a guest begins with the flight", place=str(log.path))
-    local = [s for s, t in technologies.items() if t in own.technologies]
+    local = own.level == "local"
     out = {}
-    for lane in local if own.level == "local" else ["aircraft"]:
-        read = wires(own, lane if own.level == "local" else "")
-        u = np.zeros((1, log.n_ticks), guest.INPUTS)
-        for w in read:
-            field_of(u, w.field)[:] = _column(log, w.signal.topic, w.signal.field + "_valid" * w.flag)
-        p = own.fit(site(tick_of(log), "" if lane == "aircraft" else lane, technologies))
-        out[lane] = replay_lane(unlogged(own.id, lane, guest, own.every, u, p), tick_of(log))[0]
+    for lane in [s for s, t in technologies.items() if t in own.technologies] if local else ["aircraft"]:
+        place = lane if local else ""
+        read = wires(own, place)
+        columns = ((w.field, _column(log, w.signal.topic, w.signal.field + "_valid" * w.flag)) for w in read)
+        p = own.fit(site(tick_of(log), place, technologies))
+        u = inputs(guest, log.n_ticks, columns)
+        out[lane] = replay_lane(unlogged(own, lane, guest, u, p), tick_of(log))[0]
     return out
 
 

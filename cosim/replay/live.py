@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import LogError
-from cosim.log import Log, Pose, Topic, open_log
+from cosim.log import Log, open_log
 from cosim.log.live import Live
 from cosim.log.live_channels import library
 from cosim.replay.params import check_start
+from cosim.replay.write import pose_of, stacked
 
-TRUTH = "/truth/aircraft"
 IDLE_S = 0.02  # between looks at what viewers ask for, while nothing plays
 
 
@@ -26,18 +26,11 @@ class Reel:
     """The ticks of a log as one vector each: `topics` and `pose` say what stands where in it."""
 
     def __init__(self, log: Log):
-        self._log, at = log, 0
-        self.topics: list[Topic] = []
-        for t in log.topics.values():
-            if t.every == 1:
-                index = np.arange(at, at + len(t.fields))
-                self.topics.append(Topic(t.name, t.fields, t.units, index, group=t.group))
-                at += len(t.fields)
-        places = {f: int(i) for t in self.topics if t.name == TRUTH for f, i in zip(t.fields, t.index)}
-        names = ("lat", "lon", "h", "phi", "theta", "psi")
-        self.pose = Pose(**{n: places[n] for n in names}) if places.keys() >= set(names) else None
+        self._log = log
+        self.topics, n = stacked((t.name, t, t.group) for t in log.topics.values() if t.every == 1)
+        self.pose = pose_of(self.topics)
         self.ticks = sum(n for _, n in log.spans)
-        self._span, self._values = range(0), np.empty((0, at))
+        self._span, self._values = range(0), np.empty((0, n))
 
     def __getitem__(self, k: int) -> np.ndarray:
         """Return the vector of tick `k`; a chunk of the log is read at a time."""

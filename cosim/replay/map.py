@@ -15,11 +15,10 @@ import numpy as np
 
 from cosim.flight.detection import detectors as table
 from cosim.flight.plugins import load, with_detectors
-from cosim.judge.detection import watch_of
-from cosim.judge.result import judge, plain
-from cosim.log import LogWriter, Topic, viewer_layouts
+from cosim.judge.result import plain
+from cosim.log import LogWriter, TopicInfo, viewer_layouts
 from cosim.replay.caveats import caveats
-from cosim.replay.detector_replay import elements, field_of, flat, output_names, replay_lane, unlogged
+from cosim.replay.detector_replay import elements, flat, inputs, judgement, output_names, replay_lane, unlogged
 from cosim.replay.foreign import read_channels
 from cosim.replay.map_file import load_map
 from cosim.replay.map_signals import (
@@ -36,6 +35,7 @@ from cosim.replay.map_signals import (
     with_hinge,
 )  # fmt: skip
 from cosim.replay.params import ReplayError, check_start, chosen_overrides, override
+from cosim.replay.write import stacked
 from cosim.scenario import parse, vocabulary
 from cosim.scenario.brought import locate
 
@@ -104,12 +104,12 @@ def prepare(
     detectors = [*detectors, *made] if detectors else detectors
     m = with_hinge(m)
     dt = 1.0 / m.rate_hz
+    used = [name for s in m.signals.values() for name in (s.channel, s.valid) if name]
+    how: dict[str, Any] = {"time": time or m.time, "columns": m.columns, "on_reset": on_reset, "part": part}
     found = [d for d in table.chosen(scenario) if not detectors or d.id in detectors]
     wires = {(d.id, lane): d.inputs(lane) for d in found for lane in d.lanes}
     sources = {w.signal.word: w.signal for own in wires.values() for w in own if w.signal.kind != "detector"}
     check(m, map_path, scenario)
-    used = [name for s in m.signals.values() for name in (s.channel, s.valid) if name]
-    how: dict[str, Any] = {"time": time or m.time, "columns": m.columns, "on_reset": on_reset, "part": part}
     tables = read_channels(path, wanted=lambda topic: named(topic, used), **how)
     channels = acting(m, sources, derived(m, channels_of(m, tables, path, map_path), map_path), dt)
     spans = [(t[0], t[-1]) for t, *_ in channels.values() if len(t)]
@@ -156,15 +156,11 @@ def diagnose(
     made = prepare(path, map_path, detectors=detectors, start_s=start_s, **how)
     m, values, sources, t_0, n, dt = made.map, made.values, made.sources, made.t_0, made.n, made.dt
     out = Diagnosis(str(path), str(map_path), m.rate_hz, float(t_0), n * dt, output=str(output) if output else None)
-    out.signals = [
-        {
-            "name": name,
-            "channel": m.signals[name].channel or m.signals[name].stands_on or None,
-            "unit": m.signals[name].unit or sources[name].unit,
-            "valid_pct": 100.0 * float(valid.mean()),
-        }
-        for name, (_, valid) in values.items()
-    ]
+    out.signals = []
+    for name, (_, valid) in values.items():
+        s, share = m.signals[name], 100.0 * float(valid.mean())
+        told = {"name": name, "channel": s.channel or s.stands_on or None, "unit": s.unit or sources[name].unit}
+        out.signals.append({**told, "valid_pct": share})
     odd = [text for frame in made.tables.values() for text in frame.attrs.get("oddities", ())]
     done, out.not_run = run_all(made, overrides or {})
     if not done:
@@ -237,13 +233,12 @@ def _spans(m, channels):
 
 def _inputs(d, wires, values, n):
     """Return INPUTS (1, n) of one lane; what has no flag of its own holds its last valid value."""
-    u = np.zeros((1, n), d.module.INPUTS)
+    own = []
     for w in (w for w in wires if w.signal.kind != "detector" or w.signal.word in values):
         value, valid = values[w.signal.word]
-        field_of(u, w.field)[:] = (
-            valid if w.flag else np.where(valid > 0.0, value, np.nan) if w.signal.flag else _held(value, valid)
-        )
-    return u
+        gaps = np.where(valid > 0.0, value, np.nan) if w.signal.flag else _held(value, valid)
+        own.append((w.field, valid if w.flag else gaps))
+    return inputs(d.module, n, own)
 
 
 def _held(value, valid):
@@ -257,20 +252,16 @@ def _held(value, valid):
 
 def run(d: Any, lane: str, u: np.ndarray, p: np.ndarray, dt: float) -> np.ndarray:
     """Return the outputs (n, fields) of one lane."""
-    return replay_lane(unlogged(d.id, lane, d.module, d.every, u, p), dt)[0]
+    return replay_lane(unlogged(d, lane, d.module, u, p), dt)[0]
 
 
 def _verdict(d, lane, again, dt, t_0):
     """Return one row of the verdict table; times are the recording's."""
     names = output_names(d)
-    watch = watch_of(d.id, d.level, d.target(lane), d.module.CULPRITS, {n: i for i, n in enumerate(names)})
-    found = judge(watch, again, dt * d.every, [])
+    found = judgement(d, lane, d.module.CULPRITS, names, again, dt, [])
     at, valid = found["detected_at_s"], again[:, names.index("valid")] > 0.5
     return {
-        "id": d.id,
-        "level": d.level,
-        "target": d.target(lane),
-        "alarm": found["alarm"],
+        **{name: found[name] for name in ("id", "level", "target", "alarm")},
         "alarms": found["false_alarms"],
         "first_alarm_s": None if at is None else at + t_0,
         "isolated": found["isolated"],
@@ -282,7 +273,7 @@ def _verdict(d, lane, again, dt, t_0):
 
 def _write(path, done, out, text, dt):
     """Write inputs and outputs of every lane that ran to a log."""
-    topics, parts, at = [], [], 0
+    infos, parts = [], []
     for d, lane, u, again in done:
         module = d.module
         read = flat(np.ascontiguousarray(u))[0]
@@ -291,15 +282,14 @@ def _write(path, done, out, text, dt):
             (f"/replay/detectors/{d.id}/{lane}", elements(module.STATE, module.OUTPUTS), again, d.every),
         ):
             fields, units = zip(*own)
-            full = np.zeros((u.shape[1], len(fields)))
-            full[::every] = values
-            topics.append(Topic(name, fields, units, np.arange(at, at + len(fields)), every, "detectors"))
-            parts.append(full)
-            at += len(fields)
+            infos.append((name, TopicInfo(name, fields, units, every), "detectors"))
+            parts.append(np.zeros((u.shape[1], len(own))))
+            parts[-1][::every] = values
+    topics, n = stacked(infos)
     attachments = {"map.toml": ("application/toml", text.encode()), **viewer_layouts(topics)}
     metadata = {"run": {"title": f"diagnosis of {Path(out.recording).name}", "start_s": repr(out.start_s)}}
     kept: dict[str, Any] = {"metadata": metadata, "attachments": attachments, "rows_per_chunk": 500, "kept": False}
-    with LogWriter(path, topics, n_values=at, dt_ns=round(dt * 1e9), **kept) as log:
+    with LogWriter(path, topics, n_values=n, dt_ns=round(dt * 1e9), **kept) as log:
         for row in np.concatenate(parts, axis=1):
             log.append(row)
         told = {n: json.dumps(plain(getattr(out, n)), sort_keys=True) for n in ("detectors", "caveats", "not_run")}

@@ -57,20 +57,18 @@ def _alike(found: np.dtype, kind: np.dtype) -> bool:
     return found == kind or (found.shape == kind.shape and found.base.kind in "biuf" and kind.base.kind in "biuf")
 
 
+def reaches(place: str, what: str, value: float, low: float, high: float) -> LogError:
+    """Return the LogError for a number in a log that would index beyond the detector's arrays."""
+    said, remedy = f"{what} = {value:g} would reach beyond the detector's arrays", "`cosim run` did not write this"
+    return LogError(said, place=place, allowed=f"{low:g} to {high:g}", remedy=remedy)
+
+
 def trusted(log: Log, record: Any, module: Any, p: np.ndarray, x: np.ndarray, dt: float) -> None:
     """Raise LogError when a number in the parameters or states of a log would index beyond the detector's arrays."""
-    for what, wrong in (
-        ("parameter", wrong_parameter(record, module, p, dt)),
-        ("state", wrong_state(record, module, x)),
-    ):
+    found = {"parameter": wrong_parameter(record, module, p, dt), "state": wrong_state(record, module, x)}
+    for what, wrong in found.items():
         if wrong:
-            name, value, low, high = wrong
-            raise LogError(
-                f"{what} {record.id}.{name} = {value:g} would reach beyond the detector's arrays",
-                place=str(log.path),
-                allowed=f"{low:g} to {high:g}",
-                remedy="`cosim run` did not write this",
-            )
+            raise reaches(str(log.path), f"{what} {record.id}.{wrong[0]}", *wrong[1:])
 
 
 def check_start(start_s: float) -> None:
@@ -83,12 +81,9 @@ def chosen_overrides(chosen: Any, changes: Any) -> None:
     """Raise ReplayError for parameters {detector: ...} of a detector that is not among the `chosen` (None: all)."""
     for name in changes or () if chosen else ():
         if name not in chosen:
-            raise ReplayError(
-                f"{name} is not among the detectors that run, its parameters would change nothing",
-                place="--set",
-                allowed=", ".join(chosen),
-                remedy=did_you_mean(name, chosen),
-            )
+            said, allowed = f"{name} is not among the detectors that run, its parameters would change nothing", chosen
+            near = did_you_mean(name, chosen)
+            raise ReplayError(said, place="--set", allowed=", ".join(allowed), remedy=near)
 
 
 def overrides(texts: Any) -> Any:

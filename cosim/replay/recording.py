@@ -1,10 +1,11 @@
 """A flight as its log tells it: scenario, signals, detector lanes with their judgement, and what they estimate."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,26 +16,15 @@ from cosim.flight.loop import wiring
 from cosim.judge import coverage
 from cosim.judge import estimation as estimate
 from cosim.judge.column_store import ColumnStore
-from cosim.judge.detection import watch_of
-from cosim.judge.result import errors, judge, judged
-from cosim.log import Log, open_log
+from cosim.judge.result import errors, judged
+from cosim.log import open_log
 from cosim.replay import guest, log_schema
-from cosim.replay.detector_replay import elements
+from cosim.replay.detector_replay import elements, judgement
 from cosim.scenario.catalog import ACTUATOR_SENSORS, SENSORS
 from cosim.scenario.vocabulary import place
 
 SMALL = 128 << 20  # [byte] signals of a log up to this are read at once
-NEEDED = (
-    "/truth/",
-    "/surfaces/",
-    "/sensors/",
-    "/observers/",
-    "/law",
-    "/pilot",
-    "/actuators/",
-    "/faults/",
-    "/detectors/",
-)
+NEEDED = tuple(f"/{top}/" for top in "truth surfaces sensors observers actuators faults detectors".split())
 
 
 @dataclass
@@ -49,7 +39,7 @@ class Lane:
     every: int
     fields: Mapping
     entry: dict
-    units: dict = field(default_factory=dict)  # of the fields, as the log has them
+    units: dict  # of the fields, as the log has them
     # (field, call that returns the truth (ticks,), unit, start, end) of the fault that it estimates
     truth: tuple | None = None
 
@@ -69,51 +59,16 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
-class Signals:
-    """Columns of a log's topics, by `column(topic, field)`: read at once where they are few, else when asked for.
-
-    Memory is bounded for a log of any length: what detectors said is read once into a store, in single precision as a
-    run's result has it, a field of another topic whenever it is asked for.
-    """
-
-    def __init__(self, log: Log, topics: Sequence[str]):
-        self._log, self._topics = log, list(topics)
-        small = sum(8 * log.topics[t].rows * len(log.topics[t].fields) for t in topics) <= SMALL
-        self._all = log.arrays(topics) if small else None
-        self._stores: dict[str, ColumnStore] = {}
-
-    def __contains__(self, topic: str) -> bool:
-        return topic in self._topics
-
-    def column(self, topic: str, name: str) -> np.ndarray:
-        """Return one field (rows,)."""
-        if self._all is None and not topic.startswith("/detectors/"):
-            return self._log.columns(topic, [name])[0]
-        return self.rows(topic)[:, self._log.topics[topic].fields.index(name)]
-
-    def rows(self, topic: str) -> Any:
-        """Return all fields of a detector's lane as `judge` takes them: (rows, fields)."""
-        if self._all is not None:
-            return self._all[topic]
-        if topic not in self._stores:
-            self._stores[topic] = store = ColumnStore()
-            for part in self._log.frames(topic):
-                store.append(part.to_numpy())
-        return self._stores[topic]
-
-    def fields(self, topic: str) -> Mapping[str, np.ndarray]:
-        """Return {field: column}, read when it is asked for."""
-        return _Fields(self, topic, self._log.topics[topic].fields)
-
-
 class _Fields(Mapping):
-    def __init__(self, signals, topic, names):
-        self._signals, self._topic, self._names = signals, topic, names
+    """{field: column} of the `rows` (n, fields) of a lane; each is read when it is asked for."""
+
+    def __init__(self, names, rows):
+        self._names, self._rows = tuple(names), rows
 
     def __getitem__(self, name):
         if name not in self._names:
             raise KeyError(name)
-        return self._signals.column(self._topic, name)
+        return self._rows[:, self._names.index(name)]
 
     def __iter__(self):
         return iter(self._names)
@@ -123,7 +78,11 @@ class _Fields(Mapping):
 
 
 class LoggedFlight:
-    """The content of one log. `values(topic, field)` is a column, NaN where there is none."""
+    """The content of one log. `values(topic, field)` is a column, NaN where there is none.
+
+    Signals are read at once where they are few. Of a long log memory is bounded: what detectors said is read once into
+    a store, in single precision as a run's result has it, any other field when it is asked for.
+    """
 
     knows_faults = True  # else alarms are neither right nor false
 
@@ -139,8 +98,10 @@ class LoggedFlight:
         self.toml = self.log.attachments["scenario.toml"].decode()
         if "/truth/aircraft" not in self.log.topics:
             raise LogError("holds no truth, only what a replay reads", place=str(path), remedy="Fly the scenario again")
-        names = [n for n in self.log.topics if n.startswith(NEEDED)]
-        self._signals = Signals(self.log, names)
+        self._topics = [n for n in self.log.topics if n.startswith((*NEEDED, "/law", "/pilot"))]
+        infos = [self.log.topics[n] for n in self._topics]
+        small = sum(8 * t.rows * len(t.fields) for t in infos) <= SMALL
+        self._arrays = self.log.arrays(self._topics) if small else None
         self.ticks = self.log.ticks("/truth/aircraft")
         self.dt = self.log.dt_ns / 1e9
         if not len(self.ticks):
@@ -149,13 +110,24 @@ class LoggedFlight:
 
     def has(self, topic: str, name: str) -> bool:
         """Tell whether the log has field `name` of `topic`."""
-        return topic in self._signals and name in self.log.topics[topic].fields
+        return topic in self._topics and name in self.log.topics[topic].fields
 
     def values(self, topic: str, name: str) -> np.ndarray:
         """Return one logged signal (rows,)."""
         if not self.has(topic, name):
             return np.full(len(self.ticks), np.nan)
-        return self._signals.column(topic, name)
+        if self._arrays is None:
+            return self.log.columns(topic, [name])[0]
+        return self._arrays[topic][:, self.log.topics[topic].fields.index(name)]
+
+    def _rows(self, topic):
+        """Return all fields of a detector's lane as `judge` takes them: (rows, fields)."""
+        if self._arrays is not None:
+            return self._arrays[topic]
+        store = ColumnStore()
+        for part in self.log.frames(topic):
+            store.append(part.to_numpy())
+        return store
 
     @cached_property
     def achieved(self) -> dict[str, dict[str, float | None]] | None:
@@ -193,44 +165,35 @@ class LoggedFlight:
             guest.tell(d)
             for lane in d["lanes"]:
                 topic = f"/detectors/{d['id']}/{lane}"
-                if topic in self._signals:
+                if topic in self._topics:
                     units = dict(zip(self.log.topics[topic].fields, self.log.topics[topic].units))
-                    fields, rows = self._signals.fields(topic), self._signals.rows(topic)
-                    out.append(self._lane(d, lane, units, fields, rows))
+                    record = SimpleNamespace(id=d["id"], level=d["level"], every=d["every"])
+                    out.append(self._lane(record, lane, guest.culprits(d), units, self._rows(topic)))
         flew = {lane.id for lane in out}
         for own in (g for g in self._guests if g.DETECTOR.id not in flew):
-            about = {"id": own.DETECTOR.id, "level": own.DETECTOR.level, "every": own.DETECTOR.every}
             names = dict(elements(own.STATE, own.OUTPUTS))
             for lane, told in guest.outputs(self.log, own, self.scenario.elevator.technology).items():
-                out.append(self._lane(about, lane, names, dict(zip(names, told.T)), told))
+                out.append(self._lane(own.DETECTOR, lane, own.CULPRITS, names, told))
         return sorted(out, key=lambda lane: lane.level == "local")
 
-    def _lane(self, d, lane, units, fields, rows):
-        target = f"elevator.{lane}" if d["level"] == "local" else "aircraft"
-        culprits = guest.culprits(d)
-        made = Lane(d["id"], d["level"], lane, target, culprits, d["every"], fields, {}, units)
-        made.truth = self._truth(d["id"], lane)
-        watch = watch_of(d["id"], d["level"], target, culprits, {n: i for i, n in enumerate(units)})
-        made.entry = judge(watch, rows, self.dt * d["every"], self.faults)
+    def _lane(self, record, lane, culprits, units, rows):
+        entry = judgement(record, lane, culprits, units, rows, self.dt, self.faults)
+        fields, about = _Fields(units, rows), (record.id, record.level, lane, entry["target"], culprits, record.every)
+        made = Lane(*about, fields, entry, units, self._truth(record.id, lane))
         if made.truth:
             made.entry |= self._errors(made)
         return made
 
     def _truth(self, detector, lane):
         """Return `truth` of a Lane, None where it estimates no fault of the flight."""
-        names = []
-
-        def column(name):
-            if name not in names:
-                names.append(name)
-            return names.index(name)
-
-        plan = estimate.plan(self.scenario, detector, lane, column)
+        names: dict[str, int] = {}
+        plan = estimate.plan(self.scenario, detector, lane, lambda name: names.setdefault(name, len(names)))
         if plan is None or plan.unit is None:
             return None
+        named = list(names)
 
         def truth():
-            signals = [self.signal(names[c]) for c in plan.columns]
+            signals = [self.signal(named[c]) for c in plan.columns]
             held: dict = {}
             out = np.empty(len(self.ticks))
             for a in range(0, len(out), estimate.BLOCK):
@@ -238,7 +201,7 @@ class LoggedFlight:
                 out[block] = plan.truth(np.stack([s[block] for s in signals]), self.dt, held)
             return out
 
-        return names[plan.column].rpartition(".")[2], truth, plan.unit, plan.start, plan.end
+        return named[plan.column].rpartition(".")[2], truth, plan.unit, plan.start, plan.end
 
     def _errors(self, lane):
         """Return RMSE, bias and maximum of a lane's estimate after settling, as a run's result has them."""

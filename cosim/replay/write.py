@@ -1,5 +1,6 @@
 """Write a replay beside what was logged: a log with every old topic and, under /replay, the new outputs."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -12,50 +13,44 @@ from cosim.log.writer import RESERVED
 POSE = ("lat", "lon", "h", "phi", "theta", "psi")
 
 
+def stacked(topics: Iterable[tuple[str, Any, str]]) -> tuple[list[Topic], int]:
+    """Return (Topics of one tick vector, its length) of (name, what has fields, units, every and a description, group),
+    one behind the other.
+    """
+    out, at = [], 0
+    for name, t, group in topics:
+        index = np.arange(at, at + len(t.fields))
+        out.append(Topic(name, t.fields, t.units, index, t.every, group, t.description))
+        at += len(t.fields)
+    return out, at
+
+
+def pose_of(topics: Iterable[Topic]) -> Pose | None:
+    """Return the Pose of the topic of the truth that has one, None without."""
+    for t in topics:
+        if t.group == "truth" and set(POSE) <= set(t.fields):
+            return Pose(**{n: int(t.index[t.fields.index(n)]) for n in POSE})
+    return None
 class Overlay:
     """Write the log at `path` span after span; use as a context manager. Raises LogError for a log with gaps."""
 
     def __init__(self, log: Log, wired: Any, path: str | Path):
         if len(log.spans) == 0 or log.spans[0][0] or sum(log.spans[-1]) != log.n_ticks:
             raise LogError("ticks are missing, and an overlay needs every one", place=str(log.path))
-        self._log, self._names, self._n = log, [n for n in log.topics if not n.startswith("/replay/")], 0
-        self._topics = [self._topic(n, log.topics[n], log.topics[n].group) for n in self._names]
-        self._topics += [self._topic("/replay" + w.topic, log.topics[w.topic], "replay") for w in wired]
-        self._writer = self._open(path)
-
-    def _topic(self, name, info, group):
-        index = np.arange(self._n, self._n + len(info.fields))
-        self._n += len(info.fields)
-        return Topic(name, info.fields, info.units, index, info.every, group, info.description)
-
-    def _open(self, path):
-        log = self._log
-        attachments = {n: (log.media_types[n], data) for n, data in log.attachments.items()}
-        metadata = {n: v for n, v in log.metadata.items() if n not in RESERVED}
-        metadata["replay_of"] = {"content": (log.result or {}).get("content", "")}
-        writer = LogWriter(
-            path,
-            self._topics,
-            n_values=self._n,
-            dt_ns=log.dt_ns,
-            metadata=metadata,
-            attachments=attachments,
-            rows_per_chunk=500,
-            pose=self._pose(),
-            kept=False,
-        )
+        self._log, self._names = log, [n for n in log.topics if not n.startswith("/replay/")]
+        olds = [(n, log.topics[n], log.topics[n].group) for n in self._names]
+        news = [("/replay" + w.topic, log.topics[w.topic], "replay") for w in wired]
+        self._topics, self._n = stacked([*olds, *news])
+        how: dict[str, Any] = {"attachments": {n: (log.media_types[n], data) for n, data in log.attachments.items()}}
+        how["metadata"] = {n: v for n, v in log.metadata.items() if n not in RESERVED}
+        how["metadata"]["replay_of"] = {"content": (log.result or {}).get("content", "")}
+        how |= {"n_values": self._n, "dt_ns": log.dt_ns, "rows_per_chunk": 500, "kept": False}
+        self._writer = LogWriter(path, self._topics, pose=pose_of(self._topics), **how)
         for k, event in log.messages("/events"):
-            end = event.end_time.ToNanoseconds() // log.dt_ns if event.HasField("end_time") else None
-            writer.window(
-                k, event.start_time.ToNanoseconds() // log.dt_ns, end, **{m.key: m.value for m in event.metadata}
-            )
-        return writer
-
-    def _pose(self):
-        for t in self._topics:
-            if t.group == "truth" and set(POSE) <= set(t.fields):
-                return Pose(**{n: int(t.index[t.fields.index(n)]) for n in POSE})
-        return None
+            begin, end = event.start_time.ToNanoseconds() // log.dt_ns, None
+            if event.HasField("end_time"):
+                end = event.end_time.ToNanoseconds() // log.dt_ns
+            self._writer.window(k, begin, end, **{m.key: m.value for m in event.metadata})
 
     def append(self, read: dict, new: Any, start: float, stop: Any) -> Any:
         """Write the ticks start <= k < stop: `read` {topic: (rows, fields)} as logged, `new` (rows, n) of each lane."""
