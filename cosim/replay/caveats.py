@@ -40,14 +40,14 @@ def _units(made, done):
             units = factors(si)
             own = bare(signal.unit or si)
             raw = (y - signal.offset) / units[own]  # as the channel has it
-            fits = [u for u, f in units.items() if u != own and ASKED.get(u) and np.mean(
-                (raw * f + signal.offset >= low) & (raw * f + signal.offset <= high)) >= NEARLY]  # fmt: skip
+            spans = {u: (raw * f + signal.offset >= low) & (raw * f + signal.offset <= high) for u, f in units.items()}
+            fits = [ASKED[u] for u, within in spans.items() if u != own and u in ASKED and np.mean(within) >= NEARLY]
             if fits:
                 shown = next(u for u in ("deg", "deg/s", si) if u in units)
                 a, b = np.percentile(y, (1.0, 99.0))
-                spans = [f"{a / units[u]:.3g} to {b / units[u]:.3g} {u}" for u in dict.fromkeys((own, shown))]
-                asked = " or ".join(ASKED[u] for u in fits)
-                out.setdefault(f"{word} {' is '.join(spans)}, out of range: is it in {asked}?", []).append(d.id)
+                told = [f"{a / units[u]:.3g} to {b / units[u]:.3g} {u}" for u in dict.fromkeys((own, shown))]
+                asked = f"{word} {' is '.join(told)}, out of range: is it in {' or '.join(fits)}?"
+                out.setdefault(asked, []).append(d.id)
     return [f"{', '.join(names)}: {text}" for text, names in out.items()]
 
 
@@ -109,26 +109,20 @@ def _proxies(m, done):
 def _lanes(done, dt, t_0):
     out = []
     for d, lane, _, again in done:
-        names = output_names(d)
-        step = dt * d.every
+        names, step = output_names(d), dt * d.every
         valid = again[:, names.index("valid")] > 0.5
+        why = np.where(valid, reason.VALID, reason.NOT_READY)  # of one that does not say it
+        why = again[:, names.index("why")] if "why" in names else why
         said = f"{d.id} of {d.target(lane).removeprefix('elevator.').replace('_', ' ')}"
-        if "why" in names:
-            codes, count = np.unique(again[~valid, names.index("why")], return_counts=True)
-            out += [
-                f"{said}: {reason.words(code)} for {n * step:.4g} s of {len(again) * step:.4g} s, not valid there"
-                for code, n in zip(codes, count)
-                if code not in (reason.VALID, reason.NOT_READY, reason.NOT_FINITE) and n * step >= TOLD_S
-            ]
-        broken = ~np.isfinite(again).all(axis=1)
-        if "why" in names:
-            broken |= again[:, names.index("why")] == reason.NOT_FINITE
+        for code, n in zip(*np.unique(why[~valid], return_counts=True)):
+            if code not in (reason.VALID, reason.NOT_READY, reason.NOT_FINITE) and n * step >= TOLD_S:
+                of = f"for {n * step:.4g} s of {len(again) * step:.4g} s"
+                out.append(f"{said}: {reason.words(code)} {of}, not valid there")
+        broken = ~np.isfinite(again).all(axis=1) | (why == reason.NOT_FINITE)
         if broken.any():
             out.append(f"{said}: its numbers are not finite from {t_0 + np.argmax(broken) * step:.6g} s on: not valid")
         if valid.any():
-            waited = int(np.argmax(valid))
-            if "why" in names:
-                waited = int(np.count_nonzero(again[:waited, names.index("why")] == reason.NOT_READY))
+            waited = int(np.count_nonzero(why[: np.argmax(valid)] == reason.NOT_READY))
             out += _standing(said, valid, again[:, names.index("alarm")] > 0.5, waited, step, t_0)
     return out
 

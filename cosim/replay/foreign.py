@@ -3,6 +3,7 @@
 import contextlib
 import os
 import re
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -110,11 +111,9 @@ def _mcap(path, wanted):
 def _bounded(path, most):
     """Raise LogError for what is no file, or one of more than `most` bytes."""
     regular(path, LogError)
-    if path.is_file() and path.stat().st_size > most:
-        raise LogError(
-            f"has {path.stat().st_size / 1e9:.3g} GB", place=str(path), allowed=f"{most / 1e9:g} GB",
-            remedy="Cut it, or keep the columns that are needed as Parquet",
-        )  # fmt: skip
+    if path.is_file() and (size := path.stat().st_size) > most:
+        remedy = "Cut it, or keep the columns that are needed as Parquet"
+        raise LogError(f"has {size / 1e9:.3g} GB", place=str(path), allowed=f"{most / 1e9:g} GB", remedy=remedy)
 
 
 def _is_ours(path):
@@ -156,10 +155,9 @@ def _timed(frame, path, stem, time, on_reset, part):
     texts = [str(c) for c in frame.columns if c != name and str(c) not in numbers.columns]
     numbers.attrs = {"texts": [*texts, *frame.attrs.get("texts", ())]}
     clock.finite(t, f"column {str(name)!r}", path)
-    as_read = t
-    t, rows = clock.rising(as_read, path, on_reset, part)
-    frame = numbers.iloc[rows].set_axis(pd.Index(t, name="t_s"))
-    told = clock.restarts(as_read, on_reset, part) + clock.oddities(t, stem)
+    rising, rows = clock.rising(t, path, on_reset, part)
+    frame = numbers.iloc[rows].set_axis(pd.Index(rising, name="t_s"))
+    told = clock.restarts(t, on_reset, part) + clock.oddities(rising, stem)
     frame.attrs = numbers.attrs | {"oddities": told}
     return frame
 
@@ -204,9 +202,8 @@ def read_table(path: Path, columns: tuple[str, ...] = (), rows: int | None = Non
     except OSError as error:
         raise log_error(f"cannot read the file: {error.strerror or error}", path) from error
     except NotImplementedError:
-        raise LogError(
-            "is a MATLAB file of version 7.3", place=str(path), allowed="versions 4 to 7", remedy="save -v7 in MATLAB"
-        ) from None
+        how = {"allowed": "versions 4 to 7", "remedy": "save -v7 in MATLAB"}
+        raise LogError("is a MATLAB file of version 7.3", place=str(path), **how) from None
     except BAD as error:  # parser errors are ValueErrors and the like
         raise log_error(f"cannot be read as {kind[1:]}: {error}", path) from error
 
@@ -248,11 +245,10 @@ def _text(path, columns, rows):
     else:
         frame = pd.read_csv(path, header=None, skiprows=begin, **_exactly(), **how)
         names = _named(path, frame.shape[1], columns or names)
-        frame.columns = pd.Index(
-            [n if n not in names[:i] else f"{n}.{names[:i].count(n)}" for i, n in enumerate(names)]
-        )
-    many = {n: k for n in dict.fromkeys(map(str, names)) if (k := list(map(str, names)).count(n)) > 1}
-    frame.attrs["left"] = [f"{k} columns are called {n!r}: the others {n}.1 to {n}.{k - 1}" for n, k in many.items()]
+        frame.columns = [n if n not in names[:i] else f"{n}.{names[:i].count(n)}" for i, n in enumerate(names)]
+    many = Counter(map(str, names))
+    frame.attrs["left"] = [f"{k} columns are called {n!r}: the others {n}.1 to {n}.{k - 1}"
+                           for n, k in many.items() if k > 1]  # fmt: skip
     return frame
 
 
@@ -330,10 +326,10 @@ def _mat(path, columns, time=None):
     flat: dict[str, np.ndarray] = {}
     _flatten("", found, flat)
     numbers = {n: v for n, v in flat.items() if v.dtype.kind in "fiub" and 1 <= v.ndim <= 2}
-    tables: dict[tuple[str, int], int] = {}
+    tables: Counter = Counter()  # (structure, rows): values
     for name, v in numbers.items():
         if len(v) > 2:
-            tables[_table(name, v)] = tables.get(_table(name, v), 0) + v.size
+            tables[_table(name, v)] += v.size
     if not tables:
         raise ValueError("no variable of it is a table or a vector")
     asked = [_table(time, numbers[time])] if time in numbers else []
@@ -348,11 +344,10 @@ def _mat(path, columns, time=None):
             out.setdefault(name, v)
             continue
         labels = next((t for t in texts if len(t) == v.shape[1]), None)
-        if len(columns) == v.shape[1]:
-            own = columns
-        elif labels is not None:
+        own = columns
+        if len(columns) != v.shape[1] and labels is not None:
             own = tuple(re.sub(r"\s+", " ", str(x)).strip() for x in labels)
-        else:
+        elif len(columns) != v.shape[1]:
             own = tuple(f"{name}_{i + 1}" for i in range(v.shape[1]))
         for label, column in zip(own, v.T):
             out.setdefault(label, column)

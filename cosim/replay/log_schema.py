@@ -5,15 +5,16 @@ nonsense inside. Every mistake is a LogError with the log's path.
 """
 
 import io
+import math
 import tokenize
 import zipfile
 import zlib
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
-from cosim.errors import CosimError, LogError
+from cosim.errors import LogError
 from cosim.log import Log
 from cosim.scenario import Scenario, attached, parse
 from cosim.texts import from_json, toml
@@ -26,17 +27,13 @@ _BAD = (  # what NumPy and zipfile may raise on bytes that are not what they sho
 )
 _Name = Annotated[str, Field(min_length=1, max_length=100)]
 _JUDGED = {"r", "alarm", "verdict", "culprit", "valid"}  # outputs that every detector has
-
-
 _Word = Annotated[str, Field(max_length=1000)]
 _Cases = dict[_Name, Annotated[list[_Name], Field(max_length=20)]]
+_Three = Annotated[list[str], Field(min_length=3, max_length=3)]
 
 
-class _Record(BaseModel):
+class _Record(BaseModel, strict=True, extra="forbid"):
     """What a log tells of a guest (cosim/flight/plugins), so that it is judged without its code."""
-
-    model_config = ConfigDict(strict=True, extra="forbid")
-
     summary: _Word
     technologies: list[_Name]
     inputs: dict[_Name, _Name]
@@ -46,14 +43,11 @@ class _Record(BaseModel):
     blind: _Word
     blind_to: list[_Name]
     remark: _Word
-    estimates: Annotated[list[Annotated[list[str], Field(min_length=3, max_length=3)]], Field(max_length=4)]
+    estimates: Annotated[list[_Three], Field(max_length=4)]
 
 
-class _Guest(BaseModel):
+class _Guest(BaseModel, strict=True):
     """Where a guest came from, what it can blame, its record."""
-
-    model_config = ConfigDict(strict=True)
-
     form: Literal["python", "block"]
     file: Annotated[str, Field(max_length=200)]
     sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
@@ -61,11 +55,8 @@ class _Guest(BaseModel):
     record: _Record
 
 
-class _Flew(BaseModel):
+class _Flew(BaseModel, strict=True):
     """A detector, and what is told of it where it is a guest."""
-
-    model_config = ConfigDict(strict=True)
-
     id: _Name
     level: Literal["local", "aircraft", "both"]
     every: Annotated[int, Field(ge=1, le=1_000_000)]
@@ -76,7 +67,7 @@ class _Detector(_Flew):
     """One detector of a log: its lanes and, per lane, which field of which topic each of its inputs is."""
 
     lanes: Annotated[list[_Name], Field(min_length=1, max_length=64)]
-    inputs: dict[_Name, list[Annotated[list[str], Field(min_length=3, max_length=3)]]]
+    inputs: dict[_Name, list[_Three]]
 
 
 def detectors(log: Log) -> list[dict[str, Any]]:
@@ -142,10 +133,7 @@ def scenario_tables(log: Log) -> dict[str, Any]:
         text = log.attachments["scenario.toml"].decode("utf-8")
     except UnicodeDecodeError as wrong:
         raise LogError(f"is not UTF-8 (byte {wrong.start})", place=place) from None
-    try:
-        found = toml(text, place=place, error=LogError)
-    except CosimError as wrong:
-        raise LogError(wrong.problem, place=place) from None
+    found = toml(text, place=place, error=LogError)
     _clock(log, found)
     return found
 
@@ -206,10 +194,7 @@ def _npy(data: bytes) -> np.ndarray:
     shape, _, kind = read(file)
     if kind.hasobject or kind.itemsize == 0 or len(shape) > 4:
         raise ValueError("an array of no numbers")
-    count = 1
-    for n in shape:
-        count *= n
-    if count < 0 or count * kind.itemsize != len(data) - file.tell():
+    if math.prod(shape) * kind.itemsize != len(data) - file.tell():
         raise ValueError(f"its header says {shape}, which its data are not")
     file.seek(0)
     return np.load(file, allow_pickle=False)

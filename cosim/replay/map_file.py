@@ -52,7 +52,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from cosim.replay.params import ReplayError
 from cosim.replay.units import bare, factors
@@ -61,11 +61,8 @@ from cosim.scenario.problem import Origin
 from cosim.texts import read, toml
 
 
-class Signal(BaseModel):
+class Signal(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """One signal of the map: a channel and how its numbers become SI, a constant in SI, or what it is derived from."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
     channel: str | None = None
     constant: float | None = None
     derivative_of: str | None = None  # signal of the map whose rate of change it is (cosim/replay/map_signals.py)
@@ -107,11 +104,8 @@ class Signal(BaseModel):
         return self.sign * self.scale * factors(si, shares)[bare(self.unit or si)]
 
 
-class Map(BaseModel):
+class Map(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """A map file; `flight`, `elevator` and `detectors` are a scenario's tables and checked as such."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
     title: str = ""
     rate_hz: Annotated[int, Field(ge=50, le=2000)] = 200
     time: str | None = None

@@ -10,6 +10,7 @@ from actuators.constants import G0, M_PER_FT, M_S_PER_KT, RAD_PER_DEG
 
 SPEEDS = {"m/s": 1.0, "kt": M_S_PER_KT, "ft/s": M_PER_FT, "km/h": 1.0 / 3.6}
 HEIGHTS = {"m": 1.0, "ft": M_PER_FT}
+ANGLES = {"rad": 1.0, "deg": RAD_PER_DEG}
 FITS = 0.04  # relative error of the air data up to which units are taken for proved: other air than standard is in it
 CLEAR = 2.0  # so many times worse is the next best that says something else
 LEVELS = np.arange(-500.0, 15001.0, 250.0)[:, None]  # altitudes of a file that has none [m]
@@ -45,12 +46,14 @@ def air(columns: Mapping[str, np.ndarray]) -> dict[str, list[str]]:
     error, best = min(found)
     if error >= FITS:
         return {}
+    out: dict[str, list[str]] = {}
     out = {}
     for i, name in enumerate(("h_baro", *speeds)):
-        each = {unit: min(e for e, units in found if units[i] == unit) for _, units in found if (unit := units[i])}
-        near = [unit for unit in sorted(each, key=lambda u: each[u]) if each[unit] <= max(CLEAR * error, FITS)]
+        each: dict[str, float] = {}
+        for e, units in found:
+            each[units[i]] = min(e, each.get(units[i], np.inf))
         if best[i]:
-            out[name] = near
+            out[name] = [u for u in sorted(each, key=lambda u: each[u]) if each[u] <= max(CLEAR * error, FITS)]
     return out
 
 
@@ -92,25 +95,21 @@ def _static(h):
 def path_units(t: np.ndarray, theta: np.ndarray, alpha: np.ndarray, path: np.ndarray) -> list[tuple[str, str]]:
     """Return the units (of theta, of alpha) that theta - alpha = `path`, the climb angle [rad] of level wings, allows;
     all four where it says nothing."""
-    units = {"rad": 1.0, "deg": RAD_PER_DEG}
-    both = list(itertools.product(units, units))
+    both = list(itertools.product(ANGLES, ANGLES))
     theta, alpha, path = (_slow(t, y) for y in (theta, alpha, path))
     good = np.isfinite(theta) & np.isfinite(alpha) & np.isfinite(path)
     if good.sum() < 20:
         return both
     theta, alpha, path = theta[good], alpha[good], path[good]
-    off = {(a, b): float(np.sqrt(np.mean((theta * units[a] - alpha * units[b] - path) ** 2))) for a, b in both}
-    left = [u for u in both if off[u] < MOST_OFF]
-    slope, r = _line(theta - alpha, path) or (0.0, 0.0)
-    same = _nearest(slope, units, 0.5, 2.0) if r >= 0.8 else ""
+    gap = {(a, b): theta * ANGLES[a] - alpha * ANGLES[b] - path for a, b in both}
+    left = [u for u in both if float(np.sqrt(np.mean(gap[u] ** 2))) < MOST_OFF]
+    same = _proved(_line(theta - alpha, path), ANGLES, 0.5, 2.0, 0.8)
     return [u for u in left if u == (same, same)] or left or both
 
 
 def lift_unit(alpha: np.ndarray, n_z: np.ndarray) -> str:
     """Return the unit of an angle of attack by the lift, n_z [g], that it makes; "" where none is proved."""
-    slope, r = _line(_smooth(alpha), _smooth(n_z)) or (0.0, 0.0)
-    low, high = LIFT
-    return _nearest(slope, {"rad": 1.0, "deg": RAD_PER_DEG}, low, high) if r >= 0.6 else ""
+    return _proved(_line(_smooth(alpha), _smooth(n_z)), ANGLES, *LIFT, 0.6)
 
 
 def turn_unit(t: np.ndarray, q: np.ndarray, speed: np.ndarray, n_z: np.ndarray | None) -> str:
@@ -121,8 +120,7 @@ def turn_unit(t: np.ndarray, q: np.ndarray, speed: np.ndarray, n_z: np.ndarray |
         return "deg/s"
     if n_z is None or len(t) < 50 or per < 1.0:
         return ""
-    slope, r = _line(_slow(t, q), _slow(t, n_z)) or (0.0, 0.0)
-    return _nearest(slope, {"rad/s": per, "deg/s": per * RAD_PER_DEG}, 0.4, 2.5) if r >= 0.6 else ""
+    return _proved(_line(_slow(t, q), _slow(t, n_z)), {"rad/s": per, "deg/s": per * RAD_PER_DEG}, 0.4, 2.5, 0.6)
 
 
 def gravity(y: np.ndarray) -> tuple[str, int, float, str, bool] | None:
@@ -139,14 +137,14 @@ def gravity(y: np.ndarray) -> tuple[str, int, float, str, bool] | None:
     return None
 
 
-def rate(t: np.ndarray, y: np.ndarray, angle: np.ndarray) -> tuple[float, float] | None:
+def rate(t: np.ndarray, y: np.ndarray, angle: np.ndarray) -> tuple[float, float]:
     """Return (slope, correlation) of a rate's mean over SPAN_S, five samples at least, over the change of its angle in
-    it per second, None where one of them does not move."""
+    it per second, 0 where one of them does not move."""
     if len(t) < 21 or not (np.diff(t) > 0.0).all():
-        return None
+        return 0.0, 0.0
     n = max(5, round(SPAN_S / float(np.median(np.diff(t)))))
     if n >= len(t):
-        return None
+        return 0.0, 0.0
     mean = np.convolve(0.5 * (y[1:] + y[:-1]), np.ones(n) / n, "valid")  # of the trapezia between the samples
     return _line((angle[n:] - angle[:-n]) / (t[n:] - t[:-n]), mean)
 
@@ -155,17 +153,17 @@ def rate_unit(t: np.ndarray, y: np.ndarray, angle: np.ndarray, unit: str) -> tup
     """Return (unit, sign) of a rate whose angle is in `unit`; unit "" where the numbers prove none."""
     turns, good = np.array(angle, float), np.isfinite(angle)
     turns[good] = np.unwrap(turns[good], period=2.0 * np.pi if unit == "rad" else 360.0)
-    slope, r = rate(t, y, turns) or (0.0, 0.0)
-    per_rad = abs(slope) / (1.0 if unit == "rad" else RAD_PER_DEG)
-    found = _nearest(per_rad, {"rad/s": 1.0, "deg/s": 1.0 / RAD_PER_DEG}, 0.75, 1.33)
-    return (found if abs(r) >= 0.8 else ""), -1 if slope < 0.0 else 1
+    slope, r = rate(t, y, turns)
+    per_rad = abs(slope) / ANGLES[unit]
+    units = {"rad/s": 1.0, "deg/s": 1.0 / RAD_PER_DEG}
+    return _proved((per_rad, abs(r)), units, 0.75, 1.33, 0.8), -1 if slope < 0.0 else 1
 
 
 def climb_unit(t: np.ndarray, y: np.ndarray, h: np.ndarray, unit: str) -> str:
     """Return the unit of a vertical speed beside an altitude in `unit`, "" where the numbers prove none."""
-    slope, r = rate(t, y, h) or (0.0, 0.0)
+    slope, r = rate(t, y, h)
     units = {"m/s": 1.0, "ft/s": 1.0 / M_PER_FT, "ft/min": 60.0 / M_PER_FT, "kt": 1.0 / M_S_PER_KT}
-    return _nearest(slope / HEIGHTS[unit], units, 0.8, 1.25) if r >= 0.6 else ""
+    return _proved((slope / HEIGHTS[unit], r), units, 0.8, 1.25, 0.6)
 
 
 def attitude_unit(t: np.ndarray, theta: np.ndarray, n_x: np.ndarray, speed: np.ndarray) -> str:
@@ -173,8 +171,7 @@ def attitude_unit(t: np.ndarray, theta: np.ndarray, n_x: np.ndarray, speed: np.n
     if len(t) < 50 or not (np.diff(t) > 0.0).all():
         return ""
     left = n_x - np.gradient(_smooth(_smooth(speed)), t) / G0
-    slope, r = _line(_slow(t, theta), _slow(t, left)) or (0.0, 0.0)
-    return _nearest(slope, {"rad": 1.0, "deg": RAD_PER_DEG}, 0.5, 2.0) if r >= 0.8 else ""
+    return _proved(_line(_slow(t, theta), _slow(t, left)), ANGLES, 0.5, 2.0, 0.8)
 
 
 def elevator(t: np.ndarray, de: np.ndarray, q: np.ndarray) -> tuple[float, float]:
@@ -186,35 +183,33 @@ def elevator(t: np.ndarray, de: np.ndarray, q: np.ndarray) -> tuple[float, float
         return 0.0, 0.0
     slow = max(3, int(4.0 / max(float(np.median(np.diff(t))), 1e-3)))
     b = b - np.convolve(np.pad(b, slow, mode="edge"), np.ones(2 * slow + 1) / (2 * slow + 1), "valid")
-    return _line(b, a) or (0.0, 0.0)
+    return _line(b, a)
 
 
 def elevator_unit(slope: float, r: float) -> str:
     """Return the unit of a deflection by the pitch acceleration [rad/s2] that one of it makes, `slope`, and their
     correlation `r`; "" where none is proved."""
-    low, high = PITCHING
-    if abs(r) < 0.3 or not slope:
-        return ""
-    return _nearest(abs(slope), {"rad": 1.0, "deg": RAD_PER_DEG}, low, high)
+    return _proved((abs(slope), abs(r)), ANGLES, *PITCHING, 0.3)
 
 
 def correlation(a: np.ndarray, b: np.ndarray) -> float:
     """Return the correlation of two columns where both are finite, 0 where one of them does not move."""
-    return (_line(a, b) or (0.0, 0.0))[1]
+    return _line(a, b)[1]
 
 
 def _line(a, b):
-    """Return (slope, correlation) of b over a where both are finite, None where one of them does not move."""
+    """Return (slope, correlation) of b over a where both are finite, 0 where one of them does not move."""
     good = np.isfinite(a) & np.isfinite(b)
     if good.sum() < 20 or not np.std(a[good]) or not np.std(b[good]):
-        return None
+        return 0.0, 0.0
     a, b = a[good] - a[good].mean(), b[good] - b[good].mean()
     return float(a @ b / (a @ a)), float(a @ b / np.sqrt((a @ a) * (b @ b)))
 
 
-def _nearest(slope, units, low, high):
-    """Return the unit {name: slope} that a slope is near to, "" for none."""
-    return next((u for u, s in units.items() if low < slope / s < high), "")
+def _proved(line, units, low, high, least):
+    """Return the unit {name: slope} that `line`, a slope and its correlation, is near to, "" for none."""
+    slope, r = line
+    return next((u for u, s in units.items() if low < slope / s < high), "") if r >= least else ""
 
 
 def _derivative(t, y):

@@ -77,6 +77,11 @@ class Proof:
         """Tell whether all signals are there, of as many samples."""
         return all(n in self.out for n in names) and len({len(self.y(n)) for n in names}) == 1
 
+    def flown(self, name: str, unit: str) -> Any:
+        """Return the samples of a signal in SI where it flies, with its sign, else None."""
+        g = self.out.get(name)
+        return g.sign * self.si(name, unit) if g and g.flies else None
+
     def set(self, name: str, **changes: Any) -> None:
         """Change what is guessed of a signal."""
         self.out[name] = replace(self.out[name], **changes)
@@ -176,20 +181,17 @@ class Proof:
 
     def _speed(self):
         """Return the true airspeed [m/s], by tas or by what it can be made from, None if nothing holds it."""
-        if "tas" in self.out and self.out["tas"].flies:
-            return self.si("tas", "m/s")
         base = speed_from(self.out)
-        if not base or not self.beside(base, "h_baro"):
-            return None
+        if (tas := self.flown("tas", "m/s")) is not None or not base or not self.beside(base, "h_baro"):
+            return tas
         return physics.airspeed(self.si("h_baro", "m"), **{base: self.si(base, "m/s" if base == "cas" else "-")})
 
     def _motion(self):
         """Take the units of angle of attack, attitude and pitch rate that the climb, the lift and the load allow."""
-        out, speed = self.out, self._speed()
-        n_z = out["n_z"].sign * self.si("n_z", "g") if "n_z" in out and out["n_z"].flies else None
-        climb = self.si("hdot", "m/s") if "hdot" in out and out["hdot"].flies else None
-        if climb is None and "h_baro" in out and out["h_baro"].flies and (np.diff(self.t("h_baro")) > 0.0).all():
-            climb = np.gradient(self.si("h_baro", "m"), self.t("h_baro"))
+        out, speed, n_z, climb = self.out, self._speed(), self.flown("n_z", "g"), self.flown("hdot", "m/s")
+        h = self.flown("h_baro", "m")
+        if climb is None and h is not None and (np.diff(self.t("h_baro")) > 0.0).all():
+            climb = np.gradient(h, self.t("h_baro"))
         pair = self.beside("theta", "alpha")
         if pair and speed is not None and climb is not None and len(speed) == len(climb) == len(self.y("theta")):
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -212,11 +214,10 @@ class Proof:
         """Take the units that Mach number, speeds and altitude allow together; one they refute does not fly."""
         for name, units in physics.air({n: self.y(n) for n in ("mach", *SPEEDS) if n in self.out}).items():
             g = self.out[name]
-            span = g.why.split(",")[0]
             if len(units) == 1:
-                self.prove(name, f"{span}, Mach and the others ask for {units[0]}", unit=units[0])
+                self.prove(name, f"{g.span}, Mach and the others ask for {units[0]}", unit=units[0])
             elif g.unit not in units:
-                why = f"{span}, Mach allows {' or '.join(units)}"
+                why = f"{g.span}, Mach allows {' or '.join(units)}"
                 self.set(name, unit=units[0], fit=min(g.fit, 0.5 * SURE), why=why)
 
     def _as_small(self):
@@ -242,8 +243,7 @@ def _alike(out):
         same = {n: g for n, g in out.items() if g.word in kind}
         own = {n: g for n, g in same.items() if not g.named and not g.proof and "too large" not in g.why}
         proved = {g.unit for g in same.values() if g.proof and not g.open}
-        large = {g.unit for g in same.values() if not g.named and "too large" in g.why and g.fit >= SURE}
-        units = proved or large
+        units = proved or {g.unit for g in same.values() if not g.named and "too large" in g.why and g.fit >= SURE}
         if kind is ANGLES and not units and all(n in own and "as if in" in own[n].why for n in ("alpha", "theta")):
             units = {"rad"}
         for name in own if len(units) == 1 else ():

@@ -12,6 +12,7 @@ that the wind is in it. All are proxies, and the report says so.
 """
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -55,11 +56,11 @@ def in_map(words: Sequence[str]) -> list[str]:
 
 def shares(scenario: Scenario, name: str, signal: Signal) -> dict[str, float]:
     """Return {SI unit: what one of it is of a signal}: a pressure by the supply's, a rod's load by its lever arm."""
-    lane, dot, word = name.rpartition(".")
-    if not dot:
+    lane, _, word = name.rpartition(".")
+    if not lane:
         return {}
-    technology = scenario.elevator.technology[lane]
-    believed = scenario.elevator.parameters[lane].model if lane in scenario.elevator.parameters else {}
+    technology, parameters = scenario.elevator.technology[lane], scenario.elevator.parameters
+    believed = parameters[lane].model if lane in parameters else {}
     own = TECHNOLOGIES[technology]
     design = own.design(tuple({**dict(scenario.aircraft.own(technology)), **believed}.items()))
     if word in own.sensors and signal.unit == "-":
@@ -77,10 +78,9 @@ def check(m: Any, place: Any, scenario: Scenario) -> None:
         allowed = factors(known[name].unit, shares(scenario, name, known[name]))
         if signal.unit is not None and bare(signal.unit) not in allowed:
             per = f"A transducer's channel: unit = '{next(iter(allowed))}{PER[0]}' with scale"
-            raise ReplayError(
-                f"{signal.unit!r} is no unit of it", place=f"{place}: signals.{name}.unit", allowed=", ".join(allowed),
-                remedy=per if signal.unit in ("V", "mV", "mA") else "",
-            )  # fmt: skip
+            where = {"place": f"{place}: signals.{name}.unit", "allowed": ", ".join(allowed)}
+            remedy = per if signal.unit in ("V", "mV", "mA") else ""
+            raise ReplayError(f"{signal.unit!r} is no unit of it", **where, remedy=remedy)
 
 
 def readable(aircraft: Aircraft) -> dict[str, Signal]:
@@ -108,10 +108,9 @@ def named(topic: str, channels: Sequence[Any]) -> bool:
 
 def channels_of(m: Any, tables: dict, path: str | Path, place: Any) -> dict:
     """Return {signal: (times, samples, flags or None)} of the recording."""
-    names = {f"{t}.{c}": (t, c) for t, frame in tables.items() for c in frame.columns}
-    short = {c: (t, c) for t, frame in tables.items() for c in frame.columns}
-    doubled = {c for c in short if sum(c in frame.columns for frame in tables.values()) > 1}
-    names |= {c: at for c, at in short.items() if c not in doubled}
+    pairs = [(t, c) for t, frame in tables.items() for c in frame.columns]
+    short, often = {c: (t, c) for t, c in pairs}, Counter(c for _, c in pairs)
+    names = {f"{t}.{c}": (t, c) for t, c in pairs} | {c: at for c, at in short.items() if often[c] == 1}
 
     def column(key, name):
         at = f"{place}: signals.{key}"
@@ -142,9 +141,10 @@ def derived(m: Any, channels: dict, place: Any) -> dict:
     Raises ReplayError where a signal that one is made from has no channel.
     """
     out = dict(channels)
-    for name in [name for name, s in m.signals.items() if s.derivative_of]:
-        t, y = _si(m, out, name, m.signals[name].derivative_of, place)
-        out[name] = t, _rate(t, y), None
+    for name, s in m.signals.items():
+        if s.derivative_of:
+            t, y = _si(m, out, name, s.derivative_of, place)
+            out[name] = t, _rate(t, y), None
     for name, s in m.signals.items():
         if s.speed_of:
             t, y = _si(m, out, name, s.speed_of, place)
@@ -219,11 +219,9 @@ def slow(sources: dict, channels: dict, dt: float) -> list[str]:
     for name, source in sources.items():
         step = clock.interval(channels[name][0]) if name in channels and source.kind == "sent" else 0.0
         if step > dt * 1.01:
-            out.append(
-                f"{name} comes at {1 / step:.4g} Hz and the tick is {1 / dt:g} Hz: the detectors read it late by up to "
-                f"{1e3 * step:.3g} ms, and a filter on it may alarm for that alone; it wants the rate at which it was "
-                "sent"
-            )
+            told = f"{name} comes at {1 / step:.4g} Hz and the tick is {1 / dt:g} Hz: the detectors read it late by"
+            more = "a filter on it may alarm for that alone; it wants the rate at which it was sent"
+            out.append(f"{told} up to {1e3 * step:.3g} ms, and {more}")
     return out
 
 
