@@ -215,12 +215,12 @@ def _write_sources(log, scenario, folder):
     """Write the scenario of a log and what is attached to it; say what is not."""
     from cosim.log import open_log
     from cosim.replay import log_schema
-    from cosim.scenario import attached
+    from cosim.scenario import brought
 
     if not scenario:
         raise CosimError("writes the scenario", place=f"-o {folder}", remedy="Add --scenario")
     found = open_log(log)
-    missing = attached.write(log_schema.scenario_tables(found), found.attachments, folder)
+    missing = brought.write(log_schema.scenario_tables(found), found.attachments, folder)
     notes(f"{key}: the log does not hold its file" for key in missing)
     path = folder / "scenario.toml"
     out.print(tables.whole(f"wrote  {path}\nnext   cosim run {tables.word(path)}"))

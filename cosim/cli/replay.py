@@ -89,7 +89,7 @@ def replay(
 
         reserve(output, OURS, taken=taken, log=True)
     overwritten = output is not None and output.is_file()
-    from cosim.replay.params import overrides
+    from cosim.replay.log_schema import overrides
 
     how: dict[str, Any] = {"detectors": chosen, "overrides": overrides(set_ or ()), "start_s": start}
     how["guests"] = detector or ()
@@ -124,13 +124,13 @@ def _attached(log, folder):
     """Write the sources of a log into `folder`; return the files of its detectors."""
     from cosim.log import open_log
     from cosim.replay import log_schema
-    from cosim.scenario import attached
+    from cosim.scenario import brought
     from cosim.scenario.brought import places
     from cosim.scenario.user_file import identity_unrun
 
     found = open_log(log)
     tables = log_schema.scenario_tables(found)
-    missing = attached.write(tables, found.attachments, folder)
+    missing = brought.write(tables, found.attachments, folder)
     own = [at for at in places(tables) if at.name.startswith("detectors.") and at.name not in missing]
     for at in own:
         if identity_unrun((folder / at.table[at.key]).parent) != at.table.get(at.digest):

@@ -38,7 +38,7 @@ from cosim.judge import row as judged
 from cosim.judge.fault_effect import NAMES as ACHIEVED
 from cosim.judge.naming import NOT_GIVEN, outcome
 from cosim.replay import log_schema
-from cosim.replay.guest import tell
+from cosim.replay.detector_replay import tell
 from cosim.scenario import Scenario, parse
 from cosim.texts import from_json, toml
 

@@ -27,20 +27,10 @@ from cosim.judge.detection import columns
 from cosim.judge.result import judged, plain
 from cosim.log import open_log
 from cosim.log.chunk import GATHER
-from cosim.replay import guest, log_schema
-from cosim.replay.detector_replay import (
-    describe,
-    elements,
-    fill,
-    in_stages,
-    judgement,
-    manifest,
-    pieces,
-    replay_lane,
-    tick_of,
-    topics,
-)  # fmt: skip
-from cosim.replay.params import LAID_OUT, ReplayError, check_start
+from cosim.replay import detector_replay as lanes
+from cosim.replay import log_schema
+from cosim.replay.detector_replay import pieces, replay_lane, tick_of
+from cosim.replay.log_schema import LAID_OUT, ReplayError, check_start
 from cosim.replay.write import Overlay
 
 COUNTS = ("rows", "values", "skipped")
@@ -125,16 +115,16 @@ def replay(
         remedy = f"`cosim map {path}` drafts the map of its columns that --map takes"
         raise ReplayError("is a table, no log", place=str(path), remedy=remedy)
     log = open_log(path)
-    entries = manifest(log)
+    entries = lanes.manifest(log)
     flew = {d["id"] for d in entries}
     fresh = [g for g in given if g.DETECTOR.id not in flew]
     left_out: dict[str, str] = {}
-    wired = describe(log, detectors, overrides, left_out) if flew or not fresh else []
+    wired = lanes.describe(log, detectors, overrides, left_out) if flew or not fresh else []
     members = [_Member(log, w) for w in wired]
     tick = max(0, round(start_s * 1e9 / log.dt_ns))
-    spans, asked = list(_spans(log, wired, tick)), topics(log, wired) if output is None else None
+    spans, asked = list(_spans(log, wired, tick)), lanes.topics(log, wired) if output is None else None
     _ready(wired)
-    stages = in_stages(wired, str(log.path))
+    stages = lanes.in_stages(wired, str(log.path))
     with ExitStack() as stack, ThreadPoolExecutor(cores()) as pool:
         overlay = stack.enter_context(Overlay(log, wired, output)) if output else None
         coming = [pool.submit(log.arrays, asked, *span) for span in spans[:1]]
@@ -148,7 +138,7 @@ def replay(
                 progress(min(b, log.n_ticks) * log.dt_ns / 1e9, log.n_ticks * log.dt_ns / 1e9)
     result = Replay(str(path), dt=tick_of(log), changed=overrides or {}, output=str(output) if output else None)
     result.rows, result.values, result.skipped = (sum(getattr(m, n) for m in members) for n in COUNTS)
-    result.notes = [line for d in entries for line in (guest.missing(d), guest.other_code(d)) if line]
+    result.notes = [line for d in entries for line in (lanes.missing(d), lanes.other_code(d)) if line]
     if left_out:
         what = ", ".join(why.removesuffix(LAID_OUT) for why in left_out.values())
         software = log.metadata.get("run", {}).get("software", "another version")
@@ -158,14 +148,14 @@ def replay(
         raise _nothing(log, path, tick)
     result.differences = sorted((d for m in members for d in m.differences.values()), key=lambda d: d.first_tick)
     for d in entries:
-        guest.tell(d)
+        lanes.tell(d)
     scenario = log_schema.scenario(log)
     faults = judged(scenario)
     result.detectors = [m.judge(faults) for m in members]
     for own in fresh:
-        for lane, rows in guest.outputs(log, own, scenario.elevator.technology).items():
-            names = dict(elements(own.STATE, own.OUTPUTS))
-            new = judgement(own.DETECTOR, lane, own.CULPRITS, names, rows, tick_of(log), faults)
+        for lane, rows in lanes.guest_outputs(log, own, scenario.elevator.technology).items():
+            names = dict(lanes.elements(own.STATE, own.OUTPUTS))
+            new = lanes.judgement(own.DETECTOR, lane, own.CULPRITS, names, rows, tick_of(log), faults)
             result.detectors.append(_both(None, new))
     return result
 
@@ -194,7 +184,7 @@ def _span(log, members, stages, read, span, pool):
     a, b, tick = span
     new, read = [None] * len(members), dict(read)
     for k, stage in enumerate(stages):
-        found = _each([members[i] for i in stage], lambda m: m.replay(*fill(log, [m.w], a, b, read), tick), pool)
+        found = _each([members[i] for i in stage], lambda m: m.replay(*lanes.fill(log, [m.w], a, b, read), tick), pool)
         for i, out in zip(stage, found):
             new[i] = out
             if k + 1 < len(stages):
@@ -295,6 +285,6 @@ class _Member:
     def judge(self, faults):
         """Return the lane's detection metrics, as logged and as replayed."""
         about = self.w, self.w.lane, self.w.module.CULPRITS, self.names
-        old = judgement(*about, self.logged, self.dt, faults)
+        old = lanes.judgement(*about, self.logged, self.dt, faults)
         same = self.again is self.logged
-        return _both(old, deepcopy(old) if same else judgement(*about, self.again, self.dt, faults))
+        return _both(old, deepcopy(old) if same else lanes.judgement(*about, self.again, self.dt, faults))

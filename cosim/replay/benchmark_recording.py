@@ -67,7 +67,11 @@ def record(scenario: Scenario, path: str | Path) -> dict:
         raise LogError("a servo closes on a detector", place=str(path), remedy="elevator.feedback = 'measured'")
     setup = build(scenario)
     bus, kept = setup.loop.bus, list(setup.trace.index)
-    words = {w: s for w, s in readable(scenario).items() if s.source.split(".")[0] in bus.lanes and _there(bus, s)}
+    words = {}
+    for word, s in readable(scenario).items():
+        section, lane, _ = s.source.split(".", 2)
+        if lane in bus.lanes.get(section, ()):  # an aircraft with two engines has two tachometers
+            words[word] = s
     flags = {w + VALID: s.flag for w, s in words.items() if s.flag}
     truth = list(estimation.truths(scenario))
     sources = [*(s.source for s in words.values()), *flags.values(), *truth]
@@ -99,12 +103,6 @@ def record(scenario: Scenario, path: str | Path) -> dict:
     whole = Path(path).read_bytes()
     told = {k: about[k] for k in ("status", "reason", "sim_time_s")}
     return {**told, "sha256": hashlib.sha256(whole).hexdigest(), "content": content.hexdigest(), "bytes": len(whole)}
-
-
-def _there(bus, signal):
-    """Tell whether the flight has a signal: an aircraft with two engines has two tachometers."""
-    section, lane, _ = signal.source.split(".", 2)
-    return lane in bus.lanes[section]
 
 
 def _write(path, table):

@@ -16,7 +16,7 @@ from cosim.errors import LogError
 from cosim.log import Log, open_log
 from cosim.log.live import Live
 from cosim.log.live_channels import library
-from cosim.replay.params import check_start
+from cosim.replay.log_schema import check_start
 from cosim.replay.write import pose_of, stacked
 
 IDLE_S = 0.02  # between looks at what viewers ask for, while nothing plays

@@ -17,24 +17,12 @@ from cosim.flight.detection import detectors as table
 from cosim.flight.plugins import load, with_detectors
 from cosim.judge.result import plain
 from cosim.log import LogWriter, TopicInfo, viewer_layouts
+from cosim.replay import map_signals as signals_of
 from cosim.replay.caveats import caveats
 from cosim.replay.detector_replay import elements, flat, inputs, judgement, output_names, replay_lane, unlogged
 from cosim.replay.foreign import read_channels
+from cosim.replay.log_schema import ReplayError, check_start, chosen_overrides, override
 from cosim.replay.map_file import load_map
-from cosim.replay.map_signals import (
-    acting,
-    channels_of,
-    check,
-    derived,
-    in_map,
-    named,
-    sampled,
-    shares,
-    slow,
-    ticks,
-    with_hinge,
-)  # fmt: skip
-from cosim.replay.params import ReplayError, check_start, chosen_overrides, override
 from cosim.replay.write import stacked
 from cosim.scenario import parse, vocabulary
 from cosim.scenario.brought import locate
@@ -102,31 +90,31 @@ def prepare(
     m, text = load_map(map_path)
     scenario = with_detectors(_scenario(m, detectors, map_path), guests)
     detectors = [*detectors, *made] if detectors else detectors
-    m = with_hinge(m)
+    m = signals_of.with_hinge(m)
     dt = 1.0 / m.rate_hz
     used = [name for s in m.signals.values() for name in (s.channel, s.valid) if name]
     how: dict[str, Any] = {"time": time or m.time, "columns": m.columns, "on_reset": on_reset, "part": part}
     found = [d for d in table.chosen(scenario) if not detectors or d.id in detectors]
     wires = {(d.id, lane): d.inputs(lane) for d in found for lane in d.lanes}
     sources = {w.signal.word: w.signal for own in wires.values() for w in own if w.signal.kind != "detector"}
-    check(m, map_path, scenario)
-    tables = read_channels(path, wanted=lambda topic: named(topic, used), **how)
-    channels = acting(m, sources, derived(m, channels_of(m, tables, path, map_path), map_path), dt)
+    signals_of.check(m, map_path, scenario)
+    tables = read_channels(path, wanted=lambda topic: signals_of.named(topic, used), **how)
+    recorded = signals_of.channels_of(m, tables, path, map_path)
+    channels = signals_of.acting(m, sources, signals_of.derived(m, recorded, map_path), dt)
     spans = [(t[0], t[-1]) for t, *_ in channels.values() if len(t)]
     if not spans:
         raise ReplayError("no signal has a channel with samples", place=str(map_path))
-    t_0, n = ticks(spans, dt, start_s or None)
+    t_0, n = signals_of.ticks(spans, dt, start_s or None)
     if n > MOST_TICKS:
         allowed = f"{MOST_TICKS * dt:.3g} s at {m.rate_hz} Hz"
         remedy = "Is time in seconds? A column in other units ends in _ms, _us or _ns"
         raise ReplayError(f"the channels last {n * dt:.3g} s", place=str(path), allowed=allowed, remedy=remedy)
     if n < 2:
         raise ReplayError("the channels have no time in common", place=str(path), allowed=_spans(m, channels))
-    values = {
-        name: sampled(m.signals[name], source, channels.get(name), t_0, dt, n, shares(scenario, name, source))
-        for name, source in sources.items()
-        if name in m.signals
-    }
+    values = {}
+    for name, source in ((name, source) for name, source in sources.items() if name in m.signals):
+        share = signals_of.shares(scenario, name, source)
+        values[name] = signals_of.sampled(m.signals[name], source, channels.get(name), t_0, dt, n, share)
     return Prepared(m, text, scenario, tables, channels, sources, values, found, wires, float(t_0), n, dt)
 
 
@@ -167,7 +155,7 @@ def diagnose(
         remedy = _nearest(out.not_run, m.signals)
         raise ReplayError("no detector has all its inputs", place=str(map_path), remedy=remedy)
     out.detectors = [_verdict(d, lane, again, dt, t_0) for d, lane, _, again in done]
-    out.caveats = odd + slow(sources, made.channels, dt) + caveats(made, done)
+    out.caveats = odd + signals_of.slow(sources, made.channels, dt) + caveats(made, done)
     if output:
         _write(output, done, out, made.text, dt)
     return out
@@ -178,7 +166,7 @@ def _nearest(not_run: list, signals: Mapping[str, Any]) -> str:
     best: dict[str, tuple[int, bool, str, str]] = {}
     named = {name.partition(".")[0] for name in signals}
     for r in not_run:
-        lacks = in_map(r["missing"])
+        lacks = signals_of.in_map(r["missing"])
         alone = ", and with it this one runs" if len(lacks) == 1 else ""
         away = r["target"].removeprefix("elevator.") not in named
         row = (len(lacks), away, r["id"], f"{r['id']} of {r['target']}: {', '.join(lacks)}{alone}")

@@ -54,7 +54,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from cosim.replay.params import ReplayError
+from cosim.replay.log_schema import ReplayError
 from cosim.replay.units import bare, factors
 from cosim.scenario.load import explained
 from cosim.scenario.problem import Origin

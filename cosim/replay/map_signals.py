@@ -22,9 +22,9 @@ import numpy as np
 from cosim.errors import did_you_mean
 from cosim.flight.detection.detectors import wires
 from cosim.replay import clock
+from cosim.replay.log_schema import ReplayError
 from cosim.replay.map_file import Signal as Mapped
 from cosim.replay.map_physics import airspeed
-from cosim.replay.params import ReplayError
 from cosim.replay.units import PER, bare, factors
 from cosim.scenario import Scenario
 from cosim.scenario.aircraft import Aircraft

@@ -18,8 +18,8 @@ from cosim.judge import estimation as estimate
 from cosim.judge.column_store import ColumnStore
 from cosim.judge.result import errors, judged
 from cosim.log import open_log
-from cosim.replay import guest, log_schema
-from cosim.replay.detector_replay import elements, judgement
+from cosim.replay import log_schema
+from cosim.replay.detector_replay import culprits_of, elements, guest_outputs, judgement, tell
 from cosim.scenario.catalog import ACTUATOR_SENSORS, SENSORS
 from cosim.scenario.vocabulary import place
 
@@ -162,17 +162,17 @@ class LoggedFlight:
         """Return the Lanes: aircraft level first, in the order of the log."""
         out = []
         for d in self.detectors:
-            guest.tell(d)
+            tell(d)
             for lane in d["lanes"]:
                 topic = f"/detectors/{d['id']}/{lane}"
                 if topic in self._topics:
                     units = dict(zip(self.log.topics[topic].fields, self.log.topics[topic].units))
                     record = SimpleNamespace(id=d["id"], level=d["level"], every=d["every"])
-                    out.append(self._lane(record, lane, guest.culprits(d), units, self._rows(topic)))
+                    out.append(self._lane(record, lane, culprits_of(d), units, self._rows(topic)))
         flew = {lane.id for lane in out}
         for own in (g for g in self._guests if g.DETECTOR.id not in flew):
             names = dict(elements(own.STATE, own.OUTPUTS))
-            for lane, told in guest.outputs(self.log, own, self.scenario.elevator.technology).items():
+            for lane, told in guest_outputs(self.log, own, self.scenario.elevator.technology).items():
                 out.append(self._lane(own.DETECTOR, lane, own.CULPRITS, names, told))
         return sorted(out, key=lambda lane: lane.level == "local")
 

@@ -1,33 +1,83 @@
 """The scenario: a frozen tree of tables. Feet, knots, tonnes and degrees end here; properties without a unit are SI."""
 
 import math
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    Field,
-    ModelWrapValidatorHandler,
-    ValidationError,
-    ValidationInfo,
-    model_validator,
-)  # fmt: skip
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError, ValidationInfo, model_validator
 
-from cosim.scenario import brought, conflict, toml
+from cosim.scenario import brought, toml
 from cosim.scenario import catalog as c
 from cosim.scenario.aircraft import Aircraft, load_aircraft, of
 from cosim.scenario.elevator import Elevator
-from cosim.scenario.fault import Fault
+from cosim.scenario.fault import Fault, check_together
 from cosim.scenario.flight import Flight
 from cosim.scenario.manoeuvre import Cruise, Manoeuvre
 from cosim.scenario.own_actuator import OwnActuator
 from cosim.scenario.problem import MULTIPLIER, Duration, Mistakes, Table, choice, known_keys, problem
-from cosim.scenario.sensors import Sensors
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_file import UserFile
 from cosim.table import Table as Drawn
 from fdi.registry import DEFAULT, GUESTS, SHIPPED
+
+
+@dataclass(frozen=True)
+class SensorSetting:
+    """A sensor's own deviations from its set, in its own unit; None means as in the set. `scale` is the error (0 is
+    exact).
+    """
+
+    sigma: float | None = None
+    bias: float | None = None
+    scale: float | None = None
+    delay: float | None = None
+    quantum: float | None = None
+
+
+class Sensors(Table, extra="allow"):
+    """The sensor set, and a table per sensor that deviates from it."""
+
+    __pydantic_extra__: dict[str, dict[str, float]]
+    set: Literal["transport"] = "transport"
+    noise_scale: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0
+    reconstructed: bool = False  # the law flies on n_z and alpha less what lpv_smo estimates of faults
+
+    @model_validator(mode="after")
+    def _known(self):
+        units, wrong = {**c.SENSORS, **c.ACTUATOR_SENSORS}, Mistakes()
+        for name, table in (self.model_extra or {}).items():
+            with wrong.caught():
+                if name not in units:
+                    raise choice(name, units, "sensor", key=name)
+                keys = _sensor_keys(units[name])
+                for key, value in table.items():
+                    if key in keys and not keys[key].accepts(value):
+                        wrong.add("is out of range", key=f"{name}.{key}", allowed=keys[key].range)
+                known_keys(table, keys, f"{name}.")
+        wrong.check()
+        return self
+
+    def setting(self, name: str, own: Any = lambda unit: 1.0) -> SensorSetting:
+        """Return the SensorSetting of sensor `name`; `own(unit)` is what one SI `unit`, or share of a nominal value
+        ("of supply", ...), is in the sensor's own unit.
+        """
+        table = (self.model_extra or {}).get(name, {})
+        keys = _sensor_keys({**c.SENSORS, **c.ACTUATOR_SENSORS}[name])
+        values = {k.split("_")[0]: v * keys[k].factor * own(keys[k].si) for k, v in table.items()}
+        if "scale" in values:
+            values["scale"] -= 1.0
+        return SensorSetting(**values)
+
+
+def _sensor_keys(units):
+    keys = [c.Key("scale", 0.5, 2.0), c.Key("delay_s", 0.0, 0.15, 1.0, "s")]
+    for u in units:
+        keys += [
+            c.Key(f"sigma_{u.suffix}", 0.0, u.limit, u.factor, u.si),
+            c.Key(f"bias_{u.suffix}", -u.limit, u.limit, u.factor, u.si),
+            c.Key(f"quantum_{u.suffix}", 0.0, u.limit, u.factor, u.si),
+        ]
+    return {k.name: k for k in keys}
 
 
 class Tolerances(Table, extra="allow"):
@@ -96,7 +146,7 @@ class Detectors(Table, extra="allow"):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _every(cls, raw: Any, handler: ModelWrapValidatorHandler) -> Any:
+    def _every(cls, raw: Any, handler: Any) -> Any:
         """Enable every detector there is, those of the table's files among them, where none is chosen."""
         wrong = Mistakes()
         if isinstance(raw, dict):
@@ -148,7 +198,7 @@ class Scenario(Table):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _whole(cls, raw: Any, handler: ModelWrapValidatorHandler, info: ValidationInfo) -> Any:
+    def _whole(cls, raw: Any, handler: Any, info: ValidationInfo) -> Any:
         """Check each table, then the tables together: as far as they are right alone where one is wrong."""
         wrong = Mistakes()
         with wrong.caught():
@@ -161,7 +211,7 @@ class Scenario(Table):
         else:
             faults, technology, count = _right_alone(raw, info.context) if isinstance(raw, dict) else ({}, {}, 0)
         with wrong.caught():
-            conflict.check(faults, technology)
+            check_together(faults, technology)
         for i, fault in faults.items():
             for other in fault.others():
                 if other == i or other >= count:

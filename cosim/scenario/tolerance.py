@@ -32,7 +32,8 @@ def toleranced(group: str) -> tuple[str, ...]:
 def meanings(group: str) -> dict[str, tuple[str, str]]:
     """Return {name: (what it is, unit)} of what `toleranced(group)` names."""
     if group == "aero":
-        return {name: (_coefficient(name), "-") for name in toleranced(group)}
+        parts = {name: name.partition("_") for name in toleranced(group)}
+        return {name: (f"{COEFFICIENTS[what]} {PER[over]}", "-") for name, (what, _, over) in parts.items()}
     actuator = TECHNOLOGIES[group].modules()[1]
     package = actuator.__name__.rpartition(".")[0]
     around = [m for m in vars(actuator).values() if inspect.ismodule(m) and m.__name__.startswith(package)]
@@ -40,8 +41,3 @@ def meanings(group: str) -> dict[str, tuple[str, str]]:
     found = (field for source in sources for field in _FIELD.findall(source))
     fields = {name: (text, unit or behind) for name, unit, text, behind in found}
     return {name: fields.get(name, ("", "")) for name in toleranced(group)}
-
-
-def _coefficient(name):
-    what, _, over = name.partition("_")
-    return f"{COEFFICIENTS[what]} {PER[over]}"

@@ -16,14 +16,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, redirect_stdout
 from functools import cache
-from importlib.machinery import (
-    EXTENSION_SUFFIXES,
-    ExtensionFileLoader,
-    FileFinder,
-    ModuleSpec,
-    PathFinder,
-    SourceFileLoader,
-)  # fmt: skip
+from importlib import machinery
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -193,7 +186,7 @@ def _load(path, error):
     before = set(sys.modules)
     _watch()
     _owners[str(path)] = own
-    sys.meta_path.insert(next((i for i, f in enumerate(sys.meta_path) if f is PathFinder), 0), finder)
+    sys.meta_path.insert(next((i for i, f in enumerate(sys.meta_path) if f is machinery.PathFinder), 0), finder)
     spec = importlib.util.spec_from_file_location(name, path, loader=_Source(name, str(path)))
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -238,7 +231,7 @@ def _lies(module, home):
     return isinstance(file, str) and file.startswith(f"{home}{os.sep}") and _counts(Path(os.path.realpath(file)), home)
 
 
-class _Source(SourceFileLoader):
+class _Source(machinery.SourceFileLoader):
     """Compile a source as it stands: compiled code beside it is known by a time in whole seconds, and may be older."""
 
     def get_code(self, fullname: str) -> Any:
@@ -250,13 +243,13 @@ class _Beside:
 
     def __init__(self, own: _Load):
         self._own = own
-        self._kinds = (ExtensionFileLoader, EXTENSION_SUFFIXES), (_Source, [".py"])
+        self._kinds = (machinery.ExtensionFileLoader, machinery.EXTENSION_SUFFIXES), (_Source, [".py"])
 
-    def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> machinery.ModuleSpec | None:
         """Return the spec of a module there, None for any other."""
         for folder in [self._own.home] if path is None else path:
             if path is None or self._own.home in Path(os.path.realpath(folder)).parents:
-                spec = FileFinder(str(folder), *self._kinds).find_spec(name)
+                spec = machinery.FileFinder(str(folder), *self._kinds).find_spec(name)
                 if spec is not None and spec.loader is not None and spec.origin:
                     _owners[os.path.realpath(spec.origin)] = _owners[spec.origin] = self._own
                     return spec

@@ -13,7 +13,7 @@ from cosim.cli.commands import app
 from cosim.errors import LogError, OutputError, ScenarioError
 from cosim.log import open_log
 from cosim.replay import log_schema, replay
-from cosim.scenario import attached
+from cosim.scenario import brought
 from cosim.scenario.aircraft import load_aircraft
 
 LAW = """
@@ -78,7 +78,7 @@ def test_to_look_at_a_log_runs_nothing_of_it(flown, tmp_path, monkeypatch):
 
 def test_a_changed_source_is_not_the_flight_that_was(flown, tmp_path):
     log = open_log(flown)
-    attached.write(log_schema.scenario_tables(log), log.attachments, tmp_path / "x")
+    brought.write(log_schema.scenario_tables(log), log.attachments, tmp_path / "x")
     (tmp_path / "x" / "law" / "gain_of_mine.py").write_text("GAIN = 0.2\n")
     with pytest.raises(ScenarioError, match="is not the file that the scenario means: its digest differs"):
         cosim.simulate(tmp_path / "x" / "scenario.toml")
@@ -95,7 +95,7 @@ def test_no_attachment_leads_out_of_the_folder(flown, tmp_path, name):
     log = open_log(flown)
     held = {**log.attachments, f"user_files/{name}": b""}
     with pytest.raises((LogError, OutputError), match="is damaged: attachment"):
-        attached.write(log_schema.scenario_tables(log), held, tmp_path / "x")
+        brought.write(log_schema.scenario_tables(log), held, tmp_path / "x")
     assert not os.path.exists(tmp_path / "law.py")
 
 
@@ -104,13 +104,13 @@ def test_an_aircraft_that_is_not_the_one_that_flew_is_refused(flown):
     tables = log_schema.scenario_tables(log)
     tables["flight"]["aircraft_sha256"] = "0" * 64
     with pytest.raises(LogError, match="its aircraft is not the one that flew"):
-        attached.bring_aircraft(tables, log.attachments, "log")
+        brought.bring_aircraft(tables, log.attachments, "log")
 
 
 def test_what_is_attached_ends_at_a_size(tmp_path, monkeypatch):
     (tmp_path / "law.py").write_text(LAW.replace("from gain_of_mine import GAIN", "GAIN = 0.1"))
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "table.json").write_text('{"share": 0.5}' + " " * 5000)
-    monkeypatch.setattr(attached, "MOST", 4000)
+    monkeypatch.setattr(brought, "MOST", 4000)
     scenario = cosim.load_scenario("cruise", [f"law.file={tmp_path / 'law.py'}"])
-    assert list(attached.sources(scenario)) == ["user_files/law/law.py"]
+    assert list(brought.sources(scenario)) == ["user_files/law/law.py"]

@@ -8,7 +8,7 @@ from cosim import load_scenario
 from cosim.cli import commands as cli
 from cosim.errors import CosimError, ScenarioError
 from cosim.flight.build import build
-from cosim.replay.params import override
+from cosim.replay.log_schema import override
 from cosim.scenario import parse
 from fdi.registry import module, record
 

@@ -9,8 +9,8 @@ import pytest
 from flight_point import POINT
 
 from cosim.replay.caveats import caveats
+from cosim.replay.log_schema import ReplayError
 from cosim.replay.map import diagnose
-from cosim.replay.params import ReplayError
 from cosim.scenario.aircraft import load_aircraft
 
 RATE = 25.0

@@ -15,10 +15,10 @@ import pytest
 from real_flights import MAPS
 
 import cosim
+from cosim.replay.log_schema import ReplayError
 from cosim.replay.map import diagnose
 from cosim.replay.map_draft import draft
 from cosim.replay.map_file import load_map
-from cosim.replay.params import ReplayError
 from cosim.replay.units import factors
 from cosim.scenario.vocabulary import words
 

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cosim.replay.log_schema import ReplayError
 from cosim.replay.map import diagnose
-from cosim.replay.params import ReplayError
 from cosim.scenario.aircraft import load_aircraft
 
 POINT = "mass_t = 60.0\ncg_pct = 25.0\naltitude_ft = 20000.0\ncas_kt = 270.0"

@@ -11,9 +11,9 @@ from flight_point import POINT
 from typer.testing import CliRunner
 
 from cosim.cli import commands as cli
+from cosim.replay.log_schema import ReplayError
 from cosim.replay.map import diagnose
 from cosim.replay.map_draft import draft, guesses
-from cosim.replay.params import ReplayError
 
 DEG = 180.0 / np.pi
 T = np.arange(0.0, 60.0, 0.02)

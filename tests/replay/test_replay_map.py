@@ -19,10 +19,10 @@ from cosim.flight.detection.detectors import wires
 from cosim.log import open_log
 from cosim.replay import replay
 from cosim.replay.detector_replay import manifest
+from cosim.replay.log_schema import ReplayError
 from cosim.replay.map import diagnose
 from cosim.replay.map_file import load_map
 from cosim.replay.map_signals import resample, ticks
-from cosim.replay.params import ReplayError
 from cosim.report.diagnosis_page import Watched
 from fdi import registry
 

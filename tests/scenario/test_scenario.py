@@ -14,7 +14,7 @@ from cosim.scenario import catalog as c
 from cosim.scenario.elevator import Elevator
 from cosim.scenario.fault import Fault
 from cosim.scenario.flight import cas_kt
-from cosim.scenario.sensors import Sensors
+from cosim.scenario.model import Sensors
 from fdi.registry import DEFAULT
 
 

@@ -12,9 +12,10 @@ from pydantic import ValidationError
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.build import build
 from cosim.flight.fly import record
-from cosim.scenario import Scenario, conflict
+from cosim.scenario import Scenario
 from cosim.scenario.brought import identified
 from cosim.scenario.condition import condition, other_fault, source
+from cosim.scenario.fault import check_together
 from cosim.scenario.load import explained
 from cosim.scenario.problem import Origin
 
@@ -49,7 +50,7 @@ def resolved(scenario: Scenario) -> Scenario:
 def _possible(scenario):
     """Raise ScenarioError when faults of which one has just begun cannot be together."""
     try:
-        conflict.check(dict(enumerate(scenario.faults)), scenario.elevator.technology)
+        check_together(dict(enumerate(scenario.faults)), scenario.elevator.technology)
     except ValidationError as wrong:
         raise explained(wrong, {}, Origin("")) from None
 

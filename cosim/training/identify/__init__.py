@@ -16,9 +16,9 @@ import numpy as np
 
 from cosim.judge.result import plain
 from cosim.replay import clock
+from cosim.replay.log_schema import ReplayError
 from cosim.replay.map import Prepared, prepare
 from cosim.replay.map_signals import sampled, shares
-from cosim.replay.params import ReplayError
 from cosim.scenario.catalog import TECHNOLOGIES
 from cosim.training.identify import flow as valve
 from cosim.training.identify import response, thresholds
