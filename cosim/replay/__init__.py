@@ -91,15 +91,9 @@ def compare(name: str, fields: Any, ticks: np.ndarray, logged: np.ndarray, again
 
 @told_at_call
 def replay(
-    path: str | Path,
-    *,
-    detectors: Any = None,
-    overrides: Any = None,
-    start_s: float = 0.0,
-    output: Any = None,
-    progress: Callable[..., Any] | None = None,
-    guests: Sequence[Any] = (),
-) -> Replay:
+    path: str | Path, *, detectors: Any = None, overrides: Any = None, start_s: float = 0.0, output: Any = None,
+    progress: Callable[..., Any] | None = None, guests: Sequence[Any] = ()
+) -> Replay:  # fmt: skip
     """Replay the log at `path` and return a Replay.
 
     `detectors` chooses some; `overrides` {detector: {parameter: value}} asks what would have been; `start_s` begins

@@ -134,8 +134,7 @@ def _standing(said, valid, alarm, waited, step, t_0):
     if share[min(2 * int(max(waited, DECIDES_S / step)), len(on)) - 1 :].min() < MOST:
         return []
     began, first = np.flatnonzero(valid)[np.argmax(on)], int(np.argmax(valid))
-    return [
-        f"{said}: alarms for {100.0 * share[-1]:.0f} % of its valid time, from {t_0 + began * step:.6g} s "
-        f"(valid from {t_0 + first * step:.6g} s): more likely a model, unit or sign that does not fit than a fault; "
-        "check the map's units and signs, then design for this aircraft (cosim design --aircraft)"
-    ]
+    share_pct, since, ready = 100.0 * share[-1], t_0 + began * step, t_0 + first * step
+    told = f"{said}: alarms for {share_pct:.0f} % of its valid time, from {since:.6g} s (valid from {ready:.6g} s)"
+    return [f"{told}: more likely a model, unit or sign that does not fit than a fault; check the map's units and "
+            "signs, then design for this aircraft (cosim design --aircraft)"]  # fmt: skip

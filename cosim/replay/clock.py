@@ -36,13 +36,10 @@ def rising(t: NDArray, path: object, on_reset: str | None, part: int = 0) -> tup
     if len(found) == 1 and part == 0:
         return t, slice(0, len(t))
     if on_reset is None:
-        k = found[1].start
-        raise LogError(
-            f"the clock goes back from {t[k - 1]:.9g} to {t[k]:.9g} s",
-            place=f"{path}, row {k + 1}",
-            allowed="times that rise",
-            remedy=f"--on-reset split: each of the {len(found)} stretches apart; offset: each follows the one before",
-        )
+        k, place = found[1].start, f"{path}, row {found[1].start + 1}"
+        said = f"the clock goes back from {t[k - 1]:.9g} to {t[k]:.9g} s"
+        remedy = f"--on-reset split: each of the {len(found)} stretches apart; offset: each follows the one before"
+        raise LogError(said, place=place, allowed="times that rise", remedy=remedy)
     if on_reset == "split":
         return t[found[part]], found[part]
     out = t.copy()

@@ -22,17 +22,7 @@ from cosim.flight.plugins.plain import PlainDetector
 from cosim.judge.detection import watch_of
 from cosim.judge.result import judge
 from cosim.log import Log
-from cosim.replay import log_schema
-from cosim.replay.log_schema import (
-    LayoutError,
-    ReplayError,
-    attached,
-    chosen_overrides,
-    older,
-    override,
-    reaches,
-    trusted,
-)
+from cosim.replay import log_schema as schema
 from cosim.scenario import vocabulary
 from fdi import registry
 from fdi.common.record import Detector, Estimate
@@ -90,10 +80,10 @@ def judgement(record: Any, lane: str, culprits: tuple, names: Any, rows: Any, dt
 
 def manifest(log: Log) -> list:
     """Return the list of detectors that a log describes."""
-    found = log_schema.detectors(log)
+    found = schema.detectors(log)
     strange = [d["id"] for d in found if d["id"] not in registry.SHIPPED and "guest" not in d]
     if strange:
-        raise older(log, f"detector {strange[0]!r}")
+        raise schema.older(log, f"detector {strange[0]!r}")
     return found
 
 
@@ -117,21 +107,21 @@ def describe(
     found, place = manifest(log), str(log.path)
     if log.metadata.get("run", {}).get("log_profile") == "signals":
         remedy = "Fly it again with log_profile = 'full' or 'replay'"
-        raise ReplayError("holds signals alone, not what detectors read", place=place, remedy=remedy)
-        raise ReplayError("holds signals alone, not what detectors read", place=str(log.path), remedy=remedy)
+        raise schema.ReplayError("holds signals alone, not what detectors read", place=place, remedy=remedy)
+        raise schema.ReplayError("holds signals alone, not what detectors read", place=str(log.path), remedy=remedy)
     known = [d["id"] for d in found]
     if chosen is not None and not chosen:
-        raise ReplayError("no detector is named", place="--detectors", allowed=", ".join(known))
+        raise schema.ReplayError("no detector is named", place="--detectors", allowed=", ".join(known))
     for name in [*(chosen or ()), *(overrides or {})]:
         if name not in known:
             allowed, remedy = ", ".join(known) or "none", did_you_mean(name, known)
-            raise ReplayError(f"the log has no detector {name!r}", place=place, allowed=allowed, remedy=remedy)
-    chosen_overrides(chosen, overrides)
+            raise schema.ReplayError(f"the log has no detector {name!r}", place=place, allowed=allowed, remedy=remedy)
+    schema.chosen_overrides(chosen, overrides)
     out, first = [], None
     for d in (d for d in found if (not chosen or d["id"] in chosen) and registry.known(d["id"])):
         try:
             out += _wired(log, d, (overrides or {}).get(d["id"], {}))
-        except LayoutError as error:
+        except schema.LayoutError as error:
             if left_out is None or chosen or d["id"] in (overrides or {}):
                 raise
             left_out[d["id"]], first = error.problem, first or error
@@ -143,10 +133,10 @@ def describe(
 def _wired(log, d, changes):
     """Return the lanes of one detector, its parameters with `changes`."""
     record, module = registry.record(d["id"]), registry.module(d["id"])
-    p = attached(log, f"{d['id']}.params", module.PARAMS, len(d["lanes"]))
-    x = attached(log, f"{d['id']}.initial", module.STATE, len(d["lanes"]))
-    trusted(log, record, module, p, x, tick_of(log))
-    override(record, module, p, changes, tick_of(log))
+    p = schema.attached(log, f"{d['id']}.params", module.PARAMS, len(d["lanes"]))
+    x = schema.attached(log, f"{d['id']}.initial", module.STATE, len(d["lanes"]))
+    schema.trusted(log, record, module, p, x, tick_of(log))
+    schema.override(record, module, p, changes, tick_of(log))
     out = []
     for i, lane in enumerate(d["lanes"]):
         own, row = d["inputs"][lane], slice(i, i + 1)
@@ -161,13 +151,13 @@ def _check(log, wired):
     if topic not in log.topics:
         raise LogError(f"the log lacks {topic}, which its detectors.json names", place=str(log.path))
     if len(outputs) != len(log.topics[topic].fields):
-        raise older(log, topic)
+        raise schema.older(log, topic)
     if len(hidden) != (len(log.topics[wired.hidden].fields) if wired.hidden in log.topics else 0):
-        raise older(log, wired.hidden)
+        raise schema.older(log, wired.hidden)
     for name, source, column in wired.inputs:
         there = source in log.topics and column in log.topics[source].fields
         if not there or name.partition("[")[0] not in wired.module.INPUTS.names:
-            raise older(log, f"{source}.{column}, which {wired.id} reads as {name},")
+            raise schema.older(log, f"{source}.{column}, which {wired.id} reads as {name},")
 
 
 def in_stages(wired: Sequence[Lane], place: str = "") -> list[list[int]]:
@@ -279,7 +269,7 @@ def _piece(lane, a, b, tick):
     flat(x)[0, outputs] = lane.logged[row]
     flat(x)[0, hidden] = lane.states[1][np.searchsorted(lane.states[0], k)]
     if wrong := wrong_state(registry.record(lane.id), lane.module, x):
-        raise reaches(f"{lane.hidden}, tick {k}", *wrong)
+        raise schema.reaches(f"{lane.hidden}, tick {k}", *wrong)
     rows = slice(row + 1, b)
     own = {"u": lane.u[:, rows], "ticks": lane.ticks[rows], "logged": lane.logged[rows]}
     return replace(lane, x=x, at=int(k) + lane.every, **own)
@@ -357,7 +347,7 @@ def guest_outputs(log: Log, guest: Any, technologies: dict[str, str]) -> dict[st
     """
     own = guest.DETECTOR
     if not log.spans or log.spans[0][0] or sum(log.spans[-1]) != log.n_ticks:
-        raise ReplayError("ticks are missing, and a guest begins with the flight", place=str(log.path))
+        raise schema.ReplayError("ticks are missing, and a guest begins with the flight", place=str(log.path))
     local = own.level == "local"
     out = {}
     for lane in [s for s, t in technologies.items() if t in own.technologies] if local else ["aircraft"]:
@@ -375,4 +365,4 @@ def _column(log, topic, field):
     for name in (topic.replace("/sensors/", "/observers/"), topic):
         if name in log.topics and field in log.topics[name].fields:
             return log.array(name)[:, log.topics[name].fields.index(field)]
-    raise ReplayError(f"the log has no {topic}.{field}", place=str(log.path))
+    raise schema.ReplayError(f"the log has no {topic}.{field}", place=str(log.path))

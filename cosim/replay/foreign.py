@@ -12,7 +12,7 @@ import numpy as np
 from cosim.errors import CosimError, LogError
 from cosim.files import regular
 from cosim.log.foreign import read_mcap
-from cosim.log.format import LIBRARY, log_error
+from cosim.log.format import OURS, log_error
 from cosim.log.reader import open_log
 from cosim.log.validate import BAD
 from cosim.replay import clock
@@ -31,14 +31,9 @@ _SCALES = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "min": 60.0, "h": 3600.0}  # ends
 
 
 def read_channels(
-    path: str | Path,
-    *,
-    time: str | None = None,
-    on_reset: Any = None,
-    part: int = 0,
-    wanted: Any = None,
-    columns: tuple[str, ...] = (),
-) -> dict:
+    path: str | Path, *, time: str | None = None, on_reset: Any = None, part: int = 0, wanted: Any = None,
+    columns: tuple[str, ...] = ()
+) -> dict:  # fmt: skip
     """Return {channel: DataFrame} of a recording; columns are float64, the index is `t_s` [s], ascending.
 
     A text, MATLAB or Parquet file is one channel, named by the file's stem; `time` names its time column (default: the
@@ -95,8 +90,12 @@ def _together(path, columns):
 def _mcap(path, wanted):
     import pandas as pd
 
-    if _is_ours(path):
-        return open_log(path).frames()
+    regular(path, LogError)
+    try:
+        if OURS(path):
+            return open_log(path).frames()
+    except OSError as error:
+        raise log_error(f"cannot read the file: {error.strerror}", path) from error
     _bounded(path, MOST_BYTES)  # each of its messages is looked at, wanted or not
     read = read_mcap(path, wanted=wanted)
     first = min(times[0] for times, _ in read.values())
@@ -114,15 +113,6 @@ def _bounded(path, most):
     if path.is_file() and (size := path.stat().st_size) > most:
         remedy = "Cut it, or keep the columns that are needed as Parquet"
         raise LogError(f"has {size / 1e9:.3g} GB", place=str(path), allowed=f"{most / 1e9:g} GB", remedy=remedy)
-
-
-def _is_ours(path):
-    regular(path, LogError)
-    try:
-        with path.open("rb") as file:
-            return LIBRARY.encode() in file.read(64)
-    except OSError as error:
-        raise log_error(f"cannot read the file: {error.strerror}", path) from error
 
 
 def columns_of(path: str | Path, columns: tuple[str, ...] = ()) -> list[str]:

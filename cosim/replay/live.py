@@ -42,14 +42,9 @@ class Reel:
 
 
 def show(
-    path: str | os.PathLike,
-    *,
-    port: int,
-    speed: float = 1.0,
-    start_s: float = 0.0,
-    ready: Callable[[Any], None] | None = None,
-    ended: threading.Event | None = None,
-) -> None:
+    path: str | os.PathLike, *, port: int, speed: float = 1.0, start_s: float = 0.0,
+    ready: Callable[[Any], None] | None = None, ended: threading.Event | None = None
+) -> None:  # fmt: skip
     """Serve the log at `path` on `port` of this machine, from `start_s` at `speed`, until Ctrl-C or `ended` is set.
 
     `ready(server)` is called when viewers may come. Raises LogError for a log that cannot be read or has no ticks,

@@ -74,16 +74,9 @@ class Prepared:
 
 
 def prepare(
-    path: str | Path,
-    map_path: Any,
-    *,
-    detectors: Any = None,
-    start_s: float = 0.0,
-    on_reset: Any = None,
-    part: int = 0,
-    guests: Sequence[Any] = (),
-    time: str | None = None,
-) -> Prepared:
+    path: str | Path, map_path: Any, *, detectors: Any = None, start_s: float = 0.0, on_reset: Any = None,
+    part: int = 0, guests: Sequence[Any] = (), time: str | None = None
+) -> Prepared:  # fmt: skip
     """Return the recording at `path` as the map at `map_path` has it; arguments and errors as of `diagnose`."""
     made = [load(g).DETECTOR.id for g in guests]
     check_start(start_s)
@@ -119,18 +112,10 @@ def prepare(
 
 
 def diagnose(
-    path: str | Path,
-    map_path: Any,
-    *,
-    detectors: Any = None,
-    overrides: Mapping[str, Any] | None = None,
-    start_s: float = 0.0,
-    output: str | Path | None = None,
-    on_reset: Any = None,
-    part: int = 0,
-    guests: Sequence[Any] = (),
-    time: str | None = None,
-) -> Diagnosis:
+    path: str | Path, map_path: Any, *, detectors: Any = None, overrides: Mapping[str, Any] | None = None,
+    start_s: float = 0.0, output: str | Path | None = None, on_reset: Any = None, part: int = 0,
+    guests: Sequence[Any] = (), time: str | None = None
+) -> Diagnosis:  # fmt: skip
     """Run the detectors on the recording at `path`, file or folder, by the map at `map_path`; return a Diagnosis.
 
     `detectors` chooses some (default: all), `overrides` {detector: {parameter: value}} changes parameters, `start_s`

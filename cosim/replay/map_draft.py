@@ -105,7 +105,10 @@ def draft(
     steps = [float(np.median(np.diff(t))) for t in clocks.values() if len(t) > 1]
     rates = sorted({round(1.0 / step) for step in steps if step > 0.0})
     proved = Proof(taken, found, clocks, _segment([], own.segments)).proved()
-    return _text(Path(path), proved, found, [_tick(rates), *head], own)
+    told = f"{rates[0]} Hz" if len(rates) == 1 else f"{rates[0]} to {rates[-1]} Hz" if rates else ""
+    other = f": the recording's {told} is brought to it" if rates and rates != [200] else ""
+    tick = f"rate_hz = 200  # tick at which the detectors were designed{other}"
+    return _text(Path(path), proved, found, [tick, *head], own)
 
 
 def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, engines: int = 4) -> Iterable[Guess]:
@@ -206,13 +209,6 @@ def _point(word: str, value: float, own: Aircraft) -> float:
     low, high = {"mass": own.mass.mass_t, "cg": own.mass.cg_pct, "h_baro": own.limits.altitude_ft,
                  "cas": own.limits.cas_kt}[word]  # fmt: skip
     return min(max(value, low), high)
-
-
-def _tick(rates: list[int]) -> str:
-    """Return the line of the detectors' tick beside the sample rates of a recording [Hz]."""
-    told = f"{rates[0]} Hz" if len(rates) == 1 else f"{rates[0]} to {rates[-1]} Hz" if rates else ""
-    other = f": the recording's {told} is brought to it" if rates and rates != [200] else ""
-    return f"rate_hz = 200  # tick at which the detectors were designed{other}"
 
 
 def _text(

@@ -1,51 +1,13 @@
 """The map of `cosim replay --map`: which channels of a foreign recording are which of our signals, in which unit.
 
-    rate_hz = 200                      # tick of the detectors
-    time = "clock_ms"                  # time column of a table (default: found by its name)
-    columns = ["T", "AXCG"]            # names of the columns of a file without a header
-    aircraft = "Citation II"           # that was recorded
-
-    [flight]                           # as in a scenario: the point at which the detectors are set
-    [elevator]                         # technology of each segment, as in a scenario
-    [detectors.iotsekf]                # parameters that differ, as in a scenario
-
-    [signals]
-    alpha = { channel = "AOA", unit = "deg" }
-    "left_inner.rod" = { channel = "LIB_ROD", unit = "mm", sign = -1 }
-    "left_inner.hm0" = { constant = -350.0 }
-
-Signals are named by the words of cosim/scenario/vocabulary.py: sensors (`alpha`, `n_z`, ...), sensors of an actuator
-(`left_inner.rod`), commands of the law (`de_cmd`), the command sent to an actuator
-(`left_inner.valve_command`, `right_inner.current_command`), and the modelled hinge moment
-(`left_inner.hm0`, `left_inner.hmd`). In SI,
+README.md has an example and what each key means. Signals are named by the words of cosim/scenario/vocabulary.py:
+sensors (`alpha`), sensors of an actuator (`left_inner.rod`), commands of the law (`de_cmd`), the command sent to an
+actuator (`left_inner.valve_command`), the modelled hinge moment (`left_inner.hm0`, `.hmd`), or in place of these two a
+measured one (`left_inner.hinge_moment`). In SI,
 
     value = sign scale (unit -> SI) channel + offset
 
-The pressure sensor reads a share of the supply pressure; bar, MPa, kPa and psi are divided by that of the segment's own
-actuator (`[elevator.left_inner.hydraulic] P_s = 2.8e7`). A transducer's channel has a unit per volt or milliampere:
-`unit = "mm/V", scale = 12.5`. A measured hinge moment, or one that is known to be none, is
-
-    "left_inner.hinge_moment" = { channel = "LOAD_KN", unit = "kN" }        # N m, lbf ft, or a load on the rod
-    "left_inner.hinge_moment" = { constant = 0.0 }                          # a bench without air
-
-Interpolation halves white noise and a held command is late by half an interval: detectors of slow signals bear that,
-a filter on a servo-valve command does not, and wants it at the rate at which it was sent.
-
-A sample of a command to an actuator is what is sent at its time and held until the next one; a filter at a tick wants
-what has acted until then, the sample before. `held = true` says that the samples are that already, as `u_held` of our
-own logs is; mixed up, a filter is a tick off and alarms for it.
-
-A unit may be written as people do: deg, [deg], °, (inch), M/S**2. A channel that only stands for the signal, as the
-vane's angle does for the one over the ground, is called a proxy: `proxy = "angle of attack by the vane"`.
-
-A detector of which a signal is missing does not run. `beta = { absent = true }` runs it as with a sensor that is lost
-from the start to the end, which many bear.
-
-A channel is a column of the table, or `/topic.field` of an MCAP file. `resample = "linear"` (default of sensors)
-interpolates between samples, "hold" (default of commands) repeats the last one; both give a sample that lies on a
-tick as it is. A value is valid where its samples are finite and no more than `max_gap_s` apart (default: three of the
-channel's own intervals), and where the channel named by `valid` is above 0.5. An empty cell is a lost sample, unless
-`sparse = true` says that the table holds several rates.
+A channel is a column of the table, or `/topic.field` of an MCAP file.
 """
 
 from collections.abc import Mapping

@@ -177,7 +177,8 @@ def attitude_unit(t: np.ndarray, theta: np.ndarray, n_x: np.ndarray, speed: np.n
 def elevator(t: np.ndarray, de: np.ndarray, q: np.ndarray) -> tuple[float, float]:
     """Return (slope, correlation) of the pitch acceleration over a deflection, without what is slow; negative where
     trailing edge down is +."""
-    a, b = _smooth(_derivative(t, q)), _smooth(de)
+    rate_of_q = np.gradient(q, t) if len(t) > 20 and (np.diff(t) > 0.0).all() else np.zeros(len(t))
+    a, b = _smooth(rate_of_q), _smooth(de)
     a, b = (y[np.isfinite(a) & np.isfinite(b)] for y in (a, b))
     if len(a) < 20:
         return 0.0, 0.0
@@ -210,10 +211,6 @@ def _proved(line, units, low, high, least):
     """Return the unit {name: slope} that `line`, a slope and its correlation, is near to, "" for none."""
     slope, r = line
     return next((u for u, s in units.items() if low < slope / s < high), "") if r >= least else ""
-
-
-def _derivative(t, y):
-    return np.gradient(y, t) if len(t) > 20 and (np.diff(t) > 0.0).all() else np.zeros(len(t))
 
 
 def _slow(t, y):

@@ -74,7 +74,10 @@ def check(m: Any, place: Any, scenario: Scenario) -> None:
     for name, signal in m.signals.items():
         if name not in known:
             how = {"allowed": ", ".join(sorted(known)), "remedy": did_you_mean(name, known)}
-            raise ReplayError(_unread(name, segments), place=f"{place}: signals.{name}", **how)
+            (segment, dot, word), said = name.rpartition("."), "no detector reads such a signal"
+            if dot and word in words() and segment not in segments:
+                said = f"the aircraft of the map has no elevator segment {segment!r}; its own are {', '.join(segments)}"
+            raise ReplayError(said, place=f"{place}: signals.{name}", **how)
         allowed = factors(known[name].unit, shares(scenario, name, known[name]))
         if signal.unit is not None and bare(signal.unit) not in allowed:
             per = f"A transducer's channel: unit = '{next(iter(allowed))}{PER[0]}' with scale"
@@ -91,14 +94,6 @@ def readable(aircraft: Aircraft) -> dict[str, Signal]:
             out |= {w.signal.word: w.signal for w in wires(record, lane, aircraft=aircraft)}
     out = {name: s for name, s in out.items() if s.kind != "detector"}
     return {name: s for name, s in out.items() if not s.technologies or name.rpartition(".")[0] in aircraft.segments}
-
-
-def _unread(name, segments):
-    """Return why no detector reads the signal `name`."""
-    segment, dot, word = name.rpartition(".")
-    if dot and word in words() and segment not in segments:
-        return f"the aircraft of the map has no elevator segment {segment!r}; its own are {', '.join(segments)}"
-    return "no detector reads such a signal"
 
 
 def named(topic: str, channels: Sequence[Any]) -> bool:

@@ -259,19 +259,13 @@ class LoggedFlight:
         return out
 
 
-def _sensor_unit(place):
-    """Return the SI unit of the sensor at bus name `place`, of an actuator ("left_inner_rod") or of the aircraft."""
-    name = place.split(".")[1]
-    known = {**ACTUATOR_SENSORS, **SENSORS}
-    own = max((n for n in known if name == n or name.endswith(f"_{n}")), key=len, default="")
-    return known[own][0].si if own else ""
-
-
 def unit_of(place: str, kind: Any) -> Any:
     """Return the unit in which a fault enters at bus name `place`."""
-    section, _, field = place.split(".", 2)
-    if section == "sensors_in":
-        return "share" if "scale" in field else _sensor_unit(place)
+    section, name, field = place.split(".", 2)
+    if section == "sensors_in":  # of an actuator ("left_inner_rod") or of the aircraft
+        known = {**ACTUATOR_SENSORS, **SENSORS}
+        own = max((n for n in known if name == n or name.endswith(f"_{n}")), key=len, default="")
+        return "share" if "scale" in field else known[own][0].si if own else ""
     if field in ("f_u", "s_u"):
         return "A" if section == "ema_in" else "valve, 1 = full"
     if field in ("f_cmd", "s_cmd"):

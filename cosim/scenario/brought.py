@@ -167,9 +167,13 @@ def write(tables: dict[str, Any], attachments: Mapping[str, bytes], folder: Path
         there = any(path == name or name in path.parents for path in files)
         at.table[at.key] = name.as_posix() if there else Path(at.table[at.key]).name
         missing += [] if there else [at.name]
-    for path, data in {**files, PurePosixPath("scenario.toml"): toml.dumps(tables).encode()}.items():
-        replace(folder / path, lambda part, data=data: part.write_bytes(data))
+    _unpack({**files, PurePosixPath("scenario.toml"): toml.dumps(tables).encode()}, folder)
     return missing
+
+
+def _unpack(files, folder):
+    for path, data in files.items():
+        replace(folder / path, lambda part, data=data: part.write_bytes(data))
 
 
 def bring_aircraft(tables: dict[str, Any], attachments: Mapping[str, bytes], place: str) -> None:
@@ -183,12 +187,9 @@ def bring_aircraft(tables: dict[str, Any], attachments: Mapping[str, bytes], pla
         return
     home = tempfile.TemporaryDirectory(prefix="cosim-aircraft-")
     try:
-        for path, data in files.items():
-            to = Path(home.name) / path
-            to.parent.mkdir(parents=True, exist_ok=True)
-            to.write_bytes(data)
-    except OSError as error:
-        raise LogError(f"its aircraft cannot be written out: {error.strerror}", place=place) from None
+        _unpack(files, Path(home.name))
+    except OutputError as error:
+        raise LogError(f"its aircraft cannot be written out: {error.problem}", place=place) from None
     folder = Path(home.name) / "flight" / Path(at.table[at.key]).name
     if not folder.is_dir() or identity(folder).sha256 != sha256:
         raise LogError("is damaged: its aircraft is not the one that flew", place=place)

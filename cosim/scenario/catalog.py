@@ -150,13 +150,9 @@ def _derive():
         if t.loop_sensor:
             LOOP_SENSOR[t.name] = t.loop_sensor
         kinds |= {name: kind for name, kind in t.kinds.items() if name not in kinds}
+    suffers = {t.name: {*_ALWAYS, *t.effects, t.loop_sensor and "jam_liquid"} for t in TECHNOLOGIES.values()}
     for name, kind in kinds.items():
-        has = tuple(t.name for t in TECHNOLOGIES.values() if _suffers(t, name))
-        ELEVATOR_KINDS[name] = replace(kind, technologies=has)
-
-
-def _suffers(technology, kind):
-    return kind in _ALWAYS or kind in technology.effects or (kind == "jam_liquid" and bool(technology.loop_sensor))
+        ELEVATOR_KINDS[name] = replace(kind, technologies=tuple(t for t, own in suffers.items() if name in own))
 
 
 for _technology in SHIPPED:

@@ -1,11 +1,5 @@
 """A pilot's own inputs over time: `[manoeuvre] kind = "inputs"`, columns of numbers there or in a CSV file beside it.
 
-    [manoeuvre]
-    kind = "inputs"
-    time_s = [0.0, 5.0, 6.5, 8.0]        # or file = "stick.csv", a table with these columns
-    stick  = [0.0, 0.0, 0.1, 0.0]
-    throttle_change = [0.0, 0.0, 0.0, 0.05]
-
 A file is read once, when the scenario is: the scenario then holds its numbers, and so does the log.
 """
 

@@ -117,12 +117,9 @@ def _read(name_or_path):
 
 
 def explained(
-    error: ValidationError,
-    table: dict[str, Any],
-    origin: Origin,
-    root: type[BaseModel] = Scenario,
-    kind: type[CosimError] = ScenarioError,
-) -> CosimError:
+    error: ValidationError, table: dict[str, Any], origin: Origin, root: type[BaseModel] = Scenario,
+    kind: type[CosimError] = ScenarioError
+) -> CosimError:  # fmt: skip
     """Return pydantic's `error` about `table`, a file of model `root`, as an error of `kind` that names every mistake,
     in the order of the file. Of two about one key the first is told, and none that an unknown key explains.
     """

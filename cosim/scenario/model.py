@@ -14,7 +14,7 @@ from cosim.scenario.fault import Fault, check_together
 from cosim.scenario.flight import Flight
 from cosim.scenario.manoeuvre import Cruise, Manoeuvre
 from cosim.scenario.own_actuator import OwnActuator
-from cosim.scenario.problem import MULTIPLIER, Duration, Mistakes, Table, choice, known_keys, problem
+from cosim.scenario.problem import MULTIPLIER, Duration, Mistakes, Table, check_numbers, choice, known_keys, problem
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_file import UserFile
 from cosim.table import Table as Drawn
@@ -49,11 +49,7 @@ class Sensors(Table, extra="allow"):
             with wrong.caught():
                 if name not in units:
                     raise choice(name, units, "sensor", key=name)
-                keys = _sensor_keys(units[name])
-                for key, value in table.items():
-                    if key in keys and not keys[key].accepts(value):
-                        wrong.add("is out of range", key=f"{name}.{key}", allowed=keys[key].range)
-                known_keys(table, keys, f"{name}.")
+                check_numbers(table, _sensor_keys(units[name]), f"key of sensor {name}", name, wrong)
         wrong.check()
         return self
 
@@ -72,11 +68,8 @@ class Sensors(Table, extra="allow"):
 def _sensor_keys(units):
     keys = [c.Key("scale", 0.5, 2.0), c.Key("delay_s", 0.0, 0.15, 1.0, "s")]
     for u in units:
-        keys += [
-            c.Key(f"sigma_{u.suffix}", 0.0, u.limit, u.factor, u.si),
-            c.Key(f"bias_{u.suffix}", -u.limit, u.limit, u.factor, u.si),
-            c.Key(f"quantum_{u.suffix}", 0.0, u.limit, u.factor, u.si),
-        ]
+        lows = {"sigma": 0.0, "bias": -u.limit, "quantum": 0.0}
+        keys += [c.Key(f"{stem}_{u.suffix}", low, u.limit, u.factor, u.si) for stem, low in lows.items()]
     return {k.name: k for k in keys}
 
 
@@ -101,13 +94,8 @@ class Tolerances(Table, extra="allow"):
     def _known(self, info: ValidationInfo):
         wrong = Mistakes()
         for group, table in self:
-            for name, value in table.items():
-                known = of(info).multipliers if group == "aero" else toleranced(group)
-                with wrong.caught():
-                    if name not in known:
-                        raise choice(name, known, "parameter that has a tolerance", key=f"{group}.{name}")
-                    if not MULTIPLIER.accepts(value):
-                        raise problem("is out of range", key=f"{group}.{name}", allowed=MULTIPLIER.range)
+            known = of(info).multipliers if group == "aero" else toleranced(group) if table else ()
+            check_numbers(table, dict.fromkeys(known, MULTIPLIER), "parameter that has a tolerance", group, wrong)
         wrong.check()
         return self
 
@@ -173,9 +161,10 @@ class Detectors(Table, extra="allow"):
         return dict((self.model_extra or {}).get(name, {}))
 
 
-def _profile(name):
-    """Return the log's profile, None for all: that is no part of which flight it is, nor of its id."""
-    return None if name == "full" else name
+# a log's profile, None for all: that is no part of which flight it is, nor of its id
+Profile = Annotated[
+    Literal["full", "replay", "signals"] | None, AfterValidator(lambda name: None if name == "full" else name)
+]
 
 
 class Scenario(Table):
@@ -185,7 +174,7 @@ class Scenario(Table):
     duration_s: Duration = 30.0
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 1
     rate_hz: Annotated[int, Field(ge=50, le=2000)] = 200
-    log_profile: Annotated[Literal["full", "replay", "signals"] | None, AfterValidator(_profile)] = None
+    log_profile: Profile = None
     flight: Flight
     manoeuvre: Manoeuvre = Cruise()
     actuators: dict[str, OwnActuator] = Field(default_factory=dict)  # technologies that the scenario brings along
@@ -281,8 +270,8 @@ class Scenario(Table):
         speed = ", ".join(f"{getattr(f, k):g} {unit}" for k, unit in keys if getattr(f, k))
         point = f"{f.aircraft}, {f.mass_t:g} t, CG {f.cg_pct:g} %, {f.altitude_ft:,.0f} ft, {speed}, {f.weather}"
         long = f"{self.duration_s:g} s at {self.rate_hz} Hz"
-        out = [("flight", f"{long}: {point}, {self.manoeuvre.kind}, seed {self.seed}")]
-        out += [("elevator", ", ".join(f"{seg} {t}" for seg, t in self.elevator.technology.items()))]
+        segments = ", ".join(f"{seg} {t}" for seg, t in self.elevator.technology.items())
+        out = [("flight", f"{long}: {point}, {self.manoeuvre.kind}, seed {self.seed}"), ("elevator", segments)]
         for i, x in enumerate(self.faults):
             own = ", ".join(f"{k} {v:g}" for k, v in (x.model_extra or {}).items())
             out.append((f"fault {i}", f"{x.kind} on {x.target} from {x.start_s:g} s{f' ({own})' if own else ''}"))

@@ -1,13 +1,4 @@
-"""Actuators that a scenario brings along: `[actuators.rig]`, a block in a file or an FMU, named like a technology.
-
-    [actuators.rig]
-    fmu = "rig.fmu"                                      # or file = "rig.py"
-    servo = "hydraulic"                                  # the shipped servo drives it; left out: it has its own
-    inputs.valve_command = { variable = "u", unit = "-" }
-    outputs.surface = { variable = "delta", unit = "deg" }
-    start.surface = { variable = "delta_0", unit = "deg" }
-    parameters = { P_s = 1.4e7 }                         # start values, in the FMU's own units
-"""
+"""Actuators that a scenario brings along: `[actuators.rig]`, a block in a file or an FMU (actuators/README.md)."""
 
 import os
 from contextlib import suppress

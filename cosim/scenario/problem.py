@@ -4,7 +4,7 @@ A validator says `problem`; `Mistakes` collects several; `Origin` knows the line
 `cosim.scenario.load.explained` makes one error of them.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Annotated, Any
@@ -100,6 +100,18 @@ class Table(BaseModel):
     """A frozen table of a scenario: unknown keys, wrong types and numbers that are not finite are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+def check_numbers(numbers: Mapping[str, Any], keys: Mapping[str, Key], what: str, path: str, wrong: Mistakes) -> None:
+    """Tell `wrong` of each of `numbers` {name: value} that is none of `keys`, of which each is a `what`, or out of its
+    range; `path` stands before its name in what is said.
+    """
+    for name, value in numbers.items():
+        with wrong.caught():
+            if name not in keys:
+                raise choice(name, keys, what, key=f"{path}.{name}")
+            if not keys[name].accepts(value):
+                raise problem("is out of range", key=f"{path}.{name}", allowed=keys[name].range)
 
 
 def known_keys(table: Iterable[str], known: Iterable[str], path: str = "") -> None:

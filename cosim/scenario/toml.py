@@ -11,17 +11,13 @@ def dumps(table: dict[str, Any], path: Sequence[str] = ()) -> str:
     for key, value in table.items():
         name = (*path, key)
         if isinstance(value, dict):
-            below.append(_heading(name, value))
+            body = dumps(value, name)
+            below.append(body if body.startswith("\n") else f"\n[{_dotted(name)}]\n{body}")
         elif isinstance(value, list | tuple) and value and isinstance(value[0], dict):
             below += [f"\n[[{_dotted(name)}]]\n{dumps(item, name)}" for item in value]
         elif value is not None:
             lines.append(f"{_key(key)} = {inline(value)}\n")
     return "".join(lines + below)
-
-
-def _heading(name, value):
-    body = dumps(value, name)
-    return f"\n[{_dotted(name)}]\n{body}" if body == "" or not body.startswith("\n") else body
 
 
 def _dotted(name):
