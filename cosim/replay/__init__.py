@@ -36,6 +36,7 @@ from cosim.replay.write import Overlay
 COUNTS = ("rows", "values", "skipped")
 __all__ = ["Difference", "Replay", "ReplayError", "compare", "pieces", "replay", "replay_lane"]
 
+
 @dataclass
 class Difference:
     """One field that is not as logged."""
@@ -200,6 +201,7 @@ def _nothing(log, path, tick):
     if tick and log.spans and tick >= end:
         why, how = "the log ends before that time", {"allowed": f"--from below {end * log.dt_ns / 1e9:g} s"}
     return ReplayError(f"there is nothing to compare: {why}", place=str(path), **how)
+
 
 def _spans(log, wired, tick):
     """Yield (start, stop) of the ticks that are replayed together, from the last whole states up to `tick` on."""

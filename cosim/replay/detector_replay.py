@@ -87,13 +87,11 @@ def manifest(log: Log) -> list:
     return found
 
 
-
 def tick_of(log: Log) -> Any:
     """Return the tick of a log's flight [s]: 1 / rate, which whole nanoseconds are only near to at 333 Hz."""
     rate = log.metadata.get("run", {}).get("rate_hz", "")
-    whole = log.dt_ns * 1e-9
     hertz = int(rate) if rate.isdecimal() and len(rate) < 6 else 0
-    return 1.0 / hertz if hertz and round(1e9 / hertz) == log.dt_ns else whole
+    return 1.0 / hertz if hertz and round(1e9 / hertz) == log.dt_ns else log.dt_ns * 1e-9
 
 
 def describe(
@@ -108,7 +106,6 @@ def describe(
     if log.metadata.get("run", {}).get("log_profile") == "signals":
         remedy = "Fly it again with log_profile = 'full' or 'replay'"
         raise schema.ReplayError("holds signals alone, not what detectors read", place=place, remedy=remedy)
-        raise schema.ReplayError("holds signals alone, not what detectors read", place=str(log.path), remedy=remedy)
     known = [d["id"] for d in found]
     if chosen is not None and not chosen:
         raise schema.ReplayError("no detector is named", place="--detectors", allowed=", ".join(known))

@@ -35,6 +35,7 @@ _Three = Annotated[list[str], Field(min_length=3, max_length=3)]
 
 class _Record(BaseModel, strict=True, extra="forbid"):
     """What a log tells of a guest (cosim/flight/plugins), so that it is judged without its code."""
+
     summary: _Word
     technologies: list[_Name]
     inputs: dict[_Name, _Name]
@@ -49,6 +50,7 @@ class _Record(BaseModel, strict=True, extra="forbid"):
 
 class _Guest(BaseModel, strict=True):
     """Where a guest came from, what it can blame, its record."""
+
     form: Literal["python", "block"]
     file: Annotated[str, Field(max_length=200)]
     sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
@@ -58,6 +60,7 @@ class _Guest(BaseModel, strict=True):
 
 class _Flew(BaseModel, strict=True):
     """A detector, and what is told of it where it is a guest."""
+
     id: _Name
     level: Literal["local", "aircraft", "both"]
     every: Annotated[int, Field(ge=1, le=1_000_000)]

@@ -25,6 +25,7 @@ from cosim.texts import read, toml
 
 class Signal(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """One signal of the map: a channel and how its numbers become SI, a constant in SI, or what it is derived from."""
+
     channel: str | None = None
     constant: float | None = None
     derivative_of: str | None = None  # signal of the map whose rate of change it is (cosim/replay/map_signals.py)
@@ -68,6 +69,7 @@ class Signal(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
 
 class Map(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """A map file; `flight`, `elevator` and `detectors` are a scenario's tables and checked as such."""
+
     title: str = ""
     rate_hz: Annotated[int, Field(ge=50, le=2000)] = 200
     time: str | None = None

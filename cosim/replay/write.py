@@ -31,6 +31,8 @@ def pose_of(topics: Iterable[Topic]) -> Pose | None:
         if t.group == "truth" and set(POSE) <= set(t.fields):
             return Pose(**{n: int(t.index[t.fields.index(n)]) for n in POSE})
     return None
+
+
 class Overlay:
     """Write the log at `path` span after span; use as a context manager. Raises LogError for a log with gaps."""
 

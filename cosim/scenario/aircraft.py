@@ -22,6 +22,7 @@ DEFAULT = "transport"
 Positive = Annotated[float, Field(gt=0.0)]
 Span = Annotated[tuple[float, float], Field(strict=False)]
 
+
 class Geometry(Table):
     """Reference geometry as in the JSBSim model: lengths of the coefficients, and where the CG is counted from."""
 

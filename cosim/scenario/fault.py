@@ -367,6 +367,7 @@ def check_together(faults: Mapping[int, Fault], technology: dict[str, str]) -> N
             taken.append((fault, claim, i))
     wrong.check()
 
+
 def _possible(i, fault, technology):
     if fault.parsed.place not in ("elevator", "actuator_sensor"):
         return

@@ -40,6 +40,7 @@ Column = Annotated[tuple[float, ...], Field(strict=False)]
 
 class Inputs(Table):
     """Fly a table of one's own stick, bank, throttle and stabiliser inputs, or a CSV file with them."""
+
     kind: Literal["inputs"]
     file: str | None = None  # read by `located`, which puts its columns here
     between: Literal["linear", "hold"] = "linear"  # a value between two rows: on the line, or that of the row before

@@ -14,6 +14,7 @@ LoadFactor = Annotated[float, Field(ge=-1.5, le=1.5)]
 class _Manoeuvre(Table):
     hold_speed: bool = False  # the throttles hold the speed; a climb, descent or turn from the start has it anyway
 
+
 class Cruise(_Manoeuvre):
     """Hold the trimmed flight, hands off."""
 
