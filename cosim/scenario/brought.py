@@ -64,28 +64,20 @@ def locate(tables: dict[str, Any], folder: Path | None, place: str) -> dict[str,
 
 def identified(scenario: Any) -> Any:
     """Return the Scenario with the digest of each of its files. Raises ScenarioError where one is not what it means."""
-    own = scenario.detectors.model_extra or {}
-    if not (scenario.law.file or scenario.actuators or own) and ships(scenario.flight.aircraft):
+    own = scenario.law.file or scenario.actuators or scenario.detectors.model_extra
+    if not own and ships(scenario.flight.aircraft):
         return scenario
-    table = scenario.model_dump(mode="python", exclude_none=True)
-    stamped = {}
+    table, stamped = scenario.model_dump(mode="python", exclude_none=True), False
     for at in places(table):
-        where = f"{at.name} = {at.table[at.key]}"
+        where, wanted = f"{at.name} = {at.table[at.key]}", at.table.get(at.digest)
         if not flies(scenario, at) or _known(at):
             continue
-        wanted = at.table.get(at.digest)
-        sha256 = identity(at.table[at.key], functools.partial(ScenarioError, place=where)).sha256
-        if wanted not in (None, sha256):
+        at.table[at.digest] = identity(at.table[at.key], functools.partial(ScenarioError, place=where)).sha256
+        if wanted not in (None, at.table[at.digest]):
             raise ScenarioError(CHANGED, place=where, remedy=AGREE)
-        stamped[at.name.rpartition(".")[0]] = {at.digest: sha256}
-    if not stamped:
-        return scenario
-    update: dict[str, Any] = {k: getattr(scenario, k).model_copy(update=stamped[k]) for k in stamped if "." not in k}
-    update["actuators"] = {
-        n: a.model_copy(update=stamped.get(f"actuators.{n}")) for n, a in scenario.actuators.items()
-    }
-    tables = {n: {**t, **stamped.get(f"detectors.{n}", {})} for n, t in own.items()}
-    return scenario.model_copy(update={**update, "detectors": scenario.detectors.model_copy(update=tables)})
+        stamped = True
+    context = {"aircraft": scenario.aircraft, "actuators": tuple(scenario.actuators)}
+    return type(scenario).model_validate(table, context=context) if stamped else scenario
 
 
 def flies(scenario: Any, at: Place) -> bool:
