@@ -169,13 +169,9 @@ def inventory() -> list[dict[str, str]]:
 
 # Where the sections of the bus stand in the log; those that are not named here are an actuator's or a detector's
 TOPICS = {
-    "truth": "/truth/{lane}",
-    "surfaces": "/surfaces/{lane}",
-    "pilot": "/pilot",
-    "law": "/law",
-    "hinge_model": "/hinge_model/{lane}",
-    "faults": "/faults/f{lane}",
-}
+    "truth": "/truth/{lane}", "surfaces": "/surfaces/{lane}", "pilot": "/pilot", "law": "/law",
+    "hinge_model": "/hinge_model/{lane}", "faults": "/faults/f{lane}",
+}  # fmt: skip
 
 
 def topic(section: str, lane: str) -> str:

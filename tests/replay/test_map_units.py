@@ -14,6 +14,7 @@ from cosim.cli import commands as cli
 from cosim.replay.log_schema import ReplayError
 from cosim.replay.map import diagnose
 from cosim.replay.map_draft import draft, guesses
+from cosim.replay.map_physics import lift_unit
 
 DEG = 180.0 / np.pi
 T = np.arange(0.0, 60.0, 0.02)
@@ -155,3 +156,10 @@ def test_a_signal_that_is_off_by_a_units_factor_is_asked_for(tmp_path):
     assert "left_outer.hinge_moment" in page and "left_outer.hm0" not in page
     (tmp_path / "map.toml").write_text(MAP.format(more=ALL.format(', unit = "deg"')))
     assert not [c for c in diagnose(tmp_path / "flight.csv", tmp_path / "map.toml").caveats if "out of range" in c]
+
+
+def test_a_slope_that_noise_alone_gives_proves_no_unit():
+    rng = np.random.default_rng(3)
+    alpha, noise = rng.normal(0.0, 0.02, 3000), rng.normal(0.0, 1.0, 3000)
+    assert lift_unit(alpha, 20.0 * alpha + 0.01 * noise) == "rad"
+    assert lift_unit(alpha, 20.0 * alpha + 3.0 * noise) == ""

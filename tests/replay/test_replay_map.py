@@ -96,11 +96,8 @@ def test_a_lossless_export_gives_the_same_bits_as_the_native_replay(flight, sign
     new = open_log(tmp_path / "out.mcap")
     for d in manifest(flight):
         for lane in d["lanes"]:
-            again, logged = (
-                new.array(f"/replay/detectors/{d['id']}/{lane}"),
-                flight.array(f"/detectors/{d['id']}/{lane}"),
-            )
-            assert same_bits(again, logged), (d["id"], lane)
+            topic = f"/detectors/{d['id']}/{lane}"
+            assert same_bits(new.array(f"/replay{topic}"), flight.array(topic)), topic
     assert next(s for s in told.signals if s["name"] == "alpha")["valid_pct"] == pytest.approx(100 * (1 - 60 / 1000))
 
 
@@ -135,18 +132,13 @@ def test_other_units_and_signs_agree_to_rounding(flight, signals, tmp_path):
     (tmp_path / "map.toml").write_text(text)
     told = diagnose(tmp_path / "bench.csv", tmp_path / "map.toml", output=tmp_path / "out.mcap")
     new = open_log(tmp_path / "out.mcap")
-    for name in ("iotsekf", "rtsekf", "rtsekf_flight", "position_monitor", "ofc_monitor"):
+    names = {"iotsekf", "rtsekf", "rtsekf_flight", "position_monitor", "ofc_monitor"}
+    for name in names:
         again = new.frame(f"/replay/detectors/{name}/left_inner")
         logged = flight.frame(f"/detectors/{name}/left_inner")
         assert (again["alarm"] == logged["alarm"]).all()
         np.testing.assert_allclose(again["r"], logged["r"], rtol=1e-6, atol=1e-6)
-    assert {r["id"] for r in told.detectors} == {
-        "iotsekf",
-        "rtsekf",
-        "rtsekf_flight",
-        "position_monitor",
-        "ofc_monitor",
-    }
+    assert {r["id"] for r in told.detectors} == names
 
 
 def test_units_of_a_bench_are_read(flight, signals, tmp_path):
@@ -218,20 +210,10 @@ def test_a_command_counts_from_when_it_is_sent(flight, signals, tmp_path):
 
 def test_half_the_rate_is_interpolated_and_slow_detectors_agree(flight, signals, tmp_path):
     bench_frame(signals, 100).to_parquet(tmp_path / "bench.parquet")
-    tight = {"position_monitor": {"threshold": 0.01}}
-    told = diagnose(
-        tmp_path / "bench.parquet",
-        EXAMPLE,
-        detectors=["position_monitor"],
-        overrides=tight,
-        output=tmp_path / "out.mcap",
-    )
-    native = next(
-        d["replayed"]
-        for d in replay(flight.path, detectors=["position_monitor"], overrides=tight).detectors
-        if d["target"] == "elevator.left_inner"
-    )
-    (row,) = told.detectors
+    how = {"detectors": ["position_monitor"], "overrides": {"position_monitor": {"threshold": 0.01}}}
+    (row,) = diagnose(tmp_path / "bench.parquet", EXAMPLE, output=tmp_path / "out.mcap", **how).detectors
+    lanes = {d["target"]: d["replayed"] for d in replay(flight.path, **how).detectors}
+    native = lanes["elevator.left_inner"]
     assert native["alarm"] and row["first_alarm_s"] == pytest.approx(native["detected_at_s"], abs=0.05)
     assert row["isolated"] == native["isolated"]
     again = open_log(tmp_path / "out.mcap").frame("/input/position_monitor/left_inner")
