@@ -71,8 +71,7 @@ def unlogged(record: Any, lane: str, module: Any, u: np.ndarray, p: np.ndarray, 
 
 def judgement(record: Any, lane: str, culprits: tuple, names: Any, rows: Any, dt: float, faults: Sequence) -> dict:
     """Return the entry of a lane (`judge`) of its outputs `rows` (n, fields), fields by `names`, at ticks of `dt` [s];
-    of `record` the id, the level and the ticks from step to step are read.
-    """
+    of `record` the id, the level and the ticks from step to step are read."""
     target = f"elevator.{lane}" if record.level == "local" else "aircraft"
     watch = watch_of(record.id, record.level, target, culprits, {n: i for i, n in enumerate(names)})
     return judge(watch, rows, dt * record.every, faults)

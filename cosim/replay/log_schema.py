@@ -227,8 +227,7 @@ def older(log: Log, what: str) -> LayoutError:
 
 def attached(log: Log, name: str, kind: Any, lanes: int) -> np.ndarray:
     """Return the structured array (lanes,) in attachment `name`, of dtype `kind`. Raises LogError for another layout,
-    or none.
-    """
+    or none."""
     try:
         found = array(log, name)
     except KeyError as error:

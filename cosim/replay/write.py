@@ -15,8 +15,7 @@ POSE = ("lat", "lon", "h", "phi", "theta", "psi")
 
 def stacked(topics: Iterable[tuple[str, Any, str]]) -> tuple[list[Topic], int]:
     """Return (Topics of one tick vector, its length) of (name, what has fields, units, every and a description, group),
-    one behind the other.
-    """
+    one behind the other."""
     out, at = [], 0
     for name, t, group in topics:
         index = np.arange(at, at + len(t.fields))

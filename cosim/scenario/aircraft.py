@@ -236,8 +236,7 @@ def placed(sha256: str, folder: Path | None = None) -> Path | None:
 
 def load_aircraft(name: str = DEFAULT, sha256: str | None = None) -> Aircraft:
     """Return the record of a bundled aircraft, or of the folder `name`, or of the one that a log has brought with the
-    digest `sha256`; raises ScenarioError.
-    """
+    digest `sha256`; raises ScenarioError."""
     if ships(name):
         return _read(FOLDER / name)
     if sha256 in _placed:

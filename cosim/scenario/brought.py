@@ -44,8 +44,7 @@ def places(tables: dict[str, Any]) -> Iterator[Place]:
 
 def locate(tables: dict[str, Any], folder: Path | None, place: str) -> dict[str, Any]:
     """Return the tables of a scenario with every file as a path of this machine: it lies beside the scenario's own file
-    (`folder`), or where the path leads from here. Raises ScenarioError for one that is not there.
-    """
+    (`folder`), or where the path leads from here. Raises ScenarioError for one that is not there."""
     if next(places(tables), None) is None:
         return tables
     out, wrong = copy.deepcopy(tables), Mistakes()
@@ -170,8 +169,7 @@ def _unpack(files, folder):
 
 def bring_aircraft(tables: dict[str, Any], attachments: Mapping[str, bytes], place: str) -> None:
     """Make the attached aircraft of a log known, which is data, so that its scenario can be read. Raises LogError where
-    it is not the one that the scenario means.
-    """
+    it is not the one that the scenario means."""
     at = next((at for at in places(tables) if at.key == "aircraft"), None)
     sha256 = at and at.table.get(at.digest)
     files = {path: data for path, data in _files(attachments) if path.parts[0] == "flight"}

@@ -118,8 +118,7 @@ ELEVATOR_KINDS: dict[str, Kind] = {}
 
 def register(technology: Technology, *, brought: bool = False) -> None:
     """Let scenarios name `technology`, its sensors and its kinds of fault; ValueError where it contradicts another. One
-    that a scenario has `brought` along is that scenario's alone.
-    """
+    that a scenario has `brought` along is that scenario's alone."""
     for name, sensor in technology.sensors.items():
         if ACTUATOR_SENSORS.get(name, sensor.units) != sensor.units:
             raise ValueError(f"sensor {name!r} of {technology.name!r} has other units than another technology's")
@@ -161,8 +160,7 @@ for _technology in SHIPPED:
 
 def optional_keys(kind: str, target: str, aircraft: Aircraft) -> tuple[Key, ...]:
     """Return the keys that `kind` may have on `target`; a runaway's limit is by default the stop it drives to, and only
-    a chirp has a rate of its frequency.
-    """
+    a chirp has a rate of its frequency."""
     if kind in OSCILLATIONS:
         return (SWEEP,)
     if kind != "runaway":

@@ -251,8 +251,7 @@ def _number(value, key):
 
 def _magnitudes(name, kind, full, aircraft, wrong):
     """Check the kind's own numbers (one of `one_of`, all `keys`, nothing else); fill defaults in place. What is wrong
-    goes to `wrong`, but what an unknown key explains.
-    """
+    goes to `wrong`, but what an unknown key explains."""
     one_of, at = kind.one_of, full.get("at")
     if name.startswith("ofc_") and isinstance(at, str) and at in c.AMPLITUDES_AT:
         one_of = tuple(k for k in one_of if k.name in c.AMPLITUDES_AT[at])
@@ -345,8 +344,7 @@ def parse_target(text: str, aircraft: Aircraft) -> Target:
 
 def check_together(faults: Mapping[int, Fault], technology: dict[str, str]) -> None:
     """Raise for every fault {its number: Fault} that its actuator cannot have, or that overlaps another in what it
-    takes over; when one that waits for its condition will do so is not known yet.
-    """
+    takes over; when one that waits for its condition will do so is not known yet."""
     wrong = Mistakes()
     taken: list[tuple[Fault, tuple, int]] = []
     for i, fault in faults.items():

@@ -89,8 +89,7 @@ class Inputs(Table):
 
 def mistake(columns: Mapping[str, Any], stabiliser: tuple[float, float]) -> tuple[str, int | None, str, str] | None:
     """Return the first mistake of a table as (column, row from 0 or None, what is wrong, what is allowed); None when
-    there is none. `stabiliser` are its stops [deg].
-    """
+    there is none. `stabiliser` are its stops [deg]."""
     spans = {**RANGES, "stabiliser_deg": stabiliser}
     total = sum(len(values) for values in columns.values() if isinstance(values, Sequence))
     if total > MOST:
@@ -120,8 +119,7 @@ def mistake(columns: Mapping[str, Any], stabiliser: tuple[float, float]) -> tupl
 
 def located(table: dict, folder: Path | None, place: str) -> dict:
     """Return the tables of a scenario with the columns of its file of inputs in its place; the file is sought beside
-    the scenario's own (`folder`), or from here. Raises ScenarioError with the row.
-    """
+    the scenario's own (`folder`), or from here. Raises ScenarioError with the row."""
     own = table.get("manoeuvre")
     if not (isinstance(own, dict) and own.get("kind") == "inputs" and isinstance(own.get("file"), str)):
         return table

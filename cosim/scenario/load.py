@@ -71,8 +71,7 @@ def load_scenario(name_or_path: str | os.PathLike = DEFAULT, overrides: str | It
 
 def located(table: dict[str, Any], name: str | os.PathLike) -> dict[str, Any]:
     """Return the tables of scenario `name` with the files of its guests found, beside it or from here, and that of
-    its inputs read.
-    """
+    its inputs read."""
     path = Path(str(name))
     folder = path.parent if os.path.isfile(path) else None
     return inputs.located(locate(table, folder, str(name)), folder, str(name))
@@ -80,8 +79,7 @@ def located(table: dict[str, Any], name: str | os.PathLike) -> dict[str, Any]:
 
 def parse(table: dict[str, Any], *, place: str = "scenario", origin: Callable[[], Origin] | None = None) -> Scenario:
     """Return the Scenario of nested dicts; raises ScenarioError that names every mistake with `place` or, where
-    `origin` tells it, the line or override, key, value and what is allowed.
-    """
+    `origin` tells it, the line or override, key, value and what is allowed."""
     own_actuator.take(table)
     own = tuple(table["actuators"]) if isinstance(table.get("actuators"), dict) else ()
     try:
@@ -121,8 +119,7 @@ def explained(
     kind: type[CosimError] = ScenarioError
 ) -> CosimError:  # fmt: skip
     """Return pydantic's `error` about `table`, a file of model `root`, as an error of `kind` that names every mistake,
-    in the order of the file. Of two about one key the first is told, and none that an unknown key explains.
-    """
+    in the order of the file. Of two about one key the first is told, and none that an unknown key explains."""
     found: dict[str, tuple] = {}
     for one in error.errors(include_url=False):
         key, *said = _said(one, table, root)

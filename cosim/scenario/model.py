@@ -24,8 +24,7 @@ from fdi.registry import DEFAULT, GUESTS, SHIPPED
 @dataclass(frozen=True)
 class SensorSetting:
     """A sensor's own deviations from its set, in its own unit; None means as in the set. `scale` is the error (0 is
-    exact).
-    """
+    exact)."""
 
     sigma: float | None = None
     bias: float | None = None
@@ -55,8 +54,7 @@ class Sensors(Table, extra="allow"):
 
     def setting(self, name: str, own: Any = lambda unit: 1.0) -> SensorSetting:
         """Return the SensorSetting of sensor `name`; `own(unit)` is what one SI `unit`, or share of a nominal value
-        ("of supply", ...), is in the sensor's own unit.
-        """
+        ("of supply", ...), is in the sensor's own unit."""
         table = (self.model_extra or {}).get(name, {})
         keys = _sensor_keys({**c.SENSORS, **c.ACTUATOR_SENSORS}[name])
         values = {k.split("_")[0]: v * keys[k].factor * own(keys[k].si) for k, v in table.items()}
@@ -310,8 +308,7 @@ class Scenario(Table):
 
 def _right_alone(raw, context):
     """Return ({number: Fault}, {segment: technology}, how many are listed) of the faults that are right taken alone;
-    none of them where the elevator is wrong.
-    """
+    none of them where the elevator is wrong."""
     elevator = _valid(Elevator, raw.get("elevator", {}), context)
     listed = raw["faults"] if elevator and isinstance(raw.get("faults"), list) else []
     faults = {i: fault for i, one in enumerate(listed) if (fault := _valid(Fault, one, context))}

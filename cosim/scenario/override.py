@@ -32,8 +32,7 @@ def applied(
     table: dict[str, Any], overrides: Iterable[str]
 ) -> tuple[dict[str, Any], Mistakes, list[tuple[str, str]]]:
     """Return a copy of `table` with every override that can be applied, the errors of the others, and (key, "--set
-    key=value") of each applied.
-    """
+    key=value") of each applied."""
     out, wrong, said = copy.deepcopy(table), Mistakes(), []
     for text in overrides:
         key, equals, value = text.partition("=")

@@ -104,8 +104,7 @@ class Table(BaseModel):
 
 def check_numbers(numbers: Mapping[str, Any], keys: Mapping[str, Key], what: str, path: str, wrong: Mistakes) -> None:
     """Tell `wrong` of each of `numbers` {name: value} that is none of `keys`, of which each is a `what`, or out of its
-    range; `path` stands before its name in what is said.
-    """
+    range; `path` stands before its name in what is said."""
     for name, value in numbers.items():
         with wrong.caught():
             if name not in keys:

@@ -102,8 +102,7 @@ def identity_unrun(folder: Path) -> str:
 
 def contents(path: str | os.PathLike) -> dict[str, Path]:
     """Return {name: path} of what a file or folder is made of, names from its folder on; a Python file is loaded. What
-    lies elsewhere is left out.
-    """
+    lies elsewhere is left out."""
     path = Path(os.path.realpath(os.path.expanduser(path)))
     files = load(path).files if path.suffix == ".py" else _all(path)
     return {file.relative_to(path.parent).as_posix(): file for file in files if path.parent in file.parents}
