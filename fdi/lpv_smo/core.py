@@ -308,7 +308,7 @@ def learn(x, p, dt, elevator, n_z, alpha):
     """
     if x.learned > 0.5 or p.t_learn <= 0.0 or x.age <= p.t_settle:
         return
-    if x.rho[R - 1] > p.mach_max or x.calm <= 0.0 or x.gust > (NEAR * p.gust_max) ** 2:
+    if x.rho[R - 1] > p.mach_max or x.calm <= 0.0:
         return
     x.n_learn += 1.0
     x.sums[0] += (elevator - x.sums[0]) / x.n_learn
