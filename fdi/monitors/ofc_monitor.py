@@ -302,7 +302,7 @@ def learn(x, e, p, dt):
     weight = dt  # what is beyond the limit is no response: a fault, or that it has healed
     for b in range(B):
         part = limit(x, p, b) / max(x.wake[b], limit(x, p, b))
-        weight = min(weight, dt * part * part)
+        weight = min(weight, dt * part * part * part * part)  # so that a larger residual teaches less
     for i in range(N):
         for j in range(N):
             x.block[i, j] += weight * x.moves[i] * x.moves[j]
