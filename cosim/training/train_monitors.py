@@ -52,7 +52,7 @@ def survey_ofc_monitor(recorded: Any) -> dict[str, np.ndarray]:
     N) the response that is learned at the end.
     """
     p, out = ofc_monitor.params(threshold=1.0), np.zeros((ofc_monitor.B, len(SHARES)))  # no alarm: it learns throughout
-    log = watch(recorded, ofc_monitor, p, ("e_band", "ref_peak", "unknown", "response"))
+    log = watch(recorded, ofc_monitor, p, ("e_band", "ref_peak", "unknown", "limited", "response"))
     for b, k in np.ndindex(out.shape):
         p["share"] = SHARES[k]
         low, high = -1, len(GRID)  # the largest that counts is at or above low, below high
@@ -60,7 +60,7 @@ def survey_ofc_monitor(recorded: Any) -> dict[str, np.ndarray]:
             middle = (low + high) // 2
             p["threshold"] = GRID[middle]
             counts = any(_counts(ofc_monitor.init(p)[0], p[0], b, own["e_band"][:, b], own["ref_peak"][:, b],
-                                 own["unknown"], DT) for own in log)  # fmt: skip
+                                 np.maximum(own["unknown"], own["limited"]), DT) for own in log)  # fmt: skip
             low, high = (middle, high) if counts else (low, middle)
         out[b, k] = GRID[low] if low >= 0 else 0.0
     return {"threshold": out, "motion": log["ref_peak"].mean(axis=(0, 1)), "response": log["response"][:, -1]}
@@ -70,8 +70,7 @@ def survey_ofc_monitor(recorded: Any) -> dict[str, np.ndarray]:
 def _counts(x, p, b, e, motion, unknown, dt):
     """Return whether a residual (ticks,) beside the reference's `motion`, of a response of which the share `unknown` is
     not known yet, ever makes an oscillation in band `b`."""
-    for i in range(ofc_monitor.COUNT):
-        x.ages[b, i] = ofc_monitor.LONG_AGO
+    x.ages[:] = x.lasts[:] = ofc_monitor.LONG_AGO
     for k in range(len(e)):
         x.e_band[b] = e[k]
         x.ref_peak[b] = motion[k]

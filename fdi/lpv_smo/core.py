@@ -14,6 +14,9 @@ from fdi.lpv_smo.kernels import affine, affine_scalar, held_first_order, trim_ma
 N, P, M, R, T = 7, 6, 2, 4, 35  # states, outputs, inputs, scheduling parameters, terms of a cubic trim map
 NB = 32  # most boxes
 NEAR = 0.9  # of the largest rms of gusts: beyond it nothing is said
+# share by which beta = 1 / sqrt(1 - M^2) may change while offsets are learned, as coefficients may be off: a mean on
+# the way down from where a box ends holds nowhere
+STEADY = 0.05
 MARGIN = 1.4  # of half a box from its middle: beyond a fifth of its width the affine model is no longer believed
 STAY = 1.25  # so far a box is kept though another one fits better
 DELAY = 12  # of the commands: beyond 5 ms at 2 kHz [ticks]
@@ -308,8 +311,11 @@ def learn(x, p, dt, elevator, n_z, alpha):
     """
     if x.learned > 0.5 or p.t_learn <= 0.0 or x.age <= p.t_settle:
         return
-    if x.rho[R - 1] > p.mach_max or x.calm <= 0.0 or x.gust > (NEAR * p.gust_max) ** 2:
+    if x.rho[R - 1] > p.mach_max or x.calm <= 0.0:
         return
+    squared = x.rho[R - 1] * x.rho[R - 1]  # d beta / beta = M^2 / (1 - M^2) dV / V, over the ground: no gust moves it
+    if math.fabs(x.v_s - x.v_0) * squared > STEADY * x.v_0 * (1.0 - squared):
+        x.v_0, x.n_learn = x.v_s, 0.0
     x.n_learn += 1.0
     x.sums[0] += (elevator - x.sums[0]) / x.n_learn
     x.sums[1] += (n_z - x.sums[1]) / x.n_learn

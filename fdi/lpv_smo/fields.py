@@ -168,6 +168,7 @@ STATE = dtype(
         ("doubt", "f8", "rad"),  # what the wind's deviation may be worth as an angle of a gust
         ("learned", "f8", "-"),  # 1 when the offset holds
         ("n_learn", "f8", "-"),
+        ("v_0", "f8", "m/s"),  # speed where learning began
         ("sums", "f8", (3,)),  # running means of the offset: deg, g, deg
         ("offset", "f8", (3,)),
         ("path", "f8", "rad"),  # alpha_hat through a lag of tau_f

@@ -324,7 +324,8 @@ def step(x, u, p, dt):
     air = x.path + x.gust_hat  # without the vane, whose fault is no stall
     # where lift has bent, gust_hat is what is missing of it: level flight in the gusts that blow must not get there
     steep = max(max(x.path, air), x.eq[0] * RAD_PER_DEG + math.sqrt(x.gust)) > p.alpha_max or -x.A[0, 0] < p.lift_min
-    linear = math.fabs(x.away) <= p.away_max and not steep
+    blown = math.fabs(x.gust_hat) > p.gust_max or x.gust > (NEAR * p.gust_max) ** 2
+    linear = math.fabs(x.away) <= p.away_max and not steep and not blown
     x.calm = x.calm + dt if linear else 0.0
     if why == VALID:
         if usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid) < 0.5:
@@ -335,7 +336,7 @@ def step(x, u, p, dt):
             why = BOX_MACH
         elif x.learned < 0.5 and p.t_learn > 0.0:
             why = NOT_READY
-        elif x.calm < min(x.age, p.t_recover) - 0.5 * dt or x.gust > (NEAR * p.gust_max) ** 2:
+        elif x.calm < min(x.age, p.t_recover) - 0.5 * dt:
             why = BOX_ALPHA
         elif p.bank_max > 0.0 and math.fabs(u.phi) > p.bank_max and usable(u.phi, u.phi_valid) > 0.5:
             why = BANK

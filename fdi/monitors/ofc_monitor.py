@@ -5,7 +5,11 @@
     r     = largest |e_band| / (threshold + (share + UNKNOWN unknown) of the reference's motion there)
 
 In each sub-band the crossings of alternately +threshold and -threshold are counted over a sliding window of as
-many half periods of the band's lowest frequency. An alarm needs `half_periods` of them.
+many half periods of the band's lowest frequency. An alarm needs `half_periods` of them, the last swing beyond the
+`wake` of those before it, which fades by e over such a half period: the filters answer a step of the rod, as when a
+fault begins or heals, with alternating swings as well, but from the third on each is .40, .22, .09 of the one before
+after .9, 1.4, 1.7 s (the sub-band from 0.4 Hz). An oscillation's do not shrink. In that sub-band, whose answer lasts
+into the next step, all four must be beyond the wake, until the alarm stands.
 
 A servo follows its reference with a response that depends on tolerances and, by the hinge load's stiffness, on
 airspeed. The error poles of the servo are at -a = -25 rad/s (`actuators.hydraulic.servo`), so that to first order what
@@ -15,8 +19,9 @@ last LEARN seconds without an alarm, from what a healthy servo leaves on the mea
 once, and taken back where an oscillation is counted meanwhile. `departure` is the largest gain of what has been learned
 beside that; beyond `most`, which the tolerances do not reach, the servo is not the one that the thresholds are made
 for, and the monitor is not valid. `unknown` is the share of theta that is still the usual one, for want of motion to
-learn from, as in the first manoeuvre after still air. Whether an oscillation adds to the command or has taken its place
-is told by fdi/monitors/liquid_or_solid.py.
+learn from, as in the first manoeuvre after still air. A reference at its limits of rate or acceleration moves otherwise
+than the servo at those of its valve, which no theta describes: for a while (`limited`) as much is unknown. Whether an
+oscillation adds to the command or has taken its place is told by fdi/monitors/liquid_or_solid.py.
 """
 
 import math
@@ -41,11 +46,9 @@ B = len(BANDS)
 COUNT = 4  # crossings kept
 HISTORY = 10  # reference positions kept: 5 ms at 2 kHz
 LONG_AGO = 1e3  # [s]
-ROOT_LEAST = servo.ROOT_LEAST
 TAU_DP = 0.0224  # lag of the pressure [s]
 HIGH_HZ = 0.4  # high-pass of what is learned and weighed [Hz]
-# second high-pass of the lowest sub-band [Hz]: at HIGH_HZ a step makes four alternating swings of it, at 0.2 gusts do
-BELOW = 0.25
+AT_LIMIT = 0.95  # of the reference's largest rate or acceleration: from here on it moves as its limits let it
 MEMORY = 2.0  # of the reference's motion, in periods of the band's lower edge
 LEARN = 20.0  # memory of the servo's response: some ten periods of the lowest sub-band [s]
 BLOCK = 3.0  # what is learned is one to two blocks old: an oscillation has been counted by then [s]
@@ -106,6 +109,8 @@ STATE = dtype(
         ("low", "f8", (B, 2)),
         ("e_band", "f8", (B,), "m"),  # residual by band
         ("side", "f8", (B,), "-"),  # side of the last counted crossing
+        ("wake", "f8", (B,), "m"),  # what the filters may still make of swings before
+        ("lasts", "f8", (B,), "s"),  # time since the last crossing that made an oscillation
         ("ages", "f8", (B, COUNT), "s"),  # time since the last crossings, newest first
         ("ref_high", "f8", (B, 2)),  # filter states of the reference
         ("ref_low", "f8", (B, 2)),
@@ -121,6 +126,7 @@ STATE = dtype(
         ("work", "f8", (N, N + 1), "m2 s"),  # scratch
         ("response", "f8", (N,), "-"),  # learned theta
         ("unknown", "f8", "-"),  # share of it that is the usual one still
+        ("limited", "f8", "-"),  # 1 where the reference moves at its limits, fading afterwards
         ("departure", "f8", "-"),  # largest gain of what it is beside the usual one
         *liquid_or_solid.STATE,
         ("timer", "f8", "s"),  # time for which the alarm is still held
@@ -191,9 +197,7 @@ def params(
     edge, rate = math.radians(0.1), math.radians(40.0)  # of the servo's reference
     ends = {"r_lo": linkage.rod(low + edge, arm), "r_hi": linkage.rod(high - edge, arm), "v_max": arm * rate}
     edges = np.array(BANDS)
-    corners = edges.copy()
-    corners[0, 0] = BELOW
-    g = np.tan(np.pi * corners * dt)
+    g = np.tan(np.pi * edges * dt)
     a1 = 1.0 / (1.0 + g * (g + math.sqrt(2.0)))  # Butterworth
     wide = math.tan(math.pi * HIGH_HZ * dt)
     a = -math.expm1(-servo.POLE * dt)
@@ -252,27 +256,29 @@ def filtered(s, v, a1, g):
 @kernel
 def limit(x, p, b):
     """Return what band b's residual has to exceed [m]."""
-    return p.threshold[b] + (p.share[b] + UNKNOWN * x.unknown) * x.ref_peak[b]
+    return p.threshold[b] + (p.share[b] + UNKNOWN * max(x.unknown, x.limited)) * x.ref_peak[b]
 
 
 @kernel
 def count(x, p, b, dt):
     """Count band b's alternating crossings; return whether they make an oscillation now."""
+    x.lasts[b] += dt
     for i in range(COUNT):
-        x.ages[b, i] = min(x.ages[b, i] + dt, LONG_AGO)
-    v = x.e_band[b] / limit(x, p, b)
-    if math.fabs(v) >= 1.0 and v * x.side[b] <= 0.0:
+        x.ages[b, i] += dt
+    v, most, n, half = x.e_band[b], limit(x, p, b), int(p.half_periods), 0.5 / p.f_low[b]
+    begins = max(most, x.wake[b]) if b == 0 and x.timer <= 0.0 else most
+    if math.fabs(v) >= begins and v * x.side[b] <= 0.0:
         x.side[b] = 1.0 if v > 0.0 else -1.0
         for i in range(COUNT - 1, 0, -1):
             x.ages[b, i] = x.ages[b, i - 1]
         x.ages[b, 0] = 0.0
-    n = int(p.half_periods)
-    half = 0.5 / p.f_low[b]
     span = x.ages[b, n - 1] - x.ages[b, 0]
-    if x.ages[b, 0] > half or span > (n - 1) * half or span <= 0.0:
-        return False
-    x.ofc_hz = 0.5 * (n - 1) / span
-    return True
+    x.wake[b] *= 1.0 - dt / half
+    if math.fabs(v) >= max(most, x.wake[b]) and x.ages[b, 0] <= half and 0.0 < span <= (n - 1) * half:
+        x.lasts[b] = x.ages[b, 0]
+        x.ofc_hz = 0.5 * (n - 1) / span
+    x.wake[b] = max(x.wake[b], math.fabs(v))
+    return x.lasts[b] <= half
 
 
 @kernel
@@ -293,7 +299,10 @@ def learn(x, e, p, dt):
     """Learn how the residual `e` [m] goes with the Laguerre functions of the reference's motion."""
     for i in range(N):
         e -= p.usual[i] * x.moves[i]
-    weight = dt / max(1.0, x.r * x.r)  # what is beyond the limit is no response: a fault, or that it has healed
+    weight = dt  # what is beyond the limit is no response: a fault, or that it has healed
+    for b in range(B):
+        part = limit(x, p, b) / max(x.wake[b], limit(x, p, b))
+        weight = min(weight, dt * part * part * part * part)  # so that a larger residual teaches less
     for i in range(N):
         for j in range(N):
             x.block[i, j] += weight * x.moves[i] * x.moves[j]
@@ -351,10 +360,13 @@ def predict(x, p, dt):
     for i in range(HISTORY, 0, -1):
         x.past[i] = x.past[i - 1]
     away = x.target - x.q_est
-    most = p.v_max * max(opening(away, x.x3), ROOT_LEAST)
+    most = p.v_max * max(opening(away, x.x3), servo.ROOT_LEAST)
     v = clipped(p.k1 * away, most)
     a = clipped(p.k2 * (v - x.qd_est), p.a_max)
     j = clipped(p.k3 * (a - x.qdd_est), p.j_max)
+    x.limited *= 1.0 - dt * p.f_low[0] / MEMORY
+    if math.fabs(x.qd_est) > AT_LIMIT * p.v_max or math.fabs(x.qdd_est) > AT_LIMIT * p.a_max:
+        x.limited = 1.0
     x.q_est += dt * (x.qd_est + dt * (x.qdd_est / 2.0 + dt * j / 6.0))
     x.qd_est += dt * (x.qdd_est + dt * j / 2.0)
     x.qdd_est += dt * j
@@ -373,17 +385,15 @@ def step(x, u, p, dt):
             return
         x.started = x.unknown = 1.0
         x.q_est = x.y  # the first command, noise of the law's sensors in it, is still to be followed
-        for i in range(HISTORY + 1):
-            x.past[i] = x.y
+        x.past[:] = x.y
         x.wide[1, 1] = x.y  # the high-pass starts in equilibrium
         for k in range(N):
             x.response[k] = p.usual[k]
-        for b in range(B):
-            for i in range(COUNT):
-                x.ages[b, i] = LONG_AGO
+        x.ages[:] = LONG_AGO
+        x.lasts[:] = LONG_AGO
     x.age = 0.0 if good > 0.5 else x.age + dt
-    x.e = x.y - x.past[int(p.delay)]
     reference = x.past[int(p.delay)]
+    x.e = x.y - reference
     _, e, _ = filtered(x.wide[0], x.e, p.wide[0], p.wide[1])
     _, m, _ = filtered(x.wide[1], reference, p.wide[0], p.wide[1])
     laguerre(x, m, p)

@@ -9,6 +9,7 @@ from cosim.flight.loop.signals import detect, fly
 from cosim.scenario import load_scenario
 from fdi.common.verdict import OFC_LIQUID
 from fdi.lpv_smo import lpv_smo
+from fdi.lpv_smo.core import learn
 
 ONSET, WIRES = 14.0, sources("lpv_smo")
 FIELDS = ("f_hat_elevator", "alarm_elevator", "verdict", "valid")
@@ -82,3 +83,15 @@ def test_a_stall_is_no_gust_that_hides_faults_afterwards():
 
     (late, valid), (later, _) = found(), found(gust_max=1.0)
     assert late < 1.2 < 1.5 < later and valid.all()
+
+
+@pytest.mark.parametrize(("mach", "slower", "learned"), [(0.88, 0.0, True), (0.88, 2.0, False), (0.5, 2.0, True)])
+def test_offsets_are_learned_at_one_speed_where_compressibility_makes_them(mach, slower, learned):
+    """A mean over Mach numbers that are passed on the way down from 0.9 holds at none of them [m/s2]."""
+    p = lpv_smo.fitted(site(0.005))[0]
+    x = lpv_smo.init(lpv_smo.fitted(site(0.005)))[0]
+    x.rho[-1], x.calm = mach, 10.0
+    for k in range(round(10.0 / 0.005)):
+        x.age, x.v_s = k * 0.005, 250.0 - slower * k * 0.005
+        learn(x, p, 0.005, 0.01, 0.0, 0.0)
+    assert (x.learned > 0.5) == learned

@@ -1,5 +1,7 @@
 """The two baselines: position monitor and the crossing counter."""
 
+import math
+
 import numpy as np
 import pytest
 from lu17_bench import DT, doublets, fly, inputs, roll, run
@@ -137,7 +139,7 @@ def test_an_irregular_residual_is_no_oscillation():
     assert not (log["verdict"] == verdict.OFC_LIQUID).any()
 
 
-@pytest.mark.parametrize(("size", "lasts"), [(2e-3, 0.6), (3e-3, 1.1), (6e-3, 2.5), (15e-3, 20.0)])
+@pytest.mark.parametrize(("size", "lasts"), [(2e-3, 0.6), (3e-3, 1.1), (6e-3, 2.5), (15e-3, 2.0), (40e-3, 20.0)])
 def test_a_rod_that_is_off_for_a_while_does_not_oscillate_nor_does_the_servo_answer_so(size, lasts):
     """Off by `size` [m] for `lasts` [s], as while a sensor in the loop is: a step, or two, are no half periods."""
     u = _missing(0.1, 1)
@@ -154,6 +156,24 @@ def test_the_ofc_monitor_is_quiet_in_manoeuvres_and_at_a_jam():
     assert not run(ofc_monitor, flights)["alarm"].any()
     step = np.where(np.arange(3000) * DT >= 12.0, np.radians(3.0), 0.0)
     assert not run(ofc_monitor, [fly(step, seed=1, faults=write(jam=1.0))])["alarm"].any()
+
+
+def test_the_alarm_of_a_rod_that_has_jammed_ends_in_time():
+    """What the filters make of the way back is no oscillation any more."""
+    u = _swinging(0.0, 0.9, amplitude=3e-3, moves=0.0)
+    t = np.arange(u.shape[1]) * DT
+    u["y_rod"][0] = np.where(t < 20.0, u["y_rod"][0] + 20e-3 * (t > 15.0), u["y_rod"][0][round(14.0 / DT)])
+    alarm = roll(ofc_monitor, ofc_monitor.params(), u)[0]["alarm"] > 0.5
+    assert alarm[round(19.9 / DT)] and not alarm[round(23.0 / DT) :].any()
+
+
+def test_a_reference_at_its_limits_of_rate_widens_the_limit_and_learns_no_step():
+    t = np.arange(round(30.0 / DT)) * DT
+    u = np.zeros((1, len(t)), ofc_monitor.INPUTS)
+    u["command"], u["y_rod_valid"], u["y_dp_valid"] = np.radians(15.0) * ((t > 15.0) & (t < 16.0)), 1.0, 1.0
+    log = roll(ofc_monitor, ofc_monitor.params(), u)[0]
+    assert log["limited"][: round(15.0 / DT)].max() == 0.0 and log["limited"].max() == 1.0
+    assert log["limited"][round(26.5 / DT)] == pytest.approx(math.exp(-2.0), rel=0.1)
 
 
 def _missing(share, late, seconds=40.0):
