@@ -46,7 +46,6 @@ class Maker:
 DESIGNS = {
     "rfafe": Maker("cosim.training.rfafe", "published", "Sun13 estimator with elevator positions"),
     "rfafe_airframe": Maker("cosim.training.rfafe", "airframe", "Sun13 estimator on airframe outputs"),
-    "physics_bound": Maker("cosim.training.rfafe", "physics_bound", "motion per degree of elevator oscillation"),
     "lpv_smo": Maker("cosim.training.lpv", "store", "Alwi14 LPV model and observer", own=True),
     "lpv_smo_boxes": Maker("cosim.training.lpv_boxes", "store", "the same over the whole trim envelope", own=True),
 }

@@ -5,7 +5,7 @@ needed (`detect`).
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from types import ModuleType
 from typing import Any
 
@@ -151,17 +151,6 @@ def over_envelope(first_seed: int, number: int) -> list[dict[str, Any]]:
     return out
 
 
-def flights(first_seed: int, draws: int = 1, points: Sequence[dict] = POINTS) -> Iterator[dict]:
-    """Yield the arguments of `scenario` for every point, manoeuvre and turbulence, `draws` times each."""
-    seed = first_seed
-    for _ in range(draws):
-        for point in points:
-            for manoeuvre in MANOEUVRES:
-                for turbulence in TURBULENCE:
-                    yield draw(seed, point=point, manoeuvre=manoeuvre, turbulence=turbulence)
-                    seed += 1
-
-
 def fly_aircraft(signals: Sequence[str] = (), prepare: Any = None, **arguments: Any) -> pd.DataFrame:
     """Fly `scenario(**arguments)` and return what the estimators of the aircraft read, and `signals` beside it."""
     return fly(scenario(**arguments), [*AIRCRAFT, *signals], prepare=prepare)
@@ -200,11 +189,6 @@ def watch(
     """Return the OUTPUTS (or `fields`) of a hydraulic segment's detector at every tick, shape (segments, ticks)."""
     lanes = [wires(module, s) for s in segments]
     return detect(frame, module, lanes, p, module.OUTPUTS if fields is None else fields)
-
-
-def of(frame: pd.DataFrame, path: str) -> np.ndarray:
-    """Return a signal of all segments, shape (segments, ticks), from its bus name with {} for the segment."""
-    return np.stack([frame[path.format(s)] for s in SEGMENTS])
 
 
 def estimate(frame: pd.DataFrame, name: str, p: np.ndarray | None = None) -> np.ndarray:

@@ -19,14 +19,12 @@ from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import FlightPoint
 from cosim.judge.fault_effect import sine
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
-from cosim.training.flights import COMMAND, DT, MANOEUVRES, POINT, scenario
-from fdi.common import physics_bound as bound
+from cosim.training.flights import COMMAND, DT, MANOEUVRES, scenario
 from fdi.rfafe import rfafe, servo
 from fdi.rfafe.discrete import noise
 from fdi.rfafe.store import to_plain
 
 STATES = ("tas", "alpha", "q", "theta")
-NAMES = ("left_outer", "left_inner", "right_inner", "right_outer")
 UNIT = np.array([1.0, 1 / RAD_PER_DEG, 1 / RAD_PER_DEG, 1 / RAD_PER_DEG])  # SI to the paper's units
 FLIGHT_S = 40.0
 RANK_E = 2
@@ -43,7 +41,6 @@ TECHNOLOGIES: dict[str, tuple[str, ...]] = {
 PAIRS = tuple(f"{a}/{b}" for a in TECHNOLOGIES for b in TECHNOLOGIES if a != b)  # sides that differ
 START, LATEST = np.log([0.1, 5.0, 0.1]), 6  # of a servo's fit: lag [deg], v_lag [deg/s], t_lag [s]; ticks of delay
 RATE_DEG_S = 40.0  # of the servos' reference: 40 of the no-load 45 deg/s (actuators/hydraulic/servo.py)
-BOUND_HZ = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 
 
 def point_of(own: Aircraft) -> str:
@@ -265,20 +262,3 @@ def _made_from(aircraft):
     return {"point": _flight(own), "A": A.tolist(), "B": B.tolist(), "x0": x0.tolist(),
             "E": unknown_inputs(aircraft=aircraft).tolist(), "units": "V m/s, angles deg, q deg/s",
             "flights": list(MANOEUVRES)}
-
-
-def physics_bound(progress: Any) -> Any:
-    """Return pitch rate [deg/s] and load factor [g] per degree of OFC over frequency at POINT: segments, sides, all."""
-    progress("physics bound")
-    model = linearize(FlightPoint.at(**POINT))
-    A, B, C, D = model.block(STATES, model.named("de_"), ("q", "nz"))
-    groups = {**{n: [i] for i, n in enumerate(NAMES)}, "left": [0, 1], "right": [2, 3], "all": [0, 1, 2, 3]}
-    out = {}
-    for name, columns in groups.items():
-        b, d = (X[:, columns].sum(1, keepdims=True) for X in (B, D))
-        motion = bound.motion_per_degree(A, b, C, d, BOUND_HZ)
-        q, nz = motion[:, 0, 0], motion[:, 1, 0] * RAD_PER_DEG
-        least = bound.detectable_amplitude(q, TRANSPORT["q"][1] / RAD_PER_DEG, frequencies_hz=BOUND_HZ)
-        out[name] = {"q_deg_s_per_deg": q.tolist(), "nz_g_per_deg": nz.tolist(),
-                     "least_deg_3_periods_q": least.tolist()}
-    return {"point": POINT, "frequency_hz": list(BOUND_HZ), "groups": out}

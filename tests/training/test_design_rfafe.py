@@ -20,7 +20,7 @@ from fdi.rfafe.store import choose, from_plain, read, side_kinds
 FORMS = {"rfafe": rfafe, "rfafe_airframe": rfafe_airframe}
 
 
-@pytest.mark.parametrize("name", ["rfafe", "rfafe_airframe", "physics_bound"])
+@pytest.mark.parametrize("name", sorted(FORMS))
 def test_stored_design_belongs_to_the_aircraft_in_the_tree(name):
     assert design.check(name) == ""
 
