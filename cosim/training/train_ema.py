@@ -1,28 +1,24 @@
 """Thresholds of the detectors on electromechanical segments from fault-free flights that nothing else uses.
 
-The flights are drawn as those of `train_hydraulic`, from other seeds, in four levels of turbulence, with four
-electromechanical segments of which every symbol is off by up to 5 %, arm and lead by up to 0.3 %, and whose velocity
-sensors have the bias that a healthy one may have. The limits follow from `threshold_fit`, at the PROBABILITY of
-a false alarm per flight and detector at which those of the aircraft level are trained, shared among the tests. That of
-the position monitor leaves severe turbulence out, where a surface does not follow its command as closely.
+`cosim train ema`: flights drawn as those of `train_hydraulic`, from other seeds, in four levels of turbulence, with
+four electromechanical segments of which every symbol is off by up to 5 %, arm and lead by up to 0.3 %, and whose
+velocity sensors have the bias that a healthy one may have. PROBABILITY is shared among the tests. The position
+monitor's threshold leaves severe turbulence out, where a surface does not follow its command as closely.
 
 What separates two sizes by design is not trained: the gain of the current (a winding 39 % up is warm, 80 % broken),
 the magnets (two tolerances of 5 %), the load that no hinge explains, friction and the current's noise (of which the
 limits are noted beside), and the
 shares and ratios by which hypotheses are told apart.
-
-    cosim train ema --check      fly the training set, say what would change
-    cosim train ema              and write fdi/thresholds/*.json
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from actuators.constants import RAD_PER_DEG
 from cosim.errors import TrimError
-from cosim.flight.loop.signals import detect
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect, fly
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
 from cosim.training.flights import (
@@ -32,13 +28,12 @@ from cosim.training.flights import (
     NOISE_SCALE,
     START_S,
     TOLERANCE,
-    ema_wires,
     envelope,
-    fly_ema,
     over_envelope,
+    scenario,
 )
 from cosim.training.threshold_fit import PROBABILITY, blocks, exceeded, limit
-from cosim.training.trainer import Trained, Training, significant
+from cosim.training.trainer import Trained, Training, over, significant
 from fdi.ema import ema_kalman_flight, gains, rough
 from fdi.monitors import position_monitor
 
@@ -59,6 +54,9 @@ TESTS = {"r_pair": ("pair_threshold",), "r_speed": ("th_speed", "rho_speed"), "r
 ROUGH = ("position", "velocity", "surface")  # sensors whose noise is judged; that of the current is noted beside
 NOISIER = 2.0  # times what a healthy sensor shows: what shakes a drive, a jam or a stop, makes good readings rough
 GAIN = "z_gain"
+SETTLED = round(START_S / DT)  # ticks
+WIRES = {name: [{field: f"{name}_in.{lane}.{field}" for field in sources(name, lane)} for lane in SEGMENTS]
+         for name in ("ema_kalman_flight", "position_monitor")}  # fmt: skip
 LOAD, FRICTION, CURRENT = NOTED = ("load", "friction", "current")  # share of the stall moment, of their thresholds
 SHARED = PROBABILITY / (len(TESTS) + len(ROUGH) + 2)
 
@@ -116,23 +114,22 @@ def largest_of(rows: np.ndarray, seconds: int = 8) -> np.ndarray:
 
 def survey(recorded: Any) -> dict[str, dict[str, Any]]:
     """Return {detector: {test: blocks of its statistic and features, or largest}} over one flight."""
-    lanes = lambda name: [ema_wires(name, s) for s in SEGMENTS]  # noqa: E731
     p = ema_kalman_flight.params()
     p["th_rough"] = 1e9  # a sample counts in full
     fields = ("r_pair", "r_speed", "r_velocity", "r_jump", "R1", "f_power", "w_power", "off_power", "gain_doubt",
               "gain_learned", "gain_own", "magnets_doubt", "magnets_learned", "effort", "x_hat", "gain_sum",
               "rough_power", "rough_both", "r_friction")  # fmt: skip
-    log = detect(recorded, ema_kalman_flight, lanes("ema_kalman_flight"), p, fields)[:, round(START_S / DT) :]
+    log = detect(recorded, ema_kalman_flight, WIRES["ema_kalman_flight"], p, fields)[:, SETTLED:]
     found: dict[str, list] = {test: [] for test in (*TESTS, *ROUGH, *NOTED)}
     z = 0.0
-    for lane, own in zip(SEGMENTS, log):
-        rate = recorded[ema_wires("ema_kalman_flight", lane)["y_velocity"]].to_numpy()[round(START_S / DT) :]
+    for wires, own in zip(WIRES["ema_kalman_flight"], log):
+        rate = recorded[wires["y_velocity"]].to_numpy()[SETTLED:]
         for test, (y, *features) in tested(own, rate, p[0]).items():
             found[test].append(largest_of(blocks(y, features, np.ones(len(own), bool), DT)))
         z = max(z, float(_gain_z(own[::20], p[0]).max()))
     filt = {test: np.concatenate(rows).tolist() for test, rows in found.items()}
     q = position_monitor.params("flight_ema")
-    log = detect(recorded, position_monitor, lanes("position_monitor"), q, ("r",))[:, round(START_S / DT) :]
+    log = detect(recorded, position_monitor, WIRES["position_monitor"], q, ("r",))[:, SETTLED:]
     deviation = np.abs(log["r"]) * q["threshold"][0]
     n = round(q["t_confirm"][0] / DT)
     windows = np.lib.stride_tricks.sliding_window_view(deviation, n, axis=1)
@@ -143,16 +140,13 @@ def survey(recorded: Any) -> dict[str, dict[str, Any]]:
 def surveyed(**flight: Any) -> dict[str, dict[str, Any]]:
     """Return what `survey` finds in one flight; where its point does not trim, in that of the next one that does."""
     rng = np.random.default_rng(flight["seed"])
+    own = {"technology": ("ema",) * 4, "detectors": {"enabled": list(WIRES)}}
+    signals = [path for lanes in WIRES.values() for wires in lanes for path in wires.values()]
     while True:
         try:
-            return survey(fly_ema(**flight))
+            return survey(fly(scenario(**flight | own), signals))
         except TrimError:
             flight = {**flight, "flight": {**flight["flight"], **envelope(rng)}}
-
-
-def collect(first_seed: int, number: int, run: Callable[..., Any]) -> list[dict[str, Any]]:
-    """Return what `surveyed` finds in every flight."""
-    return run([(surveyed, flight) for flight in flights(first_seed, number)])
 
 
 def limits(values: list[dict]) -> list[Trained]:
@@ -193,7 +187,7 @@ def _trained(name, which, fields, found, record=""):
     return Trained(name, which, fields, {"found": found, "trained": trained}, record, significant)
 
 
-TRAINING = Training("ema", FIRST_SEED, FLIGHTS, collect, limits, {
+TRAININGS = {"ema": Training("ema", FIRST_SEED, FLIGHTS, over(surveyed, flights), limits, {
     "probability_per_flight": PROBABILITY, "flight_s": FLIGHT_S, "segments": 4, "air": list(AIR),
     "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE,
-})  # fmt: skip
+})}  # fmt: skip

@@ -8,7 +8,7 @@ WIDTH = 120  # of a line
 
 def text(data: dict) -> str:
     """Return `data` as JSON: what fits stands on one line, long lists of numbers wrap; numbers keep their bits."""
-    return _text(data, 0) + "\n"
+    return _text(json.loads(json.dumps(data)), 0) + "\n"  # tuples are lists, too
 
 
 def _text(value, depth):

@@ -12,11 +12,10 @@ from cosim.training import (
     train_aircraft,
     train_ema,
     train_hydraulic,
-    train_monitors,
     train_rfafe,
     trainer,
 )
-from cosim.training.flights import MODULES, over_envelope
+from cosim.training.flights import MODULES, manoeuvring, over_envelope
 from cosim.training.trainer import FOLDER, Trained
 from fdi.common import bank
 from fdi.rfafe.store import side_kinds
@@ -99,8 +98,8 @@ def reduced(name):
         found = train_hydraulic.surveyed(**over_envelope(21_000, 2)[1] | {"duration": 8.0})
         return train_hydraulic.limits([found])
     if name == "monitors":
-        found = train_monitors.surveyed(**train_monitors.flights(number=28)[27] | {"duration": 8.0})
-        return train_monitors.limits([found])
+        found = train_hydraulic.monitored(**manoeuvring(21_000, 28)[27] | {"duration": 8.0})
+        return train_hydraulic.monitor_limits([found])
     if name == "ema":
         return train_ema.limits([train_ema.surveyed(**train_ema.flights(number=4)[3] | {"duration": 12.0})])
     if name == "aircraft":
@@ -112,7 +111,7 @@ def reduced(name):
     kinds = side_kinds(dict(zip(train_rfafe.SEGMENTS, flight["technology"], strict=True)))
     frame = train_rfafe.fly_aircraft(**flight)
     found = {n: train_rfafe.survey(frame, n, m.params(technology=kinds)) for n, m in MODULES.items()}
-    return [Trained(n, "", train_rfafe.fields(n, [({}, found)], np.full(bank.K, 0.3))[0]) for n in MODULES]
+    return [Trained(n, "", train_rfafe.fields(n, [found[n]], np.full(bank.K, 0.3))[0]) for n in MODULES]
 
 
 @pytest.mark.parametrize("name", ["hydraulic", "monitors", "ema", "aircraft", "rfafe"])
