@@ -42,11 +42,10 @@ FLIGHTS = 256  # 8 of every manoeuvre in each air
 EXACT = {"arm": 0.003, "lead": 0.003}  # what is machined is off by less
 BIAS = 0.0475  # of the velocity sensor, 1e-4 of the rate without load [rad/s]
 LEAST = 0.5 * RAD_PER_DEG  # threshold of the position monitor: rigging and a step that is not quite followed [rad]
-# both positions less the velocity's integral: 2.1 s of a bias of 1e-3 of no-load, the largest that is learned [m]
-LEAST_SPEED = 2.7e-4
-# current less that of the model: 4 % of 7 A, a winding 160 % up, and 1.8 % of the magnets' voltage. What is less is
-# for the gains to tell, and would be called a sensor's before they have
-LEAST_F = {"th_f": 0.285, "rho_f": 0.00112}  # [A], [A s/rad]
+# both positions less the velocity's integral: 2.1 s of a bias of 1e-3 of no-load, the largest that is learned [m].
+# Current less that of the model: 4 % of 7 A, a winding 160 % up, and 1.8 % of the magnets' voltage [A], [A s/rad]. What
+# is less is for the gains to tell, and would be called a sensor's before they have
+LEASTS = {"th_speed": 2.7e-4, "th_f": 0.285, "rho_f": 0.00112}
 LEAST_Z = 2.0  # deviations of a gain: of drives that warm up by 39 % in flight one in 40 may alarm
 # test -> thresholds: fixed part, and what grows with a feature
 TESTS = {"r_pair": ("pair_threshold",), "r_speed": ("th_speed", "rho_speed"), "r_f": ("th_f", "rho_f"),
@@ -57,7 +56,7 @@ GAIN = "z_gain"
 SETTLED = round(START_S / DT)  # ticks
 WIRES = {name: [{field: f"{name}_in.{lane}.{field}" for field in sources(name, lane)} for lane in SEGMENTS]
          for name in ("ema_kalman_flight", "position_monitor")}  # fmt: skip
-LOAD, FRICTION, CURRENT = NOTED = ("load", "friction", "current")  # share of the stall moment, of their thresholds
+LOAD, *_ = NOTED = ("load", "friction", "current")  # share of the stall moment, of their thresholds
 SHARED = PROBABILITY / (len(TESTS) + len(ROUGH) + 2)
 
 
@@ -100,9 +99,9 @@ def tested(log: np.ndarray, rate: np.ndarray, p: Any) -> dict[str, list]:
     out["r_f"] = [np.sqrt(log["f_power"]) - np.sqrt(log["off_power"]), 1.0, *features["r_f"]]
     out["ramp"] = [np.abs(log["R1"]), 1.0]
     out[LOAD] = [np.abs(log["x_hat"][:, 5]) / (0.5 * p["load_max"]), 1.0]
-    out[FRICTION] = [np.maximum(log["r_friction"], 0.0), 1.0]
+    out["friction"] = [np.maximum(log["r_friction"], 0.0), 1.0]
     power = np.stack([[rough.power(x, k) for x in log] for k in range(rough.N)])
-    out[CURRENT] = [np.sqrt(power[3]) / rough.TH_CURRENT, 1.0]
+    out["current"] = [np.sqrt(power[3]) / rough.TH_CURRENT, 1.0]
     return out | {name: [np.sqrt(row), 1.0] for name, row in zip(ROUGH, power[:3], strict=True)}
 
 
@@ -151,28 +150,23 @@ def surveyed(**flight: Any) -> dict[str, dict[str, Any]]:
 
 def limits(values: list[dict]) -> list[Trained]:
     """Return the thresholds that follow from what `surveyed` found in every flight."""
-    made: dict[str, Any] = {}
-    told: dict[str, Any] = {}
     own = [v["ema_kalman_flight"] for v in values]
-    for test, names in TESTS.items():
-        weights, told[test] = limit([np.array(v[test]) for v in own], SHARED)
-        made |= dict(zip(names, weights.tolist(), strict=True))
-    for name, least in {"th_speed": LEAST_SPEED, **LEAST_F}.items():
-        made[name] = max(made[name], least)
-    told["r_speed"]["least"], told["r_f"]["least"] = LEAST_SPEED, list(LEAST_F.values())
+    weights: dict[str, list[float]] = {}
+    told: dict[str, Any] = {}
+    for test in (*TESTS, *ROUGH, *NOTED):
+        found, told[test] = limit([np.array(v[test]) for v in own], SHARED)
+        weights[test] = found.tolist()
+    made: dict[str, Any] = {name: max(weight, LEASTS.get(name, 0.0)) for test, names in TESTS.items()
+                            for name, weight in zip(names, weights[test], strict=True)}  # fmt: skip
     # which of two positions is wrong is told by the velocity's integral, no better than by what that may be off itself
     made["pair_threshold"] = max(made["pair_threshold"], made["th_speed"])
     largest = np.array([v[GAIN] for v in own])
     made[GAIN] = max(exceeded(largest, SHARED), LEAST_Z)
-    noise = []
-    for test in (*ROUGH, *NOTED):
-        weight, told[test] = limit([np.array(v[test]) for v in own], SHARED)
-        if test in ROUGH:
-            noise.append(float(weight[0]))
-        else:
-            told[test]["limit"] = float(weight[0])
+    made["th_rough"] = [NOISIER * weights[test][0] for test in ROUGH]
+    for test in NOTED:
+        told[test]["limit"] = weights[test][0]
+    told["r_speed"]["least"], told["r_f"]["least"] = LEASTS["th_speed"], [LEASTS["th_f"], LEASTS["rho_f"]]
     told[LOAD]["held"] = "0.4 of the stall moment"
-    made["th_rough"] = [NOISIER * weight for weight in noise]
     told[GAIN] = {"largest": float(largest.max()), "least": LEAST_Z}
     calmer = [v["position_monitor"]["threshold"] for k, v in enumerate(values) if AIR[k // 8 % 4] != "severe"]
     lasts = np.maximum(calmer, 0.0)

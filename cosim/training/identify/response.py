@@ -67,6 +67,20 @@ class Response:
         return known
 
 
+def unknown(why: str) -> Response:
+    """Return the Response of which nothing is known."""
+    return Response(note=f"not identifiable: {why}")
+
+
+def asleep(command: np.ndarray, moved: np.ndarray, sent: str, read: str) -> tuple[float, str]:
+    """Return (noise of the reading `moved`, by its third differences, "" or why nothing can be told of it)."""
+    noise = float(np.std(np.diff(moved, 3)) / math.sqrt(20.0))
+    if float(np.std(command)) == 0.0:
+        return noise, f"the {sent} is constant"
+    still = float(np.std(moved)) <= 3.0 * noise
+    return noise, f"the {read} moves by less than three times its noise" if still else ""
+
+
 def simulate(command: np.ndarray, start: float, dt: float, stops: tuple[float, float], **values: float) -> np.ndarray:
     """Return the surface (ticks,) [rad] that follows `command` (ticks,) from rest at `start`, each before its tick."""
     p = identified.params(lo=stops[0], hi=stops[1], **values)
@@ -79,13 +93,11 @@ def simulate(command: np.ndarray, start: float, dt: float, stops: tuple[float, f
 def respond(command: np.ndarray, surface: np.ndarray, dt: float, level: float = 0.95) -> Response:
     """Return the Response of `surface` to `command` ((ticks,), finite [rad], every `dt` seconds)."""
     skip, moves = round(SETTLE_S / dt), float(np.std(surface))
-    noise = float(np.std(np.diff(surface, 3)) / math.sqrt(20.0))
     if len(surface) < 4 * skip:
-        return Response(note=f"not identifiable: {len(surface) * dt:.3g} s are too short")
-    if float(np.std(command)) == 0.0:
-        return Response(note="not identifiable: the command is constant")
-    if moves <= 3.0 * noise:
-        return Response(note="not identifiable: the position moves by less than three times its noise")
+        return unknown(f"{len(surface) * dt:.3g} s are too short")
+    noise, why = asleep(command, surface, "command", "position")
+    if why:
+        return unknown(why)
     reach = 0.1 + max(np.abs(command).max(), np.abs(surface).max())
     stops = (-reach, reach)
     smooth = np.convolve(surface, np.ones(9) / 9.0, "valid")
