@@ -8,8 +8,6 @@ import functools
 import hashlib
 import importlib
 import json
-import re
-import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,8 +22,8 @@ from actuators.hydraulic import actuator as hydraulic
 from actuators.hydraulic import servo
 from cosim.errors import DesignError, did_you_mean
 from cosim.files import replace_text
+from cosim.flight.detection import stored_designs
 from cosim.flight.plant.aero.functions import numbers_digest
-from cosim.flight.plant.force_model import FOLDER as AIRCRAFT
 from cosim.scenario.aircraft import load_aircraft
 from fdi.common import compact
 
@@ -87,36 +85,17 @@ def check(name: str, *, folder: Any = FOLDER) -> str:
 
 @functools.cache
 def source() -> str:
-    """Return the digest of every number in the aircraft's XML and record and in the actuators' and servos' nominal
-    parameters.
-    """
-    aircraft = load_aircraft()
-    digest = hashlib.sha256()
-    for path in sorted(aircraft.folder.rglob("*.xml")):
-        for number in _numbers(ET.parse(path).getroot()):
-            digest.update(number.encode())
+    """Return the digest of the aircraft's numbers and the actuators' and servos' nominal parameters."""
+    found = hashlib.sha256(stored_designs.digest(load_aircraft()).encode())
     for module in (hydraulic, servo, ema, ema_servo):
         p = module.params()
         # v_run is how fast a runaway fault may be: of no healthy motion
         for value in np.concatenate([np.ravel(p[name]) for name in p.dtype.names if name != "v_run"]):
-            digest.update(f"{value:.6e};".encode())  # gains come from linear algebra: last digits are the processor's
-    numbers = aircraft.model_dump(mode="json", exclude={"folder", "name", "title", "points"})
-    digest.update(json.dumps(numbers, sort_keys=True).encode())
-    return digest.hexdigest()
+            found.update(f"{value:.6e};".encode())  # gains come from linear algebra: last digits are the processor's
+    return found.hexdigest()
 
 
 # the digest of all that decides about a design: the Sun13 estimators' also of the actuators
-DIGESTS: dict[str, Callable[[], str]] = {"source": source, "aircraft_sha256": lambda: numbers_digest(AIRCRAFT)}
-_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
-
-
-def _numbers(element, path=""):
-    """Yield "place number" of every number in the element's attributes and text, in document order."""
-    here = f"{path}/{element.tag}"
-    for key, value in sorted(element.attrib.items()):
-        yield from (f"{here}@{key} {float(x)!r};" for x in _NUMBER.findall(value))
-    yield from (f"{here} {float(x)!r};" for x in _NUMBER.findall(element.text or ""))
-    for child in element:
-        if isinstance(child.tag, str):
-            yield from _numbers(child, here)
-            yield from (f"{here} {float(x)!r};" for x in _NUMBER.findall(child.tail or ""))
+DIGESTS: dict[str, Callable[[], str]] = {
+    "source": source, "aircraft_sha256": lambda: numbers_digest(load_aircraft().folder),
+}  # fmt: skip

@@ -2,7 +2,6 @@
 
 import itertools
 import json
-import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
@@ -43,16 +42,6 @@ def test_the_actuator_of_a_design_is_measured_in_flight(monkeypatch):
     held = read("rfafe_airframe")["designs"]["hydraulic"]["actuator"]
     wanted = (held["a_rad_s"], held["gain"], held["tau_s"], held["amplitude_error_2hz"])
     assert found == pytest.approx(wanted, rel=0.1, abs=0.015)
-
-
-def test_the_digest_sees_numbers_and_nothing_else():
-    def numbers(text):
-        return list(design._numbers(ET.fromstring(text)))
-
-    plain = numbers('<a x="1.0"><b> 2 <c/> 3 </b></a>')
-    assert numbers('<a  x="1"><!-- 7 --><b>\n 2.00 <c/>\t3\n</b></a>') == plain
-    assert numbers('<a x="1.0"><b> 2 <c/> 3.1 </b></a>') != plain
-    assert numbers('<a x="1.0"><c> 2 <c/> 3 </c></a>') != plain
 
 
 @pytest.mark.parametrize("name", sorted(FORMS))
