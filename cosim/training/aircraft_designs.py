@@ -63,10 +63,8 @@ def make(
             f"{flights} flights", place="--flights", allowed=f"at least {LEAST}: each air, each manoeuvre"
         )
     name, digest = str(own.folder), stored_designs.digest(own)
-    how: dict[str, Any] = {"folder": folder, "workers": workers, "progress": progress}
-
-    given, run = {"aircraft": name, "digest": digest}, partial(work, **how)
-
+    given = {"aircraft": name, "digest": digest}
+    run: Any = partial(work, folder=folder, workers=workers, progress=progress)
     for detector in train_aircraft.DETECTORS:
         if why := unfit(registry.record(detector), own):
             tell(f"nothing for {detector}: {why}")

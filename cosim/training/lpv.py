@@ -112,7 +112,8 @@ def linearised(points: np.ndarray, one: Callable[..., tuple], progress: Progress
 
 def samples(kept: list[tuple], refused: list) -> Samples:
     """Return `Samples` of what `linearised` found."""
-    return Samples(*(np.array(column) for column in zip(*kept)), refused)
+    rho, A, B, C, D, trims = (np.array(column) for column in zip(*kept))
+    return Samples(rho, A, B, C, D, trims, refused)
 
 
 def _at_mach(rho):

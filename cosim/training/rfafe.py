@@ -215,7 +215,7 @@ def freed(E: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 
 def entry(
-    name: str, technology: str, E: np.ndarray | None, progress: Callable[[str], None] = lambda text: None, *,
+    name: str, technology: str, E: Any, progress: Callable[[str], None] = lambda text: None, *,
     A: np.ndarray | None = None, B: np.ndarray | None = None, aircraft: str = DEFAULT, bandwidth: float | None = None,
     **options: Any,
 ) -> dict[str, Any]:  # fmt: skip
@@ -225,6 +225,7 @@ def entry(
     A, B = nominal[0] if A is None else A, nominal[1] if B is None else B
     air, position = sigmas(own)
     left = len(own.groups["left"])
+    sigma: Any
     if name == "rfafe":
         Bu, C, sigma = np.stack([B[:, :left].sum(1), B[:, left:].sum(1)], 1), np.eye(6), [*air, position, position]
     else:

@@ -63,9 +63,9 @@ def told(scenario: Scenario) -> dict[str, Any]:
     said: list[list[str]] = []
     before: dict[str, list] = {}  # alarms without a fault, minutes in which it is valid
     for w in setup.trace.watches({}):
-        able, own = valid(w, trace[:start]), before.setdefault(w.id, [0, 0.0])
-        own[0] += int(able[onsets(trace[:start, w.alarm])].sum())
-        own[1] = max(own[1], round(able.sum() * dt / 60.0, 3))
+        able, counts = valid(w, trace[:start]), before.setdefault(w.id, [0, 0.0])
+        counts[0] += int(able[onsets(trace[:start, w.alarm])].sum())
+        counts[1] = max(counts[1], round(able.sum() * dt / 60.0, 3))
         rise = onsets(trace[:, w.alarm])
         rise = rise[(rise >= start) & (rise < end)]
         if len(rise) or valid(w, trace[start : start + 1]).all():

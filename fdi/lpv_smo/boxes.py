@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from fdi.common import compact
 from fdi.lpv_smo.model import LpvModel
-from fdi.lpv_smo.synthesis import Design, pair, read
+from fdi.lpv_smo.synthesis import Design, pair
 
 DIGITS = 10  # significant ones of the numbers in the file
 
@@ -17,6 +18,6 @@ def rounded(model: LpvModel) -> LpvModel:
     return LpvModel(**{k: short(v) for k, v in held.items()})
 
 
-def load(path: str | Path | None = None) -> list[tuple[LpvModel, Design]]:
-    """Return [(LpvModel, Design), ...] of `path`, by default those stored for this aircraft; see `synthesis.read`."""
-    return [pair(one) for one in read(path, "lpv_smo_boxes")["boxes"]]
+def load(own: str | Path | None = None) -> list[tuple[LpvModel, Design]]:
+    """Return [(LpvModel, Design), ...] of the boxes that are stored; see `fdi.common.compact.read`."""
+    return [pair(one) for one in compact.read("lpv_smo_boxes", own)["boxes"]]

@@ -24,7 +24,6 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -236,20 +235,10 @@ def save(model: LpvModel, made: Design, path: Path | str, **facts: Any) -> None:
     Path(path).write_text(compact.text({**facts, **plain(model, made)}), encoding="utf-8")
 
 
-def read(path: Path | str | None = None, name: str = "lpv_smo") -> dict[str, Any]:
-    """Return what the file at `path` holds, by default the design `name` of this aircraft.
-
-    Raises FileNotFoundError when there is none; `cosim design` makes it.
-    """
-    source = resources.files("fdi").joinpath("designs", f"{name}.json") if path is None else Path(path)
-    if not source.is_file():
-        raise FileNotFoundError("no stored LPV design; make it with: cosim design")
-    return json.loads(source.read_text(encoding="utf-8"))
-
-
 def load(path: Path | str | None = None) -> tuple[LpvModel, Design]:
-    """Return (LpvModel, Design) from `path`, by default the stored ones of this aircraft; see `read` and `pair`."""
-    return pair(read(path))
+    """Return (LpvModel, Design) from `path`, by default the stored ones of this aircraft. Errors: see `pair` and
+    `fdi.common.compact.read`."""
+    return pair(json.loads(Path(path).read_text(encoding="utf-8")) if path else compact.read("lpv_smo"))
 
 
 def array(value: Any) -> Any:

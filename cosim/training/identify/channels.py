@@ -73,10 +73,10 @@ def white(y: np.ndarray, level: float = 0.95) -> Noise | None:
     if not len(moved) or len(found) < 2:
         return None
     resolution = float(moved.min())
-    for now, following in pairwise(found):
-        if abs(following[0] - now[0]) < AGREE * now[0]:
-            coarse = now[0] < 0.5 * resolution
-            return Noise(*now, resolution, f"of the order of its resolution, {resolution:.3g}" if coarse else "")
+    for (sigma, low, high), following in pairwise(found):
+        if abs(following[0] - sigma) < AGREE * sigma:
+            note = f"of the order of its resolution, {resolution:.3g}" if sigma < 0.5 * resolution else ""
+            return Noise(sigma, low, high, resolution, note)
     sigma, _, high = found[-1]
     return Noise(sigma, 0.0, high, resolution, "at most: its differences are not white at any order")
 
