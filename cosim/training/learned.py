@@ -151,9 +151,10 @@ def of_trees(model: Any, features: int, classes: int) -> Any:
             asked = (0, 0.0, "LEAF") if leaf else (int(n["feature_idx"]), float(n["num_threshold"]), "BRANCH_LEQ")
             every.append((tree, i, *asked, int(n["left"]), int(n["right"])))
             leaves += [(tree, i, c, float(n["value"]))] * leaf
-    at: dict[str, Any] = dict(zip((f"nodes_{n}" for n in ("treeids", "nodeids", "featureids", "values", "modes", "truenodeids",
-                                          "falsenodeids")), map(list, zip(*every))))  # fmt: skip
-    at |= dict(zip((f"class_{n}" for n in ("treeids", "nodeids", "ids", "weights")), map(list, zip(*leaves))))
+    names = "treeids nodeids featureids values modes truenodeids falsenodeids".split()
+    at: dict[str, Any] = {f"nodes_{name}": list(column) for name, column in zip(names, zip(*every))}
+    names = "treeids nodeids ids weights".split()
+    at |= {f"class_{name}": list(column) for name, column in zip(names, zip(*leaves))}
     base = np.full(classes, UNSEEN)
     base[model.classes_] = model._baseline_prediction.ravel()
     node = helper.make_node("TreeEnsembleClassifier", ["x"], ["label", "probability"], domain="ai.onnx.ml",
