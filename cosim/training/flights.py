@@ -31,6 +31,10 @@ TURBULENCE = ("none", "light", "moderate")
 AIR = (*TURBULENCE, "severe")
 # the six fault-free flights of [Sun13] section IV
 MANOEUVRES = ("cruise", "aoa_protection", "nose_up", "pitch_protection", "coordinated_turn", "yaw_angle")
+LIVELY: tuple[dict, ...] = (
+    *({"kind": kind} for kind in MANOEUVRES), {"kind": "three_two_one_one", "amplitude_deg": 2.0, "unit_s": 0.5},
+    {"kind": "nz_doublet"},
+)  # fmt: skip
 KINDS: tuple[dict, ...] = (
     {"kind": "cruise"}, {"kind": "coordinated_turn", "duration_s": 35.0}, {"kind": "yaw_angle"}, {"kind": "nz_doublet"},
     {"kind": "three_two_one_one"}, {"kind": "nose_up", "amplitude_g": 0.3}, {"kind": "aoa_protection"},
@@ -145,23 +149,17 @@ def somewhere(flight: dict[str, Any], speeds: tuple[float, float] | None = None)
     return trimming(rng, flight, where | ({"cas_kt": rng.uniform(*speeds)} if speeds else {}))
 
 
-def lively(mass_t: float) -> list[dict[str, Any]]:
-    """Return eight manoeuvres: those of [Sun13] section IV, and those that drive the elevators fastest."""
-    weak = {"amplitude_g": 0.15}  # what a heavy aircraft has left
-    kinds = [{"kind": kind, **(weak if kind in ("nose_up", "pitch_protection") and mass_t > 300.0 else {})}
-             for kind in MANOEUVRES]  # fmt: skip
-    return [*kinds, {"kind": "three_two_one_one", "amplitude_deg": 2.0, "unit_s": 0.5}, {"kind": "nz_doublet"}]
-
-
 def over_envelope(first_seed: int, number: int) -> list[dict[str, Any]]:
-    """Return the arguments of `scenario` of fault-free flights: eight manoeuvres, three airs, points of `envelope`."""
+    """Return the arguments of `scenario` of fault-free flights at points of `envelope` in three airs: the manoeuvres of
+    [Sun13] section IV, and two that drive the elevators fastest."""
     out = []
     for k in range(number):
-        rng = np.random.default_rng([first_seed, k])
-        where = envelope(rng)
-        manoeuvre = lively(where["mass_t"])[k % 8]
-        flight = draw(first_seed + k, point=where, manoeuvre=manoeuvre, turbulence=TURBULENCE[k // 8 % 3])
-        out.append({**flight, "sensors": {"noise_scale": NOISE_SCALE}})
+        where = envelope(np.random.default_rng([first_seed, k]))
+        kind = LIVELY[k % len(LIVELY)]
+        if kind["kind"] in ("nose_up", "pitch_protection") and where["mass_t"] > 300.0:
+            kind = kind | {"amplitude_g": 0.15}  # what a heavy aircraft has left
+        out.append(draw(first_seed + k, point=where, manoeuvre=kind, turbulence=TURBULENCE[k // 8 % 3],
+                        sensors={"noise_scale": NOISE_SCALE}))  # fmt: skip
     return out
 
 

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import minimum_filter1d
 
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import sources, unfit
@@ -33,7 +32,7 @@ from cosim.training.flights import (
     scenario,
     trimming,
 )
-from cosim.training.threshold_fit import HELD, LEAST, PROBABILITY, blocks, limit
+from cosim.training.threshold_fit import HELD, LEAST, PROBABILITY, blocks, lasting, limit
 from cosim.training.trainer import Trained, Training, decimals
 from fdi import registry
 from fdi.common import bank
@@ -46,7 +45,6 @@ TRAINED_IN = {**dict.fromkeys(("kinematic", "rfafe_airframe"), AIR),
               **dict.fromkeys(("lpv_smo", "control_redundancy", "rfafe"), AIR[:3])}  # fmt: skip
 LPV_PARTS = ("elevator", "n_z", "alpha")
 BANDS = ((0, 4), (4, 7), (7, 10), (10, 14))  # of rfafe_airframe's frequencies: one limit from 0.5 to 1 Hz, to 2, 4, 11
-SPARE = 2  # fits in a row fewer than an alarm takes count as one: no limit hangs on the shape alone
 GUSTS = ("light", "moderate")  # that teach what the airframe has in rfafe_airframe's estimate
 # up to moderate air noise hides what gusts do to fast frequencies: only in severe air can it be told how limits grow
 IN_SEVERE = {"rfafe_airframe": ("band2", "band3")}
@@ -133,8 +131,8 @@ def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray, still: bool = False) -> d
         most, out = 0.0, {}
         for part, sigma in zip(LPV_PARTS, (log["f_sigma"], *log["sigma"].T)):
             size = np.divide(np.abs(log[f"f_hat_{part}"]), sigma, out=np.zeros(len(frame)), where=valid)
-            lasting = minimum_filter1d(size, round(hold / dt))
-            out[f"least_{part}"] = np.array([[lasting[k].max(), 1.0] for k in pieces])
+            lasts = lasting(size, hold, dt)
+            out[f"least_{part}"] = np.array([[lasts[k].max(), 1.0] for k in pieces])
     else:
         most = sum(p[f"{n}_elevator"][0] * x for n, x in zip("tgs", features, strict=True))
         out = {part: blocks(np.abs(log[f"f_hat_{part}"]), features, valid, dt, hold) for part in LPV_PARTS}
@@ -225,7 +223,7 @@ def survey_rfafe_airframe(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.nd
     q["bank_threshold"], q["hits"] = 1e-9, 1e9  # the shape is asked, the size is what is found
     log = watched(frame, "rfafe_airframe", q, ("bank_cos", "bank_sin", "bank_new", "hit", "doubt", "stir", "away",
                                                "slow", "u_si", "valid"))  # fmt: skip
-    valid, dt, few = log["valid"] > 0.5, frame.attrs["dt"], int(p["hits"][0]) - SPARE
+    valid, dt, few = log["valid"] > 0.5, frame.attrs["dt"], int(p["hits"][0]) - train_rfafe.SPARE
     features = [1.0, np.sqrt(log["doubt"]), np.sqrt(log["stir"])]
     size, asked = (np.hypot(log["bank_cos"][:, i], log["bank_sin"][:, i]) for i in (0, 1))
     out = {}
@@ -233,11 +231,11 @@ def survey_rfafe_airframe(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.nd
         rows = []
         for k in range(first, last):
             at = np.flatnonzero(log["bank_new"][:, k] > 0.5)
-            lasting = np.zeros(len(frame))
+            lasts = np.zeros(len(frame))
             if len(at) >= few:
                 shaped = np.where(log["hit"][at, k] > 0.5, size[at, k], 0.0)
-                lasting[at[few - 1 :]] = sliding_window_view(shaped, few).min(axis=1)
-            rows.append(blocks(lasting, [*features, asked[:, k]], valid, dt))
+                lasts[at[few - 1 :]] = sliding_window_view(shaped, few).min(axis=1)
+            rows.append(blocks(lasts, [*features, asked[:, k]], valid, dt))
         out[f"band{i}"] = np.concatenate(rows)
     slow = np.abs(log["slow"][:, 0]) - p["static_share"][0] * np.abs(log["u_si"][:, 0])
     out["slow"] = blocks(np.maximum(slow, 1e-6), [1.0, log["away"]], valid, dt, HELD * float(p["t_static"][0]))
