@@ -13,6 +13,7 @@ from cosim.flight.loop.bus import Bus
 from cosim.scenario.catalog import SEGMENTS
 from cosim.training import designs as design
 from cosim.training import rfafe as training
+from fdi.common import compact
 from fdi.rfafe import rfafe, rfafe_airframe
 from fdi.rfafe.store import choose, from_plain, read, side_kinds
 
@@ -28,6 +29,11 @@ def test_a_stale_or_missing_design_is_told(tmp_path):
     assert "there is no rfafe.json" in design.check("rfafe", folder=tmp_path)
     (tmp_path / "rfafe.json").write_text(json.dumps({"source": "other"}))
     assert "another aircraft" in design.check("rfafe", folder=tmp_path)
+
+
+def test_what_is_stored_reads_back_also_tuples_with_words():
+    data = {"refused": [((260.0, 28.0), "270 kt at M 0.40 is an altitude of -357 m")] * 8}
+    assert json.loads(compact.text(data)) == json.loads(json.dumps(data))
 
 
 def test_the_command_looks_at_every_design_unless_some_are_named():
