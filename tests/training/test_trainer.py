@@ -198,6 +198,12 @@ def test_flights_of_training_are_nobody_elses():
     for drawn in (over_envelope, manoeuvring):
         own = {f["seed"] for f in drawn(first, number)}
         assert len(own) == number >= 300 and not own & others
+    for flight in over_envelope(first, 64):
+        own, heavy = flight["manoeuvre"], flight["flight"]["mass_t"] > 300.0
+        if own["kind"] in ("nose_up", "pitch_protection"):
+            assert own.get("amplitude_g") == (0.15 if heavy else None)
+        elif own["kind"] == "three_two_one_one":
+            assert (own["amplitude_deg"], own["unit_s"]) == (2.0, 0.5)
 
 
 def test_every_shipped_file_of_thresholds_has_an_entry_in_a_training():
