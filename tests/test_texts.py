@@ -13,7 +13,6 @@ from cosim.scenario import load_scenario
 from cosim.scenario.condition import condition
 from cosim.scenario.toml import dumps
 from cosim.texts import from_json, read, toml
-from cosim.training.designs import _NUMBER
 
 BAD = {
     "deep lists": "x = " + "[" * 5000 + "]" * 5000,
@@ -53,7 +52,6 @@ LONG = {
 READERS = {name: (lambda text: toml(text, place="file.toml"), text) for name, text in LONG.items()} | {
     "written": (lambda text: dumps({text: text}), lambda n: '"' * n),
     "condition": (condition, lambda n: "t" + " " * n + "> 1"),
-    "number": (_NUMBER.findall, lambda n: "9" * n + "x"),
 }
 
 

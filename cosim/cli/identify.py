@@ -38,7 +38,7 @@ def identify(
     """
     from cosim.files import replace_text
     from cosim.training.identify import identify as work
-    from cosim.training.identify.write import texts
+    from cosim.training.identify import texts
 
     found = work(recording, map_, time=time, level=level)
     files: list[str] = []

@@ -7,7 +7,7 @@ from cosim.errors import DesignError, did_you_mean
 
 TRAINERS = {  # name -> (module, what it trains)
     "hydraulic": ("cosim.training.train_hydraulic", "iotsekf, rtsekf, rtsekf_flight; 5 min"),
-    "monitors": ("cosim.training.train_monitors", "ofc_monitor, position_monitor; 5 min on two cores"),
+    "monitors": ("cosim.training.train_hydraulic", "ofc_monitor, position_monitor; 5 min on two cores"),
     "aircraft": ("cosim.training.train_aircraft", "lpv_smo, control_redundancy, kinematic, rfafe_airframe; 10 min"),
     "ema": ("cosim.training.train_ema", "ema_kalman_flight, position_monitor on EMAs; 5 min on two cores"),
     "rfafe": ("cosim.training.train_rfafe", "rfafe, rfafe_airframe at its design point; 15 min on two cores"),
@@ -23,4 +23,4 @@ def load(name: str) -> Any:
         raise DesignError(f"unknown training {name!r}", allowed=", ".join(TRAINERS),
                           remedy=did_you_mean(name, TRAINERS))  # fmt: skip
     module = importlib.import_module(TRAINERS[name][0])
-    return getattr(module, "TRAINING", module)
+    return getattr(module, "TRAININGS", {}).get(name, module)

@@ -1,15 +1,13 @@
 """Stored designs: what there is, how it is made from the aircraft in the tree, and whether it still belongs to it.
 
-A design is a JSON file in `fdi/designs/`. Its "source" is a digest of the numbers it was made from, as parsed from the
-aircraft's XML and the actuators' parameters: a comment or a blank in a file changes nothing, a coefficient does.
+A design is a JSON file in `fdi/designs/` with a digest of the numbers it was made from, as parsed from the aircraft's
+XML and the actuators' parameters: a comment or a blank in a file changes nothing, a coefficient does.
 """
 
 import functools
 import hashlib
 import importlib
 import json
-import re
-import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +22,8 @@ from actuators.hydraulic import actuator as hydraulic
 from actuators.hydraulic import servo
 from cosim.errors import DesignError, did_you_mean
 from cosim.files import replace_text
+from cosim.flight.detection import stored_designs
+from cosim.flight.plant.aero.functions import numbers_digest
 from cosim.scenario.aircraft import load_aircraft
 from fdi.common import compact
 
@@ -32,23 +32,24 @@ FOLDER = Path(fdi.__file__).resolve().parent / "designs"
 
 @dataclass(frozen=True)
 class Maker:
-    """Where a design comes from: `module`.`function`(progress) returns what the file holds but for its "source".
+    """Where a design comes from: `module`.`function`(progress) returns what the file holds but for its `digest`.
 
-    A module that is its `own` keeper writes and checks its file itself, by store(path, progress=) and check(path).
+    Where the module has a function `wrong`(held), it says what is wrong with the numbers, "" for nothing.
     """
 
     module: str
     function: str
     what: str
-    own: bool = False
+    digest: str = "source"  # the key of its digest, of `DIGESTS`
 
 
 DESIGNS = {
     "rfafe": Maker("cosim.training.rfafe", "published", "Sun13 estimator with elevator positions"),
     "rfafe_airframe": Maker("cosim.training.rfafe", "airframe", "Sun13 estimator on airframe outputs"),
-    "physics_bound": Maker("cosim.training.rfafe", "physics_bound", "motion per degree of elevator oscillation"),
-    "lpv_smo": Maker("cosim.training.lpv", "store", "Alwi14 LPV model and observer", own=True),
-    "lpv_smo_boxes": Maker("cosim.training.lpv_boxes", "store", "the same over the whole trim envelope", own=True),
+    "lpv_smo": Maker("cosim.training.lpv", "single", "Alwi14 LPV model and observer", "aircraft_sha256"),
+    "lpv_smo_boxes": Maker(
+        "cosim.training.lpv", "several", "the same over the whole trim envelope", "aircraft_sha256"
+    ),
 }
 
 
@@ -60,63 +61,41 @@ def known(name: str) -> None:
 
 def build(name: str, *, folder: str | Path = FOLDER, progress: Callable[..., Any] | None = None) -> Path:
     """Make design `name` anew, write it, return its path; `progress(text)` hears each step. KeyError: unknown name."""
-    maker = DESIGNS[name]
-    tell = progress or (lambda text: None)
-    module = importlib.import_module(maker.module)
+    maker, tell = DESIGNS[name], progress or (lambda text: None)
+    tell(f"{name}: {maker.what}")
+    made = getattr(importlib.import_module(maker.module), maker.function)(lambda text: tell(f"{name}: {text}"))
     path = Path(folder) / f"{name}.json"
-    if maker.own:
-        tell(f"{name}: {maker.what}")
-        module.store(path, progress=lambda: tell(f"{name}: next flight point"))
-        return path
-    made = getattr(module, maker.function)(tell)
-    replace_text(path, compact.text({"source": source(), **made}))
+    replace_text(path, compact.text({maker.digest: DIGESTS[maker.digest](), **made}))
     return path
 
 
-def check(name: str, *, folder: Any = FOLDER) -> Any:
-    """Return "" when the stored design `name` belongs to the aircraft in the tree, else what is wrong."""
+def check(name: str, *, folder: Any = FOLDER) -> str:
+    """Return "" when the stored design `name` belongs to the aircraft in the tree and holds, else what is wrong."""
     maker, path = DESIGNS[name], Path(folder) / f"{name}.json"
-    if maker.own:
-        return importlib.import_module(maker.module).check(path)
     if not path.is_file():
-        return f"there is no {path.name}"
+        return f"there is no {path.name}; make it with: cosim design"
     try:
-        stored = json.loads(path.read_text(encoding="utf-8")).get("source")
+        held = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
         return f"{path.name} cannot be read: {error}"
-    return "" if stored == source() else f"{path.name} was made from another aircraft or other actuators"
+    if held.get(maker.digest) != DIGESTS[maker.digest]():
+        return f"{path.name} was made from another aircraft or other actuators; mend: cosim design"
+    return getattr(importlib.import_module(maker.module), "wrong", lambda held: "")(held)
 
 
 @functools.cache
 def source() -> str:
-    """Return the digest of every number in the aircraft's XML and record and in the actuators' and servos' nominal
-    parameters.
-    """
-    aircraft = load_aircraft()
-    digest = hashlib.sha256()
-    for path in sorted(aircraft.folder.rglob("*.xml")):
-        for number in _numbers(ET.parse(path).getroot()):
-            digest.update(number.encode())
+    """Return the digest of the aircraft's numbers and the actuators' and servos' nominal parameters."""
+    found = hashlib.sha256(stored_designs.digest(load_aircraft()).encode())
     for module in (hydraulic, servo, ema, ema_servo):
         p = module.params()
         # v_run is how fast a runaway fault may be: of no healthy motion
         for value in np.concatenate([np.ravel(p[name]) for name in p.dtype.names if name != "v_run"]):
-            digest.update(f"{value:.6e};".encode())  # gains come from linear algebra: last digits are the processor's
-    numbers = aircraft.model_dump(mode="json", exclude={"folder", "name", "title", "points"})
-    digest.update(json.dumps(numbers, sort_keys=True).encode())
-    return digest.hexdigest()
+            found.update(f"{value:.6e};".encode())  # gains come from linear algebra: last digits are the processor's
+    return found.hexdigest()
 
 
-_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
-
-
-def _numbers(element, path=""):
-    """Yield "place number" of every number in the element's attributes and text, in document order."""
-    here = f"{path}/{element.tag}"
-    for key, value in sorted(element.attrib.items()):
-        yield from (f"{here}@{key} {float(x)!r};" for x in _NUMBER.findall(value))
-    yield from (f"{here} {float(x)!r};" for x in _NUMBER.findall(element.text or ""))
-    for child in element:
-        if isinstance(child.tag, str):
-            yield from _numbers(child, here)
-            yield from (f"{here} {float(x)!r};" for x in _NUMBER.findall(child.tail or ""))
+# the digest of all that decides about a design: the Sun13 estimators' also of the actuators
+DIGESTS: dict[str, Callable[[], str]] = {
+    "source": source, "aircraft_sha256": lambda: numbers_digest(load_aircraft().folder),
+}  # fmt: skip

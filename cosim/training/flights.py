@@ -5,7 +5,7 @@ needed (`detect`).
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from types import ModuleType
 from typing import Any
 
@@ -18,7 +18,7 @@ from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect, fly
 from cosim.flight.plant.point import SIX
 from cosim.scenario import Scenario, parse
-from cosim.scenario.aircraft import DEFAULT, load_aircraft
+from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
 from fdi.hydraulic import iotsekf
@@ -31,17 +31,23 @@ TURBULENCE = ("none", "light", "moderate")
 AIR = (*TURBULENCE, "severe")
 # the six fault-free flights of [Sun13] section IV
 MANOEUVRES = ("cruise", "aoa_protection", "nose_up", "pitch_protection", "coordinated_turn", "yaw_angle")
+LIVELY: tuple[dict, ...] = (
+    *({"kind": kind} for kind in MANOEUVRES), {"kind": "three_two_one_one", "amplitude_deg": 2.0, "unit_s": 0.5},
+    {"kind": "nz_doublet"},
+)  # fmt: skip
 KINDS: tuple[dict, ...] = (
     {"kind": "cruise"}, {"kind": "coordinated_turn", "duration_s": 35.0}, {"kind": "yaw_angle"}, {"kind": "nz_doublet"},
     {"kind": "three_two_one_one"}, {"kind": "nose_up", "amplitude_g": 0.3}, {"kind": "aoa_protection"},
     {"kind": "pitch_protection"},
 )  # fmt: skip
+WIDE = ((200.0, 405.0), (25.0, 36.0), (5000.0, 39000.0), (180.0, 330.0))  # of the default aircraft: t, %, ft, kt
+ALPHA_MAX, MACH_MAX = 12.5, 0.895  # deg, beyond it lift stalls; Mach, beyond it coefficients turn too fast
+ALPHA_MARGIN = 0.97  # of the angle that surely flies: no design beyond
 FLIGHT_S = 60.0
 TOLERANCE = 0.05  # of every coefficient
 NOISE_SCALE = 1.2  # of the sensors
 START_S = 2.0  # filters settle
 MODEL = ("A_p", "B", "M", "P_s", "phi_n", "V_m", "E", "L", "F_c", "F_s")  # of the hydraulic actuator, off by up to 5 %
-EMA = ("ema_kalman_flight", "position_monitor")  # its detectors that know its load
 COMMAND = "law.law.de_cmd"
 MODULES = {"rfafe": rfafe, "rfafe_airframe": rfafe_airframe}
 SURFACES = tuple(f"truth.aircraft.{s}" for s in ("de_lo", "de_li", "de_ri", "de_ro"))
@@ -102,25 +108,37 @@ def envelope(rng: np.random.Generator) -> dict:
     return {"mass_t": mass, "cg_pct": cg, "altitude_ft": height, "cas_kt": speed}
 
 
-def wide(rng: np.random.Generator) -> dict[str, float]:
-    """Return a flight point drawn over mass, CG, altitude and speed, wider than `envelope`; not every one trims."""
-    mass, cg = rng.uniform(200.0, 405.0), rng.uniform(25.0, 36.0)
-    height, speed = rng.uniform(5000.0, 39000.0), rng.uniform(180.0, 330.0)
-    return {"mass_t": mass, "cg_pct": cg, "altitude_ft": height, "cas_kt": speed}
+def wide(rng: np.random.Generator, own: Aircraft) -> dict[str, float]:
+    """Return a flight point drawn over mass, CG, altitude and speed of an aircraft; not every one trims."""
+    spans = WIDE
+    if own.own_designs:
+        spans = (own.mass.mass_t, own.mass.cg_pct, own.limits.altitude_ft, own.limits.cas_kt)
+    mass, cg, height, speed = (rng.uniform(*span) for span in spans)
+    return {"mass_t": mass, "cg_pct": cg, "altitude_ft": max(height, 3000.0), "cas_kt": speed}
+
+
+def reach(own: Aircraft) -> tuple[float, float]:
+    """Return the largest angle of attack [deg] and Mach number that designs of another aircraft are for."""
+    return min(ALPHA_MARGIN * own.limits.alpha_surely_flies_deg, ALPHA_MAX), min(own.limits.mach[1], MACH_MAX)
 
 
 def trimming(
     rng: np.random.Generator, fixed: dict[str, Any], where: dict[str, Any], alpha: float = 10.5
 ) -> dict[str, Any]:
-    """Return the arguments of `scenario` with a point drawn that trims with throttle below 95 % and angle of
-    attack below `alpha` [deg]; `where` are further entries of its flight."""
+    """Return the arguments of `scenario` with a point of `wide` that trims with throttle below 95 % and angle of
+    attack below `alpha` [deg], another aircraft within its `reach`; `where` are further entries of its flight."""
+    own, throttle, mach = load_aircraft(fixed.get("aircraft", DEFAULT)), 0.95, math.inf
+    if own.own_designs:
+        most, fastest = reach(own)
+        throttle, alpha, mach = 0.9, 0.8 * most, fastest - 0.03
     while True:
-        flight: dict[str, Any] = fixed | {"flight": wide(rng) | where}
+        flight: dict[str, Any] = fixed | {"flight": wide(rng, own) | where}
         try:
             setup = build(scenario(**flight))
         except TrimError:
             continue
-        if setup.trim.throttle < 0.95 and math.degrees(setup.trim.alpha) < alpha:
+        if (setup.trim.throttle < throttle and math.degrees(setup.trim.alpha) < alpha
+                and setup.loop.truth["mach"] < mach):  # fmt: skip
             return flight
 
 
@@ -131,35 +149,25 @@ def somewhere(flight: dict[str, Any], speeds: tuple[float, float] | None = None)
     return trimming(rng, flight, where | ({"cas_kt": rng.uniform(*speeds)} if speeds else {}))
 
 
-def lively(mass_t: float) -> list[dict[str, Any]]:
-    """Return eight manoeuvres: those of [Sun13] section IV, and those that drive the elevators fastest."""
-    weak = {"amplitude_g": 0.15}  # what a heavy aircraft has left
-    kinds = [{"kind": kind, **(weak if kind in ("nose_up", "pitch_protection") and mass_t > 300.0 else {})}
-             for kind in MANOEUVRES]  # fmt: skip
-    return [*kinds, {"kind": "three_two_one_one", "amplitude_deg": 2.0, "unit_s": 0.5}, {"kind": "nz_doublet"}]
-
-
 def over_envelope(first_seed: int, number: int) -> list[dict[str, Any]]:
-    """Return the arguments of `scenario` of fault-free flights: eight manoeuvres, three airs, points of `envelope`."""
+    """Return the arguments of `scenario` of fault-free flights at points of `envelope` in three airs: the manoeuvres of
+    [Sun13] section IV, and two that drive the elevators fastest."""
     out = []
     for k in range(number):
-        rng = np.random.default_rng([first_seed, k])
-        where = envelope(rng)
-        manoeuvre = lively(where["mass_t"])[k % 8]
-        flight = draw(first_seed + k, point=where, manoeuvre=manoeuvre, turbulence=TURBULENCE[k // 8 % 3])
-        out.append({**flight, "sensors": {"noise_scale": NOISE_SCALE}})
+        where = envelope(np.random.default_rng([first_seed, k]))
+        kind = LIVELY[k % len(LIVELY)]
+        if kind["kind"] in ("nose_up", "pitch_protection") and where["mass_t"] > 300.0:
+            kind = kind | {"amplitude_g": 0.15}  # what a heavy aircraft has left
+        out.append(draw(first_seed + k, point=where, manoeuvre=kind, turbulence=TURBULENCE[k // 8 % 3],
+                        sensors={"noise_scale": NOISE_SCALE}))  # fmt: skip
     return out
 
 
-def flights(first_seed: int, draws: int = 1, points: Sequence[dict] = POINTS) -> Iterator[dict]:
-    """Yield the arguments of `scenario` for every point, manoeuvre and turbulence, `draws` times each."""
-    seed = first_seed
-    for _ in range(draws):
-        for point in points:
-            for manoeuvre in MANOEUVRES:
-                for turbulence in TURBULENCE:
-                    yield draw(seed, point=point, manoeuvre=manoeuvre, turbulence=turbulence)
-                    seed += 1
+def manoeuvring(first_seed: int, number: int) -> list[dict[str, Any]]:
+    """Return the arguments of `scenario` of fault-free flights but for their points, which `somewhere` draws."""
+    return [draw(first_seed + k, point=POINT, manoeuvre=drawn_manoeuvre(k, first_seed),
+                 turbulence=TURBULENCE[k // 8 % 3], sensors={"noise_scale": NOISE_SCALE})
+            for k in range(number)]  # fmt: skip
 
 
 def fly_aircraft(signals: Sequence[str] = (), prepare: Any = None, **arguments: Any) -> pd.DataFrame:
@@ -170,22 +178,6 @@ def fly_aircraft(signals: Sequence[str] = (), prepare: Any = None, **arguments: 
 def fly_hydraulic(**arguments: Any) -> pd.DataFrame:
     """Fly `scenario(**arguments)` and return what the hydraulic detectors of the four segments read."""
     return fly(scenario(**arguments), [*(path.format(s) for s in SEGMENTS for path in HYDRAULIC), COMMAND])
-
-
-def ema_wires(name: str, lane: str) -> dict[str, str]:
-    """Return {input field: signal} of a detector on a segment: what it reads in the loop."""
-    return {field: f"{name}_in.{lane}.{field}" for field in sources(name, lane)}
-
-
-def ema_signals() -> list[str]:
-    """Return what the detectors of four electromechanical segments read."""
-    return [path for lane in SEGMENTS for name in EMA for path in ema_wires(name, lane).values()]
-
-
-def fly_ema(**arguments: Any) -> pd.DataFrame:
-    """Fly `scenario(**arguments)` with four electromechanical segments; return what their detectors read."""
-    own = {"technology": ("ema",) * 4, "detectors": {"enabled": list(EMA)}}
-    return fly(scenario(**{**arguments, **own}), ema_signals())
 
 
 def wires(module: ModuleType, segment: str) -> dict[str, str]:
@@ -200,11 +192,6 @@ def watch(
     """Return the OUTPUTS (or `fields`) of a hydraulic segment's detector at every tick, shape (segments, ticks)."""
     lanes = [wires(module, s) for s in segments]
     return detect(frame, module, lanes, p, module.OUTPUTS if fields is None else fields)
-
-
-def of(frame: pd.DataFrame, path: str) -> np.ndarray:
-    """Return a signal of all segments, shape (segments, ticks), from its bus name with {} for the segment."""
-    return np.stack([frame[path.format(s)] for s in SEGMENTS])
 
 
 def estimate(frame: pd.DataFrame, name: str, p: np.ndarray | None = None) -> np.ndarray:

@@ -39,6 +39,7 @@ POINTS = {"flight.mass_t": (205.0, 380.0), "flight.cg_pct": (25.5, 35.5), "fligh
 HELD_OUT = 4  # every so many flights one is not fitted
 EVERY_S = 0.3  # between windows that are fitted
 HALF = 0.5  # of the room between the largest probability of a fault without one and certainty: the threshold
+UNSEEN = -30.0  # logarithm of the odds of a class that no window had
 KERNELS, TAPS, DILATIONS = 20, 9, (1, 2, 4, 8, 16)  # of the convolution: for each dilation, samples, and dilations
 
 
@@ -142,88 +143,88 @@ def of_trees(model: Any, features: int, classes: int) -> Any:
     """Return the ONNX model of a fitted HistGradientBoostingClassifier (skl2onnx 1.20 fails on it with onnx 1.23)."""
     from onnx import TensorProto, helper
 
-    at: dict[str, Any] = {f"nodes_{n}": [] for n in ("treeids", "nodeids", "featureids", "values", "modes",
-                                                     "truenodeids", "falsenodeids")}  # fmt: skip
-    at |= {f"class_{n}": [] for n in ("treeids", "nodeids", "ids", "weights")}
     trees = [(int(c), p.nodes) for row in model._predictors for c, p in zip(model.classes_, row)]
+    every, leaves = [], []
     for tree, (c, nodes) in enumerate(trees):
         for i, n in enumerate(nodes):
             leaf = bool(n["is_leaf"])
-            told = (tree, i, 0 if leaf else int(n["feature_idx"]), 0.0 if leaf else float(n["num_threshold"]),
-                    "LEAF" if leaf else "BRANCH_LEQ", int(n["left"]), int(n["right"]))  # fmt: skip
-            for values, value in zip(list(at.values())[:7], told):
-                values.append(value)
-            if leaf:
-                for values, value in zip(list(at.values())[7:], (tree, i, c, float(n["value"]))):
-                    values.append(value)
-    base = np.full(classes, -30.0)  # a class that no window had
+            asked = (0, 0.0, "LEAF") if leaf else (int(n["feature_idx"]), float(n["num_threshold"]), "BRANCH_LEQ")
+            every.append((tree, i, *asked, int(n["left"]), int(n["right"])))
+            leaves += [(tree, i, c, float(n["value"]))] * leaf
+    names = "treeids nodeids featureids values modes truenodeids falsenodeids".split()
+    at: dict[str, Any] = {f"nodes_{name}": list(column) for name, column in zip(names, zip(*every))}
+    names = "treeids nodeids ids weights".split()
+    at |= {f"class_{name}": list(column) for name, column in zip(names, zip(*leaves))}
+    base = np.full(classes, UNSEEN)
     base[model.classes_] = model._baseline_prediction.ravel()
     node = helper.make_node("TreeEnsembleClassifier", ["x"], ["label", "probability"], domain="ai.onnx.ml",
                             classlabels_int64s=list(range(classes)), base_values=[float(b) for b in base],
                             post_transform="SOFTMAX", **at)  # fmt: skip
-    graph = helper.make_graph(
-        [node], "learned", [helper.make_tensor_value_info("x", TensorProto.FLOAT, [None, features])],
-        [helper.make_tensor_value_info("label", TensorProto.INT64, [None]),
-         helper.make_tensor_value_info("probability", TensorProto.FLOAT, [None, classes])],
-    )  # fmt: skip
-    opsets = [helper.make_opsetid("", 17), helper.make_opsetid("ai.onnx.ml", 3)]
-    return helper.make_model(graph, opset_imports=opsets, ir_version=9)
+    label = helper.make_tensor_value_info("label", TensorProto.INT64, [None])
+    return _graph([node], features, "probability", classes, first=[label], more=[helper.make_opsetid("ai.onnx.ml", 3)])
+
+
+def _graph(nodes, inputs, output, size, held=(), first=(), more=()):
+    """Return an ONNX model from `x` (None, inputs) to `output` (None, size)."""
+    from onnx import TensorProto, helper
+
+    x, y = (helper.make_tensor_value_info(n, TensorProto.FLOAT, [None, k]) for n, k in (("x", inputs), (output, size)))
+    graph = helper.make_graph(nodes, "learned", [x], [*first, y], list(held))
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17), *more], ir_version=9)
 
 
 def convolved(x: np.ndarray, y: np.ndarray, classes: int, channels: int = 5) -> Any:
     """Return the ONNX model of random convolutions, pooled, under a perceptron with one hidden layer [ROCKET,
     Dempster 2020]; x (n, channels samples)."""
     import onnxruntime
-    from onnx import TensorProto, helper, numpy_helper
+    from onnx import helper, numpy_helper
     from sklearn.neural_network import MLPClassifier
 
     rng = np.random.default_rng(1)
-    samples, pooled = x.shape[1] // channels, []
+    samples, pooled, nodes = x.shape[1] // channels, [], []
     weights: dict[str, np.ndarray] = {"shape": np.array([-1, channels, samples])}
-    nodes = [helper.make_node("Reshape", ["x", "shape"], ["c"])]
+
+    def add(operator, read, write, **how):
+        nodes.append(helper.make_node(operator, read.split(), [write], **how))
+
+    def model(output, size):
+        held = [numpy_helper.from_array(value, name) for name, value in weights.items()]
+        return _graph(nodes, channels * samples, output, size, held)
+
+    add("Reshape", "x shape", "c")
     for d in DILATIONS:
         w = rng.standard_normal((KERNELS, channels, TAPS)) * (rng.random((KERNELS, channels, 1)) < 0.5)
         weights[f"w{d}"] = (w - w.mean(axis=2, keepdims=True)).astype(np.float32)
         weights[f"b{d}"] = rng.uniform(-1.0, 1.0, KERNELS).astype(np.float32)
-        nodes += [
-            helper.make_node("Conv", ["c", f"w{d}", f"b{d}"], [f"v{d}"], dilations=[d], kernel_shape=[TAPS]),
-            helper.make_node("Relu", [f"v{d}"], [f"r{d}"]),
-            helper.make_node("ReduceMax", [f"r{d}"], [f"m{d}"], axes=[2], keepdims=0),
-            helper.make_node("ReduceMean", [f"r{d}"], [f"a{d}"], axes=[2], keepdims=0),
-        ]
+        add("Conv", f"c w{d} b{d}", f"v{d}", dilations=[d], kernel_shape=[TAPS])
+        add("Relu", f"v{d}", f"r{d}")
+        add("ReduceMax", f"r{d}", f"m{d}", axes=[2], keepdims=0)
+        add("ReduceMean", f"r{d}", f"a{d}", axes=[2], keepdims=0)
         pooled += [f"m{d}", f"a{d}"]
     weights["one"] = np.array(1.0, np.float32)
-    nodes += [helper.make_node("Concat", pooled, ["p"], axis=1), helper.make_node("Add", ["p", "one"], ["p1"]),
-              helper.make_node("Log", ["p1"], ["f"])]  # fmt: skip
-
-    def model(output, size):
-        held = [numpy_helper.from_array(value, name) for name, value in weights.items()]
-        entry = helper.make_tensor_value_info("x", TensorProto.FLOAT, [None, channels * samples])
-        leaves = helper.make_tensor_value_info(output, TensorProto.FLOAT, [None, size])
-        graph = helper.make_graph(nodes, "learned", [entry], [leaves], held)
-        return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
-
+    add("Concat", " ".join(pooled), "p", axis=1)
+    add("Add", "p one", "p1")
+    add("Log", "p1", "f")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
-    size = 2 * KERNELS * len(DILATIONS)
-    run = onnxruntime.InferenceSession(model("f", size).SerializeToString(), options).run
+    run = onnxruntime.InferenceSession(model("f", 2 * KERNELS * len(DILATIONS)).SerializeToString(), options).run
     z = np.concatenate([run(None, {"x": x[i : i + 2000]})[0] for i in range(0, len(x), 2000)])
     mean, spread = z.mean(axis=0), z.std(axis=0) + 1e-6
     net = MLPClassifier((48,), alpha=1e-3, early_stopping=True, max_iter=40, batch_size=512, random_state=1)
     net.fit((z - mean) / spread, y)
     full = np.zeros((48, classes), np.float32)
-    bias = np.full(classes, -30.0, np.float32)  # a class that no window had
+    bias = np.full(classes, UNSEEN, np.float32)
     bias[net.classes_] = 0.0
     said = net.classes_[-net.n_outputs_ :]  # of two classes the net has one output, for the second
     full[:, said], bias[said] = net.coefs_[1], net.intercepts_[1]
     weights |= {"mean": mean, "spread": spread, "hidden": net.coefs_[0].astype(np.float32), "last": full,
                 "hidden_0": net.intercepts_[0].astype(np.float32), "last_0": bias}  # fmt: skip
-    nodes += [
-        helper.make_node("Sub", ["f", "mean"], ["f0"]), helper.make_node("Div", ["f0", "spread"], ["f1"]),
-        helper.make_node("Gemm", ["f1", "hidden", "hidden_0"], ["h"]), helper.make_node("Relu", ["h"], ["h1"]),
-        helper.make_node("Gemm", ["h1", "last", "last_0"], ["o"]),
-        helper.make_node("Softmax", ["o"], ["probability"], axis=1),
-    ]  # fmt: skip
+    add("Sub", "f mean", "f0")
+    add("Div", "f0 spread", "f1")
+    add("Gemm", "f1 hidden hidden_0", "h")
+    add("Relu", "h", "h1")
+    add("Gemm", "h1 last last_0", "o")
+    add("Softmax", "o", "probability", axis=1)
     return model("probability", classes)
 
 
@@ -291,13 +292,11 @@ def changes(found: dict) -> list[tuple]:
     """Return (file, what, of what, stored, trained) rows."""
     path = FOLDER / "learned.json"
     stored = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    out = []
-    for name, made in found.items():
-        before = stored.get(name, {"threshold": math.nan, "training": {"log_loss": math.nan}})
-        losses = (d["training"]["log_loss"] for d in (before, made["told"]))
-        out.append((f"{name}.onnx", "held out", "log loss", *losses))
-        out.append((f"{name}.onnx", "held out", "threshold", before["threshold"], made["told"]["threshold"]))
-    return out
+    none = {"threshold": math.nan, "training": {"log_loss": math.nan}}
+    both = {f"{name}.onnx": (stored.get(name, none), made["told"]) for name, made in found.items()}
+    return [(file, "held out", what, *values) for file, told in both.items()
+            for what, values in (("log loss", (d["training"]["log_loss"] for d in told)),
+                                 ("threshold", (d["threshold"] for d in told)))]  # fmt: skip
 
 
 def store(found: dict) -> None:

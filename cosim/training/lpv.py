@@ -4,24 +4,31 @@ Grid points are combinations of mass, CG, calibrated airspeed and Mach number; t
 standard atmosphere. Points below the sea, above `CEILING`, or without a steady flight below `THROTTLE_MAX` are left
 out: 270 kt at M 0.40 lies under water, 210 kt at M 0.68 above the troposphere. Fitting the paper's five points alone
 gives zero error and nonsense between.
+
+The paper's box leaves out light and fast aircraft. What flies has boxes side by side over the whole trim envelope: each
+of `EDGES` that holds enough steady flights gets a model fitted to linearisations at Sobol points in and around it, and
+gains whose inequalities hold at all its vertices.
 """
 
 import dataclasses
-import json
-from collections.abc import Callable
+import itertools
+import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.stats import qmc
 
 import fdi
 from actuators.constants import DEG_PER_RAD, M_S_PER_KT
 from cosim.errors import TrimError
-from cosim.flight.plant.aero.functions import numbers_digest
-from cosim.flight.plant.force_model import FOLDER
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import FlightPoint
+from cosim.scenario.aircraft import DEFAULT
+from cosim.training.flights import ALPHA_MAX, MACH_MAX
+from fdi.lpv_smo import boxes
 from fdi.lpv_smo import model as lpv_model
 from fdi.lpv_smo import synthesis as lpv_smo_design
 
@@ -37,6 +44,17 @@ CEILING = 11000.0  # top of the troposphere [m]
 # size of each signal in manoeuvres of +-0.15 g, from the flights of [Alwi14] figure 1: they weigh what is insignificant
 SIZE_X = np.array([2.0, 100.0, 3.0, 5.0, 2.0])
 SIZE_U = np.array([3.0, 1.0])
+EDGES = (
+    (195.0, 290.0, 405.0),  # t
+    (22.0, 40.0),  # %
+    (112.0, 150.0, 190.0, 240.0, 300.0, 390.0),  # kt
+    (0.15, 0.30, 0.45, 0.65, 0.80, 0.90),  # Mach
+)
+SPAN = np.array([[195.0, 405.0], [22.0, 40.0], [0.0, 12500.0], [112.0, 390.0]])  # sampled: t, %, m, kt
+DRAWS, SOBOL_SEED = 4096, 5
+AROUND = 1.25  # a box is fitted to what lies within so many halves of its width
+FEWEST = 12  # points that a box needs
+Progress = Callable[[str], None] | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,47 +70,75 @@ class Samples:
     refused: list  # (rho, reason)
 
 
-def pressure_altitude(cas_kt: float, mach: float) -> Any:
+def _impact(cas_kt):
+    """Return the impact pressure [Pa] of a calibrated airspeed."""
+    return 101325.0 * ((1 + 0.2 * (cas_kt * M_S_PER_KT / 340.294) ** 2) ** 3.5 - 1)
+
+
+def _pressure(h):
+    """Return the pressure [Pa] of the standard troposphere."""
+    return 101325.0 * (1 - 0.0065 * h / 288.15) ** 5.2558797
+
+
+def pressure_altitude(cas_kt: float, mach: float) -> float:
     """Return the altitude [m] of the standard troposphere where `cas_kt` is flown at `mach`; under water negative."""
-    impact = 101325.0 * ((1 + 0.2 * (cas_kt * M_S_PER_KT / 340.294) ** 2) ** 3.5 - 1)
     ratio = (1 + 0.2 * mach**2) ** 3.5 - 1
-
-    def excess(h):
-        return 101325.0 * (1 - 0.0065 * h / 288.15) ** 5.2558797 * ratio - impact
-
-    return brentq(excess, -6000.0, 25000.0)
+    return brentq(lambda h: _pressure(h) * ratio - _impact(cas_kt), -6000.0, 25000.0)
 
 
-def flight_at(rho: Any) -> Any:
-    """Return the FlightPoint of `rho` = [t, %, kt, Mach]."""
-    mass, cg, cas, mach = rho
-    return FlightPoint(mass * 1e3, cg / 100.0, pressure_altitude(cas, mach), "mach", mach)
+def mach_at(cas_kt: float, h: float) -> float:
+    """Return the Mach number of `cas_kt` at `h` [m] in the standard atmosphere, up to 20 km."""
+    pressure = _pressure(min(h, CEILING)) * math.exp((min(h, CEILING) - h) / 6341.62)
+    return math.sqrt(5 * ((_impact(cas_kt) / pressure + 1) ** (1 / 3.5) - 1))
 
 
-def sample(points: Any, progress: Callable[..., Any] | None = None) -> Samples:
-    """Trim and linearise at each rho of `points` (k, 4); returns `Samples`, what cannot be flown with its reason."""
+def sample(points: np.ndarray, progress: Progress = None) -> Samples:
+    """Return `Samples` at each rho of `points` (k, 4); what cannot be flown with its reason."""
+    return samples(*linearised(points, _at_mach, progress))
+
+
+def linearised(points: np.ndarray, one: Callable[..., tuple], progress: Progress = None) -> tuple[list, list]:
+    """Return ([what `one`(point) makes: rho, A, B, C, D, trim], [(point, reason)] of those without a steady flight)."""
     kept, refused = [], []
-    for rho in points:
+    for point in points:
         try:
-            kept.append(_one(rho))
+            kept.append(one(point))
         except TrimError as error:
-            refused.append((tuple(map(float, rho)), str(error)))
+            refused.append((tuple(map(float, point)), str(error)))
         if progress is not None:
-            progress()
+            progress("next flight point")
+    return kept, refused
+
+
+def samples(kept: list[tuple], refused: list) -> Samples:
+    """Return `Samples` of what `linearised` found."""
     rho, A, B, C, D, trims = (np.array(column) for column in zip(*kept))
     return Samples(rho, A, B, C, D, trims, refused)
 
 
-def _one(rho):
-    h = pressure_altitude(rho[2], rho[3])
+def _at_mach(rho):
+    """Return a row of `linearised` at `rho` = [t, %, kt, Mach] in the troposphere, with some thrust to climb."""
+    mass, cg, cas, mach = rho
+    h = pressure_altitude(cas, mach)
     if not 0.0 <= h <= CEILING:
-        raise TrimError(f"{rho[2]:.0f} kt at M {rho[3]:.2f} is an altitude of {h:.0f} m")
-    made = linearize(flight_at(rho))
+        raise TrimError(f"{cas:.0f} kt at M {mach:.2f} is an altitude of {h:.0f} m")
+    made = linearize(FlightPoint(mass * 1e3, cg / 100.0, h, "mach", mach))
     if made.trim.throttle > THROTTLE_MAX:
         raise TrimError(f"needs {100 * made.trim.throttle:.0f} % of the throttle")
-    A, B, C, D, trim = in_paper_units(made)
-    actual = np.array([rho[0], rho[1], made.y0[list(made.outputs).index("cas")] / M_S_PER_KT, rho[3]])
-    return actual, A, B, C, D, trim
+    flown = made.y0[list(made.outputs).index("cas")] / M_S_PER_KT
+    return np.array([mass, cg, flown, mach]), *in_paper_units(made)
+
+
+def short_of_stall(
+    at: np.ndarray, alpha_max: float = ALPHA_MAX, mach_max: float = MACH_MAX, aircraft: str = DEFAULT
+) -> tuple:
+    """Return a row of `linearised` at [t, %, m, kt]. Raises TrimError beyond `alpha_max` [deg] or `mach_max`."""
+    mass, cg, h, cas = at
+    made = linearize(FlightPoint(mass * 1e3, cg / 100.0, h, "cas", cas * M_S_PER_KT, aircraft=aircraft))
+    mach = mach_at(cas, h)
+    if math.degrees(made.trim.alpha) > alpha_max or mach > mach_max:
+        raise TrimError(f"{math.degrees(made.trim.alpha):.1f} deg at M {mach:.2f}")
+    return np.array([mass, cg, cas, mach]), *in_paper_units(made)
 
 
 def in_paper_units(made: Any) -> tuple[Any, ...]:
@@ -160,11 +206,6 @@ def judge(model: Any, samples: Any) -> Any:
     return out
 
 
-def unflyable_vertices() -> Any:
-    """Return [(rho, reason)] of the corners of the box without a steady flight."""
-    return sample(lpv_model.vertices(BOX)).refused
-
-
 def design(model: Any) -> Any:
     """Design the observer with the paper's weights: xi in the alpha and V channels (36), deltas of section 5."""
     M = np.zeros((5, 2))
@@ -172,37 +213,56 @@ def design(model: Any) -> Any:
     return lpv_smo_design.design(model.A, model.B, model.C, model.D, box=model.box, M=M)
 
 
-def make(*, progress: Any = None) -> tuple[Any, ...]:
-    """Sample, fit, judge and design; return (model, design, facts) with `facts` ready for `lpv_smo_design.save`."""
+def single(progress: Callable[[str], None]) -> dict[str, Any]:
+    """Return the design of the paper's box: sampled, fitted, judged, and how it was made."""
     first, second = sample(grid(GRID), progress), sample(grid(SECOND, offset=0.5), progress)
     model, fixed = fit(first)
     made = design(model)
-    return model, made, {
-        "aircraft_sha256": numbers_digest(FOLDER),
+    return {
+        **lpv_smo_design.plain(model, made),
         "grid": {"points": len(first.rho), "refused": len(first.refused), "second": len(second.rho)},
         "fit": {k: np.asarray(v).tolist() for k, v in judge(model, second).items()},
         "fixed": {k: v.tolist() for k, v in fixed.items()},
-        "vertices_refused": unflyable_vertices(),
+        "vertices_refused": sample(lpv_model.vertices(BOX)).refused,
         "certificate": lpv_smo_design.verify(made),
     }  # fmt: skip
 
 
-def store(path: Path = STORED, *, progress: Callable[..., Any] | None = None) -> Any:
-    """Make the design of the aircraft in the tree and write it to `path`; return the facts."""
-    model, made, facts = make(progress=progress)
-    lpv_smo_design.save(model, made, path, **facts)
-    return facts
+def points(span: np.ndarray, draws: int) -> np.ndarray:
+    """Return Sobol points (draws, 4) of a span (4, 2): t, %, m, kt."""
+    low, high = span.T
+    return low + (high - low) * qmc.Sobol(4, seed=SOBOL_SEED).random(draws)
 
 
-def check(path: Path = STORED) -> str:
-    """Return "" when the stored design belongs to the aircraft in the tree and verifies, else what is wrong."""
-    if not Path(path).is_file():
-        return "no stored LPV design; make it with: cosim design"
-    held = json.loads(Path(path).read_text(encoding="utf-8"))
-    if held["aircraft_sha256"] != numbers_digest(FOLDER):
-        return "the LPV design was made for other numbers in the aircraft's XML; mend: cosim design"
+def boxed(samples: Samples, edges: Sequence[Sequence[float]] = EDGES) -> list[tuple]:
+    """Return [(LpvModel, Design)] of every box of `edges` with at least `FEWEST` samples in it."""
+    out = []
+    for corner in itertools.product(*(itertools.pairwise(axis) for axis in edges)):
+        box = np.array(corner)
+        near = np.abs(lpv_model.normalise(samples.rho, box))
+        if (near <= 1.0).all(1).sum() >= FEWEST:
+            part = (near <= AROUND).all(1)
+            here = dataclasses.replace(samples, **{k: v[part] for k, v in vars(samples).items() if k != "refused"})
+            model = boxes.rounded(fit(here, box=box, weight=np.ones(part.sum()))[0])
+            out.append((model, design(model)))
+    return out
+
+
+def several(progress: Callable[[str], None]) -> dict[str, Any]:
+    """Return the designs of the boxes of the aircraft in the tree, over Sobol points of `SPAN` short of stall."""
+    return stacked(boxed(samples(*linearised(points(SPAN, DRAWS), short_of_stall, progress))), DRAWS)
+
+
+def stacked(pairs: list[tuple], draws: int) -> dict[str, Any]:
+    """Return the designs of `boxed` as they are stored."""
+    return {"draws": draws, "seed": SOBOL_SEED, "boxes": [lpv_smo_design.plain(*one) for one in pairs]}
+
+
+def wrong(held: dict[str, Any]) -> str:
+    """Return "" when each of the stored designs belongs to its model and verifies, else what is wrong."""
     try:
-        report = lpv_smo_design.verify(lpv_smo_design.load(path)[1])
+        reports = [lpv_smo_design.verify(lpv_smo_design.pair(one)[1]) for one in held.get("boxes", [held])]
     except ValueError as error:
         return str(error)
-    return "" if report["ok"] else f"the stored LPV design does not verify: {report}"
+    bad = {k: report for k, report in enumerate(reports) if not report["ok"]}
+    return f"LPV designs do not verify: {bad}" if bad else ""

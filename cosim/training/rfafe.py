@@ -7,6 +7,7 @@ record. Units inside: m/s, deg, deg/s, as the paper.
 import functools
 import itertools
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,14 +20,12 @@ from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import FlightPoint
 from cosim.judge.fault_effect import sine
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
-from cosim.training.flights import COMMAND, DT, MANOEUVRES, POINT, scenario
-from fdi.common import physics_bound as bound
+from cosim.training.flights import COMMAND, DT, MANOEUVRES, scenario
 from fdi.rfafe import rfafe, servo
 from fdi.rfafe.discrete import noise
 from fdi.rfafe.store import to_plain
 
 STATES = ("tas", "alpha", "q", "theta")
-NAMES = ("left_outer", "left_inner", "right_inner", "right_outer")
 UNIT = np.array([1.0, 1 / RAD_PER_DEG, 1 / RAD_PER_DEG, 1 / RAD_PER_DEG])  # SI to the paper's units
 FLIGHT_S = 40.0
 RANK_E = 2
@@ -40,10 +39,8 @@ TECHNOLOGIES: dict[str, tuple[str, ...]] = {
     "hydraulic": ("hydraulic",) * 4, "ema": ("ema",) * 4, "simple": ("simple",) * 4,
     "mixed": ("hydraulic", "ema", "ema", "hydraulic"),
 }  # fmt: skip
-PAIRS = tuple(f"{a}/{b}" for a in TECHNOLOGIES for b in TECHNOLOGIES if a != b)  # sides that differ
 START, LATEST = np.log([0.1, 5.0, 0.1]), 6  # of a servo's fit: lag [deg], v_lag [deg/s], t_lag [s]; ticks of delay
 RATE_DEG_S = 40.0  # of the servos' reference: 40 of the no-load 45 deg/s (actuators/hydraulic/servo.py)
-BOUND_HZ = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 
 
 def point_of(own: Aircraft) -> str:
@@ -67,8 +64,10 @@ def surfaces(own: Aircraft) -> tuple[str, ...]:
 
 
 @functools.cache
-def linear(point: str = "sun13", aircraft: str = DEFAULT) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (A, B (4, segments), x0) of V, alpha, q, theta at a point of the aircraft's record, paper's units."""
+def linear(point: str = "", aircraft: str = DEFAULT) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (A, B (4, segments), x0) of V, alpha, q, theta at a point of the aircraft's record, by default that of the
+    designs, in the paper's units."""
+    point = point or point_of(load_aircraft(aircraft))
     return linear_at(FlightPoint.at(**load_aircraft(aircraft).points[point], aircraft=aircraft))
 
 
@@ -91,7 +90,7 @@ def unknown_inputs(turbulence: str = "none", aero: tuple = (), aircraft: str = D
     zero.
     """
     own = load_aircraft(aircraft)
-    A, B, x0 = linear(point_of(own), aircraft)
+    A, B, x0 = linear(aircraft=aircraft)
     states = [f"truth.aircraft.{n}" for n in STATES]
     flights = []
     for kind in MANOEUVRES:
@@ -192,54 +191,46 @@ def sigmas(own: Aircraft | None = None) -> tuple[np.ndarray, float]:
 def published(progress: Any, aircraft: str = DEFAULT) -> dict[str, Any]:
     """Return the designs of the published form, both sides, y = [V, alpha, q, theta, left, right], by technology."""
     own = load_aircraft(aircraft)
-    _, B, _ = linear(point_of(own), aircraft)
-    left = len(own.groups["left"])
-    sides = np.stack([B[:, :left].sum(1), B[:, left:].sum(1)], 1)
-    air, position = sigmas(own)
     progress("six fault-free flights")
     E = np.vstack([rfafe.reduce_E(unknown_inputs(aircraft=aircraft), RANK_E), np.zeros((2, RANK_E))])
-    sigma = [*air, position, position]
-    kinds = [kind for kind in layouts(own) if left > 1 or kind != "mixed"]
-    pairs = PAIRS if not own.own_designs else [f"{a}/{b}" for a, b in itertools.permutations(kinds, 2)]
-    designs = {t: entry("rfafe", t, sides, E, np.eye(6), lambda g: g[1], sigma, progress, aircraft=aircraft)
-               for t in (*kinds, *pairs)}
+    kinds = [kind for kind in layouts(own) if len(own.groups["left"]) > 1 or kind != "mixed"]
+    pairs = [f"{a}/{b}" for a, b in itertools.permutations(kinds, 2)]  # sides that differ
+    designs = {t: entry("rfafe", t, E, progress, aircraft=aircraft) for t in (*kinds, *pairs)}
     servos = {kind: servo_model(kind, aircraft) for kind in layouts(own) if kind != "mixed"}
     return {"designs": designs, "servos": servos, **_made_from(aircraft)}
 
 
-def airframe(progress: Any, aircraft: str = DEFAULT) -> Any:
+def airframe(progress: Any, aircraft: str = DEFAULT) -> dict[str, Any]:
     """Return the designs of the airframe form, y = [V, alpha, q, theta], E freed of its part along F, by technology."""
-    own = load_aircraft(aircraft)
-    _, B, _ = linear(point_of(own), aircraft)
-    total = B.sum(1, keepdims=True)
-    air, _ = sigmas()
     progress("six fault-free flights")
-    E = rfafe.separate(unknown_inputs(aircraft=aircraft), total, np.eye(4), method="remove")[:, :RANK_E]
-    E = np.vstack([E, np.zeros((1, E.shape[1]))])
-    C, F = np.eye(5)[:4], np.vstack([total, [[0.0]]])
-    designs = {t: entry("rfafe_airframe", t, total, E, C, lambda g: F, air, progress, aircraft=aircraft)
-               for t in layouts(own)}
+    E = freed(unknown_inputs(aircraft=aircraft), linear(aircraft=aircraft)[1])
+    designs = {t: entry("rfafe_airframe", t, E, progress, aircraft=aircraft) for t in layouts(load_aircraft(aircraft))}
     return {"designs": designs, **_made_from(aircraft)}
 
 
+def freed(E: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """Return E (5, rank) of the airframe form, without its part along the elevators' B (4, segments)."""
+    E = rfafe.separate(E, B.sum(1, keepdims=True), np.eye(4), method="remove")[:, :RANK_E]
+    return np.vstack([E, np.zeros((1, E.shape[1]))])
+
+
 def entry(
-    name: Any,
-    technology: Any,
-    Bu: Any,
-    E: Any,
-    C: np.ndarray,
-    fault: Any,
-    sigma: Any,
-    progress: Any,
-    *,
-    A: Any = None,
-    aircraft: str = DEFAULT,
-    bandwidth: Any = None,
+    name: str, technology: str, E: Any, progress: Callable[[str], None] = lambda text: None, *,
+    A: np.ndarray | None = None, B: np.ndarray | None = None, aircraft: str = DEFAULT, bandwidth: float | None = None,
     **options: Any,
-) -> dict[str, Any]:
-    """Return the stored entry of one technology, or "left/right": design, input delays and what its figures are."""
-    A = linear(point_of(load_aircraft(aircraft)), aircraft)[0] if A is None else A
-    progress(f"{name}: actuator and LMIs, {technology}")
+) -> dict[str, Any]:  # fmt: skip
+    """Return the stored entry of form `name` for one technology, or "left/right": design, input delays and what its
+    figures are. A, B (4, segments) of the airframe are by default those at the point of the designs."""
+    own, nominal = load_aircraft(aircraft), linear(aircraft=aircraft)
+    A, B = nominal[0] if A is None else A, nominal[1] if B is None else B
+    air, position = sigmas(own)
+    left = len(own.groups["left"])
+    sigma: Any
+    if name == "rfafe":
+        Bu, C, sigma = np.stack([B[:, :left].sum(1), B[:, left:].sum(1)], 1), np.eye(6), [*air, position, position]
+    else:
+        Bu, C, sigma = B.sum(1, keepdims=True), np.eye(5)[:4], [*air]
+    progress(f"actuator and LMIs, {technology}")
     sides = Bu.shape[1]
     kinds = technology.split("/") * (sides // len(technology.split("/")))
     a, gain, tau, high = (list(column) for column in zip(*(actuator(kind, aircraft) for kind in kinds)))
@@ -249,8 +240,8 @@ def entry(
     if len(set(kinds)) == 1:
         a, gain, tau, high, late = a[0], gain[0], tau[0], high[0], late[0]
     g = rfafe.global_model(A, Bu, np.eye(4), np.zeros((4, sides)), *rfafe.first_order(a, gain, sides))
-    made = rfafe.design(g[0], g[1], C, None, E, fault(g), dt=DT, bandwidth=bandwidth or BANDWIDTH[name], sigma=sigma,
-                        **options)
+    F = g[1] if name == "rfafe" else np.vstack([Bu, [[0.0]]])
+    made = rfafe.design(*g[:2], C, None, E, F, dt=DT, bandwidth=bandwidth or BANDWIDTH[name], sigma=sigma, **options)
     return {
         "design": to_plain(made), "u_delay_s": late,
         "actuator": {"a_rad_s": a, "gain": gain, "tau_s": tau, "amplitude_error_2hz": high,
@@ -261,24 +252,7 @@ def entry(
 
 def _made_from(aircraft):
     own = load_aircraft(aircraft)
-    A, B, x0 = linear(point_of(own), aircraft)
+    A, B, x0 = linear(aircraft=aircraft)
     return {"point": _flight(own), "A": A.tolist(), "B": B.tolist(), "x0": x0.tolist(),
             "E": unknown_inputs(aircraft=aircraft).tolist(), "units": "V m/s, angles deg, q deg/s",
             "flights": list(MANOEUVRES)}
-
-
-def physics_bound(progress: Any) -> Any:
-    """Return pitch rate [deg/s] and load factor [g] per degree of OFC over frequency at POINT: segments, sides, all."""
-    progress("physics bound")
-    model = linearize(FlightPoint.at(**POINT))
-    A, B, C, D = model.block(STATES, model.named("de_"), ("q", "nz"))
-    groups = {**{n: [i] for i, n in enumerate(NAMES)}, "left": [0, 1], "right": [2, 3], "all": [0, 1, 2, 3]}
-    out = {}
-    for name, columns in groups.items():
-        b, d = (X[:, columns].sum(1, keepdims=True) for X in (B, D))
-        motion = bound.motion_per_degree(A, b, C, d, BOUND_HZ)
-        q, nz = motion[:, 0, 0], motion[:, 1, 0] * RAD_PER_DEG
-        least = bound.detectable_amplitude(q, TRANSPORT["q"][1] / RAD_PER_DEG, frequencies_hz=BOUND_HZ)
-        out[name] = {"q_deg_s_per_deg": q.tolist(), "nz_g_per_deg": nz.tolist(),
-                     "least_deg_3_periods_q": least.tolist()}
-    return {"point": POINT, "frequency_hz": list(BOUND_HZ), "groups": out}

@@ -25,14 +25,17 @@ UPPER = 0.8  # from this quantile of the flights on the tail is exponential
 def blocks(y: np.ndarray, features: list, valid: np.ndarray, dt: float, hold: float = 0.0) -> np.ndarray:
     """Return (blocks, 1 + features): of each second the largest y (ticks,) that lasted for `hold` [s], and the
     features (ticks,) or numbers there. Blocks without one are left out."""
-    y = np.where(valid, y, 0.0)
-    if hold > 0.0:
-        y = minimum_filter1d(y, max(round(hold / dt), 1))
+    y = lasting(np.where(valid, y, 0.0), hold, dt)
     n = round(BLOCK_S / dt)
     at = np.arange(0, len(y) - n + 1, n)
     at = at + y[: len(at) * n].reshape(-1, n).argmax(axis=1)
     at = at[y[at] > 0.0]
     return np.stack([y[at], *(np.broadcast_to(f, len(y))[at] for f in features)], axis=1)
+
+
+def lasting(y: np.ndarray, hold: float, dt: float) -> np.ndarray:
+    """Return what y (..., ticks) does not fall below for `hold` [s] about each tick."""
+    return minimum_filter1d(y, max(round(hold / dt), 1), axis=-1)
 
 
 def quantile(y: np.ndarray, x: np.ndarray, level: float, least: float = LEAST) -> np.ndarray:

@@ -6,6 +6,7 @@ with, all of it measured (`cosim.training.threshold_fit`), at one PROBABILITY of
 shared among what it tests.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -13,15 +14,25 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import minimum_filter1d
 
 from cosim.flight.detection.detector_context import site
-from cosim.flight.detection.detectors import sources
+from cosim.flight.detection.detectors import sources, unfit
 from cosim.flight.loop.signals import detect, fly
-from cosim.scenario.catalog import SEGMENTS
-from cosim.scenario.tolerance import toleranced
-from cosim.training.flights import AIR, DT, FLIGHT_S, NOISE_SCALE, TOLERANCE, drawn_manoeuvre, scenario, trimming
-from cosim.training.threshold_fit import HELD, LEAST, PROBABILITY, blocks, limit
+from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
+from cosim.training import train_rfafe
+from cosim.training.flights import (
+    AIR,
+    COMMAND,
+    DT,
+    FLIGHT_S,
+    NOISE_SCALE,
+    TOLERANCE,
+    drawn_manoeuvre,
+    reach,
+    scenario,
+    trimming,
+)
+from cosim.training.threshold_fit import HELD, LEAST, PROBABILITY, blocks, lasting, limit
 from cosim.training.trainer import Trained, Training, decimals
 from fdi import registry
 from fdi.common import bank
@@ -31,10 +42,9 @@ from fdi.kinematic import signatures
 DETECTORS = ("lpv_smo", "control_redundancy", "kinematic", "rfafe", "rfafe_airframe")
 # what each is trained in; the others' estimates are not made for severe air
 TRAINED_IN = {**dict.fromkeys(("kinematic", "rfafe_airframe"), AIR),
-              **dict.fromkeys(("lpv_smo", "control_redundancy"), AIR[:3])}  # fmt: skip
+              **dict.fromkeys(("lpv_smo", "control_redundancy", "rfafe"), AIR[:3])}  # fmt: skip
 LPV_PARTS = ("elevator", "n_z", "alpha")
 BANDS = ((0, 4), (4, 7), (7, 10), (10, 14))  # of rfafe_airframe's frequencies: one limit from 0.5 to 1 Hz, to 2, 4, 11
-SPARE = 2  # fits in a row fewer than an alarm takes count as one: no limit hangs on the shape alone
 GUSTS = ("light", "moderate")  # that teach what the airframe has in rfafe_airframe's estimate
 # up to moderate air noise hides what gusts do to fast frequencies: only in severe air can it be told how limits grow
 IN_SEVERE = {"rfafe_airframe": ("band2", "band3")}
@@ -48,7 +58,7 @@ PIECES = {"floor", *(f"least_{part}" for part in LPV_PARTS)}
 CONSTANT = 3.0
 DOUBLE = 2.0  # of the deviations over the training flights
 LPV = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha", "f_sigma", "sigma", "rms", "path", "alpha_0", "valid")
-ELEVATORS = (("hydraulic", "hydraulic", "ema", "ema"), ("hydraulic",) * 4)
+ALL_HYDRAULIC = 32  # the first flight with such elevators
 FLIGHTS, FIRST_SEED = 384, 31_000
 # and for lpv_smo STILL flights in still air with every coefficient as it is known: then nothing but noise is in its
 # estimates, and its limits, which grow with gusts, come down to it after a minute
@@ -60,13 +70,13 @@ PIECE_S = 60.0  # of a flight: for so long PROBABILITY is
 HALF_S = 1.0  # between half periods that count together
 
 
-def arguments(index: int, first_seed: int = FIRST_SEED) -> dict:
-    """Return the arguments of `flights.scenario` of training flight `index`."""
-    rng = np.random.default_rng([first_seed, index])
+def arguments(index: int, first_seed: int = FIRST_SEED, aircraft: str = DEFAULT) -> dict[str, Any]:
+    """Return the arguments of `flights.scenario` of training flight `index`: manoeuvre, air and layout in turn."""
+    own, rng = load_aircraft(aircraft), np.random.default_rng([first_seed, index])
     fixed: dict[str, Any] = {
-        "duration": 60.0, "manoeuvre": drawn_manoeuvre(index, first_seed), "seed": first_seed + index,
-        "technology": elevators(index), "sensors": {"noise_scale": NOISE_SCALE},
-        "tolerances": {"aero": {n: float(1 + TOLERANCE * rng.choice((-1, 1))) for n in toleranced("aero")}},
+        "duration": FLIGHT_S, "manoeuvre": drawn_manoeuvre(index, first_seed), "seed": first_seed + index,
+        "technology": elevators(index, own), "sensors": {"noise_scale": NOISE_SCALE}, "aircraft": aircraft,
+        "tolerances": {"aero": {n: float(1 + TOLERANCE * rng.choice((-1, 1))) for n in own.multipliers}},
     }  # fmt: skip
     return trimming(rng, fixed, {"turbulence": air(index)})
 
@@ -83,14 +93,26 @@ def calm(index: int, first_seed: int = FIRST_SEED) -> dict:
     made = arguments(FLIGHTS + STILL + index, first_seed)
     rng = np.random.default_rng([first_seed, FLIGHTS + STILL + index, 2])
     where = {name: float(rng.uniform(*span)) for name, span in (LIGHT | FAST).items()}
-    own = {"technology": ELEVATORS[1], "sensors": {"noise_scale": 1.0}}  # more noise hides the swing's shape
+    # more noise hides the swing's shape
+    own = {"technology": elevators(ALL_HYDRAULIC), "sensors": {"noise_scale": 1.0}}
     return trimming(rng, made | own, where | {"turbulence": AIR[0]})
 
 
-def flown(flight: dict) -> pd.DataFrame:
-    """Fly a training flight from its arguments and return what the detectors of the aircraft level read."""
-    wires = [name for d in DETECTORS for name in sources(d).values()]
-    return fly(scenario(**flight), dict.fromkeys(wires))
+def fits(own: Aircraft) -> tuple[str, ...]:
+    """Return the detectors of the aircraft level that have all their inputs on an aircraft."""
+    return tuple(name for name in DETECTORS if not unfit(registry.record(name), own))
+
+
+def flown(flight: dict[str, Any]) -> pd.DataFrame:
+    """Fly a training flight from its arguments and return what the detectors of the aircraft level read, under its
+    names on the default aircraft."""
+    own = load_aircraft(flight.get("aircraft", DEFAULT))
+    wires = [(sources(d), sources(d, aircraft=own)) for d in fits(own)]
+    frame = fly(scenario(**flight), dict.fromkeys([COMMAND, *(s for _, its in wires for s in its.values())]))
+    said = {there[field]: frame[its[field]] for there, its in wires for field in its}
+    out = pd.DataFrame({**{c: frame[c] for c in frame}, **said}, copy=False)
+    out.attrs = frame.attrs
+    return out
 
 
 def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray, still: bool = False) -> dict[str, np.ndarray]:
@@ -109,8 +131,8 @@ def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray, still: bool = False) -> d
         most, out = 0.0, {}
         for part, sigma in zip(LPV_PARTS, (log["f_sigma"], *log["sigma"].T)):
             size = np.divide(np.abs(log[f"f_hat_{part}"]), sigma, out=np.zeros(len(frame)), where=valid)
-            lasting = minimum_filter1d(size, round(hold / dt))
-            out[f"least_{part}"] = np.array([[lasting[k].max(), 1.0] for k in pieces])
+            lasts = lasting(size, hold, dt)
+            out[f"least_{part}"] = np.array([[lasts[k].max(), 1.0] for k in pieces])
     else:
         most = sum(p[f"{n}_elevator"][0] * x for n, x in zip("tgs", features, strict=True))
         out = {part: blocks(np.abs(log[f"f_hat_{part}"]), features, valid, dt, hold) for part in LPV_PARTS}
@@ -201,7 +223,7 @@ def survey_rfafe_airframe(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.nd
     q["bank_threshold"], q["hits"] = 1e-9, 1e9  # the shape is asked, the size is what is found
     log = watched(frame, "rfafe_airframe", q, ("bank_cos", "bank_sin", "bank_new", "hit", "doubt", "stir", "away",
                                                "slow", "u_si", "valid"))  # fmt: skip
-    valid, dt, few = log["valid"] > 0.5, frame.attrs["dt"], int(p["hits"][0]) - SPARE
+    valid, dt, few = log["valid"] > 0.5, frame.attrs["dt"], int(p["hits"][0]) - train_rfafe.SPARE
     features = [1.0, np.sqrt(log["doubt"]), np.sqrt(log["stir"])]
     size, asked = (np.hypot(log["bank_cos"][:, i], log["bank_sin"][:, i]) for i in (0, 1))
     out = {}
@@ -209,11 +231,11 @@ def survey_rfafe_airframe(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.nd
         rows = []
         for k in range(first, last):
             at = np.flatnonzero(log["bank_new"][:, k] > 0.5)
-            lasting = np.zeros(len(frame))
+            lasts = np.zeros(len(frame))
             if len(at) >= few:
                 shaped = np.where(log["hit"][at, k] > 0.5, size[at, k], 0.0)
-                lasting[at[few - 1 :]] = sliding_window_view(shaped, few).min(axis=1)
-            rows.append(blocks(lasting, [*features, asked[:, k]], valid, dt))
+                lasts[at[few - 1 :]] = sliding_window_view(shaped, few).min(axis=1)
+            rows.append(blocks(lasts, [*features, asked[:, k]], valid, dt))
         out[f"band{i}"] = np.concatenate(rows)
     slow = np.abs(log["slow"][:, 0]) - p["static_share"][0] * np.abs(log["u_si"][:, 0])
     out["slow"] = blocks(np.maximum(slow, 1e-6), [1.0, log["away"]], valid, dt, HELD * float(p["t_static"][0]))
@@ -238,28 +260,31 @@ def surveys(
     nothing. Its `air` stands beside. `fitted(name)` gives the parameters, `prior` the fields that `known` found, None:
     those stored."""
     out: dict[str, Any] = {"air": turbulence}
-    for name in names:
-        if turbulence in TRAINED_IN[name]:
-            p = fitted(name)
-            for field, value in (prior or {}).items() if name == "rfafe_airframe" else ():
-                p[field] = value
-            told = SURVEYS[name](frame, p)
-            parts = IN_SEVERE.get(name, tuple(told)) if turbulence == AIR[-1] else tuple(told)
-            out[name] = {part: told[part].tolist() for part in parts}
+    for name in (n for n in names if turbulence in TRAINED_IN[n]):
+        p = fitted(name)
+        if name == "rfafe":
+            out[name] = train_rfafe.survey(frame, name, p)
+            continue
+        for field, value in (prior or {}).items() if name == "rfafe_airframe" else ():
+            p[field] = value
+        told = SURVEYS[name](frame, p)
+        parts = IN_SEVERE.get(name, tuple(told)) if turbulence == AIR[-1] else tuple(told)
+        out[name] = {part: told[part].tolist() for part in parts}
     return out
 
 
 def surveyed(
-    index: int, first_seed: int = FIRST_SEED, prior: dict | None = None, names: Sequence[str] = tuple(SURVEYS)
+    index: int, first_seed: int, prior: dict | None, names: Sequence[str], aircraft: str = DEFAULT, digest: str = ""
 ) -> dict[str, Any]:
-    """Return what `surveys` finds in one training flight."""
-    frame = flown(arguments(index, first_seed))
-    return surveys(frame, air(index), partial(fitted, index=index), prior, names)
+    """Return what `surveys` finds in one training flight of an aircraft; `digest` is of its numbers."""
+    frame = flown(arguments(index, first_seed, aircraft))
+    return surveys(frame, air(index), partial(fitted, index=index, aircraft=aircraft), prior, names)
 
 
 def surveyed_calm(index: int, first_seed: int = FIRST_SEED, prior: dict | None = None) -> dict[str, dict[str, list]]:
     """Return the largest oscillation of each band that rfafe_airframe's survey finds in one calm flight, plain data."""
-    found = surveys(flown(calm(index, first_seed)), AIR[0], partial(fitted, index=32), prior, ("rfafe_airframe",))
+    known = partial(fitted, index=ALL_HYDRAULIC)
+    found = surveys(flown(calm(index, first_seed)), AIR[0], known, prior, ("rfafe_airframe",))
     most = {f"floor {i}": max((row[0] for row in found["rfafe_airframe"][f"band{i}"]), default=0.0)
             for i in range(len(BANDS))}  # fmt: skip
     return {"rfafe_airframe": {part: [[size, 1.0]] for part, size in most.items()}}
@@ -271,9 +296,9 @@ def surveyed_still(index: int, first_seed: int = FIRST_SEED) -> dict[str, dict[s
     return {"lpv_smo": {part: rows.tolist() for part, rows in found.items()}}
 
 
-def taught(index: int, first_seed: int = FIRST_SEED) -> list[float]:
-    """Return what `learned` finds in one training flight."""
-    return learned(flown(arguments(index, first_seed)), fitted("rfafe_airframe", index))
+def taught(index: int, first_seed: int, aircraft: str = DEFAULT, digest: str = "") -> list[float]:
+    """Return what `learned` finds in one training flight of an aircraft."""
+    return learned(flown(arguments(index, first_seed, aircraft)), fitted("rfafe_airframe", index, aircraft))
 
 
 def known(rows: list[list[float]]) -> dict:
@@ -284,9 +309,13 @@ def known(rows: list[list[float]]) -> dict:
             "noise": float(np.median(found[:, -1]))}  # fmt: skip
 
 
-def fitted(name: str, index: int = 0) -> np.ndarray:
-    """Return the parameters with which detector `name` flies in training flight `index`."""
-    return registry.record(name).fit(site(DT, "", dict(zip(SEGMENTS, elevators(index), strict=True))))
+def fitted(name: str, index: int = 0, aircraft: str = DEFAULT) -> np.ndarray:
+    """Return the parameters with which detector `name` flies in training flight `index` of an aircraft."""
+    own = load_aircraft(aircraft)
+    p = registry.record(name).fit(site(DT, "", dict(zip(own.segments, elevators(index, own), strict=True)), own))
+    if own.own_designs and "alpha_max" in p.dtype.names:
+        p["alpha_max"] = math.radians(reach(own)[0])
+    return p
 
 
 def air(index: int) -> str:
@@ -294,25 +323,27 @@ def air(index: int) -> str:
     return AIR[index // 8 % 4]
 
 
-def elevators(index: int) -> tuple[str, ...]:
-    """Return the technologies of the four segments in training flight `index`."""
-    return ELEVATORS[index // 32 % 2]
+def elevators(index: int, own: Aircraft | None = None) -> tuple[str, ...]:
+    """Return the technologies of the segments in training flight `index`: those of the aircraft, or all hydraulic."""
+    technology = (own or load_aircraft()).technology
+    return ("hydraulic",) * len(technology) if index // 32 % 2 else tuple(technology.values())
 
 
 def collect(
-    first_seed: int, number: int, run: Callable[..., Any], names: Sequence[str] = tuple(SURVEYS)
+    first_seed: int, number: int, run: Callable[..., Any], names: Sequence[str] = tuple(SURVEYS), **aircraft: str
 ) -> tuple[list[dict], dict]:
-    """Return (what `surveyed` and `surveyed_still` find in every flight, prior): of detectors `names`."""
+    """Return (what `surveyed` and `surveyed_still` find in every flight, prior): of detectors `names`; `aircraft` and
+    its `digest` if it is not the default one, which alone has still and calm flights."""
     prior: dict = {}
     if "rfafe_airframe" in names:
         rough = [k for k in range(number) if air(k) in GUSTS]
-        prior = known(run([(taught, {"index": k, "first_seed": first_seed}) for k in rough]))
-    given = {"first_seed": first_seed, "prior": prior or None, "names": tuple(names)}
+        prior = known(run([(taught, {"index": k, "first_seed": first_seed, **aircraft}) for k in rough]))
+    given = {"first_seed": first_seed, "prior": prior or None, "names": tuple(names), **aircraft}
     chosen = [k for k in range(number) if any(air(k) in TRAINED_IN[name] for name in names)]
     jobs: list = [(surveyed, {"index": k, **given}) for k in chosen]
-    if "rfafe_airframe" in names:
+    if "rfafe_airframe" in names and not aircraft:
         jobs += [(surveyed_calm, {"index": k, "first_seed": first_seed, "prior": prior}) for k in range(CALM)]
-    if "lpv_smo" in names:
+    if "lpv_smo" in names and not aircraft:
         jobs += [(surveyed_still, {"index": k, "first_seed": first_seed}) for k in range(STILL)]
     return run(jobs), prior
 
@@ -343,16 +374,13 @@ def limits(values: list[dict], prior: dict) -> list[Trained]:
             w, found[part] = limit(rows, share / tests.count(test), f"{name}, {part}", least, kinds)
             made[part] = w.tolist()
         about: dict[str, Any] = {"air": list(TRAINED_IN[name]), "found": found}
-        rounded = decimals
+        more, digits = {}, 7
         if name == "lpv_smo":
             about |= {"still_flights": STILL, "still_s": STILL_S}
         if name == "rfafe_airframe":
             about |= {"calm_flights": CALM}
-        values_of = fields(name, made)
-        if name == "rfafe_airframe":
-            values_of |= prior
-            rounded = partial(decimals, digits=12)  # its noise is some 1e-7 rad2 s
-        out.append(Trained(name, "flight", values_of, about, rounded=rounded))
+            more, digits = prior, 12  # its noise is some 1e-7 rad2 s
+        out.append(Trained(name, "flight", fields(name, made) | more, about, rounded=partial(decimals, digits=digits)))
     return out
 
 
@@ -380,6 +408,6 @@ def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
             "jump": [made[f"{row} jump"][0] for row in signatures.ROWS], "noise_ratio": made["noise"][0]}  # fmt: skip
 
 
-TRAINING = Training("aircraft", FIRST_SEED, FLIGHTS, collect, lambda found: limits(*found), {
+TRAININGS = {"aircraft": Training("aircraft", FIRST_SEED, FLIGHTS, collect, lambda found: limits(*found), {
     "probability_per_flight": PROBABILITY, "flight_s": FLIGHT_S, "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE,
-})  # fmt: skip
+})}  # fmt: skip

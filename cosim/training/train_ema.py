@@ -1,28 +1,24 @@
 """Thresholds of the detectors on electromechanical segments from fault-free flights that nothing else uses.
 
-The flights are drawn as those of `train_hydraulic`, from other seeds, in four levels of turbulence, with four
-electromechanical segments of which every symbol is off by up to 5 %, arm and lead by up to 0.3 %, and whose velocity
-sensors have the bias that a healthy one may have. The limits follow from `threshold_fit`, at the PROBABILITY of
-a false alarm per flight and detector at which those of the aircraft level are trained, shared among the tests. That of
-the position monitor leaves severe turbulence out, where a surface does not follow its command as closely.
+`cosim train ema`: flights drawn as those of `train_hydraulic`, from other seeds, in four levels of turbulence, with
+four electromechanical segments of which every symbol is off by up to 5 %, arm and lead by up to 0.3 %, and whose
+velocity sensors have the bias that a healthy one may have. PROBABILITY is shared among the tests. The position
+monitor's threshold leaves severe turbulence out, where a surface does not follow its command as closely.
 
 What separates two sizes by design is not trained: the gain of the current (a winding 39 % up is warm, 80 % broken),
 the magnets (two tolerances of 5 %), the load that no hinge explains, friction and the current's noise (of which the
 limits are noted beside), and the
 shares and ratios by which hypotheses are told apart.
-
-    cosim train ema --check      fly the training set, say what would change
-    cosim train ema              and write fdi/thresholds/*.json
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from actuators.constants import RAD_PER_DEG
 from cosim.errors import TrimError
-from cosim.flight.loop.signals import detect
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect, fly
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
 from cosim.training.flights import (
@@ -32,13 +28,12 @@ from cosim.training.flights import (
     NOISE_SCALE,
     START_S,
     TOLERANCE,
-    ema_wires,
     envelope,
-    fly_ema,
     over_envelope,
+    scenario,
 )
 from cosim.training.threshold_fit import PROBABILITY, blocks, exceeded, limit
-from cosim.training.trainer import Trained, Training, significant
+from cosim.training.trainer import Trained, Training, over, significant
 from fdi.ema import ema_kalman_flight, gains, rough
 from fdi.monitors import position_monitor
 
@@ -47,11 +42,10 @@ FLIGHTS = 256  # 8 of every manoeuvre in each air
 EXACT = {"arm": 0.003, "lead": 0.003}  # what is machined is off by less
 BIAS = 0.0475  # of the velocity sensor, 1e-4 of the rate without load [rad/s]
 LEAST = 0.5 * RAD_PER_DEG  # threshold of the position monitor: rigging and a step that is not quite followed [rad]
-# both positions less the velocity's integral: 2.1 s of a bias of 1e-3 of no-load, the largest that is learned [m]
-LEAST_SPEED = 2.7e-4
-# current less that of the model: 4 % of 7 A, a winding 160 % up, and 1.8 % of the magnets' voltage. What is less is
-# for the gains to tell, and would be called a sensor's before they have
-LEAST_F = {"th_f": 0.285, "rho_f": 0.00112}  # [A], [A s/rad]
+# both positions less the velocity's integral: 2.1 s of a bias of 1e-3 of no-load, the largest that is learned [m].
+# Current less that of the model: 4 % of 7 A, a winding 160 % up, and 1.8 % of the magnets' voltage [A], [A s/rad]. What
+# is less is for the gains to tell, and would be called a sensor's before they have
+LEASTS = {"th_speed": 2.7e-4, "th_f": 0.285, "rho_f": 0.00112}
 LEAST_Z = 2.0  # deviations of a gain: of drives that warm up by 39 % in flight one in 40 may alarm
 # test -> thresholds: fixed part, and what grows with a feature
 TESTS = {"r_pair": ("pair_threshold",), "r_speed": ("th_speed", "rho_speed"), "r_f": ("th_f", "rho_f"),
@@ -59,7 +53,10 @@ TESTS = {"r_pair": ("pair_threshold",), "r_speed": ("th_speed", "rho_speed"), "r
 ROUGH = ("position", "velocity", "surface")  # sensors whose noise is judged; that of the current is noted beside
 NOISIER = 2.0  # times what a healthy sensor shows: what shakes a drive, a jam or a stop, makes good readings rough
 GAIN = "z_gain"
-LOAD, FRICTION, CURRENT = NOTED = ("load", "friction", "current")  # share of the stall moment, of their thresholds
+SETTLED = round(START_S / DT)  # ticks
+WIRES = {name: [{field: f"{name}_in.{lane}.{field}" for field in sources(name, lane)} for lane in SEGMENTS]
+         for name in ("ema_kalman_flight", "position_monitor")}  # fmt: skip
+LOAD, *_ = NOTED = ("load", "friction", "current")  # share of the stall moment, of their thresholds
 SHARED = PROBABILITY / (len(TESTS) + len(ROUGH) + 2)
 
 
@@ -102,9 +99,9 @@ def tested(log: np.ndarray, rate: np.ndarray, p: Any) -> dict[str, list]:
     out["r_f"] = [np.sqrt(log["f_power"]) - np.sqrt(log["off_power"]), 1.0, *features["r_f"]]
     out["ramp"] = [np.abs(log["R1"]), 1.0]
     out[LOAD] = [np.abs(log["x_hat"][:, 5]) / (0.5 * p["load_max"]), 1.0]
-    out[FRICTION] = [np.maximum(log["r_friction"], 0.0), 1.0]
+    out["friction"] = [np.maximum(log["r_friction"], 0.0), 1.0]
     power = np.stack([[rough.power(x, k) for x in log] for k in range(rough.N)])
-    out[CURRENT] = [np.sqrt(power[3]) / rough.TH_CURRENT, 1.0]
+    out["current"] = [np.sqrt(power[3]) / rough.TH_CURRENT, 1.0]
     return out | {name: [np.sqrt(row), 1.0] for name, row in zip(ROUGH, power[:3], strict=True)}
 
 
@@ -116,23 +113,22 @@ def largest_of(rows: np.ndarray, seconds: int = 8) -> np.ndarray:
 
 def survey(recorded: Any) -> dict[str, dict[str, Any]]:
     """Return {detector: {test: blocks of its statistic and features, or largest}} over one flight."""
-    lanes = lambda name: [ema_wires(name, s) for s in SEGMENTS]  # noqa: E731
     p = ema_kalman_flight.params()
     p["th_rough"] = 1e9  # a sample counts in full
     fields = ("r_pair", "r_speed", "r_velocity", "r_jump", "R1", "f_power", "w_power", "off_power", "gain_doubt",
               "gain_learned", "gain_own", "magnets_doubt", "magnets_learned", "effort", "x_hat", "gain_sum",
               "rough_power", "rough_both", "r_friction")  # fmt: skip
-    log = detect(recorded, ema_kalman_flight, lanes("ema_kalman_flight"), p, fields)[:, round(START_S / DT) :]
+    log = detect(recorded, ema_kalman_flight, WIRES["ema_kalman_flight"], p, fields)[:, SETTLED:]
     found: dict[str, list] = {test: [] for test in (*TESTS, *ROUGH, *NOTED)}
     z = 0.0
-    for lane, own in zip(SEGMENTS, log):
-        rate = recorded[ema_wires("ema_kalman_flight", lane)["y_velocity"]].to_numpy()[round(START_S / DT) :]
+    for wires, own in zip(WIRES["ema_kalman_flight"], log):
+        rate = recorded[wires["y_velocity"]].to_numpy()[SETTLED:]
         for test, (y, *features) in tested(own, rate, p[0]).items():
             found[test].append(largest_of(blocks(y, features, np.ones(len(own), bool), DT)))
         z = max(z, float(_gain_z(own[::20], p[0]).max()))
     filt = {test: np.concatenate(rows).tolist() for test, rows in found.items()}
     q = position_monitor.params("flight_ema")
-    log = detect(recorded, position_monitor, lanes("position_monitor"), q, ("r",))[:, round(START_S / DT) :]
+    log = detect(recorded, position_monitor, WIRES["position_monitor"], q, ("r",))[:, SETTLED:]
     deviation = np.abs(log["r"]) * q["threshold"][0]
     n = round(q["t_confirm"][0] / DT)
     windows = np.lib.stride_tricks.sliding_window_view(deviation, n, axis=1)
@@ -143,42 +139,34 @@ def survey(recorded: Any) -> dict[str, dict[str, Any]]:
 def surveyed(**flight: Any) -> dict[str, dict[str, Any]]:
     """Return what `survey` finds in one flight; where its point does not trim, in that of the next one that does."""
     rng = np.random.default_rng(flight["seed"])
+    own = {"technology": ("ema",) * 4, "detectors": {"enabled": list(WIRES)}}
+    signals = [path for lanes in WIRES.values() for wires in lanes for path in wires.values()]
     while True:
         try:
-            return survey(fly_ema(**flight))
+            return survey(fly(scenario(**flight | own), signals))
         except TrimError:
             flight = {**flight, "flight": {**flight["flight"], **envelope(rng)}}
 
 
-def collect(first_seed: int, number: int, run: Callable[..., Any]) -> list[dict[str, Any]]:
-    """Return what `surveyed` finds in every flight."""
-    return run([(surveyed, flight) for flight in flights(first_seed, number)])
-
-
 def limits(values: list[dict]) -> list[Trained]:
     """Return the thresholds that follow from what `surveyed` found in every flight."""
-    made: dict[str, Any] = {}
-    told: dict[str, Any] = {}
     own = [v["ema_kalman_flight"] for v in values]
-    for test, names in TESTS.items():
-        weights, told[test] = limit([np.array(v[test]) for v in own], SHARED)
-        made |= dict(zip(names, weights.tolist(), strict=True))
-    for name, least in {"th_speed": LEAST_SPEED, **LEAST_F}.items():
-        made[name] = max(made[name], least)
-    told["r_speed"]["least"], told["r_f"]["least"] = LEAST_SPEED, list(LEAST_F.values())
+    weights: dict[str, list[float]] = {}
+    told: dict[str, Any] = {}
+    for test in (*TESTS, *ROUGH, *NOTED):
+        found, told[test] = limit([np.array(v[test]) for v in own], SHARED)
+        weights[test] = found.tolist()
+    made: dict[str, Any] = {name: max(weight, LEASTS.get(name, 0.0)) for test, names in TESTS.items()
+                            for name, weight in zip(names, weights[test], strict=True)}  # fmt: skip
     # which of two positions is wrong is told by the velocity's integral, no better than by what that may be off itself
     made["pair_threshold"] = max(made["pair_threshold"], made["th_speed"])
     largest = np.array([v[GAIN] for v in own])
     made[GAIN] = max(exceeded(largest, SHARED), LEAST_Z)
-    noise = []
-    for test in (*ROUGH, *NOTED):
-        weight, told[test] = limit([np.array(v[test]) for v in own], SHARED)
-        if test in ROUGH:
-            noise.append(float(weight[0]))
-        else:
-            told[test]["limit"] = float(weight[0])
+    made["th_rough"] = [NOISIER * weights[test][0] for test in ROUGH]
+    for test in NOTED:
+        told[test]["limit"] = weights[test][0]
+    told["r_speed"]["least"], told["r_f"]["least"] = LEASTS["th_speed"], [LEASTS["th_f"], LEASTS["rho_f"]]
     told[LOAD]["held"] = "0.4 of the stall moment"
-    made["th_rough"] = [NOISIER * weight for weight in noise]
     told[GAIN] = {"largest": float(largest.max()), "least": LEAST_Z}
     calmer = [v["position_monitor"]["threshold"] for k, v in enumerate(values) if AIR[k // 8 % 4] != "severe"]
     lasts = np.maximum(calmer, 0.0)
@@ -193,7 +181,7 @@ def _trained(name, which, fields, found, record=""):
     return Trained(name, which, fields, {"found": found, "trained": trained}, record, significant)
 
 
-TRAINING = Training("ema", FIRST_SEED, FLIGHTS, collect, limits, {
+TRAININGS = {"ema": Training("ema", FIRST_SEED, FLIGHTS, over(surveyed, flights), limits, {
     "probability_per_flight": PROBABILITY, "flight_s": FLIGHT_S, "segments": 4, "air": list(AIR),
     "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE,
-})  # fmt: skip
+})}  # fmt: skip

@@ -1,44 +1,37 @@
-"""Thresholds of the hydraulic detectors from fault-free flights that nothing else uses.
+"""Thresholds of the detectors of a hydraulic segment from fault-free flights that nothing else uses.
 
-The flights, FLIGHTS of 60 s, are at points drawn over the envelope of `train_aircraft`: eight manoeuvres, also such
-that move the elevator in steps, three levels of turbulence, aircraft and actuator up to 5 % off, noise NOISE_SCALE,
-four segments each. A threshold is what the largest statistic of a flight exceeds with PROBABILITY, shared among the
-detector's TESTS and their frequencies (`threshold_fit`), what scales with the drive left out; one that needs
-several samples to agree takes the largest that they agree on. What watches electromechanical segments is trained by
-`train_ema`, the monitors by `train_monitors`.
+`cosim train hydraulic`: filters. FLIGHTS of 60 s at points drawn over the envelope of `train_aircraft`, eight
+manoeuvres, also such that move the elevator in steps, three levels of turbulence, aircraft and actuator up to 5 % off,
+noise NOISE_SCALE, four segments each. A threshold is what the largest statistic of a flight exceeds with PROBABILITY,
+shared among the detector's TESTS and their frequencies (`threshold_fit`), what scales with the drive left out; one that
+needs several samples to agree takes the largest that they agree on.
 
-    cosim train hydraulic --check      fly the training set, say what would change
-    cosim train hydraulic              and write fdi/thresholds/*.json
+`cosim train monitors`: as many flights in manoeuvres as those of `train_aircraft`. Those of the crossing counter are at
+SPEEDS, half of them at corners of the actuator's tolerances, in half of these the three symbols that matter most as
+WORST says. What the servo's response is on the mean, and how far a healthy one departs from it, comes from the same
+flights; where the manoeuvres of one call for little, it counts little. Each statistic is held against the motion that
+it may grow with. The position monitor of electromechanical segments is trained by `train_ema`.
 """
 
 import functools
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.ndimage import minimum_filter1d
 
+from actuators.block import kernel
 from cosim.scenario.catalog import SEGMENTS
-from cosim.training.flights import (
-    DT,
-    FLIGHT_S,
-    NOISE_SCALE,
-    START_S,
-    fly_hydraulic,
-    over_envelope,
-    somewhere,
-    watch,
-    wires,
-)
-from cosim.training.threshold_fit import HELD, PROBABILITY, exceeded
-from cosim.training.trainer import Trained, Training, decimals
-from fdi.common import bank
+from cosim.training import flights as drawn
+from cosim.training.flights import DT, FLIGHT_S, NOISE_SCALE, START_S, TOLERANCE, fly_hydraulic, somewhere, watch
+from cosim.training.threshold_fit import HELD, PROBABILITY, blocks, exceeded, lasting, limit
+from cosim.training.trainer import Trained, Training, decimals, over
 from fdi.hydraulic import iotsekf, rtsekf, rtsekf_flight, windows
 from fdi.isolation import likelihood
+from fdi.monitors import ofc_monitor, position_monitor
 
 FLIGHTS = 384  # 16 of every manoeuvre in each air
 FIRST_SEED, EVALUATION = 21_000, 12_000  # of the two sets
+SETTLED = round(START_S / DT)  # ticks
 # What noise alone asks for in still air, where the search finds nothing; where it begins. Of the amplitudes that noise
 # alone makes 2.4e-6 are larger; at 1 Hz a flight has 240 fits apart, and two in a row must agree and look like a sine
 NOISE_SIGMA, FLOOR_SIGMA = 3.6, 1.8
@@ -50,6 +43,13 @@ TESTS = {"iotsekf": ("bank_threshold", "slow_threshold", "run_threshold"), "rtse
          "rtsekf_flight": ("pair_threshold",)}  # fmt: skip
 # amplitude noise of a fit over noise of a sample: sqrt(2 / n) with n samples in two periods
 SLOW_WINDOW = windows.SLOW_S * np.array(windows.SLOW_HZ)
+GRID = np.geomspace(0.1e-3, 8e-3, 32)  # thresholds tried for the crossing counter [m]
+LEAST = 0.5e-3  # of the crossing counter's threshold: three times the noise of its residual, 0.17 mm at most [m]
+SPEEDS = (180.0, 365.0)  # calibrated airspeed [kt]
+# The signs for which a servo misses its reference most: each lowers the rod's speed per valve opening, which is
+# phi_n sqrt(P_s) / A_p
+WORST = {"A_p": 1.0, "phi_n": -1.0, "P_s": -1.0}
+SHARES = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # of the reference's motion, tried beside them
 
 
 def survey_iotsekf(recorded: Any, load: float) -> dict[str, Any]:
@@ -63,43 +63,32 @@ def survey_iotsekf(recorded: Any, load: float) -> dict[str, Any]:
     hits, p["hits"] = float(p["hits"][0]), NEVER
     p["limit"], p["asks"] = NEVER, np.where(p["asks"] > 0.0, likelihood.ALL, 0.0)
     fields = ("ratio", "hit", "slow_ratio", "slow_hit", "f_slow", "u_slow", "ev", "ev_octave")
-    log = watch(recorded, iotsekf, p, fields)[:, round(START_S / DT) :]
+    log = watch(recorded, iotsekf, p, fields)[:, SETTLED:]
     r = p[0]
-    passed = {n: np.where(log[hit] >= hits, log[ratio], 0.0).max(axis=(0, 1))
-              for n, ratio, hit in (("bank", "ratio", "hit"), ("slow", "slow_ratio", "slow_hit"))}  # fmt: skip
+    out = {f"{n}_threshold": np.where(log[hit] >= hits, log[ratio], 0.0).max(axis=(0, 1)) * floor[f"{n}_threshold"]
+           for n, ratio, hit in (("bank", "ratio", "hit"), ("slow", "slow_ratio", "slow_hit"))}  # fmt: skip
     run = np.abs(log["f_slow"]) - r["run_share"] * np.abs(log["u_slow"])
-    held = minimum_filter1d(run, max(round(HELD * float(r["run_confirm"]) / DT), 1), axis=1)
-    asked = log["ev"][(log["ev_octave"] >= 0.0) & (np.arange(log.shape[1]) * DT > likelihood.LEARN_S - START_S)]
-    evidence = {"limit": np.maximum(asked.max(axis=0), 0.0)} if load == 2 else {}
-    slow = passed["slow"] * floor["slow_threshold"]
-    return {"bank_threshold": passed["bank"] * floor["bank_threshold"], "slow_threshold": slow,
-            "run_threshold": held.max(), **evidence}  # fmt: skip
+    out["run_threshold"] = lasting(run, HELD * float(r["run_confirm"]), DT).max()
+    if load == 2:
+        asked = log["ev"][(log["ev_octave"] >= 0.0) & (np.arange(log.shape[1]) * DT > likelihood.LEARN_S - START_S)]
+        out["limit"] = np.maximum(asked.max(axis=0), 0.0)
+    return out
 
 
 def survey_rtsekf(recorded: Any, load: float) -> dict[str, Any]:
     """Return {name: largest} over one flight: the lagged output fault, and how far it is from what it was [m]."""
     p = rtsekf.params(load=load)
     p["threshold"] = p["step"] = 1e3  # no alarm holds what it was
-    log = watch(recorded, rtsekf, p, ("f_slow", "f_was"))[:, round(START_S / DT) :]
-    found = {"threshold": log["f_slow"], "step": log["f_slow"] - log["f_was"]}
-    return {name: float(np.abs(v).max()) for name, v in found.items()}
+    log = watch(recorded, rtsekf, p, ("f_slow", "f_was"))[:, SETTLED:]
+    return {"threshold": np.abs(log["f_slow"]).max(), "step": np.abs(log["f_slow"] - log["f_was"]).max()}
 
 
 def survey_rtsekf_flight(recorded: Any) -> dict[str, Any]:
     """Return {"pair_threshold": largest} over one flight: how far rod and surface are apart [m] for HELD of what an
     alarm takes."""
     p = rtsekf_flight.params(pair_threshold=1e3)  # no alarm holds what is learned
-    log = watch(recorded, rtsekf_flight, p, ("pair_d",))[:, round(START_S / DT) :]
-    ticks = max(round(HELD * float(p["pair_confirm"][0]) / DT), 1)
-    return {"pair_threshold": float(minimum_filter1d(np.abs(log["pair_d"]), ticks, axis=1).max())}
-
-
-def surveyed(**flight: Any) -> dict[str, Any]:
-    """Return the largest statistics of every detector over one flight, {detector set: {name: value}}, plain data."""
-    recorded = fly_hydraulic(**somewhere(flight))
-    found = {f"{name} {which}": survey(recorded, **how) for name, (survey, sets) in SURVEYS.items()
-             for which, how in sets.items()}  # fmt: skip
-    return {name: {key: np.asarray(v).tolist() for key, v in values.items()} for name, values in found.items()}
+    log = watch(recorded, rtsekf_flight, p, ("pair_d",))[:, SETTLED:]
+    return {"pair_threshold": lasting(np.abs(log["pair_d"]), HELD * float(p["pair_confirm"][0]), DT).max()}
 
 
 SURVEYS: dict[str, Any] = {
@@ -109,31 +98,34 @@ SURVEYS: dict[str, Any] = {
 }
 
 
-def collect(first_seed: int, number: int, run: Callable[..., Any]) -> list[dict[str, Any]]:
-    """Return what `surveyed` finds in every flight."""
-    return run([(surveyed, flight) for flight in over_envelope(first_seed, number)])
+def surveyed(**flight: Any) -> dict[str, Any]:
+    """Return the largest statistics of every filter over one flight, {detector set: {name: value}}, plain data."""
+    recorded = fly_hydraulic(**somewhere(flight))
+    found = {f"{name} {which}": survey(recorded, **how) for name, (survey, sets) in SURVEYS.items()
+             for which, how in sets.items()}  # fmt: skip
+    return {name: {key: np.asarray(v).tolist() for key, v in values.items()} for name, values in found.items()}
 
 
 def limits(flown: list[dict[str, Any]]) -> list[Trained]:
     """Return the sets of thresholds at PROBABILITY of what `surveyed` found in every flight."""
+    found = {s: {key: np.array([f[s][key] for f in flown]) for key in tests} for s, tests in flown[0].items()}
+    largest: dict[str, dict] = {}
+    for s, tests in found.items():
+        name, which = s.split()
+        largest.setdefault(name, {})[which] = {key: decimals(v.max(axis=0)) for key, v in tests.items()}
     out = []
-    for name, tests in TESTS.items():
-        sets = [key for key in flown[0] if key.split()[0] == name]
-        found = {s: {key: np.array([f[s][key] for f in flown]) for key in tests} for s in sets}
+    for s, tests in found.items():
+        name, which = s.split()
+        made = {key: each(v, PROBABILITY / len(TESTS[name])) for key, v in tests.items() if key != "limit"}
+        if s == EVIDENCE:
+            made["limit"] = MARGIN * each(tests["limit"], PROBABILITY)
         if name == "iotsekf":
-            found[EVIDENCE]["limit"] = np.array([f[EVIDENCE]["limit"] for f in flown])
-        largest = {s.split()[1]: {key: decimals(v.max(axis=0)) for key, v in found[s].items()} for s in sets}
-        for s in sets:
-            limit = {key: each(v, PROBABILITY / len(tests)) for key, v in found[s].items() if key in tests}
-            if s == EVIDENCE:
-                limit["limit"] = MARGIN * each(found[s]["limit"], PROBABILITY)
-            if name == "iotsekf":
-                floor = quiet_floor(int(s[-1]))
-                limit["run_threshold"] = PEAK * limit["run_threshold"]
-                limit |= {key: np.maximum(limit[key], floor[key]) for key in ("bank_threshold", "slow_threshold")}
-                limit["sum_threshold"] = floor["sum_threshold"]
-            fields = {key: np.asarray(v).tolist() for key, v in limit.items()}
-            out.append(Trained(name, s.split()[1], fields, {"largest": largest}))
+            floor = quiet_floor(int(s[-1]))
+            made["run_threshold"] = PEAK * made["run_threshold"]
+            made |= {key: np.maximum(made[key], floor[key]) for key in ("bank_threshold", "slow_threshold")}
+            made["sum_threshold"] = floor["sum_threshold"]
+        fields = {key: np.asarray(v).tolist() for key, v in made.items()}
+        out.append(Trained(name, which, fields, {"largest": largest[name]}))
     return out
 
 
@@ -156,18 +148,113 @@ def quiet_floor(load: Any, seed: int = 1) -> dict[str, Any]:
         u[name] = 1.0
     u["y_rod"] = np.sqrt(p["r_rod"]) * rng.standard_normal((4, ticks))
     u["y_dp"] = np.sqrt(p["r_dp"]) * rng.standard_normal((4, ticks))
-    frame = pd.DataFrame({path: u[n][i] for i, s in enumerate(SEGMENTS) for n, path in wires(iotsekf, s).items()})
+    frame = pd.DataFrame({path: u[n][i] for i, s in enumerate(SEGMENTS) for n, path in drawn.wires(iotsekf, s).items()})
     frame.attrs["dt"] = DT
     log = watch(frame, iotsekf, p, ("bank_cos", "bank_sin"))[:, round(5.0 / DT) :]
     c, s = log["bank_cos"], log["bank_sin"]
     residual = np.sqrt((c[:, :, 0] ** 2 + s[:, :, 0] ** 2).mean(axis=(0, 1)))
     both = np.sqrt((c.sum(axis=2) ** 2 + s.sum(axis=2) ** 2).mean(axis=(0, 1)))
-    assert residual.shape == (bank.K,)
     slow = windows.SIGMA[windows.SLOW] * windows.ROUGHER[load] * np.sqrt(SLOW_WINDOW)
     return {"bank_threshold": NOISE_SIGMA * residual, "slow_threshold": NOISE_SIGMA * slow,
             "sum_threshold": np.round(3.0 * both, 7).tolist()}  # fmt: skip
 
 
-TRAINING = Training("hydraulic", FIRST_SEED, FLIGHTS, collect, limits, {
-    "probability_per_flight": PROBABILITY, "flight_s": FLIGHT_S, "segments": 4, "noise_scale": NOISE_SCALE,
-})  # fmt: skip
+def survey_ofc_monitor(recorded: Any) -> dict[str, np.ndarray]:
+    """Return of a flight (band, share) the largest threshold of GRID [m] at which a band still counts an oscillation
+    beyond it and each of SHARES of the reference's motion, 0 for none, (band,) that motion's mean [m], and (segments,
+    N) the response that is learned at the end.
+    """
+    p, out = ofc_monitor.params(threshold=1.0), np.zeros((ofc_monitor.B, len(SHARES)))  # no alarm: it learns throughout
+    log = watch(recorded, ofc_monitor, p, ("e_band", "ref_peak", "unknown", "limited", "response"))
+    for b, k in np.ndindex(out.shape):
+        p["share"] = SHARES[k]
+        low, high = -1, len(GRID)  # the largest that counts is at or above low, below high
+        while high - low > 1:
+            middle = (low + high) // 2
+            p["threshold"] = GRID[middle]
+            counts = any(_counts(ofc_monitor.init(p)[0], p[0], b, own["e_band"][:, b], own["ref_peak"][:, b],
+                                 np.maximum(own["unknown"], own["limited"]), DT) for own in log)  # fmt: skip
+            low, high = (middle, high) if counts else (low, middle)
+        out[b, k] = GRID[low] if low >= 0 else 0.0
+    return {"threshold": out, "motion": log["ref_peak"].mean(axis=(0, 1)), "response": log["response"][:, -1]}
+
+
+@kernel
+def _counts(x, p, b, e, motion, unknown, dt):
+    """Return whether a residual (ticks,) beside the reference's `motion`, of a response of which the share `unknown` is
+    not known yet, ever makes an oscillation in band `b`."""
+    x.ages[:] = x.lasts[:] = ofc_monitor.LONG_AGO
+    for k in range(len(e)):
+        x.e_band[b] = e[k]
+        x.ref_peak[b] = motion[k]
+        x.unknown = unknown[k]
+        if ofc_monitor.count(x, p, b, dt):
+            return True
+    return False
+
+
+def survey_position_monitor(recorded: Any) -> np.ndarray:
+    """Return the blocks of one flight (blocks, 3): of each second the largest deviation [rad] of any segment that lasts
+    for the confirmation time, 1, and the model's lag there [rad]."""
+    p = position_monitor.params(threshold=1.0, share=0.0)
+    log = watch(recorded, position_monitor, p, ("r", "lag"))[:, SETTLED:]
+    hold, on = float(p["t_confirm"][0]), np.ones(log.shape[1], bool)
+    found = np.stack([blocks(np.maximum(np.abs(own["r"]), 1e-9), [1.0, own["lag"]], on, DT, hold) for own in log])
+    return np.take_along_axis(found, found[:, :, :1].argmax(axis=0)[None], axis=0)[0]
+
+
+def cornered(flight: dict[str, Any], first_seed: int = FIRST_SEED) -> dict[str, Any]:
+    """Return a flight of the monitors as the crossing counter's is: every second group of 24, each manoeuvre in each
+    air, at a corner of the actuator's tolerances.
+    """
+    own, which = flight["tolerances"]["hydraulic"], (flight["seed"] - first_seed) // 24 % 4
+    if which % 2 == 0:
+        return flight
+    rng = np.random.default_rng([flight["seed"], 3])
+    sign = {name: rng.choice((-1.0, 1.0)) for name in own} | (WORST if which == 3 else {})
+    corner = {name: float(1.0 + TOLERANCE * sign[name]) for name in own}
+    return flight | {"tolerances": flight["tolerances"] | {"hydraulic": corner}}
+
+
+def monitored(**flight: Any) -> dict[str, Any]:
+    """Return what the surveys of the monitors find in one flight, as plain data."""
+    counted = survey_ofc_monitor(fly_hydraulic(**somewhere(cornered(flight), SPEEDS)))
+    ofc = {key: value.tolist() for key, value in counted.items()}
+    deviations = survey_position_monitor(fly_hydraulic(**somewhere(flight)))
+    return {"ofc_monitor": ofc, "position_monitor": deviations.tolist()}
+
+
+def monitor_limits(flown: list[dict[str, Any]]) -> list[Trained]:
+    """Return the thresholds at PROBABILITY of what `monitored` found in every flight."""
+    w, how = limit([np.array(f["position_monitor"]) for f in flown], PROBABILITY)
+    ofc = [{key: np.array(value) for key, value in f["ofc_monitor"].items()} for f in flown]
+    motion = np.mean([f["motion"] for f in ofc], axis=0)
+    fields, largest = _shared(np.array([f["threshold"] for f in ofc]), motion)
+    learned = np.array([f["response"] for f in ofc])  # (flights, segments, N)
+    moved = np.array([f["motion"] for f in ofc]).sum(axis=1) ** 2
+    usual = np.average(learned.mean(axis=1), axis=0, weights=moved)
+    departs = ofc_monitor.departure(learned - usual).max(axis=1)
+    fields |= {"usual": usual.tolist(), "most": exceeded(departs, PROBABILITY)}
+    position = dict(zip(("threshold", "share"), w.tolist(), strict=True))
+    return [Trained("position_monitor", "flight", position, {"found": how}),
+            Trained("ofc_monitor", "flight", fields, {"found": {
+                "largest": largest, "departure": float(departs.max())}})]  # fmt: skip
+
+
+def _shared(found, motion):
+    """Return threshold and share of each band, of SHARES the one with the least limit at the mean `motion` (band,) of
+    the reference, and the largest that was seen there; `found` (flights, band, share)."""
+    each = np.array([[exceeded(found[:, b, k], PROBABILITY / ofc_monitor.B) for k in range(len(SHARES))]
+                     for b in range(ofc_monitor.B)])  # fmt: skip
+    each = np.maximum(each, LEAST)
+    best = (each + np.array(SHARES) * motion[:, None]).argmin(axis=1)
+    band = np.arange(ofc_monitor.B)
+    fields = {"threshold": each[band, best].tolist(), "share": np.array(SHARES)[best].tolist()}
+    return fields, found.max(axis=0)[band, best].tolist()
+
+
+_ABOUT = {"probability_per_flight": PROBABILITY, "flight_s": FLIGHT_S, "segments": 4, "noise_scale": NOISE_SCALE}
+TRAININGS = {
+    "hydraulic": Training("hydraulic", FIRST_SEED, FLIGHTS, over(surveyed, drawn.over_envelope), limits, _ABOUT),
+    "monitors": Training("monitors", FIRST_SEED, FLIGHTS, over(monitored, drawn.manoeuvring), monitor_limits, _ABOUT),
+}

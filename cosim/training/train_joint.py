@@ -3,9 +3,6 @@
 The flights are those of `cosim campaign joint` with one fault, with other seeds and draws, without the kinds of
 fault that it keeps from the rates. Of each lane and flight counts the name that stood longest in the first WITHIN_S of
 the fault, and how much later than the first witness it came; names of a fault on the right side count as on the left.
-
-    cosim train joint --check      fly the training set, say what would change
-    cosim train joint              and write fdi/thresholds/joint.json
 """
 
 import dataclasses
@@ -64,7 +61,11 @@ def told(scenario: Scenario) -> dict[str, Any]:
     end = min(len(trace), start + round(WITHIN_S / dt))
     rises: dict[int, float] = {}
     said: list[list[str]] = []
+    before: dict[str, list] = {}  # alarms without a fault, minutes in which it is valid
     for w in setup.trace.watches({}):
+        able, counts = valid(w, trace[:start]), before.setdefault(w.id, [0, 0.0])
+        counts[0] += int(able[onsets(trace[:start, w.alarm])].sum())
+        counts[1] = max(counts[1], round(able.sum() * dt / 60.0, 3))
         rise = onsets(trace[:, w.alarm])
         rise = rise[(rise >= start) & (rise < end)]
         if len(rise) or valid(w, trace[start : start + 1]).all():
@@ -73,11 +74,6 @@ def told(scenario: Scenario) -> dict[str, Any]:
             said.append([w.id, w.target.removeprefix("elevator."), token])
     first = min(rises.values(), default=np.inf)
     lanes = [[*s, round(rises[i] - first, 3) if s[2] else None] for i, s in enumerate(said)]
-    before = {w.id: [0, 0.0] for w in setup.trace.watches({})}  # alarms without a fault, minutes in which it is valid
-    for w in setup.trace.watches({}):
-        able = valid(w, trace[:start])
-        before[w.id][0] += int(able[onsets(trace[:start, w.alarm])].sum())
-        before[w.id][1] = max(before[w.id][1], round(able.sum() * dt / 60.0, 3))
     kind, segments = kind_of(scenario)
     right = bool(segments) and all(s.startswith("right") for s in segments)
     own = dict(scenario.elevator.technology)

@@ -6,9 +6,6 @@ RARE per flight of 60 s, shared among the bands; fourteen flights per air and ma
 extrapolated.
 """
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
 from cosim.flight.detection.detectors import sources
@@ -16,7 +13,7 @@ from cosim.flight.loop.signals import detect, fly
 from cosim.training import train_aircraft
 from cosim.training.flights import AIR, FLIGHT_S, NOISE_SCALE, TOLERANCE, scenario
 from cosim.training.threshold_fit import exceeded
-from cosim.training.trainer import Trained, Training
+from cosim.training.trainer import Trained, Training, over
 from fdi.pitch_moment_glr import pitch_moment_glr
 
 NAME = "pitch_moment_glr"
@@ -24,38 +21,36 @@ FLIGHTS, FIRST_SEED = 336, 36_000
 RARE = 60.0 / 360e3  # of a false alarm in a flight: one in 100 hours of valid flight
 
 
-def arguments(index: int, first_seed: int = FIRST_SEED) -> dict[str, Any]:
-    """Return the arguments of `flights.scenario` of training flight `index`: still, light and moderate air in turn."""
+def placed(index: int) -> int:
+    """Return the flight of `train_aircraft` with manoeuvre and air of flight `index`: none is in severe air."""
     block = index // 8
-    made = train_aircraft.arguments(index % 8 + 8 * (block % 3 + 4 * (block // 3)), first_seed)
-    start = np.random.default_rng([first_seed, index, 1]).uniform(5.0, 45.0)
-    if made["manoeuvre"]["kind"] != "cruise":
-        made["manoeuvre"] = made["manoeuvre"] | {"start_s": float(start)}
-    return made
+    return index % 8 + 8 * (block % 3 + 4 * (block // 3))
 
 
 def surveyed(index: int, first_seed: int = FIRST_SEED) -> list[float]:
     """Return the largest likelihood ratio of each band in one training flight."""
-    wires, made = sources(NAME), arguments(index, first_seed)
-    frame = fly(scenario(**made), dict.fromkeys(wires.values()))
-    block = index // 8
-    p = train_aircraft.fitted(NAME, index % 8 + 8 * (block % 3 + 4 * (block // 3)))
-    log = detect(frame, pitch_moment_glr, wires, p, ("raw", "valid"))
+    wires, flight = sources(NAME), train_aircraft.arguments(placed(index), first_seed)
+    if flight["manoeuvre"]["kind"] != "cruise":
+        start = float(np.random.default_rng([first_seed, index, 1]).uniform(5.0, 45.0))
+        flight["manoeuvre"] = flight["manoeuvre"] | {"start_s": start}
+    frame = fly(scenario(**flight), dict.fromkeys(wires.values()))
+    log = detect(frame, pitch_moment_glr, wires, train_aircraft.fitted(NAME, placed(index)), ("raw", "valid"))
     return np.where(log["valid"][:, None] > 0.5, log["raw"], 0.0).max(axis=0).tolist()
 
 
-def collect(first_seed: int, number: int, run: Callable[..., Any]) -> np.ndarray:
-    """Return the largest likelihood ratios (flights, bands)."""
-    return np.array(run([(surveyed, {"index": k, "first_seed": first_seed}) for k in range(number)]))
-
-
-def limits(largest: np.ndarray) -> list[Trained]:
-    """Return the thresholds of the bands of frequencies from `collect`."""
+def limits(flown: list[list[float]]) -> list[Trained]:
+    """Return the thresholds of the bands of frequencies from what `surveyed` found."""
+    largest = np.array(flown)
     threshold = [exceeded(column, RARE / largest.shape[1]) for column in largest.T]
     return [Trained(NAME, "flight", {"threshold": threshold}, {"largest": np.round(largest.max(axis=0), 3).tolist()})]
 
 
-TRAINING = Training("pitch_moment", FIRST_SEED, FLIGHTS, collect, limits, {
+def flights(first_seed: int, number: int) -> list[dict[str, int]]:
+    """Return the arguments of `surveyed` of every flight."""
+    return [{"index": k, "first_seed": first_seed} for k in range(number)]
+
+
+TRAININGS = {"pitch_moment": Training("pitch_moment", FIRST_SEED, FLIGHTS, over(surveyed, flights), limits, {
     "probability_per_flight": RARE, "flight_s": FLIGHT_S, "air": list(AIR[:3]),
     "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE,
-})  # fmt: skip
+})}  # fmt: skip

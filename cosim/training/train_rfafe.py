@@ -1,17 +1,15 @@
 """Thresholds of the Sun13 estimators from fault-free flights that nothing else uses.
 
-`cosim train rfafe` trains and stores them.
-Every flight is one of six points (that of Sun13, A to E of Alwi14) or one of the envelope, six manoeuvres begun at 5 to
-35 s and three levels of turbulence, 60 s long, each coefficient and each symbol of the actuators up to 5 % off; in turn
-all elevators are hydraulic, or the right ones electromechanical. A threshold is MARGIN times the largest amplitude of
-f_hat, less the command's share, that any flight holds for nearly as many fits in a row as make an alarm, each of the
-shape that passes for an oscillation. Set "flight" is for all points, "design_point" for that of Sun13 alone;
-rfafe_airframe's set "flight" is `train_aircraft`'s.
+`cosim train rfafe`: every flight is one of six points (that of Sun13, A to E of Alwi14) or one of the envelope, six
+manoeuvres begun at 5 to 35 s and three levels of turbulence, 60 s long, each coefficient and each symbol of the
+actuators up to 5 % off; in turn all elevators are hydraulic, or the right ones electromechanical. A threshold is MARGIN
+times the largest amplitude of f_hat, less the command's share, that any flight holds for nearly as many fits in a row
+as make an alarm, each of the shape that passes for an oscillation. Set "flight" is for all points, "design_point" for
+that of Sun13 alone; rfafe_airframe's set "flight" is `train_aircraft`'s.
 """
 
 import functools
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -35,7 +33,7 @@ from cosim.training.flights import (
     somewhere,
 )
 from cosim.training.train_ema import EXACT
-from cosim.training.trainer import Trained, Training
+from cosim.training.trainer import Trained, Training, over
 from fdi.common import bank
 from fdi.rfafe.decision import shaped
 from fdi.rfafe.store import side_kinds
@@ -46,16 +44,15 @@ RESERVE = 0.3  # of the largest amplitude that only its shape refused: no thresh
 SPARE = 2  # thresholds stand on so many fits in a row less than an alarm takes
 LEAST = math.radians(0.05)  # two and a half sigma of one position sample
 SHARES = np.linspace(0.0, 2.0, 11)  # of the command, to choose from
-REPEATS = 4  # of every combination in training, with other seeds; two in the evaluation
+# four of every combination in training, with other seeds; two in the evaluation
+SETS = (4, len(POINTS), len(MANOEUVRES), len(TURBULENCE))
 FIRST_SEED = 1000
 
 
 def flight(first_seed: int, index: int) -> dict[str, Any]:
     """Return the arguments of `scenario` for flight `index` of a set: each point, manoeuvre and air once, hydraulic,
     then with EMA on the right, then both again with the points drawn over the envelope."""
-    rest, air = divmod(index, len(TURBULENCE))
-    count, kind = divmod(rest, len(MANOEUVRES))
-    repeat, at = divmod(count, len(POINTS))
+    repeat, at, kind, air = np.unravel_index(index, SETS)
     seed = first_seed + index
     rng = np.random.default_rng([seed, 1])
     start = {"start_s": float(rng.uniform(5.0, 35.0))} if MANOEUVRES[kind] != "cruise" else {}
@@ -66,21 +63,10 @@ def flight(first_seed: int, index: int) -> dict[str, Any]:
     return somewhere(made) if repeat >= len(ELEVATORS) else made
 
 
-def look(first_seed: int, index: Any) -> Any:
-    """Fly flight `index` of a set and return {estimator: what `survey` returns} as JSON can hold it."""
-    flown = flight(first_seed, index)
-    r, out = fly_aircraft(**flown), {}
-    for name, module in MODULES.items():
-        p = module.params(technology=side_kinds(dict(zip(SEGMENTS, flown["technology"]))))
-        runs, whatever, slow = survey(r, name, p)
-        out[name] = [runs.tolist(), whatever.tolist(), slow]
-    return out
-
-
-def collect(first_seed: int, number: int, run: Callable[..., Any]) -> list[tuple]:
-    """Return [(arguments, what `look` returns)] of the first `number` flights of a set."""
-    found = run([(look, {"first_seed": first_seed, "index": i}) for i in range(number)])
-    return [(flight(first_seed, i), f) for i, f in enumerate(found)]
+def surveyed(**flown: Any) -> dict[str, list]:
+    """Fly and return {estimator: what `survey` returns}."""
+    frame, kinds = fly_aircraft(**flown), side_kinds(dict(zip(SEGMENTS, flown["technology"])))
+    return {name: survey(frame, name, module.params(technology=kinds)) for name, module in MODULES.items()}
 
 
 @kernel
@@ -101,8 +87,8 @@ def _fits(log, p, out):
     return n
 
 
-def survey(recorded: Any, name: str, p: Any) -> tuple[Any, ...]:
-    """Return (runs (share, frequency), any (share, frequency), slow) of a fault-free flight, amplitudes in SI.
+def survey(recorded: Any, name: str, p: Any) -> list:
+    """Return [runs (share, frequency), any (share, frequency), slow] of a fault-free flight, amplitudes in SI.
 
     runs: the largest amplitude, less share times the command's, that lasts for SPARE fits less than make an alarm, all
     of an oscillation's shape: what a threshold must not be below. any: the largest of any fit, whatever its shape.
@@ -126,7 +112,23 @@ def survey(recorded: Any, name: str, p: Any) -> tuple[Any, ...]:
     late = log[log["valid"] > 0.5]
     command = np.abs(late["u_si"][:, :1])  # both sides have one command
     slow = np.abs(late["slow"][:, : int(p["nf"][0])]) - p["static_share"][0] * command
-    return runs, whatever, float(slow.max(initial=0.0))
+    return [runs.tolist(), whatever.tolist(), float(slow.max(initial=0.0))]
+
+
+def oscillating(segment: str, k: int, start_s: float) -> dict[str, Any]:
+    """Return the arguments of `scenario`, with a fault: a segment oscillates at frequency k of the bank, within the
+    servos' rate."""
+    hz = float(bank.frequencies()[k])
+    fault = {"target": f"elevator.{segment}", "kind": "ofc_liquid", "at": "command", "start_s": start_s,
+             "amplitude_deg": min(4.0, 30.0 / (2.0 * math.pi * hz)), "frequency_hz": hz}  # fmt: skip
+    return {"duration": start_s + max(8.0 / hz, 3.0), "faults": [fault]}
+
+
+def answered(recorded: Any, name: str, k: int, p: Any = None) -> float:
+    """Return how much command the law answers a flown oscillation with, over the amplitude of f_hat."""
+    last = estimate(recorded, name, p)[-1]
+    f, u = (math.hypot(last["bank_cos"][i, k], last["bank_sin"][i, k]) for i in (0, 1))
+    return u / max(f, 1e-12)
 
 
 ONSET_S = 12.0  # of the oscillations whose answer is measured: both estimators judge by then [s]
@@ -134,54 +136,49 @@ ONSET_S = 12.0  # of the oscillations whose answer is measured: both estimators 
 
 @functools.cache
 def answers() -> Any:
-    """Return {estimator: (frequency,)} how much command the law answers an oscillation with, over f_hat's amplitude.
-
-    One segment oscillates at each frequency of the bank, still air; the threshold's share of the command is lost to it.
-    """
-    out = {name: np.zeros(bank.K) for name in MODULES}
-    for k, hz in enumerate(bank.frequencies()):
-        most = min(4.0, 30.0 / (2.0 * math.pi * hz))  # inside the servos' rate [deg]
-        fault = {"target": "elevator.left_inner", "kind": "ofc_liquid", "at": "command", "start_s": ONSET_S,
-                 "amplitude_deg": most, "frequency_hz": float(hz)}  # fmt: skip
-        r = fly_aircraft(duration=ONSET_S + max(8.0 / hz, 3.0), faults=[fault])
-        for name in MODULES:
-            last = estimate(r, name)[-1]
-            f, u = (math.hypot(last["bank_cos"][i, k], last["bank_sin"][i, k]) for i in (0, 1))
-            out[name][k] = u / f
-    return out
+    """Return {estimator: (frequency,)} what `answered` finds, still air; the threshold's share of the command is lost
+    to it."""
+    flown = [fly_aircraft(**oscillating("left_inner", k, ONSET_S)) for k in range(bank.K)]
+    return {name: np.array([answered(r, name, k) for k, r in enumerate(flown)]) for name in MODULES}
 
 
-def fields(name: str, collected: list, answer: np.ndarray | None = None) -> tuple[dict, dict]:
-    """Return the trained fields of estimator `name` and the record of how they were found; `answer` as `answers` of it.
+def fields(name: str, found: list[list], answer: np.ndarray | None = None) -> tuple[dict, dict]:
+    """Return the trained fields of estimator `name` and the record of how they were found: `found` is what `survey`
+    says of each flight, `answer` as `answers` of it.
 
     A larger share of the command lets the threshold be lower, but the law answers a fault with command: the share is
     taken at which the least oscillation passes, threshold / (1 - share answer).
     """
-    runs, whatever = (np.max([f[name][i] for _, f in collected], axis=0) for i in (0, 1))
-    static = max(f[name][2] for _, f in collected)
+    runs, whatever, static = (np.max(part, axis=0) for part in zip(*found))
+    static = float(static)
     threshold = np.maximum(np.maximum(MARGIN * runs, RESERVE * whatever), LEAST)
     answer = answers()[name] if answer is None else answer
     left = 1.0 - SHARES[:, None] * answer
     best = np.argmin(np.where(left > 0.05, threshold / np.maximum(left, 0.05), np.inf), axis=0)
     at = (best, np.arange(bank.K))
     made = {"bank_threshold": threshold[at].tolist(), "bank_share": SHARES[best].tolist(), "th_static": MARGIN * static}
-    how = {"flights": len(collected),
+    how = {"flights": len(found),
            "largest": runs[at].tolist(), "largest_any_shape": whatever[at].tolist(), "largest_static": static,
            "answer": answer.tolist(), "frequency_hz": bank.frequencies().tolist()}  # fmt: skip
     return made, how
 
 
-def trained(collected: list) -> list[Trained]:
-    """Return the thresholds that follow from what `collect` found: of rfafe the set "flight", of both that of Sun13's
-    point, "design_point"."""
-    here = [c for c in collected if all(c[0]["flight"][k] == v for k, v in POINT.items())]
-    sets = (("rfafe", "flight", collected), *((name, "design_point", here) for name in MODULES))
+def limits(flown: list[dict]) -> list[Trained]:
+    """Return the thresholds of what `surveyed` found in the first flights of a set: of rfafe the set "flight", of both
+    that of Sun13's point, "design_point"."""
+    places = (np.unravel_index(i, SETS)[:2] for i in range(len(flown)))
+    here = [f for f, (repeat, at) in zip(flown, places) if repeat < len(ELEVATORS) and POINTS[at] == POINT]
     out = []
-    for name, which, chosen in sets:
-        made, how = fields(name, chosen)
+    for name, which, chosen in (("rfafe", "flight", flown), *((name, "design_point", here) for name in MODULES)):
+        made, how = fields(name, [f[name] for f in chosen])
         out.append(Trained(name, which, made, how, record=which, rounded=lambda value: value))
     return out
 
 
-TRAINING = Training("rfafe", FIRST_SEED, REPEATS * len(POINTS) * len(MANOEUVRES) * len(TURBULENCE), collect, trained,
-                    {"flight_s": FLIGHT_S, "margin": MARGIN})  # fmt: skip
+def flights(first_seed: int, number: int) -> list[dict[str, Any]]:
+    """Return the arguments of `scenario` of the first flights of a set."""
+    return [flight(first_seed, i) for i in range(number)]
+
+
+TRAININGS = {"rfafe": Training("rfafe", FIRST_SEED, math.prod(SETS), over(surveyed, flights), limits,
+                               {"flight_s": FLIGHT_S, "margin": MARGIN})}  # fmt: skip

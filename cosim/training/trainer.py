@@ -22,8 +22,12 @@ FOLDER = Path(fdi.__file__).parent / "thresholds"
 
 
 def significant(value: Any, digits: int = 4) -> Any:
-    """Return a number, or numbers, to so many significant digits."""
-    return [significant(v, digits) for v in value] if isinstance(value, list) else float(f"{value:.{digits}g}")
+    """Return plain data with its numbers to so many significant digits."""
+    if isinstance(value, dict):
+        return {k: significant(v, digits) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [significant(v, digits) for v in value]
+    return float(f"{value:.{digits}g}") if isinstance(value, float) else value
 
 
 def decimals(value: Any, digits: int = 7) -> Any:
@@ -93,6 +97,11 @@ class Training:
                 data["training"] = records | {t.record: t.found}
             replace_text(FOLDER / f"{t.detector}.json", compact.text(data))
         tuning.forget()
+
+
+def over(survey: Callable[..., Any], flights: Callable[[int, int], list[dict]]) -> Callable[..., list]:
+    """Return the `collect` of a training that asks `survey`(**flight) of each of `flights`(first_seed, number)."""
+    return lambda first_seed, number, run: run([(survey, flight) for flight in flights(first_seed, number)])
 
 
 def _read(detector):

@@ -11,7 +11,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import differential_evolution
@@ -30,8 +30,7 @@ FIRST_SEED, OTHER_SEED = 700_000, 27_000_000  # of the flights that teach, and o
 ROUNDS, EACH = 8, 5  # of the search: populations, and members for each number
 
 
-@dataclasses.dataclass(frozen=True)
-class Score:
+class Score(NamedTuple):
     """What a detector does in some flights; false alarms and exposure are sums over lanes."""
 
     faults: int
@@ -102,10 +101,8 @@ def flights(campaign: str, name: str, first_seed: int, most: int) -> list[Watche
 
 def score(watched: Sequence[Watched], values: Mapping[str, float]) -> Score:
     """Return the Score of a detector over flights, with `values` for its numbers."""
-    each = [w.replay(values) for w in watched]
-    faults = sum(s.faults for s in each)
-    delay = sum(s.delay_s for s in each) / max(faults, 1)
-    return Score(faults, sum(s.seen for s in each), delay, sum(s.false for s in each), sum(s.exposed_s for s in each))
+    total = Score(*map(sum, zip(*(w.replay(values) for w in watched))))
+    return total._replace(delay_s=total.delay_s / max(total.faults, 1))
 
 
 def tune(

@@ -2,13 +2,27 @@
 
 import json
 import textwrap
+from importlib import resources
+from pathlib import Path
+from typing import Any
 
 WIDTH = 120  # of a line
 
 
+def read(name: str, own: str | Path | None = None) -> dict[str, Any]:
+    """Return what the design `name` holds, of the aircraft with designs of its own in folder `own`, None: of `fdi`.
+
+    Raises FileNotFoundError when there is none.
+    """
+    file = (Path(own) if own else resources.files("fdi")).joinpath("designs", f"{name}.json")
+    if not file.is_file():
+        raise FileNotFoundError(f"there is no stored design {name!r}; make it with `cosim design`")
+    return json.loads(file.read_text(encoding="utf-8"))
+
+
 def text(data: dict) -> str:
     """Return `data` as JSON: what fits stands on one line, long lists of numbers wrap; numbers keep their bits."""
-    return _text(data, 0) + "\n"
+    return _text(json.loads(json.dumps(data)), 0) + "\n"  # tuples are lists, too
 
 
 def _text(value, depth):

@@ -46,7 +46,6 @@ In flight three things go beyond the paper, all off by default (`fitted` switche
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -183,9 +182,8 @@ def fitted(site: Site, paper: bool = False) -> np.ndarray:
     model = about.model
     xx, yy, zz, xz = model.gyration2
     (tx, _, tz), (rx, _, rz) = model.thrust_axis, np.mean(model.engine, axis=0)
-    boxes = Path(site.own) / "designs" / "lpv_smo_boxes.json" if site.own else None
     made = params(
-        designs=None if paper else load_boxes(boxes), own=site.own, gust=not paper, t_learn=LEARN,
+        designs=None if paper else load_boxes(site.own), own=site.own, gust=not paper, t_learn=LEARN,
         delay=site.ticks("q"), omega_a=1.0 / about.delays[0],
         rate_a=0.0 if paper else about.rates[0] / RAD_PER_DEG,
         inertia=((zz - xx) / yy, xz / yy), adot=0.0 if paper else ADOT,

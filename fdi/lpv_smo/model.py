@@ -55,7 +55,7 @@ def powers(nr: Any, degree: int = TRIM_DEGREE) -> np.ndarray:
     return np.array([e for e in itertools.product(range(degree + 1), repeat=nr) if sum(e) <= degree])
 
 
-def normalise(rho: float, box: Any) -> Any:
+def normalise(rho: Any, box: Any) -> Any:
     """Map rho (..., nr) into [-1, 1] over `box`."""
     low, high = np.asarray(box, float).T
     return 2 * (np.asarray(rho, float) - low) / (high - low) - 1

@@ -24,7 +24,6 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -214,32 +213,32 @@ def digest(model: LpvModel) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def save(model: LpvModel, made: Design, path: Path | str, **facts: Any) -> None:
-    """Write model and design as JSON to `path`, with the model's hash and further `facts` (numbers, strings)."""
-    held: dict[str, Any] = {"model_sha256": digest(model), **facts}
-    held["model"] = {k: _plain(v) for k, v in dataclasses.asdict(model).items()}
-    held["design"] = {k: _plain(v) for k, v in dataclasses.asdict(made).items()}
-    Path(path).write_text(compact.text(held), encoding="utf-8")
+def plain(model: LpvModel, made: Design) -> dict[str, Any]:
+    """Return model and design as plain data, beside the model's hash."""
+    parts = {"model": dataclasses.asdict(model), "design": dataclasses.asdict(made)}
+    told = {name: {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in part.items()}
+            for name, part in parts.items()}  # fmt: skip
+    return {"model_sha256": digest(model), **{n: {k: v for k, v in t.items() if v != ()} for n, t in told.items()}}
 
 
-def load(path: Path | str | None = None) -> tuple[LpvModel, Design]:
-    """Return (LpvModel, Design) from `path`, by default the stored ones of this aircraft.
-
-    Raises ValueError when the design was made for other numbers than the file's model holds, FileNotFoundError when
-    there is none; `cosim design` makes it.
+def pair(held: dict[str, Any]) -> tuple[LpvModel, Design]:
+    """Return what `plain` was made of. Raises ValueError when the design was made for other numbers than the model has.
     """
-    source = resources.files("fdi").joinpath("designs", "lpv_smo.json") if path is None else Path(path)
-    if not source.is_file():
-        raise FileNotFoundError("no stored LPV design; make it with: cosim design")
-    held = json.loads(source.read_text(encoding="utf-8"))
     model = LpvModel(**{k: array(v) for k, v in held["model"].items()})
     if digest(model) != held["model_sha256"]:
         raise ValueError("the stored LPV design does not belong to the model beside it; mend: cosim design")
     return model, Design(**{k: array(v) for k, v in held["design"].items()})
 
 
-def _plain(value):
-    return value.tolist() if isinstance(value, np.ndarray) else value
+def save(model: LpvModel, made: Design, path: Path | str, **facts: Any) -> None:
+    """Write model and design as JSON to `path`, with the model's hash and further `facts` (numbers, strings)."""
+    Path(path).write_text(compact.text({**facts, **plain(model, made)}), encoding="utf-8")
+
+
+def load(path: Path | str | None = None) -> tuple[LpvModel, Design]:
+    """Return (LpvModel, Design) from `path`, by default the stored ones of this aircraft. Errors: see `pair` and
+    `fdi.common.compact.read`."""
+    return pair(json.loads(Path(path).read_text(encoding="utf-8")) if path else compact.read("lpv_smo"))
 
 
 def array(value: Any) -> Any:

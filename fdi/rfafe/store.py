@@ -1,13 +1,11 @@
 """Keep an estimator as plain numbers in `fdi/designs/`, so that a flight needs no solver."""
 
-import json
 from dataclasses import asdict, fields, replace
-from importlib import resources
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fdi.common.compact import read
 from fdi.rfafe.discrete import Discrete, discretise
 from fdi.rfafe.synthesis import Design, Region, Report
 
@@ -47,17 +45,6 @@ def from_plain(plain: Any) -> Any:
     made["discrete"] = _make(Discrete, {k: v if k == "dt" else matrix(k, v) for k, v in plain["discrete"].items()})
     numbers = {k: v if isinstance(v, float | int) else matrix(k, v) for k, v in plain.items() if k not in made}
     return _make(Design, {**numbers, **made})
-
-
-def read(name: str, own: Any = None) -> Any:
-    """Return the stored file `name`.json as a dict: "designs" by technology, and what they were made from.
-
-    `own` is the folder of an aircraft with designs of its own.
-    """
-    file = (Path(own) if own else resources.files("fdi")).joinpath("designs", f"{name}.json")
-    if not file.is_file():
-        raise FileNotFoundError(f"there is no stored design {name!r}; make it with `cosim design`")
-    return json.loads(file.read_text(encoding="utf-8"))
 
 
 def choose(stored: Any, technology: Any, dt: Any) -> Any:

@@ -11,7 +11,7 @@ import pytest
 from cosim.flight.loop.signals import fly
 from cosim.scenario.catalog import SEGMENTS
 from cosim.training import train_hydraulic, trainer
-from cosim.training.flights import DT, POINTS, draw, over_envelope, scenario
+from cosim.training.flights import DT, POINTS, draw, scenario
 
 CASES = {c.name: c for c in (*hydraulic_cases.oscillations(), *hydraulic_cases.others())}
 
@@ -53,12 +53,9 @@ def test_a_healthy_flight_is_quiet_and_every_segment_is_watched():
 
 
 @pytest.mark.parametrize("detector", ["iotsekf", "rtsekf"])
-def test_stored_thresholds_are_beyond_what_training_saw_and_say_at_what_probability(detector):
+def test_stored_thresholds_are_beyond_what_training_saw(detector):
     data = json.loads((trainer.FOLDER / f"{detector}.json").read_text(encoding="utf-8"))
     how = data.pop("training")
-    assert how["probability_per_flight"] == train_hydraulic.PROBABILITY
-    assert how["first_seed"] == train_hydraulic.FIRST_SEED
-    assert how["flights"] == train_hydraulic.FLIGHTS
     for name, largest in how["largest"].items():
         stored = data[name]
         evidence = {"limit"} if f"{detector} {name}" == train_hydraulic.EVIDENCE else set()
@@ -79,13 +76,6 @@ def test_every_frequency_has_its_share_of_the_probability_and_one_that_no_flight
     assert out["limit"] == pytest.approx([0.0, train_hydraulic.MARGIN * 20.0])
     assert out["bank_threshold"] == pytest.approx(train_hydraulic.quiet_floor(2)["bank_threshold"])
     assert out["run_threshold"] == train_hydraulic.PEAK
-
-
-def test_training_and_evaluation_share_no_seed():
-    train = {f["seed"] for f in over_envelope(train_hydraulic.FIRST_SEED, train_hydraulic.FLIGHTS)}
-    first = train_hydraulic.EVALUATION
-    assert len(train) == train_hydraulic.FLIGHTS >= 300
-    assert not train & set(range(first, first + 1000))
 
 
 @pytest.mark.parametrize(("feedback", "late"), [("measured", 0.95), ("rtsekf_flight", 0.0)])

@@ -321,9 +321,10 @@ def test_the_stored_design_belongs_to_the_aircraft_and_holds_the_fit_to_its_boun
     """On 3^4 points between those of the fit: entries, modes. A41, A44 and dM/dV no affine function reaches."""
     import json
 
+    from cosim.training import designs
     from cosim.training import lpv as design_lpv
 
-    assert design_lpv.check() == ""
+    assert designs.check("lpv_smo") == ""
     held = json.loads(design_lpv.STORED.read_text())
     fit, fixed = held["fit"], held["fixed"]
     # speed over alpha and speed, and dM/dV: no affine function reaches them
@@ -358,13 +359,18 @@ def test_the_stored_design_finds_simultaneous_faults_on_its_own_plant(point):
 def test_a_design_for_another_aircraft_is_called_stale(tmp_path):
     import json
 
+    from cosim.training import designs
     from cosim.training import lpv as design_lpv
 
     held = json.loads(design_lpv.STORED.read_text())
-    held["aircraft_sha256"] = "0" * 64
-    path = tmp_path / "old.json"
-    path.write_text(json.dumps(held))
-    assert "cosim design" in design_lpv.check(path)
+    (tmp_path / "lpv_smo.json").write_text(json.dumps(held | {"aircraft_sha256": "0" * 64}))
+    assert "cosim design" in designs.check("lpv_smo", folder=tmp_path)
+    held["design"]["gamma"] *= 0.5
+    (tmp_path / "lpv_smo.json").write_text(json.dumps(held))
+    assert "do not verify" in designs.check("lpv_smo", folder=tmp_path)
+    held["model"]["A"][0][0][0] += 1.0
+    (tmp_path / "lpv_smo.json").write_text(json.dumps(held))
+    assert "does not belong to the model" in designs.check("lpv_smo", folder=tmp_path)
 
 
 def test_a_model_without_scheduling_is_designed_too():

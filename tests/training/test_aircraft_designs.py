@@ -14,7 +14,7 @@ from cosim.flight.detection.detectors import left_out, placed, sources
 from cosim.flight.plant.aero import estimate
 from cosim.flight.plant.force_model import force_model
 from cosim.scenario.aircraft import _read, load_aircraft
-from cosim.training import aircraft_designs
+from cosim.training import aircraft_designs, train_aircraft
 from fdi import registry
 from fdi.common.tuning import thresholds
 
@@ -105,10 +105,10 @@ def test_too_few_flights_are_refused():
 
 
 def test_training_flights_are_flights_of_that_aircraft():
-    flight = aircraft_designs.arguments(str(TWIN.folder), 5, 7)
+    flight = train_aircraft.arguments(5, 7, str(TWIN.folder))
     low, high = TWIN.mass.mass_t
     assert low <= flight["flight"]["mass_t"] <= high and len(flight["technology"]) == len(TWIN.segments)
-    assert flight == aircraft_designs.arguments(str(TWIN.folder), 5, 7)
+    assert flight == train_aircraft.arguments(5, 7, str(TWIN.folder))
 
 
 def test_three_engines_leave_out_who_reads_four_and_train_the_others(copied):
@@ -118,8 +118,8 @@ def test_three_engines_leave_out_who_reads_four_and_train_the_others(copied):
         path.write_text(text)
     assert left_out(flown(copied))["control_redundancy"] == "it reads n1_4, the aircraft has 3 engines"
     three = load_aircraft(str(copied))
-    assert aircraft_designs.fits(three) == ("lpv_smo", "kinematic", "rfafe", "rfafe_airframe")
-    frame = aircraft_designs.flown(three, aircraft_designs.arguments(str(copied), 0, 7) | {"duration": 0.5})
+    assert train_aircraft.fits(three) == ("lpv_smo", "kinematic", "rfafe", "rfafe_airframe")
+    frame = train_aircraft.flown(train_aircraft.arguments(0, 7, str(copied)) | {"duration": 0.5})
     with pytest.raises(DesignError, match=r"3 engines; allowed: 1, 2 or 4"):
         aircraft_designs.make(str(copied))
     assert len(frame) == 100 and "control_redundancy" not in aircraft_designs.check(str(copied))

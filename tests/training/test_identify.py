@@ -12,13 +12,11 @@ from typer.testing import CliRunner
 import cosim
 from cosim.cli import commands as cli
 from cosim.replay.map import prepare
-from cosim.training.identify import NO_COMMAND, identify
-from cosim.training.identify.delay import lag
+from cosim.training.identify import NO_COMMAND, identify, texts
+from cosim.training.identify.channels import lag, white
 from cosim.training.identify.flow import flow
-from cosim.training.identify.noise import white
 from cosim.training.identify.response import respond, simulate
 from cosim.training.identify.thresholds import _one
-from cosim.training.identify.write import texts
 
 DT = 0.005
 FLIGHT = (

@@ -20,10 +20,10 @@ from scipy.stats import binom, poisson
 import cosim
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.replay.map import prepare
+from cosim.training.identify import BLOCK
 from cosim.training.identify.flow import flow
 from cosim.training.identify.response import respond
 from cosim.training.identify.thresholds import fit
-from cosim.training.identify.write import BLOCK
 from cosim.training.threshold_fit import PROBABILITY
 
 CASES, LEVEL, DT = int(os.environ.get("COSIM_CASES", "100")), 0.95, 0.005

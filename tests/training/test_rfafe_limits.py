@@ -11,7 +11,7 @@ def test_thresholds_stand_above_what_lasts_and_weigh_what_the_law_answers(monkey
     shares = len(train_rfafe.SHARES)
     runs, whatever = np.zeros((shares, bank.K)), np.zeros((shares, bank.K))
     runs[:, 0], whatever[:, 1] = np.radians(np.linspace(1.0, 0.1, shares)), np.radians(1.0)
-    fits = [({}, {"rfafe": [runs.tolist(), whatever.tolist(), 0.01, 0]})]
+    fits = [[runs.tolist(), whatever.tolist(), 0.01]]
     monkeypatch.setattr(train_rfafe, "answers", lambda: {"rfafe": np.full(bank.K, 0.25)})
     made, _ = train_rfafe.fields("rfafe", fits)
     threshold, share = np.degrees(made["bank_threshold"]), made["bank_share"]
@@ -27,4 +27,4 @@ def test_a_survey_finds_an_oscillation_and_little_in_health():
     k = int(np.argmin(abs(bank.frequencies() - 2.0)))
     for faults, low, high in (([fault], 0.8, 1.2), ([], 0.0, 0.06)):
         runs, whatever, _ = train_rfafe.survey(train_rfafe.fly_aircraft(duration=9.0, faults=faults), "rfafe", p)
-        assert low <= np.degrees(runs[0, k]) <= high and whatever[0, k] >= runs[0, k]
+        assert low <= np.degrees(runs[0][k]) <= high and whatever[0][k] >= runs[0][k]

@@ -12,13 +12,14 @@ from cosim.training import (
     train_aircraft,
     train_ema,
     train_hydraulic,
-    train_monitors,
     train_rfafe,
     trainer,
 )
-from cosim.training.flights import MODULES, over_envelope
+from cosim.training.flights import MODULES, manoeuvring, over_envelope
 from cosim.training.trainer import FOLDER, Trained
+from fdi import registry
 from fdi.common import bank
+from fdi.monitors import ofc_monitor
 from fdi.rfafe.store import side_kinds
 
 # the largest number of each field, of one flight per training; frozen, computed before the trainers were made one
@@ -99,8 +100,8 @@ def reduced(name):
         found = train_hydraulic.surveyed(**over_envelope(21_000, 2)[1] | {"duration": 8.0})
         return train_hydraulic.limits([found])
     if name == "monitors":
-        found = train_monitors.surveyed(**train_monitors.flights(number=28)[27] | {"duration": 8.0})
-        return train_monitors.limits([found])
+        found = train_hydraulic.monitored(**manoeuvring(21_000, 28)[27] | {"duration": 8.0})
+        return train_hydraulic.monitor_limits([found])
     if name == "ema":
         return train_ema.limits([train_ema.surveyed(**train_ema.flights(number=4)[3] | {"duration": 12.0})])
     if name == "aircraft":
@@ -112,7 +113,7 @@ def reduced(name):
     kinds = side_kinds(dict(zip(train_rfafe.SEGMENTS, flight["technology"], strict=True)))
     frame = train_rfafe.fly_aircraft(**flight)
     found = {n: train_rfafe.survey(frame, n, m.params(technology=kinds)) for n, m in MODULES.items()}
-    return [Trained(n, "", train_rfafe.fields(n, [({}, found)], np.full(bank.K, 0.3))[0]) for n in MODULES]
+    return [Trained(n, "", train_rfafe.fields(n, [found[n]], np.full(bank.K, 0.3))[0]) for n in MODULES]
 
 
 @pytest.mark.parametrize("name", ["hydraulic", "monitors", "ema", "aircraft", "rfafe"])
@@ -144,10 +145,65 @@ def test_what_is_trained_is_stored_beside_what_else_the_file_holds(tmp_path, mon
     assert json.loads((tmp_path / "position_monitor.json").read_text()) == after
 
 
-@pytest.mark.parametrize("name", TRAINERS)
-def test_every_training_trains_tells_what_changes_and_stores(name):
-    found = load(name)
-    assert all(callable(getattr(found, part)) for part in ("train", "changes", "store"))
+@pytest.mark.parametrize("file", sorted(FOLDER.glob("*.json")), ids=lambda file: file.stem)
+def test_what_is_stored_tells_how_its_training_found_it(file):
+    data = json.loads(file.read_text(encoding="utf-8"))
+    own = data.pop("training")
+    records = [r for r in (own, *own.values()) if isinstance(r, dict) and "command" in r]
+    for record in records:
+        name = record["command"].removeprefix("cosim train ")
+        training = load(name)
+        assert all(callable(getattr(training, part)) for part in ("train", "changes", "store"))
+        if name != "joint":
+            few = record is own.get("design_point")  # those at Sun13's point
+            number = record["flights"] if few else training.number
+            assert record == record | training.about | {"flights": number, "first_seed": training.first_seed}
+    assert records
+
+
+@pytest.mark.parametrize(("name", "least"), [("position_monitor", 0.0), ("ofc_monitor", train_hydraulic.LEAST)])
+def test_a_monitor_flies_with_what_is_stored_beyond_what_the_training_saw(name, least):
+    data, p = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8")), registry.module(name).params()
+    largest = np.array(data["training"]["found"]["largest"])  # of a position monitor over its limit
+    for field in ("threshold", "share"):
+        assert np.allclose(p[field][0], data["flight"][field])
+    assert (p["threshold"][0] >= least).all()
+    assert (largest <= (p["threshold"][0] if least else 1.0)).all()
+
+
+def test_limits_scale_with_what_the_flights_show():
+    rng = np.random.default_rng(1)
+
+    def flown(size):
+        lag = rng.uniform(0.0, 0.1, (20, 1))
+        y = size * (0.002 + 0.3 * lag) * rng.uniform(0.2, 1.0, (20, 1))
+        found = size * rng.uniform(0.2, 1.0, (3, len(train_hydraulic.SHARES))) * 2e-3
+        return {"position_monitor": np.hstack([y, np.ones_like(lag), lag]).tolist(),
+                "ofc_monitor": {"threshold": found.tolist(), "motion": [1e-3] * 3,
+                                "response": (0.1 * rng.standard_normal((4, ofc_monitor.N))).tolist()}}  # fmt: skip
+
+    one, two = ([flown(size) for _ in range(60)] for size in (1.0, 2.0))
+    a, b = ({t.detector: t.fields for t in train_hydraulic.monitor_limits(flights)} for flights in (one, two))
+    for name in a:
+        assert np.mean(b[name]["threshold"]) > 1.5 * np.mean(a[name]["threshold"])
+    worst = max((np.array(f["position_monitor"]) @ [1.0, 0.0, 0.0]
+                 / (np.array(f["position_monitor"])[:, 1:] @ [a["position_monitor"][k] for k in ("threshold", "share")])
+                 ).max() for f in one)  # fmt: skip
+    assert worst <= 1.0
+
+
+def test_flights_of_training_are_nobody_elses():
+    first, number = train_hydraulic.FIRST_SEED, train_hydraulic.FLIGHTS
+    others = {f["seed"] for f in train_ema.flights()} | set(range(train_hydraulic.EVALUATION, 13_000))
+    for drawn in (over_envelope, manoeuvring):
+        own = {f["seed"] for f in drawn(first, number)}
+        assert len(own) == number >= 300 and not own & others
+    for flight in over_envelope(first, 64):
+        own, heavy = flight["manoeuvre"], flight["flight"]["mass_t"] > 300.0
+        if own["kind"] in ("nose_up", "pitch_protection"):
+            assert own.get("amplitude_g") == (0.15 if heavy else None)
+        elif own["kind"] == "three_two_one_one":
+            assert (own["amplitude_deg"], own["unit_s"]) == (2.0, 0.5)
 
 
 def test_every_shipped_file_of_thresholds_has_an_entry_in_a_training():

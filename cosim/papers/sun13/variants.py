@@ -28,32 +28,15 @@ SOURCES = {  # where E comes from -> arguments of `unknown_inputs`, None for no 
 }
 
 
-def _silent(text):
-    pass
-
-
 @functools.cache
 def published(source: Any = "six flights", bandwidth: Any = None) -> dict[str, Any]:
     """Return the stored form of the published design, hydraulic elevators, E from one of SOURCES; `bandwidth` [rad/s]
     of the loop is proportional to the learning rate."""
-    _, B, _ = training.linear()
-    sides = np.stack([B[:, :2].sum(1), B[:, 2:].sum(1)], 1)
-    air, position = training.sigmas()
     how = SOURCES[source]
     E = None
     if how is not None:
         E = np.vstack([rfafe.reduce_E(training.unknown_inputs(*how), RANK_E), np.zeros((2, RANK_E))])
-    made = training.entry(
-        "rfafe",
-        "hydraulic",
-        sides,
-        E,
-        np.eye(6),
-        lambda g: g[1],
-        [*air, position, position],
-        _silent,
-        bandwidth=bandwidth,
-    )
+    made = training.entry("rfafe", "hydraulic", E, bandwidth=bandwidth)
     return {"designs": {"hydraulic": made}}
 
 
@@ -98,23 +81,8 @@ def scheduled(point: str) -> Any:
 
 
 def _airframe(A, B, E):
-    total = B.sum(1, keepdims=True)
-    air, _ = training.sigmas()
-    if E is not None:
-        E = rfafe.separate(E, total, np.eye(4), method="remove")[:, :RANK_E]
-        E = np.vstack([E, np.zeros((1, E.shape[1]))])
-    made = training.entry(
-        "rfafe_airframe",
-        "hydraulic",
-        total,
-        E,
-        np.eye(5)[:4],
-        lambda g: np.vstack([total, [[0.0]]]),
-        air,
-        _silent,
-        A=A,
-        min_ratio=0.0,
-    )
+    E = None if E is None else training.freed(E, B)
+    made = training.entry("rfafe_airframe", "hydraulic", E, A=A, B=B, min_ratio=0.0)
     return {"designs": {"hydraulic": made}}
 
 

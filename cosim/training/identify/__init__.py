@@ -3,8 +3,8 @@
     found = identify("flight.csv", "map.toml")
     found.channels, found.actuators, found.thresholds
 
-Noise (noise.py) and delay (delay.py) of each channel; of an actuator with command and position its
-response (response.py), with valve command and rod its flow (flow.py); thresholds that fit (thresholds.py).
+Noise and delay of each channel (channels.py); of an actuator with command and position its response (response.py), with
+valve command and rod its flow (flow.py); thresholds that fit (thresholds.py).
 """
 
 import math
@@ -12,22 +12,34 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from cosim.judge.result import plain
-from cosim.replay import clock
 from cosim.replay.log_schema import ReplayError
 from cosim.replay.map import Prepared, prepare
-from cosim.replay.map_signals import sampled, shares
 from cosim.scenario.catalog import TECHNOLOGIES
-from cosim.training.identify import flow as valve
-from cosim.training.identify import response, thresholds
-from cosim.training.identify.delay import PAIRS, Delay, lag
-from cosim.training.identify.noise import white
+from cosim.training.identify import channels, flow, response, thresholds
+from cosim.training.identify.channels import on_grid
+from cosim.training.identify.response import unknown
 
 LEVEL = 0.95  # of the intervals
 NO_COMMAND = "not identifiable: no command channel"
 COMMAND = "de_cmd"
+BLOCK = '''"""Actuator of {segment}, identified by `cosim identify` from {recording}.
+
+{lines}
+Fit {fit:.1f} %. A scenario names it [actuators.{name}] file = "{file}", with {segment} = "{name}" in [elevator].
+"""
+
+from actuators.simple import identified
+from actuators.simple.identified import INPUTS, OUTPUTS, PARAMS, STATE, init_at, rollout
+
+__all__ = ["INPUTS", "OUTPUTS", "PARAMS", "STATE", "init_at", "params", "rollout"]
+VALUES = {values}
+
+
+def params(**others):
+    """Return PARAMS (1,) with what was identified; `others` replace values."""
+    return identified.params(**{{**VALUES, **others}})
+'''
 
 
 @dataclass
@@ -62,11 +74,18 @@ def identify(
     made = prepare(path, map_path, time=time)
     out = Identification(str(path), str(map_path), level, made.n * made.dt)
     out.caveats = [text for frame in made.tables.values() for text in frame.attrs.get("oddities", ())]
-    out.channels = [_channel(made, name, level) for name in _recorded(made)]
+    out.channels = channels.rows(made, level)
     segments = made.scenario.elevator.technology
     named = [s for s in segments if any(n.startswith(f"{s}.") for n in made.map.signals)]
     for segment in named:
-        out.actuators += _actuator(made, segment, level, out.responses)
+        for kind, found, units in _fits(made, segment, level):
+            own = {n: {"unit": units[n], **asdict(p)} for n, p in found.parameters.items()}
+            about = {"fit_pct": found.fit_pct, "residual": found.residual, "correlation": found.correlation}
+            out.actuators.append(
+                {"segment": segment, "kind": kind, "parameters": own, "note": found.note, **about}
+            )
+            if kind == "response" and own:
+                out.responses[segment] = found
     if not named:
         out.actuators.append({"segment": "-", "kind": "response", "parameters": {},
                               "note": f"{NO_COMMAND} and no position of an actuator in the map"})  # fmt: skip
@@ -74,106 +93,72 @@ def identify(
     return out
 
 
-def _recorded(made):
-    """Return the signals that have a channel of their own, the first of those that share one."""
-    seen: dict[str, str] = {}
-    for name, signal in made.map.signals.items():
-        if signal.channel and name in made.channels and name in made.sources and made.sources[name].kind != "model":
-            seen.setdefault(signal.channel, name)
-    return list(seen.values())
-
-
-def on_grid(made: Prepared, names: list[str]) -> tuple[list[np.ndarray], float]:
-    """Return (samples of each of the signals [SI], interval [s]) on ticks of the slowest of them, over the longest time
-    in which all are valid."""
-    rate = [clock.interval(made.channels[n][0]) for n in names]
-    dt = max(made.dt, *rate) if rate else made.dt
-    n = max(1, int(made.n * made.dt / dt))
-    got = [
-        sampled(made.map.signals[name], made.sources[name], made.channels[name], made.t_0, dt, n,
-                shares(made.scenario, name, made.sources[name]))
-        for name in names
-    ]  # fmt: skip
-    on = np.all([np.isfinite(v) & (valid > 0.0) for v, valid in got], axis=0)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(int), [0]])))
-    spans = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2])]
-    a, b = max(spans, key=lambda s: s[1] - s[0], default=(0, 0))
-    return [v[a:b] for v, _ in got], dt
-
-
-def _channel(made, name, level):
-    """Return the row of one channel."""
-    signal, source = made.map.signals[name], made.sources[name]
-    t, y, flags = made.channels[name]
-    factor = signal.factor(source.unit, shares(made.scenario, name, source))
-    y = np.where(np.isfinite(y), factor * y, np.nan)
-    if flags is not None and len(flags[1]) == len(y):
-        y = np.where(flags[1] > 0.5, y, np.nan)
-    step = clock.interval(t)
-    gap = np.flatnonzero(np.diff(t) > 1.5 * step)
-    whole = np.insert(y, gap + 1, np.nan)
-    noise = white(whole, level)
-    held = float(np.mean(np.diff(y[np.isfinite(y)]) == 0.0)) if np.isfinite(y).sum() > 1 else 1.0
-    row = {"name": name, "channel": signal.channel, "unit": source.unit, "rate_hz": 1.0 / step if step else math.nan}
-    row |= {"repeated_pct": 100.0 * held}
-    if noise is None:
-        constant = np.ptp(y[np.isfinite(y)]) == 0.0 if np.isfinite(y).any() else False
-        few = "no finite sample" if not np.isfinite(y).any() else "is constant" if constant else "too few samples"
-        row |= {"noise": None, "noise_note": few}
-    else:
-        row |= {"noise": noise.sigma, "noise_low": noise.low, "noise_high": noise.high}
-        row |= {"resolution": noise.resolution, "noise_note": noise.note}
-    return row | {"delay": asdict(_delay(made, name, level))}
-
-
-def _delay(made, name, level):
-    """Return the Delay of a channel behind one that physics ties to it: the most certain where there are several."""
-    recorded, found = _recorded(made), []
-    for later, other, n in PAIRS:
-        if name in (later, other) and later in recorded and other in recorded:
-            of, power = (other, n) if name == later else (later, -n)
-            (y, x), dt = on_grid(made, [name, of])
-            if len(y) and np.ptp(y) > 0.0 and np.ptp(x) > 0.0:
-                found.append(lag(y, x, power, dt, of, level))
-    none = Delay("", note="delay not identifiable: tied to no channel")
-    return min(found, key=lambda d: d.high - d.low if d.high == d.high else math.inf, default=none)
-
-
-def _actuator(made, segment, level, responses):
-    """Return the rows of one segment: its response to the command, its valve's flow."""
-    signals = {n: s for n, s in made.map.signals.items() if n in made.channels and s.channel}
-    command = COMMAND in signals and not made.map.signals[COMMAND].stands_on
+def _fits(made: Prepared, segment: str, level: float):
+    """Yield (kind, Response, units) of one segment: its response to the command, its valve's flow."""
+    signals = {n for n, s in made.map.signals.items() if n in made.channels and s.channel}
     position = next((n for n in (f"{segment}.surface", f"{segment}.rod") if n in signals), "")
-    rows = []
-
-    def row(kind, found, units):
-        own = {n: {"unit": units[n], **asdict(p)} for n, p in found.parameters.items()}
-        about = {"fit_pct": found.fit_pct, "residual": found.residual, "correlation": found.correlation}
-        rows.append({"segment": segment, "kind": kind, "parameters": own, "note": found.note, **about})
-
     if not position:
-        row("response", response.Response(note="not identifiable: no position of it in the map"), {})
-    elif not command:
-        row("response", response.Response(note=NO_COMMAND), {})
+        found = unknown("no position of it in the map")
+    elif COMMAND not in signals or made.map.signals[COMMAND].stands_on:
+        found = response.Response(note=NO_COMMAND)
     else:
         (asked, moved), dt = on_grid(made, [COMMAND, position])
         arm = _arm(made, segment) if position.endswith(".rod") else 1.0
-        found = response.respond(asked, moved / arm, dt, level) if len(asked) else response.Response(
-            note="not identifiable: command and position are never valid together")  # fmt: skip
-        row("response", found, response.UNITS)
-        if found.parameters:
-            responses[segment] = found
+        never = unknown("command and position are never valid together")
+        found = response.respond(asked, moved / arm, dt, level) if len(asked) else never
+    yield "response", found, response.UNITS
     sent, rod, pressure = (f"{segment}.{w}" for w in ("valve_command", "rod", "pressure"))
     if sent in signals and rod in signals:
-        names = [sent, rod, *([pressure] if pressure in signals else [])]
-        (u, q, *x3), dt = on_grid(made, names)
+        (u, q, *x3), dt = on_grid(made, [sent, rod, *({pressure} & signals)])
+        found = unknown("too few samples valid together")
         if len(u) > 100:  # a tick's value has acted until then: it was sent a tick before
-            row("flow", valve.flow(u[1:], q[:-1], x3[0][:-1] if x3 else None, dt, level), valve.UNITS)
-        else:
-            row("flow", response.Response(note="not identifiable: too few samples valid together"), {})
-    return rows
+            found = flow.flow(u[1:], q[:-1], x3[0][:-1] if x3 else None, dt, level)
+        yield "flow", found, flow.UNITS
 
 
 def _arm(made, segment):
     own = made.scenario.elevator.technology[segment]
     return TECHNOLOGIES[own].design(made.scenario.aircraft.own(own)).arm
+
+
+def texts(found: Identification, folder: Path, stem: str) -> dict[Path, str]:
+    """Return {file: text} of what `found` writes into `folder`: STEM.toml, and STEM_SEGMENT.py for each response."""
+    out: dict[Path, str] = {}
+    actuators, elevator = [], []
+    for segment, fitted in found.responses.items():
+        name = f"{stem}_{segment}"
+        file = folder / f"{name}.py"
+        told = "\n".join(_line(n, p, found.level) for n, p in fitted.parameters.items())
+        values = {n: float(f"{v:.6g}") for n, v in fitted.values().items()}
+        out[file] = BLOCK.format(segment=segment, recording=Path(found.recording).name, lines=told, name=name,
+                                 fit=fitted.fit_pct, file=file.name, values=values)  # fmt: skip
+        actuators += [f"[actuators.{name}]", f'file = "{file.name}"', ""]
+        elevator.append(f'{segment} = "{name}"')
+    lines = [f"# Written by `cosim identify` from {Path(found.recording).name}.", ""]
+    if elevator:
+        lines += ["# for a scenario:", *actuators, "[elevator]", *elevator, ""]
+    flows = [row for row in found.actuators if row["kind"] == "flow" and row["parameters"]]
+    for row in flows:
+        own = (f"{n} {p['value']:.4g} {p['unit']} ({p['low']:.4g} to {p['high']:.4g})"
+               for n, p in row["parameters"].items())  # fmt: skip
+        lines += [f"# {row['segment']}: {', '.join(own)}"]
+    for t in found.thresholds:
+        if t.parameters:
+            held = f"{t.alarms} alarms in {t.held_back_s:.0f} s held back, {t.expected:.2g} expected"
+            lines += [f"# for a scenario or the map: {t.factor:.3g} times the shipped ones; {held}"]
+            lines += [f"# {t.note}"] * bool(t.note)
+            lines += [f"[detectors.{t.id}]", *(f"{_key(n)} = {v!r}" for n, v in t.parameters.items()), ""]
+    out[folder / f"{stem}.toml"] = "\n".join([*lines, ""])
+    return out
+
+
+def _line(name, p, level):
+    meaning, unit = response.MEANINGS[name], response.UNITS[name]
+    if not math.isfinite(p.value):
+        return f"    {meaning}: at least {p.low:.5g} {unit}, not reached; below stands the nominal one"
+    note = f"; {p.note}" if p.note else ""
+    return f"    {meaning}: {p.value:.5g} {unit}, {100.0 * level:g} %: {p.low:.5g} to {p.high:.5g}{note}"
+
+
+def _key(name):
+    return f'"{name}"' if "[" in name else name

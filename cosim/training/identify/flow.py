@@ -16,13 +16,9 @@ from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 from scipy.stats import t as student
 
-from cosim.training.identify.response import Parameter, Response, correlation
+from cosim.training.identify.response import Parameter, Response, asleep, correlation, unknown
 
 UNITS = {"flow_gain": "m/s", "dead_band": "-", "delay": "s"}
-MEANINGS = {
-    "flow_gain": "rod speed at full valve, phi_n / A_p", "dead_band": "dead band of the valve, to either side",
-    "delay": "dead time from valve command to reading",
-}  # fmt: skip
 PARTS = 6
 # of the gain: taking the pressure at the ends of a tick is off by so much on recordings of the testbed, whose gain is
 # known; no part of a recording tells it from the gain
@@ -56,11 +52,8 @@ def flow(u: np.ndarray, rod: np.ndarray, x3: np.ndarray | None, dt: float, level
 
 
 def _fit(u, rod, x3, dt, level):
-    if float(np.std(u)) == 0.0:
-        return Response(note="not identifiable: the valve command is constant")
-    noise = float(np.std(np.diff(rod, 3)) / math.sqrt(20.0))
-    if float(np.std(rod)) <= 3.0 * noise:
-        return Response(note="not identifiable: the rod moves by less than three times its noise")
+    if why := asleep(u, rod, "valve command", "rod")[1]:
+        return unknown(why)
     n, tick = len(u), np.arange(len(u))
     z = np.zeros(n) if x3 is None else savgol_filter(x3, SMOOTH, 3)
     middle = 0.5 * (z + np.append(z[1:], z[-1:]))  # over the tick in which a command acts

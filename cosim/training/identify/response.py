@@ -67,6 +67,20 @@ class Response:
         return known
 
 
+def unknown(why: str) -> Response:
+    """Return the Response of which nothing is known."""
+    return Response(note=f"not identifiable: {why}")
+
+
+def asleep(command: np.ndarray, moved: np.ndarray, sent: str, read: str) -> tuple[float, str]:
+    """Return (noise of the reading `moved`, by its third differences, "" or why nothing can be told of it)."""
+    noise = float(np.std(np.diff(moved, 3)) / math.sqrt(20.0))
+    if float(np.std(command)) == 0.0:
+        return noise, f"the {sent} is constant"
+    still = float(np.std(moved)) <= 3.0 * noise
+    return noise, f"the {read} moves by less than three times its noise" if still else ""
+
+
 def simulate(command: np.ndarray, start: float, dt: float, stops: tuple[float, float], **values: float) -> np.ndarray:
     """Return the surface (ticks,) [rad] that follows `command` (ticks,) from rest at `start`, each before its tick."""
     p = identified.params(lo=stops[0], hi=stops[1], **values)
@@ -79,13 +93,11 @@ def simulate(command: np.ndarray, start: float, dt: float, stops: tuple[float, f
 def respond(command: np.ndarray, surface: np.ndarray, dt: float, level: float = 0.95) -> Response:
     """Return the Response of `surface` to `command` ((ticks,), finite [rad], every `dt` seconds)."""
     skip, moves = round(SETTLE_S / dt), float(np.std(surface))
-    noise = float(np.std(np.diff(surface, 3)) / math.sqrt(20.0))
     if len(surface) < 4 * skip:
-        return Response(note=f"not identifiable: {len(surface) * dt:.3g} s are too short")
-    if float(np.std(command)) == 0.0:
-        return Response(note="not identifiable: the command is constant")
-    if moves <= 3.0 * noise:
-        return Response(note="not identifiable: the position moves by less than three times its noise")
+        return unknown(f"{len(surface) * dt:.3g} s are too short")
+    noise, why = asleep(command, surface, "command", "position")
+    if why:
+        return unknown(why)
     reach = 0.1 + max(np.abs(command).max(), np.abs(surface).max())
     stops = (-reach, reach)
     smooth = np.convolve(surface, np.ones(9) / 9.0, "valid")
@@ -107,16 +119,17 @@ def respond(command: np.ndarray, surface: np.ndarray, dt: float, level: float = 
     begin = [(w, d * dt) for w in (8.0, 25.0, 60.0) for d in (1.0, 6.0, 20.0)]
     starts = [np.array([w, 0.9, 1.2 * fastest, 0.5 * size[3], late, offset, 0.0]) for w, late in begin]
     starts = sorted((np.clip(s, low * 1.001, high * 0.999) / size for s in starts), key=lambda z: left(z) @ left(z))
-    found = min((least_squares(left, z, **_how(bounds)) for z in starts[:3]), key=lambda f: f.cost)
+    found = min((_fit(left, z, bounds) for z in starts[:3]), key=lambda f: f.cost)
     free = _fixed(left, found.x, RATE, bounds[1][RATE], bounds, 50)  # as if it had no limit
-    start = np.clip(np.insert(free.x, RATE, 1.5), bounds[0] + 1e-12, bounds[1] - 1e-12)
-    both = found, least_squares(left, start, **_how(bounds))
+    both = found, _fit(left, np.insert(free.x, RATE, 1.5), bounds)
     found = min((_within_ticks(left, f, bounds, dt / size[DELAY]) for f in both), key=lambda f: f.cost)
     return _told(found, left, size, bounds, moves, level)
 
 
-def _how(bounds):
-    return {"bounds": bounds, "diff_step": 1e-4, "x_scale": "jac"}
+def _fit(left, x, bounds, **how):
+    """Return the fit of all parameters within bounds, from x."""
+    start = np.clip(x, bounds[0] + 1e-12, bounds[1] - 1e-12)
+    return least_squares(left, start, bounds=bounds, diff_step=1e-4, x_scale="jac", **how)
 
 
 def _within_ticks(left, found, bounds, tick):
@@ -133,7 +146,7 @@ def _within_ticks(left, found, bounds, tick):
                 break
             middle = 0.5 * (low[DELAY] + high[DELAY])
             start = np.insert(_fixed(left, x, DELAY, middle, bounds, 25).x, DELAY, middle)
-            fit = least_squares(left, np.clip(start, low + 1e-12, high - 1e-12), **_how((low, high)))
+            fit = _fit(left, start, (low, high))
             best, x = min(best, fit, key=lambda f: f.cost), fit.x
     return best
 
@@ -141,8 +154,7 @@ def _within_ticks(left, found, bounds, tick):
 def _fixed(left, x, i, value, bounds, most):
     """Return the fit of all parameters but number i, which has `value`, from x."""
     within = np.delete(bounds[0], i), np.delete(bounds[1], i)
-    start = np.clip(np.delete(x, i), within[0] + 1e-12, within[1] - 1e-12)
-    return least_squares(lambda z: left(np.insert(z, i, value)), start, max_nfev=most, **_how(within))
+    return _fit(lambda z: left(np.insert(z, i, value)), np.delete(x, i), within, max_nfev=most)
 
 
 def _told(found, left, size, bounds, moves, level):
@@ -156,7 +168,7 @@ def _told(found, left, size, bounds, moves, level):
         if not lower:
             break
         best = min(lower, key=lambda z: left(z) @ left(z))  # a profile found its way past a bend
-        found = least_squares(left, np.clip(best, bounds[0] + 1e-12, bounds[1] - 1e-12), **_how(bounds))
+        found = _fit(left, best, bounds)
     out = Response(fit_pct=100.0 * (1.0 - float(np.std(e)) / moves), residual=math.sqrt(variance), correlation=spread)
     without = _fixed(left, found.x, RATE, bounds[1][RATE], bounds, 50)  # as if it had no limit
     reached = 2.0 * (without.cost - found.cost) > variance * spread * float(chi2.ppf(SURE, 1))
