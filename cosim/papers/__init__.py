@@ -1,7 +1,7 @@
 """The papers' own experiments, row by row: what a paper says, what we get, and whether they agree.
 
 Each paper is a package: `claims.toml` lists what is asked, with its bands (`cosim.papers.claims` reads it), beside the
-functions that measure it; `figures.drawings()` makes our figures; `breaks.BREAKS` says what is broken in turn. No row
+functions that measure it; `figures.drawings()` makes our figures; `breaks.toml` says what is broken in turn. No row
 is left out because it disagrees.
 """
 

@@ -59,7 +59,6 @@ OUT = dtype(
     ]
 )
 
-FILTER: dict = {}  # {parameter: function of its value}: how a broken filter differs
 FIGURES = {  # figure -> (sensor, scale, bias): section 4.1 to 4.3
     6: ("velocity", 0.25, 0.0),
     7: ("velocity", 0.0, 5.0),
@@ -127,8 +126,6 @@ def bench(
         tick["scale"][late, _SENSOR[sensor]], tick["bias"][late, _SENSOR[sensor]] = scale, bias
     tick["f_i"][late] = loop_bias
     pf = ema_kalman.params("nozzle")
-    for name, change in FILTER.items():
-        pf[name] = change(pf[name])
     if matrices is not None:
         pf["Phi"], pf["G"] = matrices
     f, uf = ema_kalman.init(pf), np.zeros(1, ema_kalman.INPUTS)
