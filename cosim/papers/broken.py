@@ -25,6 +25,7 @@ import types
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from actuators.object_cache import PLAIN
 from actuators.subprocess_env import command, surroundings
@@ -83,9 +84,15 @@ def edit(at: str, was: str, now: str) -> Iterator[None]:
     source = textwrap.dedent(inspect.getsource(function))
     if source.count(was) != 1:
         raise ValueError(f"{at} holds {was!r} {source.count(was)} times, not once")
+    with coded(function, source[source.index("def ") :].replace(was, now)):
+        yield
+
+
+@contextlib.contextmanager
+def coded(function: Any, text: str) -> Iterator[None]:
+    """Let a plain Python function run the code of `text`, its definition."""
     made: dict = {}
-    text = source[source.index("def ") :].replace(was, now)
-    exec(compile(text, inspect.getsourcefile(function) or at, "exec"), function.__globals__ | made, made)
+    exec(compile(text, inspect.getsourcefile(function) or "", "exec"), dict(function.__globals__), made)
     held, function.__code__ = function.__code__, made[function.__name__].__code__
     try:
         yield
@@ -119,26 +126,27 @@ def chosen(rows: list[Planned], of: Break) -> list[Planned]:
     return out
 
 
-def proof(paper: str, only: Callable[[Break], bool] = lambda of: True) -> Iterator[Broken]:
-    """Yield what each row of `paper` shows under each of its Breaks; equations are broken in a process of their own."""
-    asked = list(filter(only, breaks(paper)))
-    if not PLAIN and any(of.kind == "equation" for of in asked):
-        of_equations = [of.what for of in asked if of.kind == "equation"]
+def proof(paper: str, only: Callable[[Break], bool] = lambda of: True) -> list[Broken]:
+    """Return what each row of `paper` shows under each of its Breaks; equations are broken in a process of their own.
+    """
+    asked, found = list(filter(only, breaks(paper))), []
+    equations = [of.what for of in asked if of.kind == "equation"]
+    if equations and not PLAIN:
         code = "import sys; from cosim.papers.broken import _tell; _tell(*sys.argv[1:])"
-        run = subprocess.run([*command(code), paper, json.dumps(of_equations)], capture_output=True, text=True,
+        run = subprocess.run([*command(code), paper, json.dumps(equations)], capture_output=True, text=True,
                              env=surroundings(NUMBA_DISABLE_JIT="1"))  # fmt: skip
         if run.returncode:
             raise RuntimeError(f"{paper}: {run.stderr.strip().splitlines()[-1] if run.stderr else 'no answer'}")
-        yield from (Broken(**b) for b in json.loads(run.stdout))
+        found = [Broken(**b) for b in json.loads(run.stdout)]
         asked = [of for of in asked if of.kind != "equation"]
     for of in asked:
         forget(paper)
         try:
             with edit(of.at, of.was, of.now):
-                for p in chosen(load(paper), of):
-                    yield _seen(paper, p, of)
+                found += [_seen(paper, p, of) for p in chosen(load(paper), of)]
         finally:
             forget(paper)
+    return found
 
 
 def _seen(paper, p, of):
@@ -153,5 +161,4 @@ def _seen(paper, p, of):
 
 
 def _tell(paper, asked):
-    found = proof(paper, lambda of: of.what in json.loads(asked))
-    print(json.dumps([asdict(b) for b in found]))
+    print(json.dumps([asdict(b) for b in proof(paper, lambda of: of.what in json.loads(asked))]))

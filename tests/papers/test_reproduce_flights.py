@@ -32,7 +32,7 @@ def test_residuals_are_selected_as_the_table_says_in_the_first_scenario():
 def test_own_linear_model_explains_the_fault_free_elevator_of_point_b():
     """With the affine model 0.24 deg: pitch stiffness is off by a quarter there."""
     assert alwi14_quiet._stiffness("B") > 0.2
-    assert alwi14_quiet._own_worst("B") < 0.6 * alwi14_quiet._quiet(0.0)[0][0]
+    assert alwi14_quiet._own_worst("B") < 0.6 * alwi14_quiet.fault_free(0)[0]
 
 
 def test_first_scenario_identifies_its_thrust_loss():

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from actuators.ema import jay
 from cosim.flight.loop.signals import fly
 from cosim.judge.alarms import detection
 from cosim.scenario import load_scenario
@@ -63,15 +64,9 @@ def alarms(*changes: str) -> tuple[float, str]:
 def warm() -> tuple[float, str]:
     """Return (largest error of the position estimate [mm], alarms) with the winding 39 % up."""
     f = flight("ema-winding-resistance", "faults.0.increase_pct=39.3")
-    error = f[OWN[3]].to_numpy()[2:] - _lead() * f[TRUE[2]].to_numpy()[:-2]
+    error = f[OWN[3]].to_numpy()[2:] - jay.values()["lead"] * f[TRUE[2]].to_numpy()[:-2]
     alarms = f[OWN[0]].iloc[400:].max()
     return 1e3 * np.abs(error[400:]).max(), "no alarm" if alarms == 0.0 else "alarms"
-
-
-def _lead():
-    from actuators.ema import jay
-
-    return jay.values()["lead"]
 
 
 def off() -> tuple[float, str]:
