@@ -15,6 +15,7 @@ from cosim.papers.lu17 import bench
 from cosim.papers.lu17.stats import case, linear_delay
 from fdi.hydraulic import iotsekf
 
+WALK = float(np.array(iotsekf.NOISE["q_f"]))  # of (14)
 AT_X_HAT = {"centre": 1.0, "total_sign": 1.0}
 SOLID: dict[str, tuple[float, dict]] = {  # what is changed of the filter in figure 4: factor on q_f, parameters
     "with a walk (14) ten times as strong": (10.0, {}),
@@ -42,7 +43,7 @@ def gain(load: str) -> tuple[float, str]:
 def solid_error() -> tuple[float, str]:
     """Return the rms of the fault's error over that of the fault in figure 4; with the filter changed in the note."""
     told = "; ".join(
-        f"{word} {matches('solid OFC', seeds=20, q_f=q_f * iotsekf.NOISE['q_f'], **own):.2f}"
+        f"{word} {matches('solid OFC', seeds=20, q_f=q_f * WALK, **own):.2f}"
         for word, (q_f, own) in SOLID.items()
     )
     return matches("solid OFC"), told
@@ -69,7 +70,7 @@ def biased(scenario: str, load: str) -> tuple[float, str]:
     """Return the share of instants with the mean error of a state beyond its 1 % bound; in the note what mends it."""
     found = case(scenario, load)["state", "after" if scenario != "fault-free" else "whole"]
     if scenario != "fault-free":
-        strong = case(scenario, load, q_f=1e4 * float(np.array(iotsekf.NOISE["q_f"])))["state", "after"]
+        strong = case(scenario, load, q_f=1e4 * WALK)["state", "after"]
         return found, f"with a walk (14) ten thousand times as strong {strong:.3f}"
     if load == "no load":
         return found, ""
