@@ -34,7 +34,7 @@ from fdi.hydraulic import iotsekf, rtsekf
 from fdi.hydraulic import separate_bias as two_stage
 
 DT, SECONDS, ONSET = 0.005, 25.0, 12.0  # onset: [Lu17] table 1
-BEFORE, AFTER, WHOLE = (2.0, 12.0), (13.0, 25.0), (2.0, 25.0)  # [s]; AFTER holds whole periods of the OFC
+PHASES = {"before": (2.0, 12.0), "after": (13.0, 25.0), "whole": (2.0, 25.0)}  # [s]; after: whole periods of the OFC
 SEEDS = 100
 AMPLITUDE = 20e-3  # of the command [m]
 ROD = 1e-4  # noise of the rod sensor [m]

@@ -13,12 +13,11 @@ from fdi.hydraulic import iotsekf
 
 STATES = (("q", "q_hat"), ("qd", "qd_hat"), ("x3", "x3_hat"))
 LEVEL = 0.01  # of the tests of a mean
-PHASES = {"before": bench.BEFORE, "after": bench.AFTER, "whole": bench.WHOLE}
 
 
 def span(phase: Any) -> Any:
     """Return the slice of ticks of a phase."""
-    a, b = PHASES[phase]
+    a, b = bench.PHASES[phase]
     return slice(round(a / bench.DT), round(b / bench.DT))
 
 
@@ -35,7 +34,7 @@ def _beyond(e):
 def _summary(out):
     """Return the numbers that the rows need of one case."""
     found = {}
-    for phase in PHASES:
+    for phase in bench.PHASES:
         on = span(phase)
         leave = np.abs(out["surface"] - out["r"])[:, on]
         found["leaves", phase] = 1e3 * float(leave.max())  # [mm]
