@@ -3,10 +3,9 @@
 import numpy as np
 
 from cosim.flight.loop.signals import fly
-from cosim.flight.plant.force_model import force_model
 from cosim.papers.drawing import Curve, Drawing, Panel, Table
 from cosim.papers.mar10 import flights, vehicle_rows
-from cosim.papers.mar10.rows import throttle_in_error
+from cosim.papers.mar10.rows import own_structure, throttle_in_error
 from cosim.scenario import load_scenario
 from fdi.control_redundancy import control_redundancy
 from fdi.control_redundancy import structure as redundancy_structure
@@ -62,39 +61,31 @@ def _reconfigured():
     )
 
 
-def _signatures(structure, inputs):
+def _signatures(structure):
     rows = []
     for family in redundancy_structure.families(structure):
         marks = tuple("+1" if v else "0" for v in family.signature)
         rows.append((family.name, "".join(str(int(v)) for v in family.signature), *marks, str(len(family.solved))))
-    return Table(("family", "signature", *inputs, "residuals>"), tuple(rows))
+    return Table(("family", "signature", *redundancy_structure.TALK_INPUTS, "residuals>"), tuple(rows))
 
 
 def _table():
     found = redundancy_structure.signatures(redundancy_structure.TALK)
-    return Drawing(
-        "mar10",
-        "slide 10",
-        f"The talk's structure: {sum(found.values())} residuals, {len(found)} signatures",
-        "Made from the sparsity of the force equations alone. 1: a fault of that input moves the family's residuals. "
-        "r1~2by3 is row 1 with input 2 replaced from row 3.",
-        table=_signatures(redundancy_structure.TALK, redundancy_structure.TALK_INPUTS),
-    )
+    title = f"The talk's structure: {sum(found.values())} residuals, {len(found)} signatures"
+    caption = ("Made from the sparsity of the force equations alone. 1: a fault of that input moves the family's "
+               "residuals. r1~2by3 is row 1 with input 2 replaced from row 3.")  # fmt: skip
+    return Drawing("mar10", "slide 10", title, caption, table=_signatures(redundancy_structure.TALK))
 
 
 def _own_table():
-    own = force_model().structure()[:3][:, [1, 0, 2, 3]]
-    found = redundancy_structure.signatures(own)
+    own = own_structure()
     missing = redundancy_structure.undefined(own)
-    return Drawing(
-        "mar10",
-        "slide 10",
-        f"This aircraft: {27 - len(missing)} of the talk's residuals, {len(found)} signatures",
-        f"{len(missing)} of the talk's 27 residuals are undefined here: the coefficients that JSBSim flies have "
-        "no aileron force and no rudder or aileron drag: forces alone do not see the aileron. "
-        "The families are those of its own structure, in which row 3 holds thrust too.",
-        table=_signatures(own, redundancy_structure.TALK_INPUTS),
-    )
+    title = f"This aircraft: {27 - len(missing)} of the talk's residuals, "
+    title += f"{len(redundancy_structure.signatures(own))} signatures"
+    caption = (f"{len(missing)} of the talk's 27 residuals are undefined here: the coefficients that JSBSim flies have "
+               "no aileron force and no rudder or aileron drag: forces alone do not see the aileron. "
+               "The families are those of its own structure, in which row 3 holds thrust too.")  # fmt: skip
+    return Drawing("mar10", "slide 10", title, caption, table=_signatures(own))
 
 
 def _scenario(number):

@@ -109,9 +109,14 @@ def table() -> tuple[float, str]:
     return wrong, f"{sum(found.values())} residuals, {len(found)} signatures"
 
 
+def own_structure() -> np.ndarray:
+    """Return which inputs move which row of forces of this aircraft, (3, 4), inputs in the talk's order."""
+    return force_model().structure()[:3][:, [1, 0, 2, 3]]
+
+
 def defined() -> tuple[int, str]:
     """Return how many of the 27 residuals this aircraft has."""
-    own = force_model().structure()[:3][:, [1, 0, 2, 3]]  # in the talk's order of inputs
+    own = own_structure()
     missing = redundancy_structure.undefined(own)
     return 27 - len(missing), f"{len(redundancy_structure.signatures(own))} signatures; {missing[0][1]}"
 
