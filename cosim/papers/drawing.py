@@ -55,7 +55,7 @@ class Drawing:
     title: str
     caption: str
     panels: tuple = ()
-    columns: int = 3
+    columns: int = 3  # at most
     table: Table | None = None
     onset: float | None = None  # of the fault [s]
     span: tuple | None = None

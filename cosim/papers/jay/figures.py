@@ -55,7 +55,7 @@ def drawings() -> list[Drawing]:
 def _drawing(figure):
     panels = _panels(figure)
     onset = FAULT if figure in FIGURES or figure == 13 else None
-    return Drawing("jay", f"figure {figure}", SAY[figure], WHY[figure], panels, len(panels), onset=onset,
+    return Drawing("jay", f"figure {figure}", SAY[figure], WHY[figure], panels, onset=onset,
                    span=(0.0, SECONDS), row_px=200, look=LOOK[figure])  # fmt: skip
 
 
@@ -107,7 +107,6 @@ def _in_flight():
         "Position sensor off by 5 deg in flight, by what the loop closes on",
         "Right inner elevator, electromechanical; the filter as published and the form that knows a load.",
         tuple(panels),
-        2,
         onset=flown.ONSET,
         span=(8.0, 30.0),
         look="the load factor: with the flight form it lies on that of the healthy flight.",

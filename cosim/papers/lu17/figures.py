@@ -80,7 +80,6 @@ def _compensated():
         "Liquid OFC of 3 mm at 0.5 Hz, its own estimate taken off the valve",
         "Rod of the left inner elevator less that of the flight without a fault.",
         (Panel("rod, change", "mm", curves),),
-        1,
         onset=flown.ONSET,
         span=(8.0, 25.0),
         picture="compensated",

@@ -118,7 +118,6 @@ def _scenario(number):
         "offset learned in the first 20 s; nominal coefficients, IMU of sensor set transport. Last: what is declared "
         "(1 elevator, 2 aileron, 3 rudder, 4 engine).",
         tuple(panels),
-        3,
         onset=flights.TRUTH[number][0][1],
         span=(20.0, float(flown.index[-1])),
         row_px=150,
@@ -154,7 +153,6 @@ def _robustness():
         "The documented vehicle; the elevator steps between +-0.05 rad. The residual is blind to the elevator, so that "
         "only 5 % of its drag comes through: small beside the fault.",
         (Panel("throttle", "", tuple(curves)), Panel("error of the estimate", "1/1000", tuple(off), least=0.5)),
-        2,
         onset=5.0,
         span=(0.0, 10.0),
         row_px=220,

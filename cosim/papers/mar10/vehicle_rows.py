@@ -102,7 +102,6 @@ def _drawing(number: int) -> Drawing:
         f"Truth: {truth}. Named: {named}. Each family of residuals by its signature (delta_l, delta_m, delta_n, eta), "
         "with the nominal commands; thresholds are the sum of slide 11's uncertainties.",
         tuple(shown),
-        3,
         onset=vehicle.FAULTS[number][0][1],
         span=(4.0, vehicle.END),
         row_px=140,

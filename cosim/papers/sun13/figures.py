@@ -29,7 +29,6 @@ def _moved(kind, word, beside, _):
         f"Left elevator, {word} OFC of {flown.SHARE[kind]} of travel at 1 Hz, and without",
         "Mean of both left segments in still air, the fault from 20 s on.",
         (Panel("left elevator", "deg", curves),),
-        1,
         onset=flown.ONSET,
         span=SPAN,
         row_px=200,
@@ -50,7 +49,6 @@ def _fault_free():
         "Published form, driven by elevator positions, and the form on airframe outputs only; cruise in still "
         "air. Dashed: the 0.016 of travel that figure 6 injects.",
         (Panel("estimate", "deg", curves, (0.64, -0.64), 0.8),),
-        1,
         span=(0.0, 40.0),
         row_px=200,
         look="the published form: its noise is far inside the dashed amplitude of figure 6's fault.",
@@ -72,7 +70,6 @@ def _estimated(kind, word, _, beside):
             estimated("published form", "deg", _f(r, "rfafe"), f, word="injected"),
             estimated("airframe outputs only", "deg", _f(r, "rfafe_airframe"), beyond_command(r) / RAD_PER_DEG),
         ),
-        2,
         onset=flown.ONSET,
         span=SPAN,
         row_px=200,
