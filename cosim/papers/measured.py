@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 from cosim.flight.plant.point import SIX
 
@@ -23,6 +22,8 @@ def farthest(found: Iterable[float]) -> float:
 
 def share_of(right: Sequence[bool]) -> tuple[float, str]:
     """Return (share of runs that are right [%], its 95 % interval in words)."""
+    from scipy.stats import binomtest  # half a second of import that other papers do not need
+
     interval = binomtest(sum(right), len(right)).proportion_ci(method="wilson")
     return 100.0 * sum(right) / len(right), f"95 % in {100 * interval.low:.0f} .. {100 * interval.high:.0f}"
 
