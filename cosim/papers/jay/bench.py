@@ -158,4 +158,4 @@ def under_load(open_from: float = np.inf) -> tuple[float, float]:
         ux["u"], ux["hm0"] = s["u"], 1000.0 if k * DT > 1.0 else 0.0
         ema.rollout(x, ux, px, DT)
         worst = np.maximum(worst, [abs(f["eta_bar"][0]), 1e3 * abs(f["R1"][0])])
-    return tuple(worst)
+    return float(worst[0]), float(worst[1])

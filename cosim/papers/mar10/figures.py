@@ -32,11 +32,11 @@ def _reconfigured():
     with_, without = (fly(s, list(names.values())).set_axis(list(names), axis=1) for s in scenarios)
     every, dt = 20, with_.attrs["dt"]
 
-    def curve(frame, name, *look):
+    def curve(frame, name, what, role="ours", dash="solid"):
         y = frame[name].to_numpy()
         y = np.unwrap(y) - y[0] if name == "heading" else y
         scale = np.degrees(1.0) if name in ("heading", "stabiliser") else 1.0
-        return Curve(look[0], scale * y[::every], *look[1:], dt=dt * every)
+        return Curve(what, scale * y[::every], role, dash, dt=dt * every)
 
     panels = []
     for name, unit in (("altitude", "m"), ("heading", "deg"), ("stabiliser", "deg"), ("throttles", "")):
@@ -141,11 +141,11 @@ def _robustness():
     command = np.stack([0 * t, u[1], 0 * t, 0.55 + 0 * t])
     off = []
     curves = [Curve("commanded", command[3], "quiet", "dot", dt=0.01), Curve("true", u[3], "true", dt=0.01)]
-    for share, *look in ((0.0, "ours", "solid"), (0.05, "second", "dash")):
+    for share, role, dash in ((0.0, "ours", "solid"), (0.05, "second", "dash")):
         estimate = command[3] + throttle_in_error(u, share, command)
         name = f"estimate, g_12 {100 * share:g} % off"
-        curves.append(Curve(name, estimate, *look, dt=0.01))
-        off.append(Curve(name, 1e3 * (estimate - u[3]), *look, dt=0.01))
+        curves.append(Curve(name, estimate, role, dash, dt=0.01))
+        off.append(Curve(name, 1e3 * (estimate - u[3]), role, dash, dt=0.01))
     return Drawing(
         "mar10",
         "slide 16",

@@ -3,6 +3,7 @@
 import functools
 import math
 from collections import Counter
+from typing import Any
 
 import numpy as np
 
@@ -91,7 +92,7 @@ def identified() -> float:
     return -100.0 * log["f_hat_thrust"][flown.index > 30.0].mean()
 
 
-def throttle_in_error(u: np.ndarray, share: float, command: np.ndarray | None = None) -> np.ndarray:
+def throttle_in_error(u: np.ndarray, share: float, command: np.ndarray | None = None) -> Any:
     """Return what r~_14^5, blind to the elevator, says of the throttle with g_12 off by `share`: (4, ...) inputs `u`.
 
     `command`: what the detector believes, `u` itself by default. Slide 16
