@@ -1,6 +1,6 @@
 """How the source is built, counted: `python tests/structure.py` prints it, `--rooms` writes the tables of files.
 
-Floors and back arrows of the imports inside cosim, lines, file sizes, public functions without docstring or type hints.
+Floors of the imports inside cosim, lines, file sizes, public functions without docstring or type hints.
 test_structure.py holds what must stay.
 """
 
@@ -71,35 +71,18 @@ def loose_modules() -> int:
     return len(list((ROOT / "cosim").glob("*.py"))) - 1
 
 
-@functools.cache
-def arrows() -> dict[tuple[str, str], list[str]]:
-    """Return {(room, imported room): modules that do it} inside cosim."""
-    names, out = layers(), {}
-    for path in sources("cosim"):
-        own = module(path).split(".")
-        here = own[1] if len(own) > 1 else ""
-        for name in imports(path):
-            parts = name.split(".")
-            if parts[0] == "cosim" and len(parts) > 1 and parts[1] in names and here in names and parts[1] != here:
-                out.setdefault((here, parts[1]), []).append(module(path))
-    return {pair: sorted(set(by)) for pair, by in sorted(out.items())}
-
-
 def floors() -> int:
-    """Return the number of floors of the rooms: the longest way down through their imports."""
-    names, edges = layers(), arrows()
+    """Return the number of floors of the rooms: the longest way down through their imports, which the contract orders.
+    """
+    names, below = layers(), {}
+    for path in sources("cosim"):
+        here, *_ = [*module(path).split(".")[1:], ""]
+        found = {name.split(".")[1] for name in imports(path) if name.startswith("cosim.")}
+        below.setdefault(here, set()).update(found - {here})
     height: dict[str, int] = {}
     for room in reversed(names):
-        below = [height[to] for (start, to) in edges if start == room and to in height]
-        height[room] = 1 + max(below, default=0)
+        height[room] = 1 + max((height.get(to, 0) for to in below.get(room, ())), default=0)
     return max(height.values())
-
-
-def back_arrows() -> list[str]:
-    """Return the imports of rooms above, as "room -> room above (module, ...)"."""
-    order = {name: i for i, name in enumerate(layers())}
-    found = [(a, b, by) for (a, b), by in arrows().items() if order[b] < order[a]]
-    return [f"{a} -> {b} ({', '.join(by)})" for a, b, by in found]
 
 
 def cycle() -> list[str]:
@@ -186,7 +169,6 @@ def counts() -> dict[str, object]:
         "rooms of cosim": len(rooms()),
         "loose modules of cosim": loose_modules(),
         "floors": floors(),
-        "back arrows": len(back_arrows()),
         "cycles of imports": " -> ".join(cycle()) or "none",
         "source files": len(size),
         "lines of source": sum(size.values()),
@@ -288,7 +270,6 @@ def main() -> None:
     """Print the counts; with --rooms write the tables of files and the page of public names."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rooms", action="store_true", help="write the tables of files and cosim/API.md")
-    parser.add_argument("--names", action="store_true", help="name the functions that lack a docstring or hints")
     given = parser.parse_args()
     if given.rooms:
         for path in readmes():
@@ -297,13 +278,9 @@ def main() -> None:
         COLUMNS.write_text(with_columns(), encoding="utf-8")
     for what, value in counts().items():
         print(f"{what:38}{value}")
-    for line in back_arrows():
-        print("back:", line)
     for room in [*(ROOT / "cosim" / name for name in rooms()), *(ROOT / name for name in (*PACKAGES[1:], "tests"))]:
         lines = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in room.rglob("*.py"))
         print(f"{room.relative_to(ROOT)!s:20}{lines:8} lines{statements(room):8} statements")
-    if given.names:
-        print("\n".join([*(f"no docstring: {n}" for n in undocumented()), *(f"no hints: {n}" for n in unhinted())]))
 
 
 if __name__ == "__main__":

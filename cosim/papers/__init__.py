@@ -1,11 +1,12 @@
 """The papers' own experiments, row by row: what a paper says, what we get, and whether they agree.
 
 Each paper is a package: `claims.toml` lists what is asked, with its bands (`cosim.papers.claims` reads it), beside the
-functions that measure it; `figures.drawings()` makes our figures; `breaks.BREAKS` says what is broken in turn. No row
+functions that measure it; `figures.drawings()` makes our figures; `breaks.toml` says what is broken in turn. No row
 is left out because it disagrees.
 """
 
 import importlib
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -34,7 +35,7 @@ def chosen(paper: str) -> Any:
 
 def plan(paper: str = "all") -> list[Planned]:
     """Return what is asked of a paper, as rows without their numbers."""
-    return [p for name in chosen(paper) for p in _plan(name)]
+    return [p for name in chosen(paper) for p in claims.load(name)]
 
 
 def reproduce(
@@ -47,21 +48,15 @@ def reproduce(
 
     The pieces of the papers run in `workers` processes, by default one per core; 0 stays in this process.
     """
-    names = [name for name in LONGEST_FIRST if name in chosen(paper)]
-    asked = {name: _plan(name) for name in names}
-    pieces = {(name, piece): 0 for name in names for piece in [*(p.piece for p in asked[name]), FIGURES]}
-    for name in names:
-        for p in asked[name]:
-            pieces[name, p.piece] += 1
-    done, total = 0, sum(n or 1 for n in pieces.values())
-    tell = progress or (lambda done, total: None)
-    tell(done, total)
-    calls = [(key, one, key) for key in sorted(pieces, key=lambda key: (names.index(key[0]), key[1] == FIGURES))]
+    asked = {name: claims.load(name) for name in LONGEST_FIRST if name in chosen(paper)}
+    pieces = Counter((name, piece) for name in asked for piece in [*(p.piece for p in asked[name]), FIGURES])
+    done, tell = 0, progress or (lambda done, total: None)
+    tell(done, pieces.total())
     found: dict = {}
-    for key, made in finished(calls, workers=workers):
+    for key, made in finished([(key, one, key) for key in pieces], workers=workers):
         found[key] = made
-        done += pieces[key] or 1
-        tell(done, total)
+        done += pieces[key]
+        tell(done, pieces.total())
     left = {key: iter(made) for key, made in found.items()}
     rows = [next(left[name, p.piece]) for name in chosen(paper) for p in asked[name]]
     return rows, [drawing for name in chosen(paper) for drawing in found[name, FIGURES]]
@@ -71,7 +66,7 @@ def one(paper: str, piece: str) -> list:
     """Return the Rows of a piece of a paper, or its Drawings."""
     if piece == FIGURES:
         return importlib.import_module(f"cosim.papers.{paper}.figures").drawings()
-    return [p.judge() for p in _plan(paper) if p.piece == piece]
+    return [p.judge() for p in claims.load(paper) if p.piece == piece]
 
 
 def proof(
@@ -82,19 +77,11 @@ def proof(
 ) -> list[Broken]:
     """Return what rows show with the method broken: proof that each can fail."""
     found: dict = {}
-    tell = progress or (lambda done, total: None)
-    for name, made in finished([(n, _proof, (n,)) for n in chosen(paper)], workers=workers):
+    for name, made in finished([(n, proof_of, (n,)) for n in chosen(paper)], workers=workers):
         found[name] = made
-        tell(len(found), len(chosen(paper)))
+        if progress:
+            progress(len(found), len(chosen(paper)))
     return [b for name in chosen(paper) for b in found[name]]
-
-
-def _proof(paper):
-    return list(proof_of(paper))
-
-
-def _plan(paper):
-    return claims.load(paper)
 
 
 __all__ = ["PAPERS", "VERDICTS", "Broken", "Row", "counts", "plan", "proof", "reproduce"]

@@ -1,12 +1,12 @@
 """Proof that rows can fail: something is broken in one place, and the row must see it.
 
-Four kinds count apart: an *equation* (its code is changed), the *method* (a parameter of it), what is *flown* (faults,
-flights, draws), and an *option* that is swapped for another. No break scales a row's own result.
+Four kinds count apart: an *equation*, the *method* (a parameter of it), what is *flown* (faults, flights, draws), and
+an *option* that is swapped for another. No break scales a row's own result.
 
-`PAPER/equations.toml` lists the first kind, each numbered equation that is code at least once:
+`PAPER/breaks.toml` lists them, each numbered equation that is code at least once:
 
     [[break]]
-    of = "(30)"                                       # the equation
+    of = "(30)"                                       # the equation; of another kind `what` and `kind` instead
     at = "fdi.hydraulic.separate_bias.measure"        # the function that holds it
     was = "(1.0 - K_f * S)"                           # what stands there, once
     now = "(1.0 + K_f * S)"                           # what stands there instead
@@ -21,6 +21,7 @@ import subprocess
 import sys
 import textwrap
 import tomllib
+import types
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -39,9 +40,11 @@ class Break:
     """One thing that is broken, and the rows (parts of their items) that must leave their bands."""
 
     what: str
-    patch: Callable[[], contextlib.AbstractContextManager]
-    rows: tuple[str, ...]
-    kind: str = "flown"  # one of KINDS
+    at: str  # "module.function"
+    was: str
+    now: str
+    rows: list[str]
+    kind: str = "equation"  # one of KINDS
 
     def __post_init__(self):
         if self.kind not in KINDS:
@@ -61,56 +64,46 @@ class Broken:
     kind: str = "flown"
 
 
-@contextlib.contextmanager
-def swap(module: str, **values: Any) -> Iterator[None]:
-    """Replace names of a module; a value that is a function of one argument under `wrap_NAME` gets the old one."""
-    place = importlib.import_module(module)
-    held = {}
-    for key, value in values.items():
-        name = key.removeprefix("wrap_")
-        held[name] = getattr(place, name)
-        setattr(place, name, value(held[name]) if key.startswith("wrap_") else value)
-    try:
-        yield
-    finally:
-        for name, value in held.items():
-            setattr(place, name, value)
+def place(at: str) -> Callable:
+    """Return the function "module.function", without its cache; a Kernel as it is."""
+    module, _, name = at.rpartition(".")
+    function = getattr(importlib.import_module(module), name)
+    return getattr(function, "__wrapped__", function) if hasattr(function, "cache_clear") else function
 
 
 @contextlib.contextmanager
 def edit(at: str, was: str, now: str) -> Iterator[None]:
     """Change the code of the function `at` ("module.function"): `now` stands where `was` stood, everywhere it is used.
 
-    Only where nothing is compiled, NUMBA_DISABLE_JIT=1: a compiled caller has what it calls inside. Raises ValueError
-    where `was` does not stand there exactly once, RuntimeError where kernels are compiled.
+    Raises ValueError where `was` does not stand there exactly once, RuntimeError of a kernel that is compiled, whose
+    callers have its code inside: with NUMBA_DISABLE_JIT=1 none is.
     """
-    if not PLAIN:
+    function = place(at)
+    if not isinstance(function, types.FunctionType):
         raise RuntimeError("the code of a kernel is changed in plain Python only: set NUMBA_DISABLE_JIT=1")
-    module, _, name = at.rpartition(".")
-    function = getattr(importlib.import_module(module), name)
     source = textwrap.dedent(inspect.getsource(function))
     if source.count(was) != 1:
         raise ValueError(f"{at} holds {was!r} {source.count(was)} times, not once")
+    with coded(function, source[source.index("def ") :].replace(was, now)):
+        yield
+
+
+@contextlib.contextmanager
+def coded(function: Any, text: str) -> Iterator[None]:
+    """Let a plain Python function run the code of `text`, its definition."""
     made: dict = {}
-    text = source[source.index("def ") :].replace(was, now)
-    exec(compile(text, inspect.getsourcefile(function) or at, "exec"), function.__globals__ | made, made)
-    held, function.__code__ = function.__code__, made[name].__code__
+    exec(compile(text, inspect.getsourcefile(function) or "", "exec"), dict(function.__globals__), made)
+    held, function.__code__ = function.__code__, made[function.__name__].__code__
     try:
         yield
     finally:
         function.__code__ = held
 
 
-def equations(paper: str) -> tuple[Break, ...]:
-    """Return the Breaks of kind "equation" of a paper, as its equations.toml has them."""
-    held = tomllib.loads((Path(__file__).parent / paper / "equations.toml").read_text(encoding="utf-8"))
-    return tuple(
-        Break(f"{b['of']}: {b['was']} → {b['now']}", _edit(b), tuple(b["rows"]), "equation") for b in held["break"]
-    )
-
-
-def _edit(b):
-    return lambda: edit(b["at"], b["was"], b["now"])
+def breaks(paper: str) -> tuple[Break, ...]:
+    """Return the Breaks of a paper, as its breaks.toml has them."""
+    held = tomllib.loads((Path(__file__).parent / paper / "breaks.toml").read_text(encoding="utf-8"))
+    return tuple(Break(**{"what": f"{b.pop('of', '')}: {b['was']} → {b['now']}"} | b) for b in held["break"])
 
 
 def forget(paper: str) -> None:
@@ -120,11 +113,6 @@ def forget(paper: str) -> None:
             for value in list(vars(module).values()):
                 if callable(getattr(value, "cache_clear", None)):
                     value.cache_clear()
-
-
-def breaks(paper: str) -> tuple[Break, ...]:
-    """Return the Breaks of a paper."""
-    return (*equations(paper), *importlib.import_module(f"cosim.papers.{paper}.breaks").BREAKS)
 
 
 def chosen(rows: list[Planned], of: Break) -> list[Planned]:
@@ -138,26 +126,27 @@ def chosen(rows: list[Planned], of: Break) -> list[Planned]:
     return out
 
 
-def proof(paper: str, only: Callable[[Break], bool] = lambda of: True) -> Iterator[Broken]:
-    """Yield what each row of `paper` shows under each of its Breaks; equations are broken in a process of their own."""
-    asked = list(filter(only, breaks(paper)))
-    if not PLAIN and any(of.kind == "equation" for of in asked):
-        of_equations = [of.what for of in asked if of.kind == "equation"]
+def proof(paper: str, only: Callable[[Break], bool] = lambda of: True) -> list[Broken]:
+    """Return what each row of `paper` shows under each of its Breaks; equations are broken in a process of their own.
+    """
+    asked, found = list(filter(only, breaks(paper))), []
+    equations = [of.what for of in asked if of.kind == "equation"]
+    if equations and not PLAIN:
         code = "import sys; from cosim.papers.broken import _tell; _tell(*sys.argv[1:])"
-        run = subprocess.run([*command(code), paper, json.dumps(of_equations)], capture_output=True, text=True,
+        run = subprocess.run([*command(code), paper, json.dumps(equations)], capture_output=True, text=True,
                              env=surroundings(NUMBA_DISABLE_JIT="1"))  # fmt: skip
         if run.returncode:
             raise RuntimeError(f"{paper}: {run.stderr.strip().splitlines()[-1] if run.stderr else 'no answer'}")
-        yield from (Broken(**b) for b in json.loads(run.stdout))
+        found = [Broken(**b) for b in json.loads(run.stdout)]
         asked = [of for of in asked if of.kind != "equation"]
     for of in asked:
         forget(paper)
         try:
-            with of.patch():
-                for p in chosen(load(paper), of):
-                    yield _seen(paper, p, of)
+            with edit(of.at, of.was, of.now):
+                found += [_seen(paper, p, of) for p in chosen(load(paper), of)]
         finally:
             forget(paper)
+    return found
 
 
 def _seen(paper, p, of):
@@ -172,5 +161,4 @@ def _seen(paper, p, of):
 
 
 def _tell(paper, asked):
-    found = proof(paper, lambda of: of.what in json.loads(asked))
-    print(json.dumps([asdict(b) for b in found]))
+    print(json.dumps([asdict(b) for b in proof(paper, lambda of: of.what in json.loads(asked))]))

@@ -31,6 +31,13 @@ class Panel:
     limits: tuple | None = None
 
 
+def estimated(
+    title: str, unit: str, ours: np.ndarray, true: np.ndarray, least: float = 0.0, word: str = "true"
+) -> Panel:
+    """Return the Panel of an estimate over what is true of it, dotted."""
+    return Panel(title, unit, (Curve("estimate", ours), Curve(word, true, "true", "dot")), least=least)
+
+
 @dataclass(frozen=True)
 class Table:
     """Column names and rows of text; marks "good" or "bad" cells by a leading + or -."""
@@ -48,7 +55,7 @@ class Drawing:
     title: str
     caption: str
     panels: tuple = ()
-    columns: int = 3
+    columns: int = 3  # at most
     table: Table | None = None
     onset: float | None = None  # of the fault [s]
     span: tuple | None = None

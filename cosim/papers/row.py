@@ -56,7 +56,7 @@ class Planned:
 
     def __post_init__(self):
         if self.kind not in KINDS:
-            raise ValueError(f"{self.paper}, {self.item}: kind {self.kind!r} is not one of {', '.join(KINDS)}")
+            raise ValueError(f"{self.paper}, {self.item}: kind = {self.kind!r}; allowed: {', '.join(KINDS)}")
         if self.kind == "claim" and (self.low, self.high) == ANY:
             raise ValueError(f"{self.paper}, {self.item}: a claim needs a band")
         if self.kind != "claim" and self.reason:
@@ -67,10 +67,6 @@ class Planned:
         """Return whether a number can be outside."""
         return (self.low, self.high) != ANY
 
-    def inside(self, got: float) -> bool:
-        """Return whether `got` is a finite number within the band."""
-        return self.low <= got <= self.high and math.isfinite(got)
-
     def judge(self) -> Row:
         """Measure and return the Row.
 
@@ -79,7 +75,7 @@ class Planned:
         found = self.measure()
         got, note = found if isinstance(found, tuple) else (found, "")
         got = float(got)
-        inside = self.inside(got)
+        inside = self.low <= got <= self.high and math.isfinite(got)
         explained = bool(self.reason) and self.found is not None and self.found[0] <= got <= self.found[1]
         good = "agrees" if self.kind == "claim" else self.kind
         verdict = good if inside else "differs_explained" if explained else "differs"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rfafe_aircraft import E_SPEED, FIGHTER, NAVION, TABLE, global_of, heffley_jewell
+from rfafe_aircraft import CONDITIONS, E_SPEED, FIGHTER, NAVION, global_of, heffley_jewell
 
 from actuators.constants import RAD_PER_DEG
 from fdi.common import lmi
@@ -57,7 +57,7 @@ def check(d):
     assert d.report.TF_ratio >= 0.5
 
 
-@pytest.mark.parametrize("name", sorted(TABLE["IX3"]))
+@pytest.mark.parametrize("name", CONDITIONS)
 @pytest.mark.parametrize("E", [None, E_SPEED])
 def test_published_form_designs_for_every_flight_condition(name, E):
     A, B, C, D = global_of(*heffley_jewell(name))

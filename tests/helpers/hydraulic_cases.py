@@ -33,7 +33,6 @@ MODULES = {
     "ofc_monitor": ofc_monitor,
     "position_monitor": position_monitor,
 }
-AMPLITUDES = (0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 2.0, 3.0, 5.0, 8.0)  # [mm]
 HANDS_OFF = {"kind": "cruise"}
 
 

@@ -15,6 +15,7 @@ import functools
 import numpy as np
 from scipy.optimize import brentq, fsolve
 
+from cosim.papers.alwi14.flights import POINTS  # noqa: F401 (Table 4)
 from cosim.papers.alwi14.plant import fly  # noqa: F401 (the tests fly this transport with it)
 from fdi.lpv_smo import model as lpv_model
 
@@ -24,10 +25,6 @@ CD0, OSWALD, CL0, CLA, CLQ, CLDE, CLIH = 0.0171, 0.7, 0.21, 4.4, 6.6, 0.32, 0.7
 CMA, CMQ, CMDE, CMIH, CM0 = -1.0, -20.5 - 4.0, -1.3, -2.7, 0.0  # Cm_q carries Cm_alpha-dot (own)
 G, R, KT, DEG = 9.80665, 287.05287, 1852 / 3600, np.pi / 180
 BOX = np.array([[260, 405], [28, 36], [210, 270], [0.40, 0.68]])  # [Alwi14] section 4.3
-POINTS = {  # [Alwi14] Table 4
-    "A": (260, 28, 210, 0.40), "B": (260, 36, 270, 0.51), "C": (375, 28, 210, 0.54),
-    "D": (405, 36, 270, 0.68), "E": (320, 28, 240, 0.53),
-}  # fmt: skip
 
 
 def atmosphere(h):
@@ -108,13 +105,13 @@ def model():
     """Return the fitted `LpvModel` on a 4^4 grid."""
     rho = grid(4)
     parts = [linearise(r) for r in rho]
-    A, B, C, D = (np.array([p[i] for p in parts]) for i in range(4))
-    scale_x, scale_u = np.array([3, 100, 3, 5, 3]), np.array([5, 2])
+    scales = {"A": (3, 100, 3, 5, 3), "B": (5, 2), "C": (3, 100, 3, 5, 3), "D": (5, 2)}  # of states and inputs
+    fitted = {
+        name: lpv_model.fit(rho, np.array([p[i] for p in parts]), box=BOX, scale=np.array(scale))[0]
+        for i, (name, scale) in enumerate(scales.items())
+    }
     return lpv_model.LpvModel(
-        A=lpv_model.fit(rho, A, box=BOX, scale=scale_x)[0],
-        B=lpv_model.fit(rho, B, box=BOX, scale=scale_u)[0],
-        C=lpv_model.fit(rho, C, box=BOX, scale=scale_x)[0],
-        D=lpv_model.fit(rho, D, box=BOX, scale=scale_u)[0],
+        **fitted,
         box=BOX,
         trim=lpv_model.fit_trim(rho, np.array([p[4] for p in parts]), box=BOX),
         states=("alpha_deg", "z_m", "theta_deg", "v_m_s", "q_deg_s"),

@@ -16,6 +16,7 @@ import random
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -161,41 +162,35 @@ def changed(file: str, site: tuple) -> tuple[str, str, str]:
     return (whole[:begin] + text.encode() + whole[stop:]).decode(), whole[begin:stop].decode(), text
 
 
-PROBE = """
+CHILD = """
 import json, sys
 sys.path.insert(0, sys.argv[1])
 import mutants
-mutants.probe(json.loads(sys.stdin.read()))
-"""
-CHILD = """
-import json, os, sys
-from cosim.papers import claims
-paper, prefixes, left_out, stop, cost = json.loads(sys.argv[1])
-cpu = lambda: sum(os.times()[:4])
-rows = [p for p in claims.load(paper) if p.asks.rpartition('.')[2] not in ('cost', 'step') and p.item not in left_out]
-if prefixes: rows = [p for p in rows if p.asks.startswith(tuple(prefixes))]
-for p in sorted(rows, key=lambda p: cost.get(p.item, 1.0)):
-    begin = cpu()
-    try:
-        row = p.judge()
-        told = [p.item, p.kind, row.verdict, row.got, cpu() - begin]
-    except Exception as e:
-        told = [p.item, p.kind, 'differs', f'{type(e).__name__}: {e}'[:200], 0.0]
-    print(json.dumps(told), flush=True)
-    if stop and told[2] == 'differs' and p.kind == 'claim':
-        break
+getattr(mutants, sys.argv[2])(json.loads(sys.stdin.read()))
 """
 
 
-def fly(
-    paper: str, tree: Path, prefixes: tuple, left_out: set, cost: dict, plain: bool, stop: bool = True
-) -> list[list]:
+def child(what: str, asked: dict, tree: Path, **env: str) -> tuple[subprocess.CompletedProcess, list]:
+    """Run a function of this file in a process of its own on the sources of `tree`; return what it prints, too."""
+    run = subprocess.run([sys.executable, "-c", CHILD, str(Path(__file__).parent), what], input=json.dumps(asked),
+                         env=os.environ | {"PYTHONPATH": str(tree)} | env, cwd=tree, capture_output=True, text=True,
+                         timeout=7200)  # fmt: skip
+    return run, [json.loads(line) for line in run.stdout.splitlines() if line.startswith("[")]
+
+
+def compiled(asked: dict) -> None:
+    """Print what the rows of a paper come to as they fly, the cheap ones by `cost` first."""
+    from cosim.papers import claims
+
+    rows = [p for p in claims.load(asked["paper"])
+            if p.asks.rpartition(".")[2] != "step" and p.item not in asked["left_out"]]  # fmt: skip
+    for told in measured(sorted(rows, key=lambda p: asked["cost"].get(p.item, 1.0)), asked["stop"]):
+        print(json.dumps(told), flush=True)
+
+
+def fly(paper: str, tree: Path, left_out: set, cost: dict, stop: bool = True) -> list[list]:
     """Return [[item, kind, verdict, number, time]] of the rows that were measured, until a claim differs."""
-    env = os.environ | {"PYTHONPATH": str(tree)} | ({"NUMBA_DISABLE_JIT": "1"} if plain else {})
-    asked = json.dumps([paper, prefixes, sorted(left_out), stop, cost])
-    run = subprocess.run([sys.executable, "-c", CHILD, asked], env=env, cwd=tree, capture_output=True, text=True,
-                         timeout=1200)  # fmt: skip
-    out = [json.loads(line) for line in run.stdout.splitlines() if line.startswith("[")]
+    run, out = child("compiled", {"paper": paper, "left_out": sorted(left_out), "stop": stop, "cost": cost}, tree)
     if run.returncode and not out:
         out.append(["(does not run)", "", "crash", run.stderr.strip().splitlines()[-1][:200] if run.stderr else "", 0])
     return out
@@ -204,7 +199,7 @@ def fly(
 def probe(asked: dict) -> None:
     """Print what the cheap rows of a paper say of each mutant, in this process: its function's code is put in place.
 
-    `asked`: the paper, the rows that differ before, and {file, text, name} of each mutant. For plain Python only.
+    `asked`: the paper, and {file, text, name} of each mutant. For plain Python only.
     """
     import importlib
     import signal
@@ -219,26 +214,26 @@ def probe(asked: dict) -> None:
         module = importlib.import_module(mutant["file"].removesuffix(".py").replace("/", "."))
         owner, _, name = mutant["name"].rpartition(".")
         function = getattr(getattr(module, owner) if owner else module, name)
-        made: dict = {}
-        exec(compile(mutant["text"], mutant["file"], "exec"), function.__globals__ | made, made)
-        held, function.__code__ = function.__code__, made[name].__code__
         broken.forget(asked["paper"])
-        told = []
         signal.setitimer(signal.ITIMER_VIRTUAL, 30.0)  # of processor
+        with broken.coded(function, mutant["text"]):
+            told = list(measured([p for p in claims.load(asked["paper"]) if p.asks.startswith(PLAIN)], True))
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        print(json.dumps([t[:4] for t in told if t[2] == "differs"]), flush=True)
+
+
+def measured(rows: list, stop: bool) -> Iterator[list]:
+    """Yield [item, kind, verdict, number, processor time] of rows, with `stop` until a claim differs; an error does."""
+    for p in rows:
+        begin = sum(os.times()[:4])
         try:
-            for p in claims.load(asked["paper"]):
-                if p.asks.startswith(PLAIN) and p.item not in asked["left_out"]:
-                    try:
-                        row = p.judge()
-                        told.append([p.item, p.kind, row.verdict, row.got])
-                    except Exception as e:
-                        told.append([p.item, p.kind, "differs", f"{type(e).__name__}: {e}"[:200]])
-                    if told[-1][2] == "differs" and p.kind == "claim":
-                        break
-        finally:
-            signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
-            function.__code__ = held
-        print(json.dumps([t for t in told if t[2] == "differs"]), flush=True)
+            row = p.judge()
+            told = [p.item, p.kind, row.verdict, row.got, sum(os.times()[:4]) - begin]
+        except Exception as e:
+            told = [p.item, p.kind, "differs", f"{type(e).__name__}: {e}"[:200], 0.0]
+        yield told
+        if stop and told[2] == "differs" and p.kind == "claim":
+            return
 
 
 def _function(text: str, line: int) -> tuple[str, str]:
@@ -257,7 +252,7 @@ def judge(paper: str, tree: Path, base: dict) -> tuple[str, list]:
     """Return (outcome, rows that noticed): "claim", "other" (a row of another kind), "survived" or "crash"."""
     cost = {item: took for item, (_, took) in base.items()}
     before = {item for item, (verdict, _) in base.items() if verdict == "differs"}
-    rows = fly(paper, tree, (), before, cost, False)
+    rows = fly(paper, tree, before, cost)
     seen = [r[:4] for r in rows if r[2] in ("differs", "crash")]
     if any(r[1] == "claim" for r in seen):
         return "claim", seen
@@ -287,19 +282,15 @@ def main() -> None:
                     print(json.dumps({k: about[k] for k in ("paper", "file", "line", "what", "was", "now")}))
                 continue
             mutants = [dict(zip(("name", "text"), _function(d["text"], d["line"])), file=d["file"]) for d in drawn]
-            asked = json.dumps({"paper": paper, "left_out": [], "mutants": mutants})
-            env = os.environ | {"PYTHONPATH": str(ROOT), "NUMBA_DISABLE_JIT": "1"}
-            run = subprocess.run([sys.executable, "-c", PROBE, str(Path(__file__).parent)], input=asked, env=env,
-                                 capture_output=True, text=True)  # fmt: skip
+            run, told = child("probe", {"paper": paper, "mutants": mutants}, ROOT, NUMBA_DISABLE_JIT="1")
             if run.returncode:
                 raise RuntimeError(f"{paper}: {run.stderr[-2000:]}")
-            told = [json.loads(line) for line in run.stdout.splitlines() if line.startswith("[")]
             base: dict = {}
             for i, about in enumerate(drawn):
                 seen = told[i] if i < len(told) else []
                 outcome = "claim" if any(r[1] == "claim" for r in seen) else "other" if seen else "survived"
                 if outcome != "claim" and not a.plain:
-                    base = base or {r[0]: (r[2], r[4]) for r in fly(paper, tree, (), set(), {}, False, False)}
+                    base = base or {r[0]: (r[2], r[4]) for r in fly(paper, tree, set(), {}, False)}
                     (tree / about["file"]).write_text(about["text"], encoding="utf-8")
                     try:
                         outcome, more = judge(paper, tree, base)

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from recorded_bench import Ride, move
 from scipy.signal import resample_poly
-from scipy.stats import chi2
 
+from cosim.compare.metrics import rate
 from cosim.flight.blocks import faults as f
 from cosim.flight.blocks import hinge_model
 from cosim.flight.build import build
@@ -49,9 +49,8 @@ def bounds(count: int, hours: float) -> tuple[float, float]:
     """Return the exact interval of a Poisson rate per hour, at LEVEL: one-sided where nothing was counted."""
     if hours <= 0.0:
         return 0.0, float("inf")
-    tail = (1.0 - LEVEL) / 2.0 if count else 1.0 - LEVEL
-    low = chi2.ppf(tail, 2 * count) / 2.0 if count else 0.0
-    return float(low) / hours, float(chi2.ppf(1.0 - tail, 2 * (count + 1))) / 2.0 / hours
+    found = rate(count, hours, LEVEL if count else 2.0 * LEVEL - 1.0)
+    return found.low, found.high
 
 
 def kinds(n: int, faults: Any) -> list[str]:

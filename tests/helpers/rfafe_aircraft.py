@@ -4,21 +4,13 @@ import math
 
 import numpy as np
 from scipy.linalg import expm
+from transport_data import DIMENSIONAL, FLIGHT_CONDITIONS
 
 from actuators.constants import M_PER_FT, RAD_PER_DEG
 from fdi.rfafe import rfafe
 
-TABLE = {  # NASA CR-2144 section IX, tables IX-3 and IX-4; the cruise elevator row is that of flight condition 9
-    "IX3": {"3": ("SL", 0.45, 502.0, 300.0, 3.1), "4": ("SL", 0.65, 726.0, 626.0, 0.0),
-            "6": ("20K", 0.65, 674.0, 288.0, 2.5),
-            "8": ("40K", 0.7, 678.0, 135.0, 7.3), "9": ("40K", 0.8, 774.0, 177.0, 4.6)},
-    "IX4": {"3": (-0.00499, -0.0807, 0.000146, 0.0743, -0.736, -0.00262, 0.0297, -10.4, -0.000221, -0.699),
-            "4": (-0.00777, -0.126, -0.000199, 0.0345, -0.963, -0.00239, 0.0293, -12.8, -0.000228, -0.925),
-            "6": (-0.0028, -0.0832, 8.85e-05, 0.0482, -0.539, -0.0019, 0.0156, -8.09, -0.000155, -0.535),
-            "8": (0.00187, -0.0696, 0.000259, 0.0263, -0.292, -0.00101, 0.00704, -4.32, -9.05e-05, -0.284),
-            "9": (-0.00276, -0.065, 0.000193, 0.0389, -0.317, -0.00105, 0.00556, -5.16, -0.000116, -0.339)},
-    "IX4_elevator": {"9": {"Xde": 1.44, "Zde": -17.9, "Mde": -1.16}},
-}
+CONDITIONS = ("3", "4", "6", "8", "9")  # of NASA CR-2144
+ELEVATOR = (1.44, -17.9, -1.16)  # X, Z, M over de of condition 9, taken for all
 # Navion, sea level, 176 ft/s [Nelson, Flight Stability and Automatic Control, ex. 4.3]: u, w ft/s, q rad/s, theta rad
 NAVION = (np.array([[-0.045, 0.036, 0.0, -32.2], [-0.369, -2.02, 176.0, 0.0], [0.0019, -0.0396, -2.948, 0.0],
                     [0.0, 0.0, 1.0, 0.0]]),
@@ -34,16 +26,15 @@ def heffley_jewell(name):
 
     *derived*: level flight, W0 from the trim angle of attack; the fourth-order equations of motion in ft, s, rad.
     """
-    _, _, V, _, alpha = TABLE["IX3"][name]
-    Xu, Zu, Mu, Xw, Zw, Mw, Zwd, Zq, Mwd, Mq = TABLE["IX4"][name]
-    Xde, Zde, Mde = (TABLE["IX4_elevator"]["9"][k] for k in ("Xde", "Zde", "Mde"))
+    _, _, V, _, alpha = FLIGHT_CONDITIONS[int(name)]
+    Xu, Zu, Mu, Xw, Zw, Mw, Zwd, Zq, Mwd, Mq = DIMENSIONAL[int(name)]
     g, U0, W0 = 32.174, V * math.cos(alpha * RAD_PER_DEG), V * math.sin(alpha * RAD_PER_DEG)
     E = np.eye(4)
     E[1, 1], E[2, 1] = 1.0 - Zwd, -Mwd
     down, along = g * math.cos(alpha * RAD_PER_DEG), g * math.sin(alpha * RAD_PER_DEG)
     A = np.array([[Xu, Xw, -W0, -down], [Zu, Zw, U0 + Zq, -along],
                   [Mu, Mw, Mq, 0.0], [0.0, 0.0, 1.0, 0.0]])
-    B = np.array([[Xde], [Zde], [Mde], [0.0]])
+    B = np.array([[*ELEVATOR, 0.0]]).T
     A, B = np.linalg.solve(E, A), np.linalg.solve(E, B)
     # u, w -> V, alpha
     S = np.array([[U0 / V, W0 / V, 0, 0], [-W0 / V**2, U0 / V**2, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])

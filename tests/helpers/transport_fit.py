@@ -21,14 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from transport_data import (
-    CONTROLS,
-    FLIGHT_CONDITIONS,
-    LATERAL,
-    STABILIZER,
-    STABILIZER_UNSURE,
-    derivatives,
-)
+from transport_data import CONTROLS, FLIGHT_CONDITIONS, LATERAL, STABILIZER, STABILIZER_UNSURE, derivatives
 
 from cosim.flight.plant.aero.estimate import ALPHA, ALPHA_COARSE, MACH_COARSE, stalled
 from cosim.flight.plant.aero.xml import aerodynamics_xml, engine_xml, multipliers_xml
@@ -190,12 +183,16 @@ def tables() -> dict[str, Any]:
     return {"CL": (lift, fits["CL"][1]), "CD": (drag, fits["CD"][1]), "Cm": (moment, fits["Cm"][1])}
 
 
-def derivative_tables() -> Any:
-    """Return {name: (second variable, second grid, table (Mach, second))} of rates, controls and lateral coefficients.
-    """
+def coefficients() -> dict[str, dict[int, float]]:
+    """Return {name: {condition: value}} of rates, controls and lateral coefficients."""
     rates = {k: {c: derivatives(c)[k] for c in FLIGHT_CONDITIONS} for k in ("CL_q", "Cm_q", "Cm_alphadot")}
+    return {**rates, **CONTROLS, **LATERAL}
+
+
+def derivative_tables() -> Any:
+    """Return {name: (second variable, second grid, table (Mach, second))} of `coefficients`."""
     out = {}
-    for name, values in {**rates, **CONTROLS, **LATERAL}.items():
+    for name, values in coefficients().items():
         second = "alpha" if name in ("Cl_beta", "Cl_r", "Cn_p") else "qbar"
         grid = ALPHA_COARSE if second == "alpha" else QBAR
         out[name] = (second, grid, surface(values, second)(MACH_COARSE[:, None], grid[None, :]))
@@ -228,11 +225,7 @@ def show() -> Any:
                 f"  speed {vs:8.4f} ({by_speed:8.4f})"
             )
     for name, (second, _, _) in derivative_tables().items():
-        values = {
-            **{k: {c: derivatives(c)[k] for c in FLIGHT_CONDITIONS} for k in ("CL_q", "Cm_q", "Cm_alphadot")},
-            **CONTROLS,
-            **LATERAL,
-        }[name]
+        values = coefficients()[name]
         f = surface(values, second)
         got = []
         for key, value in values.items():

@@ -13,7 +13,7 @@ from cosim.cli import commands as cli
 from cosim.errors import CosimError, OutputError
 from cosim.papers.claims import load
 from cosim.papers.jay import figures as jay_figures
-from cosim.papers.row import Planned
+from cosim.papers.row import ANY, Planned, Row
 from cosim.report import papers_markdown as readme
 from cosim.report.markdown import markers, part
 from cosim.report.reproduce_page import render
@@ -26,47 +26,57 @@ def plan():
     return reproduce.plan("all")
 
 
-def test_each_paper_plans_rows_of_its_own_with_names_of_their_own(plan):
+def test_every_paper_plans_rows_that_quote_it(plan):
+    """Nothing can agree with a paper that says nothing, and a row that no number can fail says nothing."""
     assert list(dict.fromkeys(p.paper for p in plan)) == list(reproduce.PAPERS)
-    names = [(p.paper, p.item) for p in plan]
-    assert len(set(names)) == len(names)
-    assert all(p.says for p in plan)
-
-
-def test_every_claim_has_a_band_that_can_be_missed(plan):
-    """A row that no number can fail says nothing."""
-    for p in plan:
-        if p.banded:
-            assert not (p.low <= 0.0 and p.high == float("inf")), p.item
-            assert p.low <= p.high, p.item
-
-
-def test_a_number_that_the_paper_does_not_give_has_no_claim(plan):
-    """Nothing can agree with a paper that says nothing."""
     silent = ("not given", "not said", "not in the paper", "not evaluated", "not claimed", "our extension")
+    places = ("section", "slide", "figure", "theorem", "I", "V", "(", "after", "title", "our extension", "stable",
+              '"close')  # fmt: skip
     for p in plan:
-        if any(w in p.says for w in silent):
-            assert p.kind != "claim", p.item
+        assert p.says and not (p.low <= 0.0 and p.high == float("inf")), p.item
+        assert p.kind != "claim" or not any(w in p.says for w in silent), p.item
+        assert p.kind == "ours" or p.says.startswith(places) or '"' in p.says, (p.item, p.says)
 
 
-def test_a_claim_quotes_its_place(plan):
-    for p in plan:
-        places = ("section", "slide", "figure", "theorem", "I", "V", "(", "after", "title", "our extension", "stable",
-                  '"close')  # fmt: skip
-        if p.kind != "ours":
-            assert p.says.startswith(places) or '"' in p.says, (p.item, p.says)
+def judged(got, *band, reason="", kind="claim", found=(0.55, 0.65)):
+    low, high = band or ANY
+    return Planned("p", "i", "s", lambda: got, low, high, reason, kind, found=found if reason else None).judge()
 
 
-def test_ours_neither_agrees_nor_is_explained_and_a_derived_band_can_be_missed():
-    def judged(got, *band, kind="ours"):
-        return Planned("p", "i", "s", lambda: got, *band, kind=kind).judge()
+@pytest.mark.parametrize(
+    ("kind", "got", "reason", "verdict"),
+    [
+        ("claim", 0.5, "", "agrees"),
+        ("claim", 0.5, "why", "agrees"),
+        ("claim", 0.6, "", "differs"),
+        ("claim", 0.6, "why", "differs_explained"),
+        ("claim", 0.52, "why", "differs"),  # a reason is no licence
+        ("claim", 0.7, "why", "differs"),
+        ("claim", float("nan"), "why", "differs"),
+        ("ours", 0.4, "", "ours"),
+        ("ours", 0.6, "", "differs"),
+        ("ours", float("nan"), "", "differs"),
+        ("beyond", 0.4, "", "beyond"),
+        ("beyond", 0.6, "", "differs"),
+    ],
+)
+def test_a_number_is_judged_by_its_band_and_by_what_was_found_for_a_reason(kind, got, reason, verdict):
+    row = judged(got, 0.0, 0.5, reason=reason, kind=kind)
+    assert row.verdict == verdict and bool(row.reason) == (verdict == "differs_explained")
+    assert row.tolerance == "0 .. 0.5" + "; found 0.55 .. 0.65" * bool(reason)
 
-    assert (judged(7.0).verdict, judged(7.0).tolerance) == ("ours", "none")
-    assert judged(float("nan")).verdict == "differs"
-    assert judged(7.0, 0, 8).tolerance == "0 .. 8"
-    assert judged(7.0, 0, 6, kind="beyond").verdict == "differs"
+
+def test_what_no_row_can_be_is_refused():
+    assert judged(7.0, kind="ours").tolerance == "none"
+    assert Planned("x", "y", "z", lambda: 0.6, 0, 0.5, "why").judge().verdict == "differs"  # nothing was found
     with pytest.raises(ValueError, match="without a claim"):
-        Planned("p", "i", "s", lambda: 1.0, 0.0, 2.0, "because", kind="ours")
+        judged(1.0, 0.0, 2.0, reason="because", kind="ours")
+    with pytest.raises(ValueError, match="a claim needs a band"):
+        judged(1.0)
+    with pytest.raises(ValueError, match="is not one of"):
+        Row("p", "i", "s", 0.0, "", "perhaps", "", "")
+    with pytest.raises(ValueError, match="needs a reason"):
+        Row("p", "i", "s", 0.0, "", "differs_explained", "because", "")
 
 
 def test_readme_table_has_the_rows_of_the_code(plan):
@@ -136,7 +146,7 @@ def test_command_writes_page_and_rows_and_fails_on_a_difference(jay, tmp_path, m
 
 def test_pieces_are_put_together_in_the_order_of_the_plan(monkeypatch):
     asked = [Planned("jay", str(i), "s", lambda i=i: i, 0, 9, piece=str(i % 2)) for i in range(5)]
-    monkeypatch.setattr(reproduce, "_plan", lambda paper: asked)
+    monkeypatch.setattr(reproduce.claims, "load", lambda paper: asked)
     one, counted = reproduce.one, []
     monkeypatch.setattr(reproduce, "one", lambda paper, piece: one(paper, piece) if piece != "figures" else ["drawing"])
     rows, drawings = reproduce.reproduce("jay", workers=0, progress=lambda done, total: counted.append((done, total)))
@@ -157,7 +167,7 @@ band = [1.0, 2.0]
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (('kind = "claim"', 'kind = "claims"'), "row 1 .figure 3.: kind = 'claims'; allowed: claim, ours, beyond"),
+        (('kind = "claim"', 'kind = "claims"'), "jay, figure 3: kind = 'claims'; allowed: claim, ours, beyond"),
         (("band = [1.0, 2.0]", "band = [2.0, 1.0]"), r"band = \[2.0, 1.0\] is not \[least, largest\]"),
         (("band = [1.0, 2.0]", ""), "band is missing"),
         (("rows.settles", "rows.settled"), "measure = 'rows.settled'"),

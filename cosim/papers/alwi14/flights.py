@@ -10,6 +10,7 @@ from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect, fly
 from cosim.flight.plant.point import SIX
+from cosim.papers.measured import at_point
 from cosim.scenario.load import load_scenario
 from cosim.scenario.tolerance import toleranced
 from fdi.lpv_smo import lpv_smo
@@ -18,6 +19,7 @@ MACH = {"A": 0.40, "B": 0.51, "C": 0.54, "D": 0.68, "E": 0.53}  # Table 4
 POINTS = {p: (*(SIX[p][k] for k in ("mass_t", "cg_pct", "cas_kt")), m) for p, m in MACH.items()}  # t, %, kt, Mach
 SENSIBLE, LITERAL = (3.0, 0.5, 5.0), (3.0, 5.0, 0.5)  # elevator [deg], n_z [g], alpha [deg]: two readings of section 6
 NAMES = ("elevator", "n_z", "alpha")
+ESTIMATES = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha")
 UNITS = (RAD_PER_DEG, 1.0, RAD_PER_DEG)
 ONSET = 10.0  # [s]
 DEFLECTIONS = {n: f"truth.aircraft.{n}" for n in ("de_lo", "de_li", "de_ri", "de_ro")}  # of the segments
@@ -26,8 +28,7 @@ DEFLECTIONS = {n: f"truth.aircraft.{n}" for n in ("de_lo", "de_li", "de_ri", "de
 @functools.cache
 def fly_point(point: str, faults: Any, path: Any, draw: Any, noise: Any) -> Any:
     """Fly a Table 4 point with a doublet of 0.15 g at 12 s; return what the observer reads, and more."""
-    changes = [f"flight.{k}={v}" for k, v in SIX[point].items()]
-    changes += ["detectors.enabled=[]", f"sensors.noise_scale={noise}"]
+    changes = [*at_point(point), "detectors.enabled=[]", f"sensors.noise_scale={noise}"]
     if any(faults):
         keys = ("faults.0.bias_deg", "faults.1.bias_g", "faults.2.bias_deg")
         changes += [f"{key}={value}" for key, value in zip(keys, faults)]
@@ -41,11 +42,16 @@ def fly_point(point: str, faults: Any, path: Any, draw: Any, noise: Any) -> Any:
     return fly(load_scenario("alwi14-simultaneous", changes), names)
 
 
+def observed(flown: Any, t_learn: float = 0.0, paper: bool = True) -> Any:
+    """Return the observer's log of a flight, without learned offset unless `t_learn` says so; `paper`: as published."""
+    p = lpv_smo.fitted(site(flown.attrs["dt"]), paper=paper)
+    p["t_learn"] = t_learn
+    return detect(flown, lpv_smo, sources("lpv_smo"), p)
+
+
 def nonlinear(
     point: str, faults: Any, path: str = "observers", draw: Any = None, noise: float = 1.0, t_learn: float = 0.0
 ) -> tuple[Any, ...]:
-    """Return (flight, detector log), the detector without learned offset unless `t_learn` says so."""
+    """Return (flight, the observer's log) of a Table 4 point."""
     flown = fly_point(point, faults, path, draw, noise)
-    p = lpv_smo.fitted(site(flown.attrs["dt"]), paper=True)
-    p["t_learn"] = t_learn
-    return flown, detect(flown, lpv_smo, sources("lpv_smo"), p)
+    return flown, observed(flown, t_learn)

@@ -7,18 +7,13 @@ from typing import Any
 import numpy as np
 
 from cosim.papers.alwi14.flights import SENSIBLE
+from cosim.papers.measured import apart, worst
 from cosim.training import lpv as design_lpv
 from fdi.lpv_smo import lpv_smo
 from fdi.lpv_smo import synthesis as lpv_smo_design
 
-ENTRIES = {
-    "B51": ("B", 4, 0),
-    "C51": ("C", 4, 0),
-    "D51": ("D", 4, 0),
-    "A11": ("A", 0, 0),
-    "A51": ("A", 4, 0),
-    "A55": ("A", 4, 4),
-}
+ENTRIES = {"B51": ("B", 4, 0), "C51": ("C", 4, 0), "D51": ("D", 4, 0),
+           "A11": ("A", 0, 0), "A51": ("A", 4, 0), "A55": ("A", 4, 4)}  # fmt: skip
 
 
 def fit() -> Any:
@@ -34,13 +29,9 @@ def certificate() -> dict[str, float]:
 def entries() -> tuple[float, str]:
     """Return (largest error of an entry of the affine fit over its largest value, each of them)."""
     held = fit()
-    found = {name: np.array(held[m])[i, j] for name, (m, i, j) in ENTRIES.items()}
-    told = ", ".join(f"{n} {v:.3f}" for n, v in found.items())
-    return (
-        max(found.values()),
-        f"{told}; short-period frequency {np.quantile(held['wn_error'], 0.95):.3f} at 95 %, "
-        f"damping {max(held['zeta_error']):.3f}",
-    )
+    most, told = worst({name: np.array(held[m])[i, j] for name, (m, i, j) in ENTRIES.items()}, "{} {:.3f}")
+    modes = np.quantile(held["wn_error"], 0.95), max(held["zeta_error"])
+    return most, f"{told}; short-period frequency {modes[0]:.3f} at 95 %, damping {modes[1]:.3f}"
 
 
 def nearest() -> float:
@@ -77,6 +68,4 @@ def again() -> tuple[float, str]:
     """Return how far gamma, L and W, designed anew from the stored model, are from the stored ones, over their size."""
     model, stored = lpv_smo_design.load()
     anew = design_lpv.design(model)
-    pairs = {n: (np.asarray(getattr(anew, n)), np.asarray(getattr(stored, n))) for n in ("gamma", "L", "W")}
-    off = {n: float(np.abs(a - b).max() / np.abs(b).max()) for n, (a, b) in pairs.items()}
-    return max(off.values()), ", ".join(f"{n} {v:.1g}" for n, v in off.items())
+    return worst({n: apart(getattr(anew, n), getattr(stored, n)) for n in ("gamma", "L", "W")})

@@ -11,14 +11,12 @@ from typing import Any
 import numpy as np
 
 from actuators.constants import M_S_PER_KT
-from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import sources
-from cosim.flight.loop.signals import detect, fly
-from cosim.flight.plant.point import SIX
+from cosim.flight.loop.signals import fly
 from cosim.judge.alarms import detection
-from cosim.papers.alwi14.flights import NAMES, ONSET, POINTS, SENSIBLE, UNITS
+from cosim.papers.alwi14.flights import ESTIMATES, NAMES, ONSET, POINTS, SENSIBLE, UNITS, observed
+from cosim.papers.measured import at_point, worst
 from cosim.scenario import load_scenario
-from fdi.lpv_smo import lpv_smo
 
 SPEED, MACH = "sensors.cas.y_obs", "sensors.mach.y_obs"
 
@@ -27,36 +25,28 @@ SPEED, MACH = "sensors.cas.y_obs", "sensors.mach.y_obs"
 def moving(kind: str) -> tuple[Any, ...]:
     """Return (table, log) of the "deceleration" or the "descent" with its faults."""
     flown = fly(load_scenario(f"alwi14-{kind}"), [*sources("lpv_smo").values(), SPEED, "truth.aircraft.h"])
-    p = lpv_smo.fitted(site(flown.attrs["dt"]))
-    p["t_learn"] = 0.0
-    return flown, detect(flown, lpv_smo, sources("lpv_smo"), p)
+    return flown, observed(flown, paper=False)
 
 
 def error(kind: str, i: int) -> tuple[float, str]:
     """Return (largest error of the estimate's mean over 2 s [%] from 5 s after the onset on, what it went through)."""
     flown, log = moving(kind)
-    key, size = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha")[i], SENSIBLE[i] * UNITS[i]
     n = round(2.0 / flown.attrs["dt"])
-    mean = np.convolve(log[key], np.full(n, 1.0 / n), "valid")
+    mean = np.convolve(log[ESTIMATES[i]], np.full(n, 1.0 / n), "valid")
     late = mean[round((ONSET + 5.0) / flown.attrs["dt"]) :]
     cas, h = flown[SPEED].to_numpy() / M_S_PER_KT, flown["truth.aircraft.h"].to_numpy()
     boxes = 1 + np.count_nonzero(np.diff(log["box"]))
     through = f"{cas[0]:.0f} to {cas[-1]:.0f} kt, {h[-1] - h[0]:+.0f} m, {boxes} boxes"
-    return 100.0 * np.abs(late / size - 1.0).max(), through
-
-
-@functools.cache
-def kept(point: Any, *changes: Any) -> float:
-    """Return how far a flight on the reconstructed sensors leaves its altitude [m], largest."""
-    at = [f"flight.{k}={v}" for k, v in SIX[point].items()]
-    h = fly(load_scenario("alwi14-reconstructed", [*at, *changes]), ["truth.aircraft.h"])["truth.aircraft.h"].to_numpy()
-    return float(np.abs(h - h[0]).max())
+    return 100.0 * np.abs(late / (SENSIBLE[i] * UNITS[i]) - 1.0).max(), through
 
 
 def reconstructed() -> tuple[float, str]:
     """Return the largest change of altitude [m] when the law flies on y - f_hat, of A to E, and each."""
-    found = {p: kept(p) for p in POINTS}
-    return max(found.values()), ", ".join(f"{p} {v:.0f}" for p, v in found.items())
+    found = {}
+    for p in POINTS:
+        h = fly(load_scenario("alwi14-reconstructed", at_point(p)), ["truth.aircraft.h"])["truth.aircraft.h"].to_numpy()
+        found[p] = float(np.abs(h - h[0]).max())
+    return worst(found, "{} {:.0f}")
 
 
 def declared() -> tuple[float, str]:
@@ -64,8 +54,7 @@ def declared() -> tuple[float, str]:
     own = [f"lpv_smo.aircraft.alarm_{name}" for name in NAMES]
     count, told = 0, []
     for point in POINTS:
-        at = [f"flight.{k}={v}" for k, v in SIX[point].items()]
-        f = fly(load_scenario("alwi14-simultaneous", at), own)
+        f = fly(load_scenario("alwi14-simultaneous", at_point(point)), own)
         first = round(ONSET / f.attrs["dt"])
         late = [detection(f[name], first, first + 2000) for name in own]
         early = any((f[name].to_numpy()[:first] > 0.5).any() for name in own)

@@ -11,6 +11,7 @@ from cosim.flight.blocks import law
 from cosim.flight.plant.operating_point import designed
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import SIX, FlightPoint
+from cosim.papers.measured import all_valid
 from fdi.lpv_smo import model as lpv_model
 
 DOUBLET = ((2, 4, -1.0), (4, 6, 1.0), (14, 16, -1.0), (16, 18, 1.0))  # (from s, to s, deg of elevator)
@@ -90,10 +91,7 @@ def fly(
         y[k, 4:] += np.array(faults[1:]) * broken
         x = step @ np.r_[x, surface]
     y += noise * np.array([0.02, 0.02, 0.05, 0.02, 0.007, 0.03]) * np.random.default_rng(seed).standard_normal(y.shape)
-    u = np.zeros((1, n), block.INPUTS)
-    for name in u.dtype.names:
-        if name.endswith("_valid"):
-            u[name] = 1.0
+    u = all_valid(block, 1, n)
     si = np.array([1, RAD_PER_DEG, 1, RAD_PER_DEG, 1, RAD_PER_DEG])
     for name, column in zip(("h", "theta", "V", "q", "n_z", "alpha"), (y * si).T, strict=True):
         u[name][0] = column

@@ -15,8 +15,9 @@ from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import SIX, FlightPoint
-from cosim.papers.alwi14.flights import DEFLECTIONS, MACH, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
+from cosim.papers.alwi14.flights import DEFLECTIONS, ESTIMATES, MACH, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
 from cosim.papers.alwi14.plant import Law, fly
+from cosim.papers.measured import farthest, worst
 from cosim.training import lpv as design_lpv
 from fdi.lpv_smo import lpv_smo
 from fdi.lpv_smo import model as lpv_model
@@ -34,21 +35,21 @@ NONE = (0.0, 0.0, 0.0)
 PLANT_S = 22.0  # flights of the LPV plant: the doublet ends at 18 s
 
 
+def _each(values, digits=3):
+    """Return (largest, all of them by point)."""
+    return worst(dict(zip(POINTS, values)), f"{{}} {{:.{digits}g}}")
+
+
 @functools.cache
 def _quiet(noise):
-    """Return (largest fault-free estimates of the three [deg, g, deg], least share of ticks that slide, by point)."""
-    worst, saturated, each = np.zeros(3), 1.0, []
+    """Return the largest fault-free estimates [deg, g, deg] by point (5, 3); with noise of their mean over 5 s."""
+    found = []
     for point in POINTS:
-        flown, log = nonlinear(point, (0.0, 0.0, 0.0), noise=noise)
-        late = flown.index > (3.0 if noise == 0 else flown.index[-1] - 5)
-        got = [
-            np.abs(log[k][late]).max() if noise == 0 else abs(log[k][late].mean())
-            for k in ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha")
-        ]
-        worst = np.maximum(worst, np.array(got) / UNITS)
-        each.append(np.array(got) / UNITS)
-        saturated = min(saturated, float((log["nu_norm"] < 0.95).mean()))
-    return worst, saturated, [", ".join(f"{p} {v[i]:.2g}" for p, v in zip(POINTS, each)) for i in range(3)]
+        flown, log = nonlinear(point, NONE, noise=noise)
+        late = log[flown.index > (3.0 if noise == 0 else flown.index[-1] - 5)]
+        got = [np.abs(late[k]).max() if noise == 0 else abs(late[k].mean()) for k in ESTIMATES]
+        found.append(np.array(got) / UNITS)
+    return np.array(found)
 
 
 def _ranges(name, unit):
@@ -57,48 +58,16 @@ def _ranges(name, unit):
 
 
 def _quiet_flight(point):
-    return fly_point(point, (0.0, 0.0, 0.0), "observers", None, 0.0)
+    return fly_point(point, NONE, "observers", None, 0.0)
 
 
-def _each(values):
-    """Return (largest, all of them by point)."""
-    return max(values), ", ".join(f"{p} {v:.3g}" for p, v in zip(POINTS, values))
-
-
-def _followed():
-    """Return (peak of the load factor over the 0.15 g of the doublet that is farthest from 1, each point's)."""
-    peaks = []
-    for point in POINTS:
-        n_z = _quiet_flight(point)[sources("lpv_smo")["n_z"]].to_numpy()
-        peaks.append(float(np.ptp(n_z[400:])) / 0.3)
-    return max(peaks, key=lambda p: abs(p - 1.0)), _each(peaks)[1]
-
-
-def _settled():
-    """Return the largest size of the mean load factor in the last second of each half of the doublet over 0.15 g."""
-    found = []
-    for point in POINTS:
-        flown = _quiet_flight(point)
-        n_z = flown[sources("lpv_smo")["n_z"]].to_numpy()
-        rest = n_z[(flown.index >= 5.0) & (flown.index < 12.0)].mean()
-        ends = [n_z[(flown.index >= end - 1.0) & (flown.index < end)].mean() - rest for end in (15.0, 18.0)]
-        found.append(float(np.abs(ends).max()) / 0.15)
-    return _each(found)
-
-
-def _without_lift():
-    """Return the range of the load factor less D51 times the elevator, over 0.3 g."""
-    found = []
-    for point in POINTS:
-        flown = _quiet_flight(point)
-        late = round(TRANSPORT["n_z"][2] / flown.attrs["dt"])
-        command = flown["law.law.de_cmd"].to_numpy() / RAD_PER_DEG
-        command = np.r_[np.full(late, command[0]), command[: len(command) - late]]
-        share = 1.0 - math.exp(-flown.attrs["dt"] / SERVO)
-        elevator = lfilter([share], [1.0, share - 1.0], command - command[0])
-        n_z = flown[sources("lpv_smo")["n_z"]].to_numpy() - _own_model(point)[0].D[0, 4, 0] * elevator
-        found.append(float(np.ptp(n_z[400:])) / 0.3)
-    return _each(found)
+def _lift(flown, point):
+    """Return D51 times the elevator's change: the command behind sensor delay and servo."""
+    late = round(TRANSPORT["n_z"][2] / flown.attrs["dt"])
+    command = flown["law.law.de_cmd"].to_numpy() / RAD_PER_DEG
+    command = np.r_[np.full(late, command[0]), command[: len(command) - late]]
+    share = 1.0 - math.exp(-flown.attrs["dt"] / SERVO)
+    return _own_model(point)[0].D[0, 4, 0] * lfilter([share], [1.0, share - 1.0], command - command[0])
 
 
 def shown() -> tuple[float, str]:
@@ -113,16 +82,29 @@ def shown() -> tuple[float, str]:
 def all_ranges() -> tuple[float, str]:
     """Return (range of the angle of attack [deg], largest of A to E, and those of the other signals)."""
     wires = sources("lpv_smo")
-    found = {word: (max(_ranges(wires[name], scale)), unit) for name, word, unit, scale in SHOWN}
-    found["elevator command"] = (max(_ranges("law.law.de_cmd", RAD_PER_DEG)), "deg")
+    asked = [(wires[name], word, unit, scale) for name, word, unit, scale in SHOWN]
+    asked.append(("law.law.de_cmd", "elevator command", "deg", RAD_PER_DEG))
+    found = {word: (max(_ranges(name, scale)), unit) for name, word, unit, scale in asked}
     return found["angle of attack"][0], ", ".join(f"{word} {v:.3g} {unit}" for word, (v, unit) in found.items())
 
 
 def tracking() -> tuple[float, str]:
-    """Return (range of the load factor over the doublet's 0.3 g farthest from 1, and its ablation)."""
-    settled, without = _settled(), _without_lift()
-    far, each = _followed()
-    return far, f"{each}; last second of each half {settled[0]:.2f}; less the elevator's own lift {without[0]:.2f}"
+    """Return the range of the load factor over the doublet's 0.3 g, farthest from 1.
+
+    In the note each point's, the mean of the last second of each half over 0.15 g, and the range without the
+    elevator's own lift.
+    """
+    peaks, settled, without = [], 0.0, 0.0
+    for point in POINTS:
+        flown = _quiet_flight(point)
+        n_z = flown[sources("lpv_smo")["n_z"]].to_numpy()
+        peaks.append(float(np.ptp(n_z[400:])) / 0.3)
+        rest = n_z[(flown.index >= 5.0) & (flown.index < 12.0)].mean()
+        ends = [n_z[(flown.index >= end - 1.0) & (flown.index < end)].mean() - rest for end in (15.0, 18.0)]
+        settled = max(settled, float(np.abs(ends).max()) / 0.15)
+        without = max(without, float(np.ptp((n_z - _lift(flown, point))[400:])) / 0.3)
+    note = f"{_each(peaks)[1]}; last second of each half {settled:.2f}; less the elevator's own lift {without:.2f}"
+    return farthest(peaks), note
 
 
 @functools.cache
@@ -141,11 +123,7 @@ def on_plant(lift: bool = True, direct: bool = True) -> tuple[float, str]:
         own, at = dataclasses.replace(model, D=D), np.array(rho, float)
         flown = fly(own, at, lpv_smo, faults=NONE, seconds=PLANT_S, pilot=pilot)
         found.append(float(np.ptp(flown["n_z"][0, 400:])) / 0.3)
-    return max(found, key=lambda r: abs(r - 1.0)), _each(found)[1]
-
-
-def _e_norm(faults, noise):
-    return _each([float(nonlinear(point, faults, noise=noise)[1]["e_norm"].max()) for point in POINTS])
+    return farthest(found), _each(found)[1]
 
 
 @functools.cache
@@ -201,33 +179,23 @@ def trimmed() -> tuple[float, str]:
 
 def e_norm(faults: tuple, noise: float) -> tuple[float, str]:
     """Return the largest |e_y| over A to E."""
-    return _e_norm(faults, noise)
+    return _each([float(nonlinear(point, faults, noise=noise)[1]["e_norm"].max()) for point in POINTS])
 
 
 def fault_free(which: int, noise: float = 0.0) -> tuple[float, str]:
     """Return the largest fault-free estimate of one of NAMES; with noise, of its mean over the last 5 s."""
-    return _quiet(noise)[0][which], _quiet(noise)[2][which]
+    return _each(_quiet(noise)[:, which], 2)
 
 
-def own_model() -> tuple[float, str]:
-    """Return the fault-free elevator [deg] with each point's own linear model in the observer."""
-    worst = [_own_worst(p) for p in POINTS]
-    told = _each([_stiffness(p) for p in POINTS])[1]
-    return max(worst), f"{_each(worst)[1]}; A51 of the affine model off by {told}"
-
-
-def own_model_moved() -> tuple[float, str]:
-    """Return the fault-free elevator [deg] with each point's own linear model and the deflections that are flown."""
-    return _each([_own_worst(p, lag=False) for p in POINTS])
-
-
-def own_stiffness() -> tuple[float, str]:
-    """Return the fault-free elevator [deg] with only A51 of the affine fit replaced by that of the point."""
-    return _each([_own_worst(p, (4, 0)) for p in POINTS])
+def own_model(only: tuple[int, int] | None = None, lag: bool = True) -> tuple[float, str]:
+    """Return the fault-free elevator [deg] with each point's own linear model in the observer, see `_own_worst`."""
+    most, told = _each([_own_worst(p, only, lag) for p in POINTS])
+    if only is None and lag:
+        told += f"; A51 of the affine model off by {_each([_stiffness(p) for p in POINTS])[1]}"
+    return most, told
 
 
 def mach() -> tuple[float, str]:
     """Return how far the Mach number, flown at table 4's airspeed and altitude, is from print; farthest of A to E."""
     found = {point: float(_quiet_flight(point)[sources("lpv_smo")["mach"]].iloc[0]) for point in POINTS}
-    told = ", ".join(f"{point} {mach:.4f}" for point, mach in found.items())
-    return max(abs(found[point] - MACH[point]) for point in found), told
+    return max(abs(found[point] - MACH[point]) for point in found), worst(found, "{} {:.4f}")[1]

@@ -5,8 +5,9 @@ import functools
 import numpy as np
 
 from actuators.constants import RAD_PER_DEG
-from cosim.papers.alwi14.flights import LITERAL, NAMES, ONSET, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
+from cosim.papers.alwi14.flights import ESTIMATES, LITERAL, NAMES, ONSET, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
 from cosim.papers.alwi14.plant import Law, fly
+from cosim.papers.measured import worst
 from fdi.lpv_smo import lpv_smo
 from fdi.lpv_smo import synthesis as lpv_smo_design
 
@@ -23,63 +24,47 @@ def _plant_run(point, faults):
     return log[0]
 
 
-@functools.cache
-def _lpv_worst():
-    """Return worst errors [%] of elevator, n_z, alpha, n_z without feedthrough (signed), and largest |e_y|."""
-    keys = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha", "f_hat_n_z_raw")
-    true = (3 * RAD_PER_DEG, 0.5, 5 * RAD_PER_DEG, 0.5)
+def on_plant(which: int) -> float:
+    """Return the worst error [%] of elevator, n_z, alpha, n_z without feedthrough (signed); 4: the largest |e_y|."""
     logs = [_plant_run(point, SENSIBLE) for point in POINTS]
-    errors = np.array([[100 * (log[k][-1000:].mean() / t - 1) for k, t in zip(keys, true)] for log in logs])
-    return *np.abs(errors[:, :3]).max(0), errors[:, 3].max(), max(log["e_norm"].max() for log in logs)
-
-
-def _errors(flown, log, faults, start, end):
-    """Return the errors of the means over start .. end [s] after the onset, per cent of each fault."""
-    span = (flown.index >= ONSET + start) & (flown.index < ONSET + end)
-    keys = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha")
-    return np.array([100 * abs(log[k][span].mean() / (f * u) - 1) for k, f, u in zip(keys, faults, UNITS)])
+    if which == 4:
+        return max(log["e_norm"].max() for log in logs)
+    key, true = (*ESTIMATES, "f_hat_n_z_raw")[which], (3 * RAD_PER_DEG, 0.5, 5 * RAD_PER_DEG, 0.5)[which]
+    errors = [100 * (log[key][-1000:].mean() / true - 1) for log in logs]
+    return max(errors) if which == 3 else max(map(abs, errors))
 
 
 @functools.cache
-def _worst(faults, start, end, draws=0, t_learn=0.0):
-    """Return the worst errors [%] of the three over the points, and over `draws` sets of coefficients at each."""
-    worst = np.zeros(3)
+def _worst(faults, draws=0, t_learn=0.0):
+    """Return the worst errors [%] of the means over the last 5 s, over the points and `draws` sets of coefficients."""
+    most = np.zeros(3)
     for point in POINTS:
         for draw in range(draws) if draws else (None,):
             flown, log = nonlinear(point, faults, draw=draw, t_learn=t_learn)
-            worst = np.maximum(worst, _errors(flown, log, faults, start, end))
-    return worst
-
-
-def _climb(point):
-    """Return the change of altitude [m] when the law flies on the faulty sensors."""
-    h = fly_point(point, SENSIBLE, "all", None, 1.0)["truth.aircraft.h"].to_numpy()
-    return h[-1] - h[0]
-
-
-def on_plant(which: int) -> float:
-    """Return a number of `_lpv_worst`: errors [%] of elevator, n_z, alpha, n_z without feedthrough, largest |e_y|."""
-    return _lpv_worst()[which]
+            late = (flown.index >= ONSET + 15) & (flown.index < ONSET + 20)
+            errors = [100 * abs(log[k][late].mean() / (f * u) - 1) for k, f, u in zip(ESTIMATES, faults, UNITS)]
+            most = np.maximum(most, errors)
+    return most
 
 
 def error(which: int) -> float:
     """Return the worst error [%] of one of NAMES over the last 5 s on the nonlinear aircraft."""
-    return _worst(SENSIBLE, 15, 20)[which]
+    return _worst(SENSIBLE)[which]
 
 
 def literal() -> tuple[float, str]:
     """Return the worst error [%] with the other reading of section 6.1."""
-    found = _worst(LITERAL, 15, 20)
-    return max(found), ", ".join(f"{n} {v:.2g}" for n, v in zip(NAMES, found))
+    return worst(dict(zip(NAMES, _worst(LITERAL))), "{} {:.2g}")
 
 
 def uncertain(learned: bool) -> tuple[float, str]:
     """Return the worst error of the elevator [%] with coefficients 5 % off; `learned`: with the offset taken out."""
-    found = _worst(SENSIBLE, 15, 20, DRAWS, lpv_smo.LEARN if learned else 0.0)
+    found = _worst(SENSIBLE, DRAWS, lpv_smo.LEARN if learned else 0.0)
     return found[0], "n_z {1:.2g}, alpha {2:.2g}".format(*found)
 
 
 def through_the_law() -> tuple[float, str]:
     """Return the largest change of altitude [m] when the law flies on the faulty sensors."""
-    found = [_climb(p) for p in POINTS]
-    return max(found, key=abs), ", ".join(f"{p} {v:.0f}" for p, v in zip(POINTS, found))
+    heights = {p: fly_point(p, SENSIBLE, "all", None, 1.0)["truth.aircraft.h"].to_numpy() for p in POINTS}
+    found = {p: h[-1] - h[0] for p, h in heights.items()}
+    return max(found.values(), key=abs), worst(found, "{} {:.0f}")[1]

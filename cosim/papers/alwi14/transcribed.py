@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 
 from actuators.block import briefly
 from actuators.constants import M_S_PER_KT, RAD_PER_DEG
+from cosim.papers.measured import all_valid, apart, worst
 from cosim.training import lpv as training
 from fdi.lpv_smo import lpv_smo, synthesis
 from fdi.lpv_smo import model as lpv_model
@@ -68,10 +69,7 @@ def observer() -> tuple[float, str]:
     model, made = synthesis.load()
     p = lpv_smo.params(model=model, made=made, K=K, delta=DELTA, bank=False, delay=DELAY, omega_a=OMEGA, tau_f=TAU_F,
                        tau_v=TAU_V, tau_rho=TAU_RHO)  # fmt: skip
-    x, u, y = lpv_smo.init(p), np.zeros(1, lpv_smo.INPUTS), _signals()
-    for name in u.dtype.names:
-        if name.endswith("_valid"):
-            u[name] = 1.0
+    x, u, y = lpv_smo.init(p), all_valid(lpv_smo), _signals()
     found = []
     for k in range(TICKS):
         for name, values in y.items():
@@ -84,7 +82,7 @@ def observer() -> tuple[float, str]:
     theirs, ours = _observed(model, made, y), np.array(found)
     off = np.abs(ours - theirs).max(0) / np.ptp(theirs, axis=0)
     names = ["alpha", *["z_f"] * 2, *["e_y"] * 6, *["nu"] * 6, *["fault"] * 4, "sigma"]
-    return float(off.max()), ", ".join(f"{n} {off[[n == m for m in names]].max():.1g}" for n in dict.fromkeys(names))
+    return worst({n: off[[n == m for m in names]].max() for n in names})
 
 
 def _observed(model: LpvModel, made: Design, y: dict) -> np.ndarray:
@@ -195,8 +193,8 @@ def coordinates() -> tuple[float, str]:
                 ("D", _at(form["D2"], rho), _at(of.D, rho)[4:]),
             ]
         for name, ours, theirs in pairs:
-            off[name] = max(off.get(name, 0.0), float(np.abs(ours - theirs).max() / np.abs(theirs).max()))
-    return max(off.values()), ", ".join(f"{k} {v:.1g}" for k, v in off.items())
+            off[name] = max(off.get(name, 0.0), apart(ours, theirs))
+    return worst(off)
 
 
 def bounded() -> tuple[float, str]:
@@ -264,4 +262,4 @@ def fitted() -> tuple[float, str]:
         apart = np.abs(np.concatenate([x, y[-2:], u]) - theirs) / (1e-3 + np.abs(theirs))
         off["trim"] = max(off.get("trim", 0.0), apart.max())
         off["(27)"] = max(off.get("(27)", 0.0), np.abs(lpv_model.at(true, r) - _at(true, r)).max())
-    return float(max(off.values())), ", ".join(f"{k} {v:.1g}" for k, v in off.items())
+    return worst(off)

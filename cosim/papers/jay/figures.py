@@ -1,25 +1,37 @@
 """Our figures beside figures 3 to 13 of [Jay]: seed 0 of the bench, quoted noise as peak value."""
 
 from actuators.constants import RAD_PER_DEG
-from cosim.papers.drawing import Curve, Drawing, Panel
+from cosim.papers.drawing import Curve, Drawing, Panel, estimated
 from cosim.papers.jay import flown
-from cosim.papers.jay.bench import COMMAND, DT, FAULT, FIGURES, SECONDS, bench
+from cosim.papers.jay.bench import COMMAND, FAULT, FIGURES, SECONDS, bench
 
 SAY = {
+    3: "Fault-free: position",
+    4: "Fault-free: motor current",
+    5: "Fault-free: mean of the innovation",
     6: "Velocity sensor x1.25",
     7: "Velocity sensor + 5 rad/s",
     8: "Position sensor x1.25",
     9: "Position sensor + 1 mm",
     10: "Current sensor x1.25",
     11: "Current sensor + 1 A",
+    12: "Winding resistance 5 % up, without noise",
+    13: "Position sensor x1.25, with and without reconfiguration",
 }
 WHY = {
-    9: "The loop has moved the rod. ",
-    10: "With a confirmation it would not be found. ",
-    11: "The fault is on the monitor's copy: inside the current loop it would move R1 instead. ",
+    3: f"Pulses of {1e3 * COMMAND:g} mm. The estimate comes from the velocity sensor alone.",
+    4: "True and estimated; the gate of 0.5 A is far from their difference.",
+    5: "With the quoted noise as a peak value the mean stays below 0.5, as the paper has it; as one standard "
+    "deviation it reaches 1.1. Dashed: 0.5.",
+    6: "Dashed: threshold.",
+    7: "Dashed: threshold.",
+    8: "Dashed: threshold.",
+    9: "The loop has moved the rod. Dashed: threshold.",
+    10: "With a confirmation it would not be found. Dashed: threshold.",
+    11: "The fault is on the monitor's copy: inside the current loop it would move R1 instead. Dashed: threshold.",
+    12: "1.03, 0.18 mm and 0.14 A at most, where the paper prints 1, 0.2 and 0.1: no alarm. Dashed: thresholds.",
+    13: "Without it the rod settles at 2.00 mm; closed on the estimate at the commanded 2.50 mm.",
 }
-
-
 LOOK = {
     3: "the end of each pulse: estimate and position lie on each other at 2.5 mm.",
     4: "the edges: the estimated current lies on the true one in every peak.",
@@ -35,152 +47,66 @@ LOOK = {
 }
 
 
-def _drawing(figure, title, caption, panels, onset=None):
-    return Drawing(
-        "jay",
-        f"figure {figure}",
-        title,
-        caption,
-        tuple(panels),
-        len(panels),
-        onset=onset,
-        span=(0.0, SECONDS),
-        row_px=200,
-        look=LOOK[figure],
-    )
-
-
-def _eta(out, name="innovation mean", role="ours"):
-    return Curve(name, out["eta_bar"], role, dt=DT)
-
-
-def _R1(out):
-    return Panel("R1", "mm", (Curve("R1", 1e3 * out["R1"], "ours", dt=DT),), (0.5, -0.5), 0.7)
-
-
-def _R2(out):
-    return Panel("R2", "A", (Curve("R2", out["R2"], "ours", dt=DT),), (0.5, -0.5), 0.7)
-
-
 def drawings() -> list[Drawing]:
     """Return eleven Drawings of the bench, and one of the flights."""
-    healthy, sigma = bench(seed=0), bench(seed=0, noise=1.0)
-    out = [
-        _drawing(
-            3,
-            "Fault-free: position",
-            f"Pulses of {1e3 * COMMAND:g} mm. The estimate comes from the velocity sensor alone.",
-            [
-                Panel(
-                    "position",
-                    "mm",
-                    (
-                        Curve("estimate", 1e3 * healthy["position_hat"], "ours", dt=DT),
-                        Curve("true", 1e3 * healthy["position"], "true", "dot", dt=DT),
-                    ),
-                )
-            ],
-        ),
-        _drawing(
-            4,
-            "Fault-free: motor current",
-            "True and estimated; the gate of 0.5 A is far from their difference.",
-            [
-                Panel(
-                    "current",
-                    "A",
-                    (
-                        Curve("estimate", healthy["current_hat"], "ours", dt=DT),
-                        Curve("true", healthy["current"], "true", "dot", dt=DT),
-                    ),
-                )
-            ],
-        ),
-        _drawing(
-            5,
-            "Fault-free: mean of the innovation",
-            "With the quoted noise as a peak value the mean stays below 0.5, as the paper has it; as one standard "
-            "deviation it reaches 1.1. Dashed: 0.5.",
-            [
-                Panel(
-                    "innovation mean",
-                    "",
-                    (_eta(sigma, "noise as 1 sigma", "quiet"), _eta(healthy, "noise as peak")),
-                    (0.5, -0.5),
-                    1.2,
-                )
-            ],
-        ),
-    ]
-    for figure, (sensor, _, _) in FIGURES.items():
-        run = bench(seed=0, figure=figure)
-        if sensor == "velocity":
-            panels = [Panel("innovation mean", "", (_eta(run),), (3.0, -3.0), 4.0)]
-        else:
-            panels = [_R1(run), _R2(run)]
-        out.append(_drawing(figure, SAY[figure], f"{WHY.get(figure, '')}Dashed: threshold.", panels, FAULT))
-    warm = bench(noise=0.0, resistance=0.05)
-    out.append(
-        _drawing(
-            12,
-            "Winding resistance 5 % up, without noise",
-            "1.03, 0.18 mm and 0.14 A at most, where the paper prints 1, 0.2 and 0.1: no alarm. Dashed: thresholds.",
-            [Panel("innovation mean", "", (_eta(warm),), (3.0, -3.0), 4.0), _R1(warm), _R2(warm)],
-        )
+    return [*(_drawing(figure) for figure in SAY), _in_flight()]
+
+
+def _drawing(figure):
+    panels = _panels(figure)
+    onset = FAULT if figure in FIGURES or figure == 13 else None
+    return Drawing("jay", f"figure {figure}", SAY[figure], WHY[figure], panels, onset=onset,
+                   span=(0.0, SECONDS), row_px=200, look=LOOK[figure])  # fmt: skip
+
+
+def _panels(figure):
+    if figure == 13:
+        without, with_it = (1e3 * bench(figure=8, noise=0.0, reconfigure=on)["position"] for on in (False, True))
+        curves = Curve("without", without, "third", "dash"), Curve("reconfigured", with_it)
+        return (Panel("true position", "mm", curves, (2.0, 2.5)),)
+    run = bench(noise=0.0, resistance=0.05) if figure == 12 else bench(figure=figure if figure in FIGURES else None)
+    if figure == 3:
+        return (estimated("position", "mm", 1e3 * run["position_hat"], 1e3 * run["position"]),)
+    if figure == 4:
+        return (estimated("current", "A", run["current_hat"], run["current"]),)
+    if figure == 5:
+        sigma = Curve("noise as 1 sigma", bench(noise=1.0)["eta_bar"], "quiet")
+        curves = sigma, Curve("noise as peak", run["eta_bar"])
+        return (Panel("innovation mean", "", curves, (0.5, -0.5), 1.2),)
+    mean = Panel("innovation mean", "", (Curve("innovation mean", run["eta_bar"]),), (3.0, -3.0), 4.0)
+    left = tuple(
+        Panel(name, unit, (Curve(name, scale * run[name]),), (0.5, -0.5), 0.7)
+        for name, unit, scale in (("R1", "mm", 1e3), ("R2", "A", 1.0))
     )
-    without, with_it = bench(figure=8, noise=0.0), bench(figure=8, noise=0.0, reconfigure=True)
-    out.append(
-        _drawing(
-            13,
-            "Position sensor x1.25, with and without reconfiguration",
-            "Without it the rod settles at 2.00 mm; closed on the estimate at the commanded 2.50 mm.",
-            [
-                Panel(
-                    "true position",
-                    "mm",
-                    (
-                        Curve("without", 1e3 * without["position"], "third", "dash", dt=DT),
-                        Curve("reconfigured", 1e3 * with_it["position"], "ours", dt=DT),
-                    ),
-                    (2.0, 2.5),
-                )
-            ],
-            FAULT,
-        )
-    )
-    return [*out, _in_flight()]
+    return (mean, *left) if figure == 12 else (mean,) if FIGURES[figure][0] == "velocity" else left
 
 
 def _in_flight():
     """Return the load factor and the elevator with the position sensor off, by what the loop closes on."""
-    words = (
-        ("left on it", "false", "second"),
-        ("published form", "published", "third"),
-        ("flight form", "true", "ours"),
-    )
-    frames = [(word, role, flown.flight("ema-position-bias", f"elevator.reconfigure={on}")) for word, on, role in words]
+    words = {
+        "left on it": ("false", "second"),
+        "published form": ("published", "third"),
+        "flight form": ("true", "ours"),
+    }
+    frames = [
+        (word, role, "solid", flown.flight("ema-position-bias", f"elevator.reconfigure={on}"))
+        for word, (on, role) in words.items()
+    ]
     healthy = flown.flight("ema-position-bias", "elevator.reconfigure=false", "faults=[]")
-    frames.append(("healthy", "true", healthy))
+    frames.append(("healthy", "true", "dot", healthy))
+    panels = [
+        Panel(title, unit, tuple(Curve(word, scale * f[name].to_numpy(), role, dash) for word, role, dash, f in frames))
+        for title, unit, name, scale in (
+            ("load factor", "g", flown.TRUE[0], 1.0),
+            ("right inner elevator", "deg", flown.TRUE[1], 1.0 / RAD_PER_DEG),
+        )
+    ]
     return Drawing(
         "jay",
         "figure 13",
         "Position sensor off by 5 deg in flight, by what the loop closes on",
         "Right inner elevator, electromechanical; the filter as published and the form that knows a load.",
-        tuple(
-            Panel(
-                title,
-                unit,
-                tuple(
-                    Curve(w, scale * f[name].to_numpy(), role, "dot" if w == "healthy" else "solid")
-                    for w, role, f in frames
-                ),
-            )
-            for title, unit, name, scale in (
-                ("load factor", "g", flown.TRUE[0], 1.0),
-                ("right inner elevator", "deg", flown.TRUE[1], 1.0 / RAD_PER_DEG),
-            )
-        ),
-        2,
+        tuple(panels),
         onset=flown.ONSET,
         span=(8.0, 30.0),
         look="the load factor: with the flight form it lies on that of the healthy flight.",

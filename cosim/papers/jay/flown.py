@@ -6,10 +6,12 @@ looked at for 50 s. The scenarios are `jay-incipient-position`, `-velocity` and 
 """
 
 import functools
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from actuators.ema import jay
 from cosim.flight.loop.signals import fly
 from cosim.judge.alarms import detection
 from cosim.scenario import load_scenario
@@ -34,20 +36,26 @@ def flight(name: str, *changes: Any) -> Any:
     return fly(load_scenario(name, [both, *changes]), [*OWN, *TRUE, *READ, *PUBLISHED])
 
 
-def named(sensor: str, unit: str) -> tuple[float, str]:
-    """Return (how many sizes are named after their sensor within 50 s, when each)."""
+def each_size(sensor: str, unit: str, say: Callable) -> tuple[int, str]:
+    """Return (how many sizes of a sensor's faults are right, each in words) by what `say(flight)` returns."""
     name, key, sizes = SIZES[sensor, unit]
-    told, count = [], 0
-    for size in sizes:
-        f = flight(name, f"{key}={size:g}")
+    found = [say(flight(name, f"{key}={size:g}")) for size in sizes]
+    told = ", ".join(f"{size:g}: {words}" for size, (_, words) in zip(sizes, found))
+    return sum(right for right, _ in found), f"of {len(sizes)} {unit}; {told}"
+
+
+def named(sensor: str, unit: str) -> tuple[int, str]:
+    """Return (how many sizes are named after their sensor within 50 s, when each)."""
+
+    def say(f):
         first = round(ONSET / f.attrs["dt"])
-        named = f[OWN[1]].to_numpy() == CULPRITS.index(sensor)
-        at = detection(named, first)
-        count += at is not None
+        at = detection(f[OWN[1]].to_numpy() == CULPRITS.index(sensor), first)
+        if at is not None:
+            return True, f"{f.index[at] - ONSET:.1f} s"
         alarm = detection(f[OWN[0]].to_numpy(), first)
-        said = "silent" if alarm is None else f"alarm without a name after {f.index[alarm] - ONSET:.1f} s"
-        told.append(f"{size:g}: {said if at is None else f'{f.index[at] - ONSET:.1f} s'}")
-    return count, f"of {len(sizes)} {unit}; " + ", ".join(told)
+        return False, "silent" if alarm is None else f"alarm without a name after {f.index[alarm] - ONSET:.1f} s"
+
+    return each_size(sensor, unit, say)
 
 
 def alarms(*changes: str) -> tuple[float, str]:
@@ -63,15 +71,9 @@ def alarms(*changes: str) -> tuple[float, str]:
 def warm() -> tuple[float, str]:
     """Return (largest error of the position estimate [mm], alarms) with the winding 39 % up."""
     f = flight("ema-winding-resistance", "faults.0.increase_pct=39.3")
-    error = f[OWN[3]].to_numpy()[2:] - _lead() * f[TRUE[2]].to_numpy()[:-2]
+    error = f[OWN[3]].to_numpy()[2:] - jay.values()["lead"] * f[TRUE[2]].to_numpy()[:-2]
     alarms = f[OWN[0]].iloc[400:].max()
     return 1e3 * np.abs(error[400:]).max(), "no alarm" if alarms == 0.0 else "alarms"
-
-
-def _lead():
-    from actuators.ema import jay
-
-    return jay.values()["lead"]
 
 
 def off() -> tuple[float, str]:

@@ -1,8 +1,6 @@
 """[Jay] row by row, figures 3 to 13 and what lies beyond them; the bench and its assumptions are in `jay.bench`."""
 
 import functools
-import math
-import time
 
 import numpy as np
 
@@ -10,6 +8,7 @@ from actuators.block import briefly
 from actuators.ema import jay
 from cosim.papers.jay import printed as paper
 from cosim.papers.jay.bench import DT, FAULT, FIGURES, SECONDS, SEEDS, bench, under_load
+from cosim.papers.measured import all_valid, apart, share_of_tick, worst
 from fdi.ema import ema_kalman
 from fdi.ema import model as flight_design
 
@@ -20,11 +19,6 @@ def _peaks(out, since=0.0):
     """Return the largest innovation mean [-], R1 [mm] and R2 [A] from `since` [s] on."""
     late = out[round(since / DT) :]
     return np.array([np.abs(late["eta_bar"]).max(), 1e3 * np.abs(late["R1"]).max(), np.abs(late["R2"]).max()])
-
-
-def _settled(out):
-    """Return the position at the end of the last whole pulse [mm]."""
-    return 1e3 * out["position"][round((SECONDS - 1.0) / DT) - 1]
 
 
 @functools.cache
@@ -42,12 +36,6 @@ def _faults():
 def _quiet(noise):
     """Return the peaks (seed, test) of fault-free runs."""
     return np.array([_peaks(bench(seed=s, noise=noise)) for s in SEEDS])
-
-
-@functools.cache
-def _variance(noise):
-    """Return ten times the variance of the innovation's mean, which is 1 for white noise of unit variance."""
-    return 10.0 * np.mean([np.var(bench(seed=s, noise=noise)["eta_bar"][20:]) for s in SEEDS])
 
 
 def right() -> tuple[float, str]:
@@ -68,18 +56,9 @@ def from_print() -> tuple[float, str]:
     return np.abs(_warm() - (1.0, 0.2, 0.1)).max() / 0.05, f"{told}; {chosen}"
 
 
-def _positions(figure):
-    return bench(figure=figure, noise=0.0, reconfigure=figure is not None)["position"]
-
-
 def step() -> tuple[float, str]:
     """Return the time of a step of filter and tests as a share of its 5 ms [%], and in microseconds."""
-    best = math.inf
-    for _ in range(3):
-        begin = time.perf_counter()
-        n = len(bench())
-        best = min(best, time.perf_counter() - begin)
-    return 100.0 * best / n / DT, f"{1e6 * best / n:.1f} microseconds"
+    return share_of_tick(bench, DT)
 
 
 def in_the_loop() -> tuple[float, str]:
@@ -99,11 +78,6 @@ def printed() -> tuple[float, str]:
     return _peaks(bench(noise=0.0, seconds=60.0, matrices=(jay.PHI, jay.G)))[1], note
 
 
-@functools.cache
-def _loaded(open_from=None):
-    return under_load(open_from=open_from)
-
-
 def pulse() -> float:
     """Return the estimated position at the end of a pulse [mm]."""
     return 1e3 * bench(seed=0)["position_hat"][round(1.0 / DT) - 1]
@@ -121,7 +95,10 @@ def innovation(peak: bool) -> float:
 
 def variance() -> tuple[float, str]:
     """Return ten times the variance of the mean of ten eta, 1 for white ones of unit variance."""
-    return _variance(1.0), f"{_variance(1 / 3):.2f} with the noise as a peak value, which (6) does not know"
+    found, peak = (
+        10.0 * np.mean([np.var(bench(seed=s, noise=noise)["eta_bar"][20:]) for s in SEEDS]) for noise in (1.0, 1 / 3)
+    )
+    return found, f"{peak:.2f} with the noise as a peak value, which (6) does not know"
 
 
 def quiet() -> float:
@@ -145,18 +122,21 @@ def resistance() -> float:
 
 
 def settles(reconfigure: bool) -> float:
-    """Return where the position settles with the fault of figure 8 [mm]."""
-    return _settled(bench(figure=8, noise=0.0, reconfigure=reconfigure))
+    """Return where the position settles with the fault of figure 8 [mm], at the end of the last whole pulse."""
+    position = bench(figure=8, noise=0.0, reconfigure=reconfigure)["position"]
+    return 1e3 * position[round((SECONDS - 1.0) / DT) - 1]
 
 
 def smooth() -> float:
     """Return how far the reconfigured loop is from the healthy one from 4 s on [mm]."""
-    return 1e3 * np.abs(_positions(8) - _positions(None))[round(4.0 / DT) :].max()
+    mended, healthy = (bench(figure=f, noise=0.0, reconfigure=f is not None)["position"] for f in (8, None))
+    return 1e3 * np.abs(mended - healthy)[round(4.0 / DT) :].max()
 
 
 def loaded(test: int) -> tuple[float, str]:
     """Return a test under a hinge moment that the published filter does not know."""
-    return _loaded()[test], f"{_loaded(0.5)[test] / _loaded()[test]:.3f} of it with the gain zero from 0.5 s on"
+    found, share = under_load()[test], under_load(0.5)[test] / under_load()[test]
+    return found, f"{share:.3f} of it with the gain zero from 0.5 s on"
 
 
 def matrices() -> tuple[float, str]:
@@ -179,17 +159,18 @@ def settings() -> int:
 
 def filtered() -> tuple[float, str]:
     """Return the largest difference of eta_bar, R1 [mm], R2 [A] from (5) to (9), over the runs of figures 6 to 11."""
-    worst = np.zeros(3)
+    pairs = []
     for figure in FIGURES:
         out = bench(figure=figure)
         theirs = paper.kalman(*(out[name] for name in ("u", "y_velocity", "y_position", "y_current")))
-        worst = np.maximum(worst, _apart((out["eta_bar"], out["R1"], out["R2"]), theirs))
-    return float(worst.max()), "eta_bar {:.1g}, R1 {:.1g} mm, R2 {:.1g} A".format(*worst)
+        pairs.append(((out["eta_bar"], out["R1"], out["R2"]), theirs))
+    return _apart(pairs)
 
 
-def _apart(ours, theirs):
-    """Return how far eta_bar, R1 [mm] and R2 [A] are apart at most."""
-    return np.array([np.abs(a - b).max() * s for a, b, s in zip(ours, theirs, (1.0, 1e3, 1.0))])
+def _apart(pairs):
+    """Return (largest, each in words) of how far eta_bar, R1 [mm] and R2 [A] of (ours, theirs) are apart."""
+    off = np.max([[np.abs(a - b).max() * s for a, b, s in zip(*pair, (1.0, 1e3, 1.0))] for pair in pairs], axis=0)
+    return float(off.max()), "eta_bar {:.1g}, R1 {:.1g} mm, R2 {:.1g} A".format(*off)
 
 
 def on_elevator(ticks: int = 120) -> tuple[float, str]:
@@ -197,18 +178,15 @@ def on_elevator(ticks: int = 120) -> tuple[float, str]:
     rng, t = np.random.default_rng(3), np.arange(ticks) * DT
     u, velocity = 8.0 * np.sin(9.0 * t) + rng.normal(size=ticks), 40.0 * np.sin(5.0 * t) + rng.normal(size=ticks)
     position, current = 0.02 + 1e-3 * np.sin(5.0 * t), u + 0.1 * rng.normal(size=ticks)
-    p, inputs = ema_kalman.params("elevator"), np.zeros(1, ema_kalman.INPUTS)
+    p, inputs = ema_kalman.params("elevator"), all_valid(ema_kalman)
     x, found = ema_kalman.init(p), []
-    for name in ("position_valid", "velocity_valid", "current_valid"):
-        inputs[name] = 1.0
     for k in range(ticks):
         inputs["u"], inputs["y_velocity"] = u[k], velocity[k]
         inputs["y_position"], inputs["y_current"] = position[k], current[k]
         briefly(ema_kalman.step, x[0], inputs[0], p[0], DT)
         found.append([x[name][0] for name in ("eta_bar", "R1", "R2")])
     theirs = paper.kalman(u, velocity, position, current, jay.values("elevator"))
-    off = _apart(np.array(found).T, theirs)
-    return float(off.max()), "eta_bar {:.1g}, R1 {:.1g} mm, R2 {:.1g} A".format(*off)
+    return _apart([(np.array(found).T, theirs)])
 
 
 def named() -> tuple[int, str]:
@@ -242,6 +220,5 @@ def flight_form() -> tuple[float, str]:
     v, sigma = jay.values("elevator"), 0.5
     theirs = paper.steady(v, DT, 630.0, 20.0, 1.0, sigma)
     d = flight_design.designed(v, DT, sigma)
-    pairs = zip((d["Phi"], d["G"], d["K"], d["S_root"]), theirs)
-    off = [float(np.abs(a - b).max() / np.abs(b).max()) for a, b in pairs]
-    return max(off), "Phi {:.1g}, G {:.1g}, K {:.1g}, S^1/2 {:.1g}".format(*off)
+    names = {"Phi": "Phi", "G": "G", "K": "K", "S_root": "S^1/2"}
+    return worst({word: apart(d[name], each) for (name, word), each in zip(names.items(), theirs)})

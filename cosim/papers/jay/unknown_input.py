@@ -75,21 +75,17 @@ def _limits() -> np.ndarray:
 
 def named(sensor: str, unit: str) -> tuple[int, str]:
     """Return how many sizes of a sensor's incipient faults are named within 50 s by which residuals are beyond."""
-    name, key, sizes = flown.SIZES[sensor, unit]
-    told, count = [], 0
-    for size in sizes:
-        beyond = np.abs(residuals(flown.flight(name, f"{key}={size:g}"))) > _limits()
-        late = beyond[round(flown.ONSET / DT) :]
+
+    def say(flight):
+        late = (np.abs(residuals(flight)) > _limits())[round(flown.ONSET / DT) :]
         when = np.flatnonzero(late.any(1))
         if not len(when):
-            told.append(f"{size:g}: silent")
-            continue
+            return False, "silent"
         end = late[min(when[0] + round(5.0 / DT), len(late) - 1)]  # what is beyond five seconds after the first
-        right = tuple(end) == SENSORS[sensor]
-        count += right
-        blamed = [s for s, pattern in SENSORS.items() if pattern == tuple(end)]
-        told.append(f"{size:g}: {DT * when[0]:.1f} s{'' if right else ', ' + (blamed or ['nothing'])[0]}")
-    return count, f"of {len(sizes)} {unit}; " + ", ".join(told)
+        blamed = next((s for s, pattern in SENSORS.items() if pattern == tuple(end)), "nothing")
+        return blamed == sensor, f"{DT * when[0]:.1f} s{'' if blamed == sensor else f', {blamed}'}"
+
+    return flown.each_size(sensor, unit, say)
 
 
 def quiet(share: float = 1.0) -> float:

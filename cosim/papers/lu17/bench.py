@@ -34,7 +34,7 @@ from fdi.hydraulic import iotsekf, rtsekf
 from fdi.hydraulic import separate_bias as two_stage
 
 DT, SECONDS, ONSET = 0.005, 25.0, 12.0  # onset: [Lu17] table 1
-BEFORE, AFTER, WHOLE = (2.0, 12.0), (13.0, 25.0), (2.0, 25.0)  # [s]; AFTER holds whole periods of the OFC
+PHASES = {"before": (2.0, 12.0), "after": (13.0, 25.0), "whole": (2.0, 25.0)}  # [s]; after: whole periods of the OFC
 SEEDS = 100
 AMPLITUDE = 20e-3  # of the command [m]
 ROD = 1e-4  # noise of the rod sensor [m]
@@ -45,7 +45,6 @@ HM0, HMD = -800.0, -20e3  # hinge moment at zero [N m], slope [N m/rad]
 SUBSTEPS = 5
 
 MODEL = {"no load": 0.0, "F_d known": 1.0, "F_d by a model 20 % wrong": 1.2, "F_d unknown": 0.0}  # share known
-FILTER: dict = {}  # {parameter: function of its value}: how a broken filter differs
 SCENARIOS = {  # name -> (figure, filter)
     "fault-free": (2, "iotsekf"),
     "liquid OFC": (3, "iotsekf"),
@@ -233,10 +232,6 @@ def fly(
     as_published: dict[str, Any] = {"centre": 0.0, "total_sign": 0.0, "gate_rod": two_stage.GATE_NONE}
     pi = iotsekf.params(**form, **(as_published | own if watch == "iotsekf" else as_published))
     pr = rtsekf.params("published", **form, **(own if watch == "rtsekf" else {}))
-    for name, change in FILTER.items():
-        for p in (pi, pr):
-            if name in (p.dtype.names or ()):
-                p[name] = change(p[name])
     c = servo.params(dt=DT, delay=0.0, u_max=1.0)
     x = servo.init(np.repeat(c, seeds))
     us, ui, ur = (np.zeros(1, module.INPUTS) for module in (servo, iotsekf, rtsekf))

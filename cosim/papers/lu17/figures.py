@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cosim.papers.drawing import Curve, Drawing, Panel
+from cosim.papers.drawing import Curve, Drawing, Panel, estimated
 from cosim.papers.lu17 import bench, flown
 from cosim.papers.lu17.stats import case
 
@@ -26,6 +26,7 @@ LOOK = {
     "solid jamming": "(e): the estimate lies on the true fault, the distance of the stuck surface from the rod in (b).",
     "runaway": "(e): the estimate follows the ramp of the surface in (a) up to the stop.",
 }
+ROLES = ("second", "third", "ours")  # of flown.FORMS
 LOADED = " Under a hinge load that the filter does not know, f_hat is off by {error:.3g} {unit} on average."
 
 
@@ -38,16 +39,13 @@ def _in_flight():
     """Return panel (e) of each figure, in flight, with the three ways of knowing the load."""
     panels = []
     for scenario, (figure, watch) in flown.FIGURES.items():
-        scale, unit = (1e3, "mm") if watch == "rtsekf" else (1.0, "of u")
-        curves = []
-        for form, role in zip(flown.FORMS, ("second", "third", "ours"), strict=True):
-            frame = flown.flown(scenario, form)
-            curves.append(Curve(form, scale * frame.f_hat.to_numpy(), role))
-        true = scale * flown.true_fault(scenario, "pressure", flown.flown(scenario, "pressure"))
-        curves.append(Curve("true", true, "true", "dot"))
-        most = 1.5 * max(np.abs(true).max(), 12.0 if watch == "rtsekf" else 0.02)
-        word = scenario.replace("-", " ").replace("ofc", "OFC")
-        panels.append(Panel(f"figure {figure}(e), {word}", unit, tuple(curves), limits=(-most, most)))
+        scale, unit, least = (1e3, "mm", 12.0) if watch == "rtsekf" else (1.0, "of u", 0.02)
+        frames = {form: flown.flown(scenario, form) for form in flown.FORMS}
+        true = scale * flown.true_fault(scenario, "pressure", frames["pressure"])
+        curves = [Curve(form, scale * f.f_hat.to_numpy(), role) for (form, f), role in zip(frames.items(), ROLES)]
+        most = 1.5 * max(np.abs(true).max(), least)
+        title = f"figure {figure}(e), {scenario.replace('-', ' ').replace('ofc', 'OFC')}"
+        panels.append(Panel(title, unit, (*curves, Curve("true", true, "true", "dot")), limits=(-most, most)))
     return Drawing(
         "lu17",
         "figures 2 to 7 (e)",
@@ -64,20 +62,24 @@ def _in_flight():
 
 
 def _compensated():
-    rods = [
-        (word, role, flown.flight("lu17-compensated-ofc", "faults.0.frequency_hz=0.5", f"elevator.compensate={on}"))
-        for word, role, on in (("f_hat taken off the valve", "ours", "true"), ("left on", "second", "false"))
-    ]
-    twin = flown.flight("lu17-compensated-ofc", "faults=[]")
     rod = f"hydraulic.{flown.LANE}.q_rod"
-    curves = tuple(Curve(word, 1e3 * (f[rod] - twin[rod]).to_numpy(), role) for word, role, f in rods)
+    twin, off, on = (
+        flown.flight("lu17-compensated-ofc", *asked)[rod]
+        for asked in (
+            ["faults=[]"],
+            *(["faults.0.frequency_hz=0.5", f"elevator.compensate={w}"] for w in ("true", "false")),
+        )
+    )
+    curves = (
+        Curve("f_hat taken off the valve", 1e3 * (off - twin).to_numpy()),
+        Curve("left on", 1e3 * (on - twin).to_numpy(), "second"),
+    )
     return Drawing(
         "lu17",
         "section VI",
         "Liquid OFC of 3 mm at 0.5 Hz, its own estimate taken off the valve",
         "Rod of the left inner elevator less that of the flight without a fault.",
         (Panel("rod, change", "mm", curves),),
-        1,
         onset=flown.ONSET,
         span=(8.0, 25.0),
         picture="compensated",
@@ -93,7 +95,7 @@ def _drawing(scenario):
     command = 1e3 * bench.schedule(scenario)["command"]
     error = scale * (out["f_hat"] - out["f"])
     start = np.arange(out.shape[1]) >= round(0.5 / bench.DT)
-    mean = np.where(start, error.mean(axis=0), np.nan)
+    one, mean = (np.where(start, y, np.nan) for y in (error[0], error.mean(axis=0)))
     shown = [Curve("command", command, "quiet", "dot")]
     if scenario == "liquid jamming":
         fed = bench.fly(scenario, measured=True, seeds=1)[0]
@@ -105,43 +107,16 @@ def _drawing(scenario):
     else:
         shown.append(Curve("surface" if jam else "rod", 1e3 * first["surface"], "true"))
 
-    def pair(name, factor, of="", band=0.0, word=""):
-        return Panel(
-            f"({of}) {word}",
-            {"q": "mm", "qd": "mm/s", "x3": ""}[name],
-            (
-                Curve("estimate", factor * first[f"{name}_hat"], "ours"),
-                Curve("true", factor * first[name], "true", "dot"),
-            ),
-            least=band,
-        )
-
     panels = (
         Panel("(a) command and " + ("surface" if jam else "rod"), "mm", tuple(shown)),
-        pair("q", 1e3, "b", word="q"),
-        pair("qd", 1e3, "c", word="q'"),
-        pair("x3", 1.0, "d", word="pressure over supply"),
-        Panel(
-            "(e) fault",
-            unit,
-            (
-                Curve("estimate", scale * first["f_hat"], "ours"),
-                Curve("true", scale * first["f"], "true", "dot"),
-            ),
-            least=1.0 if jam else 0.02,
-        ),
-        Panel(
-            "(f) error of the fault",
-            unit,
-            (
-                Curve("one seed", np.where(start, error[0], np.nan), "quiet"),
-                Curve("mean of 100 seeds", mean, "ours"),
-            ),
-        ),
+        estimated("(b) q", "mm", 1e3 * first["q_hat"], 1e3 * first["q"]),
+        estimated("(c) q'", "mm/s", 1e3 * first["qd_hat"], 1e3 * first["qd"]),
+        estimated("(d) pressure over supply", "", first["x3_hat"], first["x3"]),
+        estimated("(e) fault", unit, scale * first["f_hat"], scale * first["f"], 1.0 if jam else 0.02),
+        Panel("(f) error of the fault", unit, (Curve("one seed", one, "quiet"), Curve("mean of 100 seeds", mean))),
     )
-    c = case(scenario)
     swing = 1e3 * np.abs(out["q"] - out["r"])[:, round(20.5 / bench.DT) :].max()
-    text = SEEN[scenario].format(swing=swing, delay=c["delay", "after"])
+    text = SEEN[scenario].format(swing=swing, delay=case(scenario)["delay", "after"])
     loaded = case(scenario, "F_d unknown")
     phase = "whole" if scenario == "fault-free" else "after"
     text += LOADED.format(error=scale * loaded["fault error", phase], unit=unit)

@@ -75,8 +75,7 @@ def truth(scenario: str = "liquid OFC", load: str = "F_d known", seconds: float 
         v = (1.0 - tick["s_u"][k]) * out["u"][k] + tick["f_u"][k]
 
         def slope(_, x, v=v):
-            F_d = (bench.HM0 + bench.HMD * x[0] / linkage.ARM) / linkage.ARM if load != "no load" else 0.0
-            return rate(x[0], x[1], x[2], v, 0.0, F_d)
+            return rate(x[0], x[1], x[2], v, 0.0, _known(x[0]) if load != "no load" else 0.0)
 
         x = solve_ivp(slope, (0.0, bench.DT), x, rtol=1e-9, atol=1e-12).y[:, -1]
         worst = max(worst, 1e3 * abs(x[0] - out["q"][k + 1]))

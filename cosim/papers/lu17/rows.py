@@ -7,30 +7,29 @@ integrates (4), which has it: filter and inversion know it here. In figures 5 to
 it is the fault-free case.
 """
 
+from typing import Any
+
 import numpy as np
 
 from cosim.papers.lu17 import bench
 from cosim.papers.lu17.stats import case, linear_delay
 from fdi.hydraulic import iotsekf
 
-SOLID = {  # what is changed of the filter in figure 4
-    "with a walk (14) ten times as strong": {"q_f": 10.0},
-    "hundred times": {"q_f": 100.0},
-    "with (17) at x_hat and sign(u + f)": {"centre": 1.0, "total_sign": 1.0},
-    "both": {"q_f": 100.0, "centre": 1.0, "total_sign": 1.0},
+WALK = float(np.array(iotsekf.NOISE["q_f"]))  # of (14)
+AT_X_HAT = {"centre": 1.0, "total_sign": 1.0}
+SOLID: dict[str, tuple[float, dict]] = {  # what is changed of the filter in figure 4: factor on q_f, parameters
+    "with a walk (14) ten times as strong": (10.0, {}),
+    "hundred times": (100.0, {}),
+    "with (17) at x_hat and sign(u + f)": (1.0, AT_X_HAT),
+    "both": (100.0, AT_X_HAT),
 }
-
-
-def _solid_error(q_f=1.0, **own):
-    """Return the rms of the fault's error over that of the fault, figure 4, with a filter changed."""
-    found = case("solid OFC", seeds=20, q_f=q_f * iotsekf.NOISE["q_f"], **own)
-    return found["fault error rms", "after"] / found["fault rms", "after"]
 
 
 def follows(load: str) -> tuple[float, str]:
     """Return how far the rod leaves its reference without a fault [mm]; with F_d constant over the rod in the note."""
-    constant = "" if load == "no load" else case("fault-free", load, hmd=0.0)["leaves", "whole"]
-    note = constant and f"with F_d constant over the rod {constant:.2f}"
+    note = ""
+    if load != "no load":
+        note = f"with F_d constant over the rod {case('fault-free', load, hmd=0.0)['leaves', 'whole']:.2f}"
     return case("fault-free", load)["leaves", "whole"], note
 
 
@@ -43,9 +42,11 @@ def gain(load: str) -> tuple[float, str]:
 
 def solid_error() -> tuple[float, str]:
     """Return the rms of the fault's error over that of the fault in figure 4; with the filter changed in the note."""
-    found = case("solid OFC")
-    told = "; ".join(f"{word} {_solid_error(**own):.2f}" for word, own in SOLID.items())
-    return found["fault error rms", "after"] / found["fault rms", "after"], told
+    told = "; ".join(
+        f"{word} {matches('solid OFC', seeds=20, q_f=q_f * WALK, **own):.2f}"
+        for word, (q_f, own) in SOLID.items()
+    )
+    return matches("solid OFC"), told
 
 
 def leaves(measured: bool) -> float:
@@ -69,16 +70,16 @@ def biased(scenario: str, load: str) -> tuple[float, str]:
     """Return the share of instants with the mean error of a state beyond its 1 % bound; in the note what mends it."""
     found = case(scenario, load)["state", "after" if scenario != "fault-free" else "whole"]
     if scenario != "fault-free":
-        strong = case(scenario, load, q_f=1e4 * float(np.array(iotsekf.NOISE["q_f"])))["state", "after"]
+        strong = case(scenario, load, q_f=1e4 * WALK)["state", "after"]
         return found, f"with a walk (14) ten thousand times as strong {strong:.3f}"
     if load == "no load":
         return found, ""
     return found, f"with F_d constant {case(scenario, load, hmd=0.0)['state', 'whole']:.3f}"
 
 
-def matches(scenario: str, load: str) -> float:
-    """Return the rms of the fault's error over that of the fault, figures 6 and 7."""
-    found = case(scenario, load)
+def matches(scenario: str, load: str = "no load", **options: Any) -> float:
+    """Return the rms of the fault's error over that of the fault; `options` of `case`."""
+    found = case(scenario, load, **options)
     return found["fault error rms", "after"] / found["fault rms", "after"]
 
 

@@ -12,14 +12,12 @@ from cosim.papers.lu17 import bench
 from fdi.hydraulic import iotsekf
 
 STATES = (("q", "q_hat"), ("qd", "qd_hat"), ("x3", "x3_hat"))
-FAULT = (("f", "f_hat"),)
 LEVEL = 0.01  # of the tests of a mean
-PHASES = {"before": bench.BEFORE, "after": bench.AFTER, "whole": bench.WHOLE}
 
 
 def span(phase: Any) -> Any:
     """Return the slice of ticks of a phase."""
-    a, b = PHASES[phase]
+    a, b = bench.PHASES[phase]
     return slice(round(a / bench.DT), round(b / bench.DT))
 
 
@@ -36,12 +34,12 @@ def _beyond(e):
 def _summary(out):
     """Return the numbers that the rows need of one case."""
     found = {}
-    for phase in PHASES:
+    for phase in bench.PHASES:
         on = span(phase)
         leave = np.abs(out["surface"] - out["r"])[:, on]
         found["leaves", phase] = 1e3 * float(leave.max())  # [mm]
         found["leaves rms", phase] = 1e3 * float(np.sqrt((leave**2).mean()))
-        error = {true: (out[estimate] - out[true])[:, on] for true, estimate in (*STATES, *FAULT)}
+        error = {true: (out[estimate] - out[true])[:, on] for true, estimate in (*STATES, ("f", "f_hat"))}
         beyond = {true: _beyond(e) for true, e in error.items()}
         found["fault", phase], found["state", phase] = beyond["f"], max(beyond[true] for true, _ in STATES)
         found["drift", phase] = max(_student(error[true].mean(1)) for true, _ in STATES)
@@ -79,16 +77,19 @@ def _sine(y):
     return complex(2 * (y.mean(axis=0) * np.exp(-2j * np.pi * bench.OFC_HZ * t)).mean())
 
 
+def _at_rest():
+    """Return A (4, 4) of (4) linearised at rest, states q, q', x3 and a constant input fault."""
+    a22, a23, a31, a32, a33, b3, _ = lu17.jacobian(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, lu17.params()[0])
+    return np.array([[0, 1, 0, 0], [0, a22, a23, 0], [a31, a32, a33, b3], [0, 0, 0, 0]])
+
+
 @functools.cache
 def linear_delay() -> float:
     """Return the delay [ms] of f_hat at the OFC's frequency in a Kalman filter of (4) linearised at rest.
 
     State (q, q', x3, f), f a random walk; the filter's own noises, no load.
     """
-    p = lu17.params()[0]
-    a22, a23, a31, a32, a33, b3, _ = lu17.jacobian(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p)
-    A = np.array([[0, 1, 0, 0], [0, a22, a23, 0], [a31, a32, a33, b3], [0, 0, 0, 0]])
-    Phi = expm(A * bench.DT)
+    Phi = expm(_at_rest() * bench.DT)
     Q = np.diag([*np.array(iotsekf.NOISE["q"])[:3], iotsekf.NOISE["q_f"]]) * bench.DT
     H = np.array([[1.0, 0, 0, 0]])
     scale = np.diag([1e-4, 1e-2, 1e-2, 1e-2])  # the Riccati solver wants entries of one size
@@ -106,8 +107,7 @@ def linear_delay() -> float:
 
 def relative_degree() -> int:
     """Return how often the rod must be differentiated until the valve shows, by (4) linearised at rest."""
-    a22, a23, a31, a32, a33, b3, _ = lu17.jacobian(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, lu17.params()[0])
-    A, b, row = np.array([[0, 1, 0], [0, a22, a23], [a31, a32, a33]]), np.array([0, 0, b3]), np.array([1.0, 0, 0])
+    A, b, row = _at_rest()[:3, :3], _at_rest()[:3, 3], np.array([1.0, 0, 0])
     for r in range(1, 4):
         if row @ b != 0.0:
             return r

@@ -3,10 +3,9 @@
 import numpy as np
 
 from cosim.flight.loop.signals import fly
-from cosim.flight.plant.force_model import force_model
 from cosim.papers.drawing import Curve, Drawing, Panel, Table
 from cosim.papers.mar10 import flights, vehicle_rows
-from cosim.papers.mar10.rows import VEHICLE
+from cosim.papers.mar10.rows import own_structure, throttle_in_error
 from cosim.scenario import load_scenario
 from fdi.control_redundancy import control_redundancy
 from fdi.control_redundancy import structure as redundancy_structure
@@ -33,16 +32,15 @@ def _reconfigured():
     with_, without = (fly(s, list(names.values())).set_axis(list(names), axis=1) for s in scenarios)
     every, dt = 20, with_.attrs["dt"]
 
-    def curve(frame, name, what, role, dash="solid"):
-        y = np.unwrap(frame[name].to_numpy()) if name == "heading" else frame[name].to_numpy()
-        if name == "heading":
-            y = y - y[0]
+    def curve(frame, name, what, role="ours", dash="solid"):
+        y = frame[name].to_numpy()
+        y = np.unwrap(y) - y[0] if name == "heading" else y
         scale = np.degrees(1.0) if name in ("heading", "stabiliser") else 1.0
         return Curve(what, scale * y[::every], role, dash, dt=dt * every)
 
     panels = []
     for name, unit in (("altitude", "m"), ("heading", "deg"), ("stabiliser", "deg"), ("throttles", "")):
-        curves = [curve(without, name, "law alone", "second", "dash"), curve(with_, name, "reconfigured", "ours")]
+        curves = [curve(without, name, "law alone", "second", "dash"), curve(with_, name, "reconfigured")]
         if name == "altitude":
             curves.append(curve(with_, "held", "what the law holds", "quiet", "dot"))
         panels.append(Panel(name, unit, tuple(curves)))
@@ -63,39 +61,31 @@ def _reconfigured():
     )
 
 
-def _signatures(structure, inputs):
+def _signatures(structure):
     rows = []
     for family in redundancy_structure.families(structure):
         marks = tuple("+1" if v else "0" for v in family.signature)
         rows.append((family.name, "".join(str(int(v)) for v in family.signature), *marks, str(len(family.solved))))
-    return Table(("family", "signature", *inputs, "residuals>"), tuple(rows))
+    return Table(("family", "signature", *redundancy_structure.TALK_INPUTS, "residuals>"), tuple(rows))
 
 
 def _table():
     found = redundancy_structure.signatures(redundancy_structure.TALK)
-    return Drawing(
-        "mar10",
-        "slide 10",
-        f"The talk's structure: {sum(found.values())} residuals, {len(found)} signatures",
-        "Made from the sparsity of the force equations alone. 1: a fault of that input moves the family's residuals. "
-        "r1~2by3 is row 1 with input 2 replaced from row 3.",
-        table=_signatures(redundancy_structure.TALK, redundancy_structure.TALK_INPUTS),
-    )
+    title = f"The talk's structure: {sum(found.values())} residuals, {len(found)} signatures"
+    caption = ("Made from the sparsity of the force equations alone. 1: a fault of that input moves the family's "
+               "residuals. r1~2by3 is row 1 with input 2 replaced from row 3.")  # fmt: skip
+    return Drawing("mar10", "slide 10", title, caption, table=_signatures(redundancy_structure.TALK))
 
 
 def _own_table():
-    own = force_model().structure()[:3][:, [1, 0, 2, 3]]
-    found = redundancy_structure.signatures(own)
+    own = own_structure()
     missing = redundancy_structure.undefined(own)
-    return Drawing(
-        "mar10",
-        "slide 10",
-        f"This aircraft: {27 - len(missing)} of the talk's residuals, {len(found)} signatures",
-        f"{len(missing)} of the talk's 27 residuals are undefined here: the coefficients that JSBSim flies have "
-        "no aileron force and no rudder or aileron drag: forces alone do not see the aileron. "
-        "The families are those of its own structure, in which row 3 holds thrust too.",
-        table=_signatures(own, redundancy_structure.TALK_INPUTS),
-    )
+    title = f"This aircraft: {27 - len(missing)} of the talk's residuals, "
+    title += f"{len(redundancy_structure.signatures(own))} signatures"
+    caption = (f"{len(missing)} of the talk's 27 residuals are undefined here: the coefficients that JSBSim flies have "
+               "no aileron force and no rudder or aileron drag: forces alone do not see the aileron. "
+               "The families are those of its own structure, in which row 3 holds thrust too.")  # fmt: skip
+    return Drawing("mar10", "slide 10", title, caption, table=_signatures(own))
 
 
 def _scenario(number):
@@ -106,22 +96,15 @@ def _scenario(number):
     n = int(p["n_families"][0])
     ratio = log["res"][:, :n] / np.maximum(log["tau"][:, :n], 1e-12)
     ratio[log["tau"][:, :n] <= 0.0] = np.nan
-    names = _families(p)
-    t, dt = flown.index.to_numpy() >= 20.0, flown.attrs["dt"]
-    every = 4
+    t, dt = flown.index.to_numpy() >= 20.0, 4 * flown.attrs["dt"]
     moved = [j for j in range(n) if np.nanmax(np.abs(ratio[t, j]), initial=0.0) > 1.0] or list(range(n))
+    shown = np.where(t[:, None], ratio, np.nan)[::4]
     panels = [
-        Panel(
-            names[j],
-            "",
-            (Curve("residual over threshold", np.where(t, ratio[:, j], np.nan)[::every], "ours", dt=dt * every),),
-            (1.0, -1.0),
-            1.5,
-        )
+        Panel(_family(p, j), "", (Curve("residual over threshold", shown[:, j], dt=dt),), (1.0, -1.0), 1.5)
         for j in moved
     ]
     declared = tuple(
-        Curve(name, log["declared"][::every, h] * (h + 1.0), *ROLES[h], dt=dt * every)
+        Curve(name, log["declared"][::4, h] * (h + 1.0), *ROLES[h], dt=dt)
         for h, name in enumerate(control_redundancy.CULPRITS[1:5])
         if log["declared"][:, h].any()
     )
@@ -135,7 +118,6 @@ def _scenario(number):
         "offset learned in the first 20 s; nominal coefficients, IMU of sensor set transport. Last: what is declared "
         "(1 elevator, 2 aileron, 3 rudder, 4 engine).",
         tuple(panels),
-        3,
         onset=flights.TRUTH[number][0][1],
         span=(20.0, float(flown.index[-1])),
         row_px=150,
@@ -143,35 +125,27 @@ def _scenario(number):
     )
 
 
-def _families(p):
-    """Return a name per family of the detector: its base row, the rows that replace inputs."""
+def _family(p, j):
+    """Return the name of a family of the detector: its base row, the rows that replace inputs."""
     rows, inputs = "XYZLMN", ("elevator", "aileron", "rudder", "thrust")
-    out = []
-    for j in range(int(p["n_families"][0])):
-        name = rows[int(p["base_row"][0, j])]
-        for k in range(int(p["n_pivots"][0, j])):
-            name += f", {inputs[int(p['pivot_input'][0, j, k])]} from {rows[int(p['pivot_row'][0, j, k])]}"
-        out.append(name)
-    return out
+    name = rows[int(p["base_row"][0, j])]
+    for k in range(int(p["n_pivots"][0, j])):
+        name += f", {inputs[int(p['pivot_input'][0, j, k])]} from {rows[int(p['pivot_row'][0, j, k])]}"
+    return name
 
 
 def _robustness():
     """Draw slide 16: throttle and its estimate by r~_14^5 while the elevator moves, g_12 exact and 5 % off."""
     t = np.arange(0.0, 10.0, 0.01)
-    g = np.array(VEHICLE)
-    family = next(f for f in redundancy_structure.families(g != 0) if f.signature == (1, 0, 0, 1))
-    c, _ = redundancy_structure.combination(g, family)
     u = np.stack([0 * t, 0.05 * np.sign(np.sin(2 * np.pi * t / 5.0)), 0 * t, 0.55 - 0.1375 * (t >= 5.0)])
     command = np.stack([0 * t, u[1], 0 * t, 0.55 + 0 * t])
     off = []
     curves = [Curve("commanded", command[3], "quiet", "dot", dt=0.01), Curve("true", u[3], "true", dt=0.01)]
     for share, role, dash in ((0.0, "ours", "solid"), (0.05, "second", "dash")):
-        wrong = g.copy()
-        wrong[0, 1] *= 1.0 + share
-        r = c @ (wrong @ u - g @ command) / g[0, 3]
+        estimate = command[3] + throttle_in_error(u, share, command)
         name = f"estimate, g_12 {100 * share:g} % off"
-        curves.append(Curve(name, command[3] + r, role, dash, dt=0.01))
-        off.append(Curve(name, 1e3 * (command[3] + r - u[3]), role, dash, dt=0.01))
+        curves.append(Curve(name, estimate, role, dash, dt=0.01))
+        off.append(Curve(name, 1e3 * (estimate - u[3]), role, dash, dt=0.01))
     return Drawing(
         "mar10",
         "slide 16",
@@ -179,7 +153,6 @@ def _robustness():
         "The documented vehicle; the elevator steps between +-0.05 rad. The residual is blind to the elevator, so that "
         "only 5 % of its drag comes through: small beside the fault.",
         (Panel("throttle", "", tuple(curves)), Panel("error of the estimate", "1/1000", tuple(off), least=0.5)),
-        2,
         onset=5.0,
         span=(0.0, 10.0),
         row_px=220,

@@ -1,8 +1,6 @@
 """[Mar10], further rows: the least faults that show, what a step costs, and the next step, after isolation."""
 
 import functools
-import math
-import time
 
 import numpy as np
 
@@ -10,6 +8,7 @@ from actuators.constants import RAD_PER_DEG
 from cosim.flight.loop.signals import fly
 from cosim.flight.plant.point import SIX
 from cosim.papers.mar10 import flights
+from cosim.papers.measured import at_point, share_of_tick, worst
 from cosim.scenario import load_scenario
 
 EFFECTORS = {
@@ -35,20 +34,15 @@ def _least(rows):
 
 def step() -> tuple[float, str]:
     """Return the time of a step of all residuals as a share of 5 ms [%], and in microseconds."""
-    flown, p, best = flights.fly(1), flights.detector(), math.inf
-    for _ in range(3):
-        begin = time.perf_counter()
-        flights.detector_log(flown, p)
-        best = min(best, time.perf_counter() - begin)
-    took = best / len(flown)
-    return 100.0 * took / flown.attrs["dt"], f"{1e6 * took:.1f} microseconds, with its log"
+    flown, p = flights.fly(1), flights.detector()
+    share, told = share_of_tick(lambda: flights.detector_log(flown, p), flown.attrs["dt"])
+    return share, f"{told}, with its log"
 
 
 @functools.cache
 def _reconfigured(point, reallocate):
     """Return (farthest from the altitude that the law holds [m], from the heading [deg]) from the engine's failure."""
-    at = [f"flight.{k}={v}" for k, v in SIX[point].items()]
-    scenario = load_scenario("mar10-reconfigured", [*at, f"law.reallocate={reallocate}"])
+    scenario = load_scenario("mar10-reconfigured", [*at_point(point), f"law.reallocate={reallocate}"])
     f = fly(scenario, ["truth.aircraft.h", "law.law.h_ref", "truth.aircraft.psi"])
     late = f[f.index >= scenario.faults[1].start_s].to_numpy().T
     psi = np.unwrap(f["truth.aircraft.psi"].to_numpy())
@@ -58,8 +52,7 @@ def _reconfigured(point, reallocate):
 
 def farthest(i: int, reallocate: str) -> tuple[float, str]:
     """Return how far the aircraft leaves its altitude [m] (i = 0) or heading [deg] (1), six points."""
-    found = {point: _reconfigured(point, reallocate)[i] for point in SIX}
-    return max(found.values()), ", ".join(f"{point} {v:.3g}" for point, v in found.items())
+    return worst({point: _reconfigured(point, reallocate)[i] for point in SIX}, "{} {:.3g}")
 
 
 def smallest(rows: str, others: tuple) -> tuple[float, str]:

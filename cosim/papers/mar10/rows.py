@@ -3,13 +3,14 @@
 import functools
 import math
 from collections import Counter
+from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 from cosim.flight.plant.force_model import force_model
 from cosim.papers.mar10 import flights
 from cosim.papers.mar10 import selection as mar10_selection
+from cosim.papers.measured import share_of
 from fdi.control_redundancy import structure as redundancy_structure
 
 DRAWS = 20  # flown per scenario, with every set of options
@@ -27,15 +28,15 @@ TABLE = {
 # A vehicle with the talk's pattern, to exercise all 27: accelerations [m/s2] per rad and per unit of throttle, of a
 # 500 kg missile-like body at 40 kPa with 0.1 m2; own numbers, only their pattern is the talk's.
 VEHICLE = np.array([[-1.5, -2.5, -2.0, 18.0], [3.0, 0.0, 28.0, 0.0], [0.0, -32.0, 0.0, 0.0]])
-LABELS = ("mean and learned offset", "mean, no offset", "raw samples", "force and moment rows")
-OPTIONS: tuple = ({}, {"t_learn": 0.0}, {"t_mean": 0.0, "t_learn": 0.0}, {"rows": "force+moment"})  # of LABELS
+ELEVATOR = np.array([0.0, 0.05, 0.0, 0.55])  # inputs of slide 16
+OPTIONS: tuple = (  # of the detector, which all judge the same flights
+    {},  # mean and learned offset
+    {"t_learn": 0.0},
+    {"t_mean": 0.0, "t_learn": 0.0},  # raw samples
+    {"rows": "force+moment"},
+)
 WIND = ("flight.turbulence=light",)
 GUSTY = ({"rows": "force+moment"}, {"rows": "force+moment", "gusts": True})
-
-
-def _table(signatures):
-    """Return how many signatures of slide 10 have another number of residuals, or are not there, or too many."""
-    return sum(signatures.get(k, 0) != TABLE.get(k, 0) for k in {*TABLE, *signatures})
 
 
 def injected() -> tuple[float, str]:
@@ -68,10 +69,8 @@ def _gusty():
 
 def share_right(runs: list) -> tuple[float, str]:
     """Return (share of draws that are right [%], its interval and what the others declared)."""
-    right = sum(o.right for o in runs)
-    interval = binomtest(right, len(runs)).proportion_ci(method="wilson")
-    words = f"95 % in {100 * interval.low:.0f} .. {100 * interval.high:.0f}; further declarations in "
-    words += f"{sum(o.extra > 0 for o in runs)}"
+    share, words = share_of([o.right for o in runs])
+    words += f"; further declarations in {sum(o.extra > 0 for o in runs)}"
     missed = [o for o in runs if not o.right]
     if missed:
         others = Counter(", ".join(name for _, name in o.order) or "nothing" for o in missed)
@@ -84,13 +83,7 @@ def share_right(runs: list) -> tuple[float, str]:
             f"loss over threshold {reach:.2f}, {against}engine alone for {held:.2f} of the confirmation time, shared "
             f"with single engines for {100 * shared:.0f} % of the time"
         )
-    return 100.0 * right / len(runs), words
-
-
-def _median(option, field):
-    """Return (median of a field of scenario 1's outcomes, its range)."""
-    found = [getattr(o, field) for o in _campaign(1)[option]]
-    return float(np.median(found)), f"{min(found):.2f} .. {max(found):.2f}"
+    return share, words
 
 
 def identified() -> float:
@@ -99,32 +92,32 @@ def identified() -> float:
     return -100.0 * log["f_hat_thrust"][flown.index > 30.0].mean()
 
 
-def _drift():
-    """Slide 16: return what a 5 % error on g_12 leaves of an elevator deflection in a thrust residual blind to it.
+def throttle_in_error(u: np.ndarray, share: float, command: np.ndarray | None = None) -> Any:
+    """Return what r~_14^5, blind to the elevator, says of the throttle with g_12 off by `share`: (4, ...) inputs `u`.
 
-    (change of r~_14^5 as a share of throttle; over the printed g_12 epsilon delta_m / (g_23 g_14); over epsilon
-    delta_m / g_14, which follows from slide 9)
+    `command`: what the detector believes, `u` itself by default. Slide 16
     """
-    g = np.array(VEHICLE)
-    family = next(f for f in redundancy_structure.families(g != 0) if f.signature == (1, 0, 0, 1))
-    wrong = g.copy()
-    wrong[0, 1] *= 1.05
-    u = np.array([0.0, 0.05, 0.0, 0.55])
-    c, _ = redundancy_structure.combination(g, family)
-    r = c @ (wrong @ u - g @ u) / g[0, 3]
-    epsilon = wrong[0, 1] - g[0, 1]
-    return r, r / (g[0, 1] * epsilon * u[1] / (g[1, 2] * g[0, 3])), r / (epsilon * u[1] / g[0, 3])
+    family = next(f for f in redundancy_structure.families(VEHICLE != 0) if f.signature == (1, 0, 0, 1))
+    wrong = VEHICLE * (1.0 + share * (np.arange(12).reshape(3, 4) == 1))
+    c, _ = redundancy_structure.combination(VEHICLE, family)
+    return c @ (wrong @ u - VEHICLE @ (u if command is None else command)) / VEHICLE[0, 3]
 
 
 def table() -> tuple[float, str]:
     """Return how many signatures of the talk's pattern have another number of residuals than slide 10 prints."""
     found = redundancy_structure.signatures(redundancy_structure.TALK)
-    return _table(found), f"{sum(found.values())} residuals, {len(found)} signatures"
+    wrong = sum(found.get(k, 0) != TABLE.get(k, 0) for k in {*TABLE, *found})
+    return wrong, f"{sum(found.values())} residuals, {len(found)} signatures"
+
+
+def own_structure() -> np.ndarray:
+    """Return which inputs move which row of forces of this aircraft, (3, 4), inputs in the talk's order."""
+    return force_model().structure()[:3][:, [1, 0, 2, 3]]
 
 
 def defined() -> tuple[int, str]:
     """Return how many of the 27 residuals this aircraft has."""
-    own = force_model().structure()[:3][:, [1, 0, 2, 3]]  # in the talk's order of inputs
+    own = own_structure()
     missing = redundancy_structure.undefined(own)
     return 27 - len(missing), f"{len(redundancy_structure.signatures(own))} signatures; {missing[0][1]}"
 
@@ -140,15 +133,19 @@ def gusty(options: int) -> tuple[float, str]:
 
 
 def median(options: int, field: str) -> tuple[float, str]:
-    """Return the median of a field of scenario 1's outcomes."""
-    return _median(options, field)
+    """Return the median of a field of scenario 1's outcomes, and its range."""
+    found = [getattr(o, field) for o in _campaign(1)[options]]
+    return float(np.median(found)), f"{min(found):.2f} .. {max(found):.2f}"
 
 
 def drift() -> tuple[float, str]:
-    """Return the change of slide 16 over the printed expression."""
-    return _drift()[1], f"over epsilon delta_m / g_14, which slide 9 gives: {_drift()[2]:.3f}"
+    """Return the change of slide 16 over the printed epsilon delta_m / (g_23 g_14); epsilon: 5 % of g_12."""
+    g, moved = VEHICLE, 0.05 * VEHICLE[0, 1] * ELEVATOR[1]
+    r = throttle_in_error(ELEVATOR, 0.05)
+    note = f"over epsilon delta_m / g_14, which slide 9 gives: {r / (moved / g[0, 3]):.3f}"
+    return r / (g[0, 1] * moved / (g[1, 2] * g[0, 3])), note
 
 
 def drift_of_throttle() -> float:
     """Return the change of slide 16 as a share of throttle."""
-    return abs(_drift()[0])
+    return abs(throttle_in_error(ELEVATOR, 0.05))

@@ -25,39 +25,22 @@ def nominal_flight(number: int) -> Any:
     return flown, log, redundancy_structure.families(force_model().structure()[:3])
 
 
-def _unmoved(number):
-    """Return (families that fire before any fault that moves them, their names), from the learned offset on."""
-    flown, log, families = nominal_flight(number)
-    wrong = []
-    for j, family in enumerate(families):
-        moved = [at for name, at in flights.TRUTH[number] if family.signature[INPUTS.index(name)]]
-        quiet = (flown.index >= 20.0) & (flown.index < min(moved, default=np.inf))
-        if (log["fired"][quiet, j] > 0.5).any():
-            wrong.append(family.name)
-    return len(wrong), ", ".join(wrong)
+def chosen(number: int) -> tuple[float, str]:
+    """Return (faults of a scenario that no residual of their own shows, or that one shows too early; what fires).
 
-
-def _selected(number, k):
-    """Return (families that fire for fault k, which moves them while the earlier ones do not; their names).
-
-    Counted until a later fault moves them too.
+    A family is a fault's own that it moves while the earlier ones do not, until a later fault moves it too; it is early
+    when it fires before any fault that moves it, from the learned offset on.
     """
     flown, log, families = nominal_flight(number)
-    truth = flights.TRUTH[number]
-    found = []
-    for j, family in enumerate(families):
-        moved = [at for name, at in truth if family.signature[INPUTS.index(name)]]
-        if not moved or moved[0] != truth[k][1]:
-            continue
-        on = (flown.index >= moved[0]) & (flown.index < (moved[1] if len(moved) > 1 else np.inf))
-        if (log["fired"][on, j] > 0.5).any():
-            found.append(family.name)
-    return len(found), ", ".join(found)
-
-
-def chosen(number: int) -> tuple[float, str]:
-    """Return (faults of a scenario that no residual of their own shows, or that one shows too early; what fires)."""
-    early, names = _unmoved(number)
-    shown = [(name, *_selected(number, k)) for k, (name, _) in enumerate(flights.TRUTH[number])]
-    words = "; ".join(f"{name}: {which or 'none'}" for name, _, which in shown)
-    return early + sum(n == 0 for _, n, _ in shown), words + (f"; early: {names}" if names else "")
+    t, truth, early = flown.index.to_numpy(), flights.TRUTH[number], []
+    own: dict[str, list[str]] = {name: [] for name, _ in truth}
+    for family, fired in zip(families, log["fired"].T > 0.5):
+        moved = [(name, at) for name, at in truth if family.signature[INPUTS.index(name)]]
+        first, second = ([at for _, at in moved] + [np.inf] * 2)[:2]
+        if fired[(t >= 20.0) & (t < first)].any():
+            early.append(family.name)
+        if fired[(t >= first) & (t < second)].any():
+            own[moved[0][0]].append(family.name)
+    words = "; ".join(f"{name}: {', '.join(which) or 'none'}" for name, which in own.items())
+    alone = sum(not which for which in own.values())
+    return len(early) + alone, words + (f"; early: {', '.join(early)}" if early else "")

@@ -5,15 +5,15 @@ Slide 11's draws, 20 a scenario. Beside them the transport's rows, on which most
 
 import functools
 from collections import Counter
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import binomtest
 
 from actuators.constants import RAD_PER_DEG
 from cosim.papers.drawing import Curve, Drawing, Panel
 from cosim.papers.mar10 import isolation, vehicle
 from cosim.papers.mar10.isolation import Choices
+from cosim.papers.measured import share_of, worst
 from fdi.control_redundancy import structure
 
 DRAWS = 20
@@ -27,7 +27,6 @@ CHOICES = {  # what a user could turn
     "half of the bound": Choices(share=0.025),
     "twice the bound": Choices(share=0.1),
 }
-NAMES = {n: ", then ".join(name for name, _ in faults) for n, faults in vehicle.FAULTS.items()}
 
 
 @functools.cache
@@ -58,69 +57,42 @@ def blind() -> tuple[float, str]:
 def roll_fins() -> tuple[float, str]:
     """Return the share of draws [%] in which roll fins that lock at 12 s, in rolls to 20 deg and back, are named."""
     flights = [vehicle.fly_with(((ROLL, 12.0),), 0.0, (4, draw + 1), BANK) for draw in range(DRAWS)]
-    said = [isolation.isolate(flown, RAW).names for flown in flights]
-    right = [[n for _, n in names] == [ROLL] and names[0][0] >= 12.0 for names in said]
-    others = Counter(", ".join(n for _, n in names) or "nothing" for names, ok in zip(said, right) if not ok)
+    said, right, others = _said(flights, ((ROLL, 12.0),), RAW)
     delay = np.median([names[0][0] - 12.0 for names, ok in zip(said, right) if ok] or [np.nan])
-    told = "".join(f"; {names} in {n}" for names, n in others.most_common(2))
-    return 100.0 * sum(right) / DRAWS, f"after {delay:.2f} s{told}"
+    return share_of(right)[0], f"after {delay:.2f} s{others}"
 
 
-def _said(number: int, choice: Choices) -> list[tuple[bool, str]]:
-    """Return (right, what was named) of every draw."""
-    truth = vehicle.FAULTS.get(number, ())
-    out = []
-    for flown in _flights(number):
-        names = isolation.isolate(flown, choice).names
-        right = [n for _, n in names] == [n for n, _ in truth]
-        right = right and all(t >= at for (t, _), (_, at) in zip(names, truth))
-        out.append((right, ", ".join(n for _, n in names) or "nothing"))
-    return out
+def _said(flights: list[vehicle.VehicleFlight], truth: Sequence, choice: Choices) -> tuple[list, list[bool], str]:
+    """Return ([names of a flight], whether each is right, the others' most common two in words)."""
+    said = [isolation.isolate(flown, choice).names for flown in flights]
+    right = [
+        [n for _, n in names] == [n for n, _ in truth] and all(t >= at for (t, _), (_, at) in zip(names, truth))
+        for names in said
+    ]
+    others = Counter(", ".join(n for _, n in names) or "nothing" for names, ok in zip(said, right) if not ok)
+    return said, right, "".join(f"; {names} in {n}" for names, n in others.most_common(2))
 
 
 def _right(number: int, choice: Choices) -> tuple[float, str]:
-    said = _said(number, choice)
-    right = sum(ok for ok, _ in said)
-    interval = binomtest(right, DRAWS).proportion_ci(method="wilson")
-    others = Counter(names for ok, names in said if not ok)
-    told = "".join(f"; {names} in {n}" for names, n in others.most_common(2))
-    return 100.0 * right / DRAWS, f"95 % in {100 * interval.low:.0f} .. {100 * interval.high:.0f}{told}"
-
-
-def _false(choice: Choices) -> tuple[float, str]:
-    share, note = _right(0, choice)
-    return 100.0 - share, note
-
-
-def _least(choice: Choices) -> tuple[float, str]:
-    shares = {number: _right(number, choice)[0] for number in (0, *NAMES)}
-    told = ", ".join(f"{'no fault' if n == 0 else f'scenario {n}'} {share:.0f}" for n, share in shares.items())
-    return min(shares.values()), told
+    _, right, others = _said(_flights(number), vehicle.FAULTS.get(number, ()), choice)
+    share, interval = share_of(right)
+    return share, interval + others
 
 
 def drawings() -> list[Drawing]:
     """Return the Drawings beside slides 12 to 15: the path of each scenario, and every family over its threshold."""
-    return [_drawing(number) for number in NAMES]
+    return [_drawing(number) for number in vehicle.FAULTS]
 
 
 def _drawing(number: int) -> Drawing:
     flown = vehicle.fly(number)
     families, r, tau, _ = isolation.residuals(flown, flown.u_c, Choices())
     said = isolation.isolate(flown)
-    every, over = 4, np.where(flown.t[:, None] >= 4.0, r / tau, np.nan)
-    shown: list[Any] = [
-        Panel("height", "m", (Curve("flown", flown.height[::every], "ours", dt=vehicle.DT * every),)),
-        *(
-            Panel(
-                f"{family.name}: {''.join(map(str, family.signature))}",
-                "",
-                (Curve("residual over threshold", over[::every, i], dt=vehicle.DT * every),),
-                (1.0, -1.0),
-                1.5,
-            )
-            for i, family in enumerate(families)
-        ),
-    ]
+    over, dt = np.where(flown.t[:, None] >= 4.0, r / tau, np.nan)[::4], 4 * vehicle.DT
+    shown = [Panel("height", "m", (Curve("flown", flown.height[::4], dt=dt),))]
+    for family, y in zip(families, over.T):
+        name = f"{family.name}: {''.join(map(str, family.signature))}"
+        shown.append(Panel(name, "", (Curve("residual over threshold", y, dt=dt),), (1.0, -1.0), 1.5))
     truth = "; ".join(f"{name} at {at:g} s" for name, at in vehicle.FAULTS[number])
     named = "; ".join(f"{name} at {at:.1f} s" for at, name in said.names) or "nothing"
     return Drawing(
@@ -130,12 +102,11 @@ def _drawing(number: int) -> Drawing:
         f"Truth: {truth}. Named: {named}. Each family of residuals by its signature (delta_l, delta_m, delta_n, eta), "
         "with the nominal commands; thresholds are the sum of slide 11's uncertainties.",
         tuple(shown),
-        3,
         onset=vehicle.FAULTS[number][0][1],
         span=(4.0, vehicle.END),
         row_px=140,
         look="the dashed bounds: each family crosses them for the faults of its signature and for no other.",
-        picture="vehicle" if number == max(NAMES) else "",
+        picture="vehicle" if number == max(vehicle.FAULTS) else "",
     )
 
 
@@ -146,7 +117,8 @@ def isolated(scenario: int) -> tuple[float, str]:
 
 def alarms() -> tuple[float, str]:
     """Return the share of draws [%] without a fault that name an effector, raw samples."""
-    return _false(RAW)
+    share, note = _right(0, RAW)
+    return 100.0 - share, note
 
 
 def identified() -> float:
@@ -156,4 +128,5 @@ def identified() -> float:
 
 def least(choice: str) -> tuple[float, str]:
     """Return the share of draws that are right [%], least of three scenarios and of no fault, with one of CHOICES."""
-    return _least(CHOICES[choice])
+    found = {f"scenario {n}" if n else "no fault": _right(n, CHOICES[choice])[0] for n in (0, *vehicle.FAULTS)}
+    return min(found.values()), worst(found, "{} {:.0f}")[1]

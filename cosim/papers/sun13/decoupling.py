@@ -14,13 +14,13 @@ from fdi.rfafe import rfafe, rfafe_airframe
 from fdi.rfafe.store import from_plain
 
 BANDWIDTH = (10.0, 40.0, 160.0)  # of the loop, proportional to the learning rate: a quarter, ours, four times [rad/s]
-FORMS = {"rfafe": (rfafe, variants.published), "rfafe_airframe": (rfafe_airframe, variants.airframe_with)}
+FORMS: dict[str, Any] = {"rfafe": (rfafe, variants.published), "rfafe_airframe": (rfafe_airframe, variants.airframe)}
 
 
 def _size(form: str, flights: list[Any], source: str) -> float:
     """Return the rms of f_hat [deg] over flights, E of one of SOURCES."""
     module, made = FORMS[form]
-    return rms(flights, form, module.params(stored=made(source)))
+    return rms(flights, form, module.params(stored=made(source=source)))
 
 
 @functools.cache

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm, subspace_angles
 
+from cosim.papers.measured import apart, worst
 from cosim.papers.sun13 import variants
 from cosim.training import rfafe as training
 from cosim.training.flights import DT
@@ -18,8 +19,7 @@ from fdi.rfafe.synthesis import Design
 
 def lmis() -> tuple[float, str]:
     """Return the largest eigenvalue of the left sides of (15), (30), (31) over their size, for the stored design."""
-    found = left_sides(choose("rfafe", "hydraulic", DT)[0])
-    return max(found.values()), ", ".join(f"{k} {v:.1g}" for k, v in found.items())
+    return worst(left_sides(choose("rfafe", "hydraulic", DT)[0]))
 
 
 def left_sides(d: Design) -> dict[str, float]:
@@ -45,12 +45,8 @@ def conditions() -> tuple[float, str]:
     A1 = d.A - d.H @ d.C @ d.A
     unstable = [s for s in np.linalg.eigvals(A1) if s.real >= -1e-9]
     seen = [rank(np.vstack([s * np.eye(len(A1)) - A1, d.C])) == len(A1) for s in unstable]
-    held = (
-        rank(d.C @ d.E) == rank(d.E),
-        rank(d.C @ d.F) == rank(d.F),
-        rank(np.hstack([d.E, d.F])) == d.E.shape[1] + d.F.shape[1],
-        all(seen),
-    )
+    both = rank(np.hstack([d.E, d.F])) == d.E.shape[1] + d.F.shape[1]
+    held = rank(d.C @ d.E) == rank(d.E), rank(d.C @ d.F) == rank(d.F), both, all(seen)
     return len(held) - sum(held), f"{d.E.shape[1]} unknown inputs, {d.F.shape[1]} faults, {len(d.C)} outputs"
 
 
@@ -98,9 +94,7 @@ def again() -> tuple[float, str]:
     """Return how far P, N, M and Gamma, designed anew, are from the stored ones, over the size of each."""
     stored = choose("rfafe", "hydraulic", DT)[0]
     anew = from_plain(variants.published("six flights")["designs"]["hydraulic"]["design"])
-    pairs = {n: (getattr(anew, n), getattr(stored, n)) for n in ("P", "N", "M", "Gamma")}
-    off = {n: np.abs(a - b).max() / np.abs(b).max() for n, (a, b) in pairs.items()}
-    return max(off.values()), ", ".join(f"{n} {v:.1g}" for n, v in off.items())
+    return worst({n: apart(getattr(anew, n), getattr(stored, n)) for n in ("P", "N", "M", "Gamma")})
 
 
 def law() -> float:

@@ -13,8 +13,9 @@ import numpy as np
 
 from actuators.constants import RAD_PER_DEG
 from cosim.flight.loop.signals import fly
-from cosim.flight.plant.point import SIX
 from cosim.judge.fault_effect import sine
+from cosim.papers.measured import at_point
+from cosim.papers.measured import farthest as most_off
 from cosim.scenario import load_scenario
 from cosim.training.flights import AIRCRAFT, COMMAND, MANOEUVRES, estimate, fly_aircraft
 from cosim.training.rfafe import FLIGHT_S
@@ -38,16 +39,9 @@ def faulty(
     kind: str, hz: float, turbulence: str = "none", seed: int = 1, onset: float = ONSET, point: str = "sun13"
 ) -> Any:
     """Return the flown table, at SIX[point], with an OFC on the left command."""
-    changes = {
-        "seed": seed,
-        "duration_s": onset + 10.5,
-        "flight.turbulence": turbulence,
-        "faults.0.start_s": onset,
-        "faults.0.frequency_hz": hz,
-        **{f"flight.{k}": v for k, v in SIX[point].items()},
-    }
-    asked = load_scenario(SCENARIO[kind], [f"{k}={v}" for k, v in changes.items()])
-    return fly(asked, [*AIRCRAFT, INJECTED])
+    changes = [f"seed={seed}", f"duration_s={onset + 10.5}", f"flight.turbulence={turbulence}", *at_point(point),
+               f"faults.0.start_s={onset}", f"faults.0.frequency_hz={hz}"]  # fmt: skip
+    return fly(load_scenario(SCENARIO[kind], changes), [*AIRCRAFT, INJECTED])
 
 
 @functools.cache
@@ -83,6 +77,5 @@ def ratio(r: Any, f_hat: Any, f: Any, hz: float, start: float, seconds: float) -
 
 def farthest(ratios: dict) -> tuple[float, str]:
     """Return (size of the ratio that is farthest from 1, all of them) of {what: complex ratio}."""
-    sizes = {what: abs(x) for what, x in ratios.items()}
-    told = ", ".join(f"{what} {sizes[what]:.3f} at {math.degrees(np.angle(x)):.0f} deg" for what, x in ratios.items())
-    return max(sizes.values(), key=lambda x: abs(x - 1.0)), told
+    told = ", ".join(f"{what} {abs(x):.3f} at {math.degrees(np.angle(x)):.0f} deg" for what, x in ratios.items())
+    return most_off(map(abs, ratios.values())), told

@@ -15,15 +15,17 @@ from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.loop.signals import fly
 from cosim.judge.alarms import detection
 from cosim.judge.fault_effect import sine
+from cosim.papers.measured import farthest as most_off
 from cosim.papers.sun13 import flown
 from cosim.papers.sun13.flown import HZ, INJECTED, ONSET, SHARE, TRAVEL, farthest, ratio
 from cosim.scenario import load_scenario
 from cosim.scenario.catalog import SEGMENTS as NAMES
 from cosim.training import rfafe_noise
-from cosim.training.flights import AIRCRAFT, DT, MODULES, fly_aircraft, side
+from cosim.training.flights import AIRCRAFT, DT, fly_aircraft, side
 from fdi.rfafe import rfafe
 from fdi.rfafe.store import read
 
+WINDOW = slice(round((ONSET + 2.0) / DT), round((ONSET + 10.0) / DT))  # of a fault at 1 Hz, whole periods
 LAG = float(read("rfafe")["designs"]["hydraulic"]["actuator"]["a_rad_s"])  # of (37) [rad/s]
 
 
@@ -35,26 +37,13 @@ def published(kind: str, hz: float, turbulence: str = "none", stored: dict | Non
 
 
 def _quiet_law():
-    """Return {estimator: fault-free flight} with noise for the estimator only: the law flies on clean sensors."""
+    """Return a fault-free flight with noise for the published estimator only: the law flies on clean sensors."""
     r, rng = fly_aircraft(duration=40.0, sensors={"noise_scale": 0.0}), np.random.default_rng(7)
-    out = {}
-    for form in MODULES:
-        out[form] = r.copy()
-        for name in ("tas", "alpha", "q", "theta"):
-            out[form][f"sensors.{name}.y_obs"] += rng.normal(size=len(r)) * TRANSPORT[name][1]
+    for name in ("tas", "alpha", "q", "theta"):
+        r[f"sensors.{name}.y_obs"] += rng.normal(size=len(r)) * TRANSPORT[name][1]
     positions = [f"sensors.{s}_surface.y_obs" for s in NAMES]
-    out["rfafe"][positions] += rng.normal(size=(len(r), 4)) * HYDRAULIC.sensors["surface"].sigma
-    return out
-
-
-@functools.cache
-def _noise_level():
-    """Return (deviation of f_hat over that predicted through the loop, with clean sensors in the law over that of the
-    estimator's own sensors), published form."""
-    f, clean = (flown.estimated(r, "rfafe")["f_hat_left"] / RAD_PER_DEG for r in (_still(), _quiet_law()["rfafe"]))
-    late = _still().index > 3.0
-    own = read("rfafe")["designs"]["hydraulic"]["noise_deg"][0]
-    return np.std(f[late]) / rfafe_noise.total(rfafe_noise.predicted()["rfafe"]), np.std(clean[late]) / own
+    r[positions] += rng.normal(size=(len(r), 4)) * HYDRAULIC.sensors["surface"].sigma
+    return r
 
 
 @functools.cache
@@ -62,36 +51,25 @@ def _still():
     return fly_aircraft(duration=40.0)
 
 
-def _amplitude(r):
-    """Return the largest amplitude of f_hat at HZ in windows of three periods, from 3 s on [deg]."""
-    t, f = r.index.to_numpy(), flown.estimated(r, "rfafe")["f_hat_left"] / RAD_PER_DEG
-    return max(
-        abs(sine(t[k : k + n], f[k : k + n], 2 * math.pi * hz))
-        for hz in HZ
-        for n in (round(3.0 / hz / DT),)
-        for k in range(600, len(f) - n, n)
-    )
+def _still_f(r):
+    """Return f_hat of the published form [deg]."""
+    return flown.estimated(r, "rfafe")["f_hat_left"] / RAD_PER_DEG
 
 
 @functools.cache
 def _moved(kind):
     """Return (complex amplitude of the left elevator, rms of what is no sine) [deg]."""
-    r = flown.faulty(kind, 1.0)
-    t = r.index.to_numpy()
-    on = (t >= ONSET + 2.0) & (t < ONSET + 10.0)
-    t, y = t[on], side(r, "left")[on] / RAD_PER_DEG
+    r, on = flown.faulty(kind, 1.0), WINDOW
+    t, y = r.index.to_numpy()[on], side(r, "left")[on] / RAD_PER_DEG
     a = sine(t, y, 2 * math.pi)
     return a, float(np.std(y - (a * np.exp(2j * math.pi * t)).real))
 
 
 def frequency(kind: str) -> float:
     """Return the frequency [Hz] at which f_hat of a 1 Hz fault has its largest sine over 8 s."""
-    r = flown.faulty(kind, 1.0)
-    t = r.index.to_numpy()
-    on = (t >= ONSET + 2.0) & (t < ONSET + 10.0)
-    f = flown.estimated(r, "rfafe")["f_hat_left"][on]
-    tried = np.linspace(0.5, 2.0, 301)
-    return tried[np.argmax([abs(sine(t[on], f, 2 * math.pi * hz)) for hz in tried])]
+    r, tried = flown.faulty(kind, 1.0), np.linspace(0.5, 2.0, 301)
+    t, f = r.index.to_numpy()[WINDOW], flown.estimated(r, "rfafe")["f_hat_left"][WINDOW]
+    return tried[np.argmax([abs(sine(t, f, 2 * math.pi * hz)) for hz in tried])]
 
 
 def periods(kind: str) -> float:
@@ -103,28 +81,39 @@ def periods(kind: str) -> float:
 @functools.cache
 def _both():
     """Return |f_hat/f| of each side, 1 Hz on the left and 2 Hz on the right at once, and the leak between them."""
-    right = INJECTED.replace("0_left", "1_right")
-    r = fly(load_scenario("sun13-both-sides"), [*AIRCRAFT, INJECTED, right])
+    faults = {"left": (INJECTED, 1.0), "right": (INJECTED.replace("0_left", "1_right"), 2.0)}
+    r = fly(load_scenario("sun13-both-sides"), [*AIRCRAFT, *(name for name, _ in faults.values())])
     log = flown.estimated(r, "rfafe")
-    own = [
-        abs(ratio(r, log[f"f_hat_{s}"], r[name].to_numpy(), hz, ONSET + 2.0, 8.0))
-        for s, name, hz in (("left", INJECTED, 1.0), ("right", right, 2.0))
-    ]
-    leak = [
-        abs(ratio(r, log[f"f_hat_{s}"], r[name].to_numpy(), hz, ONSET + 2.0, 8.0))
-        for s, name, hz in (("left", right, 2.0), ("right", INJECTED, 1.0))
-    ]
-    return own, leak
+    found = {
+        (s, of): abs(ratio(r, log[f"f_hat_{s}"], r[name].to_numpy(), hz, ONSET + 2.0, 8.0))
+        for s in faults
+        for of, (name, hz) in faults.items()
+    }
+    return [found[s, s] for s in faults], [v for (s, of), v in found.items() if s != of]
 
 
 def noise() -> tuple[float, str]:
-    """Return the deviation of f_hat over the predicted one, without a fault, in still air."""
-    return _noise_level()[0], f"with noise in the estimator's sensors only {_noise_level()[1]:.2f}"
+    """Return the deviation of f_hat over the predicted one, without a fault, in still air.
+
+    In the note: with clean sensors in the law, over that of the estimator's own sensors.
+    """
+    f, clean = (np.std(_still_f(r)[_still().index > 3.0]) for r in (_still(), _quiet_law()))
+    own = clean / read("rfafe")["designs"]["hydraulic"]["noise_deg"][0]
+    return f / rfafe_noise.total(
+        rfafe_noise.predicted()["rfafe"]
+    ), f"with noise in the estimator's sensors only {own:.2f}"
 
 
 def stands_out() -> float:
-    """Return the largest amplitude over three periods without a fault, over the fault of 0.016."""
-    return _amplitude(_still()) / (SHARE["ofc_liquid"] * TRAVEL)
+    """Return the largest amplitude at HZ over three periods without a fault, from 3 s on, over the fault of 0.016."""
+    t, f = _still().index.to_numpy(), _still_f(_still())
+    found = [
+        abs(sine(t[k : k + n], f[k : k + n], 2 * math.pi * hz))
+        for hz in HZ
+        for n in (round(3.0 / hz / DT),)
+        for k in range(600, len(f) - n, n)
+    ]
+    return max(found) / (SHARE["ofc_liquid"] * TRAVEL)
 
 
 def surface(kind: str) -> tuple[float, str]:
@@ -150,7 +139,7 @@ def in_gusts(kind: str) -> float:
 
 def both_sides() -> tuple[float, str]:
     """Return |f_hat / f| farthest from 1 of two sides that oscillate at once."""
-    return max(_both()[0], key=lambda x: abs(x - 1.0)), "left {:.3f}, right {:.3f}".format(*_both()[0])
+    return most_off(_both()[0]), "left {:.3f}, right {:.3f}".format(*_both()[0])
 
 
 def leak() -> float:

@@ -12,6 +12,7 @@ from scipy.linalg import expm
 
 from actuators.block import briefly
 from actuators.constants import RAD_PER_DEG
+from cosim.papers.measured import all_valid
 from cosim.papers.sun13.designs import left_sides
 from cosim.training.flights import DT
 from fdi.rfafe import discrete, model, rfafe, rfafe_airframe
@@ -92,10 +93,7 @@ def flown_block(form: str, known: bool = False, ticks: int = 260) -> tuple[float
     trim = {"tas": 200.0, "alpha": 0.05, "theta": 0.06, "elevator": 0.01}
     stored = {key: held for key, held in read(form).items() if key != "servos"}  # the paper knows no servo beside (37)
     p = module.params("design_point", stored=stored, trim=trim if known else None)
-    x, u = module.init(p), np.zeros(1, module.INPUTS)
-    for name in u.dtype.names:
-        if name.endswith("_valid"):
-            u[name] = 1.0
+    x, u = module.init(p), all_valid(module)
     t = np.arange(ticks) * DT
     lost = np.zeros(ticks, bool)
     lost[180:183] = True

@@ -32,10 +32,9 @@ SOURCES = {  # where E comes from -> arguments of `unknown_inputs`, None for no 
 def published(source: Any = "six flights", bandwidth: Any = None) -> dict[str, Any]:
     """Return the stored form of the published design, hydraulic elevators, E from one of SOURCES; `bandwidth` [rad/s]
     of the loop is proportional to the learning rate."""
-    how = SOURCES[source]
-    E = None
-    if how is not None:
-        E = np.vstack([rfafe.reduce_E(training.unknown_inputs(*how), RANK_E), np.zeros((2, RANK_E))])
+    E = _unknown(source)
+    if E is not None:
+        E = np.vstack([rfafe.reduce_E(E, RANK_E), np.zeros((2, RANK_E))])
     made = training.entry("rfafe", "hydraulic", E, bandwidth=bandwidth)
     return {"designs": {"hydraulic": made}}
 
@@ -58,26 +57,24 @@ def coupled(source: str = "six flights", cross: float = 0.7) -> dict[str, Any]:
     return {"designs": {"hydraulic": held | {"design": to_plain(dataclasses.replace(d, **made, discrete=discrete))}}}
 
 
+def _unknown(source):
+    """Return E of one of SOURCES, or None."""
+    how = SOURCES[source]
+    return None if how is None else training.unknown_inputs(*how)
+
+
 @functools.cache
-def airframe(point: Any = "sun13") -> Any:
+def airframe(point: str = "sun13", source: str = "six flights") -> Any:
     """Return the stored form of the airframe design of a point; E of the design point, freed of its part along F."""
     A, B, _ = training.linear(point)
-    return _airframe(A, B, training.unknown_inputs())
-
-
-@functools.cache
-def airframe_with(source: Any = "six flights") -> Any:
-    """Return the stored form of the airframe design of the design point, E from one of SOURCES."""
-    A, B, _ = training.linear()
-    how = SOURCES[source]
-    return _airframe(A, B, None if how is None else training.unknown_inputs(*how))
+    return _airframe(A, B, _unknown(source))
 
 
 @functools.cache
 def scheduled(point: str) -> Any:
     """Return the stored form of the airframe design of the model that the fit over other points has at `point`."""
     A, B = _fitted(point)
-    return _airframe(A, B, training.unknown_inputs())
+    return _airframe(A, B, _unknown("six flights"))
 
 
 def _airframe(A, B, E):
