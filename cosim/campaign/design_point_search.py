@@ -16,26 +16,20 @@ while flights are left, and the failure with the largest log P is kept.
 """
 
 from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import differential_evolution
 
-from cosim.campaign.draw import unit_cube
-from cosim.campaign.flights import run_many
 from cosim.campaign.pool import pool
+from cosim.campaign.search import POPULATION, Flights, check, evolve, write
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.unit_cube import Space
-from cosim.campaign.worker import run_id
-from cosim.errors import CampaignError, did_you_mean
-from cosim.files import marked, replace_text
-from fdi.registry import SHIPPED
+from cosim.files import marked
 
 FIRST_SEED, SEEDS = 7_000_000, 20  # few seeds: what makes a flight fail is to be found, not a lucky one of thousands
-POPULATION, TRIALS = 20, 10  # flights per generation of the search, of putting back
+TRIALS = 10  # flights per generation of putting back
 AGAIN = 10  # flights of what was found, with other seeds
 LEAST, MOST = 60, 1000  # flights
 FOUND = marked(b"", b'title = "Likeliest failure: ')  # the sign of a scenario that was found
@@ -101,15 +95,11 @@ def likeliest(
     It fails in a flight without a fault when it alarms, in one with a fault when it was able to judge and did not
     notice. At most `flights` flights; `out` is the scenario file to write. Raises CampaignError.
     """
-    if detector not in SHIPPED:
-        near = did_you_mean(detector, SHIPPED)
-        raise CampaignError(f"{detector!r} is no detector", allowed=", ".join(SHIPPED), remedy=near)
-    if not LEAST <= flights <= MOST:
-        raise CampaignError(f"{flights} flights", place="search", allowed=f"{LEAST} to {MOST}")
+    check(detector, flights, LEAST, MOST)
     space = Space(load_campaign(campaign), first_seed=FIRST_SEED, seeds=SEEDS, detectors=(detector,), part=part)
     rng, found = np.random.default_rng(seed), []
     with pool(workers) as executor:
-        fly = Flights(space, detector, executor, flights, progress)
+        fly = Failures(space, detector, executor, flights, progress)
         while fly.left >= 2 * POPULATION:
             fly.forget()
             seek(fly, rng)
@@ -125,32 +115,18 @@ def likeliest(
     about = "a fault that" if space.faults else "a flight without a fault in which"
     title = f"Likeliest failure: {about} {detector} {word}, log P = {found[0].log_p:.1f} ({space.campaign.name})"
     scenario = space(found[0].u).model_copy(update={"title": title})
-    if out is not None:
-        replace_text(out, scenario.expanded_toml(), FOUND)
-    return Likeliest(word, tuple(found), scenario, table, None if out is None else Path(out))
+    return Likeliest(word, tuple(found), scenario, table, write(out, scenario, FOUND))
 
 
-class Flights:
-    """Fly points of a space, each once, and remember the likeliest that failed."""
+class Failures(Flights):
+    """Fly points of a space, and remember the likeliest that failed."""
 
-    def __init__(
-        self,
-        space: Space,
-        detector: str,
-        executor: Executor,
-        most: int,
-        progress: Callable[[int, int], None] | None,
-    ):
-        """Fly at most `most` points of `space` with `detector` alone, on the processes of `executor`."""
-        self.space, self.detector, self.executor = space, detector, executor
-        self.most, self.progress = most, progress
-        self.rows: list[dict] = []
-        self.forget()
+    best: np.ndarray | None = None
+    _cost = NEVER
 
     def forget(self) -> None:
         """Begin again: no failure is known."""
-        self.best: np.ndarray | None = None
-        self._cost = NEVER
+        self.best, self._cost = None, NEVER
 
     @property
     def left(self) -> int:
@@ -159,28 +135,19 @@ class Flights:
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Return the cost (n,) of points (n, size): minus log L of a failure, else NEVER and how far it is from one."""
-        scenarios = [self.space(u) for u in points]
-        ids = [run_id(s) for s in scenarios]
-        frame = run_many(scenarios, executor=self.executor, achieved=False).frame
         costs = []
-        for u, run in zip(points, ids):
-            own = frame[frame["run"] == run]
-            failed, r = self._judged(own)
+        for row, mine in self.fly(points):
+            u = self.points[-1]
+            failed, r = self._judged(mine)
             told = self.space.log_likelihood(u)
-            self.rows.append(
-                {"run": run, "status": own["status"].iloc[0], "failed": failed, "r": r, "log_likelihood": told}
-            )
-            away = -r if not self.space.faults else r
-            costs.append(-told if failed else NEVER + away)
+            row |= {"failed": failed, "r": r, "log_likelihood": told}
+            costs.append(-told if failed else NEVER + (r if self.space.faults else -r))
             if failed and -told < self._cost:
-                self.best, self._cost = np.array(u), -told
-        if self.progress:
-            self.progress(min(len(self.rows), self.most), self.most)
+                self.best, self._cost = u, -told
         return np.array(costs)
 
-    def _judged(self, own):
-        """Return (failed, largest |r| where it counts) of the rows of one flight."""
-        mine = own[(own["id"] == self.detector) & (own["status"] == "completed")]
+    def _judged(self, mine):
+        """Return (failed, largest |r| where it counts) of the detector's lanes in one flight."""
         if self.space.faults:
             mine = mine[mine["concerned"].astype(bool)]
             if not len(mine):
@@ -191,24 +158,13 @@ class Flights:
         return bool(mine["false_alarms"].sum() > 0), float(mine["r_max_before"].max()) if len(mine) else 0.0
 
 
-def seek(fly: Flights, rng: np.random.Generator) -> None:
+def seek(fly: Failures, rng: np.random.Generator) -> None:
     """Go towards the threshold by differential evolution until a generation has a failure."""
-    size = fly.space.size
-    differential_evolution(
-        lambda points: fly(points.T),
-        [(0.0, 1.0)] * size,
-        init=unit_cube(POPULATION, size, sampling="latin_hypercube", seed=int(rng.integers(2**31))),
-        maxiter=max(fly.left // POPULATION - 1, 0),
-        tol=0.0,
-        polish=False,
-        vectorized=True,
-        updating="deferred",
-        seed=rng,
-        callback=lambda *_, **__: fly.best is not None,
-    )
+    seed, found = int(rng.integers(2**31)), lambda *_, **__: fly.best is not None
+    evolve(lambda points: fly(points.T), fly.space.size, fly.left // POPULATION, seed, rng, found)
 
 
-def put_back(fly: Flights, rng: np.random.Generator) -> None:
+def put_back(fly: Failures, rng: np.random.Generator) -> None:
     """Put normal draws back to their means, or nearer, as long as the flight still fails."""
     share = 1.0  # of the draws that are put back at once
     while fly.left >= TRIALS and fly.best is not None:

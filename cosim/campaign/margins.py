@@ -19,8 +19,9 @@ import numpy as np
 
 from cosim.campaign.flights import run_many
 from cosim.campaign.pool import pool
+from cosim.campaign.unit_cube import shipped
 from cosim.campaign.worker import run_id
-from cosim.errors import CampaignError, did_you_mean
+from cosim.errors import CampaignError
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.judge import coverage
 from cosim.scenario import load_scenario
@@ -130,10 +131,8 @@ def margins(
 
     `progress(done, total)` counts flights; the total falls as axes end. Raises CampaignError for an unknown detector.
     """
-    if detector not in registry.SHIPPED:
-        own = "One of your own cannot be taken: what it believes is not known"
-        near = own if detector.endswith(".py") else did_you_mean(detector, registry.SHIPPED)
-        raise CampaignError(f"{detector!r} is no detector that ships", allowed=", ".join(registry.SHIPPED), remedy=near)
+    own = "One of your own cannot be taken: what it believes is not known"
+    shipped(detector, remedy=own if detector.endswith(".py") else "")
     broken = fault(detector)
     every = [Axis("nothing", "", (0,), lambda v, k: {}), *axes(detector)]
     out, done = [Margin(a.name, a.unit) for a in every], 0

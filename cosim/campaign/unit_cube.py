@@ -12,8 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cosim.campaign.spec import Campaign, scenario_of
-from cosim.errors import CampaignError
+from cosim.errors import CampaignError, did_you_mean
 from cosim.scenario import Scenario
+from fdi.registry import SHIPPED
+
+
+def shipped(name: str, more: Sequence[str] = (), remedy: str = "") -> None:
+    """Raise CampaignError, which allows `more`, too, where no detector of this name ships."""
+    if name not in SHIPPED:
+        near = remedy or did_you_mean(name, SHIPPED)
+        raise CampaignError(f"{name!r} is no detector", allowed=", ".join((*SHIPPED, *more)), remedy=near)
 
 
 class Space:

@@ -23,11 +23,11 @@ import numpy as np
 
 from cosim.campaign.fault_free import WINDOW_S, FaultFreeFlight, fly, space
 from cosim.campaign.jobs import work
-from cosim.campaign.unit_cube import Space
+from cosim.campaign.unit_cube import Space, shipped
 from cosim.compare import extreme_value
 from cosim.compare.metrics import rate
 from cosim.compare.rice_rate import Gaussian, gaussian
-from cosim.errors import CampaignError, did_you_mean
+from cosim.errors import CampaignError
 from cosim.flight.plugins import loaded
 from fdi import registry
 
@@ -67,10 +67,7 @@ def false_alarms(
     guests = loaded(files)
     ids = [name for name in detectors if Path(name).suffix != ".py"]
     for name in ids:
-        if name not in registry.SHIPPED:
-            near = did_you_mean(name, registry.SHIPPED)
-            allowed = f"{', '.join(registry.SHIPPED)}, or a file of your own"
-            raise CampaignError(f"{name!r} is no detector", allowed=allowed, remedy=near)
+        shipped(name, ("or a file of your own",))
     made = space(campaign)
     if made.faults:
         raise CampaignError("has faults", place=campaign, remedy="Take a campaign of fault-free flights")
