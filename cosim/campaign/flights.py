@@ -40,14 +40,8 @@ from cosim.table import Table
 from fdi import registry
 
 CORE = (
-    "seed",
-    "duration_s",
-    "flight.mass_t",
-    "flight.cg_pct",
-    "flight.altitude_ft",
-    "flight.turbulence",
-    "manoeuvre.kind",
-)
+    "seed", "duration_s", "flight.mass_t", "flight.cg_pct", "flight.altitude_ft", "flight.turbulence", "manoeuvre.kind",
+)  # fmt: skip
 FLUSH_S, FLUSH_RUNS = 2.0, 16  # finished runs are safe on disk after at most that
 
 

@@ -54,13 +54,9 @@ def run_campaign(
     scenarios, labels = made.scenarios()
     scenarios = _with(scenarios, guests)
     options: dict[str, Any] = {
-        "out": out or folder(campaign),
-        "resume": resume or anew,
-        "anew": anew,
-        "keep": made.keep,
-        "progress": progress,
+        "out": out or folder(campaign), "resume": resume or anew, "anew": anew, "keep": made.keep, "progress": progress,
         "labels": labels,
-    }
+    }  # fmt: skip
     if scheduler is None:
         return _titled(run_many(scenarios, workers=workers, **options), made.title)
     with cluster(scheduler) as (executor, threads):

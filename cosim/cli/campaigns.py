@@ -73,15 +73,9 @@ def campaign(
         _rerun(campaign, again, json_, out=output, guests=detector or ())
     with tables.progress(err, f"flying {Path(campaign).stem}", "runs", "preparing the workers") as progress:
         done = run_campaign(
-            campaign,
-            workers=workers,
-            scheduler=scheduler,
-            out=output,
-            resume=resume,
-            anew=anew,
-            progress=progress,
+            campaign, workers=workers, scheduler=scheduler, out=output, resume=resume, anew=anew, progress=progress,
             guests=detector or (),
-        )
+        )  # fmt: skip
     from cosim.cli import campaign as cli_campaign
 
     _left_out(done.damaged, "their runs were flown again")

@@ -18,24 +18,18 @@ AMPLITUDES_MM = (0.6, 2.0, 6.0)  # 0.6 mm: the smallest that the industrial benc
 MANOEUVRES = (
     {"manoeuvre.kind": "cruise"},
     {
-        "manoeuvre.kind": "nz_doublet",
-        "manoeuvre.start_s": 24.0,
-        "manoeuvre.width_s": 3.0,
+        "manoeuvre.kind": "nz_doublet", "manoeuvre.start_s": 24.0, "manoeuvre.width_s": 3.0,
         "manoeuvre.amplitude_g": 0.15,
     },
     {
-        "manoeuvre.kind": "three_two_one_one",
-        "manoeuvre.start_s": 24.0,
-        "manoeuvre.unit_s": 1.5,
+        "manoeuvre.kind": "three_two_one_one", "manoeuvre.start_s": 24.0, "manoeuvre.unit_s": 1.5,
         "manoeuvre.amplitude_g": 0.15,
     },
     {
-        "manoeuvre.kind": "coordinated_turn",
-        "manoeuvre.start_s": 22.0,
-        "manoeuvre.duration_s": 10.0,
+        "manoeuvre.kind": "coordinated_turn", "manoeuvre.start_s": 22.0, "manoeuvre.duration_s": 10.0,
         "manoeuvre.bank_deg": 20.0,
     },
-)
+)  # fmt: skip
 AIR = ("none", "light")
 
 

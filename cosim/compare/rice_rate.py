@@ -77,11 +77,9 @@ def gaussian(flights: Iterable[Moments], dt: float, confidence: float = 0.95) ->
     away = mean * math.sqrt(N1), (third - 3.0 * mean) * math.sqrt(N / 6.0), (fourth - 3.0) * math.sqrt(N / 24.0)
     tests = [*(2.0 * float(stats.norm.sf(abs(z))) for z in away), _one_variance(s2 / n, n / total * N)]
     names = (
-        "its residual has a mean",
-        "it is skewed",
-        "it has other tails than a Gaussian",
+        "its residual has a mean", "it is skewed", "it has other tails than a Gaussian",
         "its variance differs from flight to flight",
-    )
+    )  # fmt: skip
     note = "; ".join(name for name, p in zip(names, tests) if p < LEVEL)
     a = 0.5 - confidence / 2.0
     low, high = (math.sqrt(variance * N / stats.chi2.ppf(q, N)) for q in (1.0 - a, a))

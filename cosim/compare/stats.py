@@ -18,20 +18,9 @@ FREQUENCIES = 8
 HELD = 0.95  # share of the time from the alarm to the fault's end in which an alarm that is held stands
 ALPHA = 0.05  # run-level false-alarm probability at which detectors are set side by side
 GROUPED = (
-    "run",
-    "case",
-    "frequency_hz",
-    "amplitude_mm",
-    "target",
-    "family",
-    "bound_mm",
-    "group",
-    "able",
-    "seen",
-    "named",
-    "delay_s",
-    "first",
-)
+    "run", "case", "frequency_hz", "amplitude_mm", "target", "family", "bound_mm", "group", "able", "seen", "named",
+    "delay_s", "first",
+)  # fmt: skip
 FEW = 3  # inputs that are named one by one
 CREDIBLE = 0.5  # a detector that cries in more than half of the fault-free flights tells nothing by alarming
 
@@ -119,30 +108,16 @@ def detectors(rows: pd.DataFrame, timing: pd.DataFrame | None = None) -> list[di
         may = own[(own["word"] == MAY) & own["concerned"]]
         out.append(
             {
-                "id": name,
-                "level": own["level"].iloc[0],
-                **score(designed_for(own)),
-                **names(own),
-                "availability": float(own["valid_share"].mean()),
-                "standing_s": float(own["standing_s"].sum()),
-                "misnamed_all": int((own["outcome"] == "misnamed").sum()),
-                "seen_of_may": int(may["detected"].sum()),
-                "may": len(may),
-                "unexpected": int((own["outcome"] == "bonus").sum()),
-                "false_alarms": alarms,
-                "false_alarms_per_hour": per_hour[0],
-                "false_alarms_per_hour_low": per_hour[1],
-                "false_alarms_per_hour_high": per_hour[2],
-                "hours": hours,
-                "fault_free_runs": len(free),
-                "fault_free_alarmed": alarmed,
-                "false_alarm_probability": pf,
-                "false_alarm_low": f_low,
-                "false_alarm_high": f_high,
-                "credible": not (len(free) and pf > CREDIBLE),
-                "step_us": cost.get(name),
+                "id": name, "level": own["level"].iloc[0], **score(designed_for(own)), **names(own),
+                "availability": float(own["valid_share"].mean()), "standing_s": float(own["standing_s"].sum()),
+                "misnamed_all": int((own["outcome"] == "misnamed").sum()), "seen_of_may": int(may["detected"].sum()),
+                "may": len(may), "unexpected": int((own["outcome"] == "bonus").sum()), "false_alarms": alarms,
+                "false_alarms_per_hour": per_hour[0], "false_alarms_per_hour_low": per_hour[1],
+                "false_alarms_per_hour_high": per_hour[2], "hours": hours, "fault_free_runs": len(free),
+                "fault_free_alarmed": alarmed, "false_alarm_probability": pf, "false_alarm_low": f_low,
+                "false_alarm_high": f_high, "credible": not (len(free) and pf > CREDIBLE), "step_us": cost.get(name),
             }
-        )
+        )  # fmt: skip
     return out
 
 

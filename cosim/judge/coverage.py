@@ -19,13 +19,9 @@ WORDS = {DESIGNED: "designed for", MAY: "may see", BLIND: "blind by structure", 
 # kinds whose place of entry decides who can see them
 ENTERS = ("ofc_liquid", "ofc_solid", "runaway", "bias", "loss_of_effectiveness")
 PARTS = {
-    "rod": "rod sensor",
-    "surface": "surface sensor",
-    "pressure": "pressure sensor",
-    "velocity": "velocity sensor",
-    "position": "position sensor",
-    "current": "current sensor",
-}
+    "rod": "rod sensor", "surface": "surface sensor", "pressure": "pressure sensor", "velocity": "velocity sensor",
+    "position": "position sensor", "current": "current sensor",
+}  # fmt: skip
 
 
 def expected(detector: str, case: str) -> str:

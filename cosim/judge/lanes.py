@@ -11,14 +11,9 @@ from cosim.table import DASH, Cell, Column, Table, number, of, share
 
 TONES = {"named": "good", "misnamed": "bad", "missed": "bad"}
 JUDGED = {
-    "not_valid": "not valid",
-    "named": "right",
-    "ambiguous": "seen, not named",
-    "misnamed": "another name",
-    "bonus": "not expected",
-    "missed": "missed",
-    "quiet": "quiet",
-}
+    "not_valid": "not valid", "named": "right", "ambiguous": "seen, not named", "misnamed": "another name",
+    "bonus": "not expected", "missed": "missed", "quiet": "quiet",
+}  # fmt: skip
 KEY = (("good", "name", "right"), ("", "name", "ambiguous, or no fault concerns the lane"),
        ("bad", "name", "another name"), ("muted", "row", "no alarm"))  # fmt: skip
 SHOWN = {  # unit of an estimate -> shown as, factor

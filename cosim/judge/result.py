@@ -241,8 +241,5 @@ def errors(error: Iterable[NDArray], unit: str) -> dict:
     if not n:
         return {}
     return {
-        "estimate_rmse": math.sqrt(square / n),
-        "estimate_bias": plain / n,
-        "estimate_max": most,
-        "estimate_unit": unit,
-    }
+        "estimate_rmse": math.sqrt(square / n), "estimate_bias": plain / n, "estimate_max": most, "estimate_unit": unit,
+    }  # fmt: skip

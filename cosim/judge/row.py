@@ -114,10 +114,8 @@ def lane(entry: Mapping) -> list[dict]:
         once = ONCE if i else {k: entry[k] for k in ONCE}
         first, last = (e[k] or {} for k in ("first_verdict", "isolated"))
         out.append({k: e[k] for k in (*LANE, *FAULT)} | once | {
-            "delay_s": e["detection_delay_s"],
-            "delay_periods": e["detection_delay_periods"],
-            "first_verdict": first.get("class"),
-            "isolated_class": last.get("class"),
+            "delay_s": e["detection_delay_s"], "delay_periods": e["detection_delay_periods"],
+            "first_verdict": first.get("class"), "isolated_class": last.get("class"),
             "isolated_target": last.get("target"),
         })  # fmt: skip
     return out

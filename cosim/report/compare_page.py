@@ -40,14 +40,10 @@ def render(found: Comparison) -> str:
     grouped, equal = stats.by_group(rows, each), stats.equal_thresholds(rows)
     sized = [] if found.two else found.sizes  # of a level: the two campaigns are none
     made: dict[str, Any] = {
-        "maps": maps(rows),
-        "equal": maps(rows, equal) if equal else None,
-        "delays": compared.delays(rows),
-        "false_alarms": compared.false_alarms(each),
-        "sweeps": compared.sweeps(rows),
-        "roc": compared.roc(rows, each) if equal else None,
-        "cost": compared.cost(each),
-    }
+        "maps": maps(rows), "equal": maps(rows, equal) if equal else None, "delays": compared.delays(rows),
+        "false_alarms": compared.false_alarms(each), "sweeps": compared.sweeps(rows),
+        "roc": compared.roc(rows, each) if equal else None, "cost": compared.cost(each),
+    }  # fmt: skip
     free = rows[rows["case"].isna()]["run"].nunique()
     lost = f"; {found.failed} could not be flown" if found.failed else ""
     return page(

@@ -73,15 +73,10 @@ def _statistic(figure, flown, lanes):
     for i, (lane, (r, every)) in enumerate(zip(lanes, sizes)):
         figure.data.append(
             curve(
-                flown.t0,
-                flown.dt * lane.every * every,
-                np.maximum(r, FLOOR),
-                name=words(lane.lane),
-                colour=COLOURS[i % 8],
-                width=2.0 if lane.entry["concerned"] else 1.1,
-                panel=1,
+                flown.t0, flown.dt * lane.every * every, np.maximum(r, FLOOR), name=words(lane.lane),
+                colour=COLOURS[i % 8], width=2.0 if lane.entry["concerned"] else 1.1, panel=1,
             )
-        )
+        )  # fmt: skip
 
 
 def _estimate(figure, flown, lanes, main, factor):
@@ -100,16 +95,10 @@ def _estimate(figure, flown, lanes, main, factor):
             if part.any():
                 figure.data.append(
                     curve(
-                        flown.t0,
-                        step,
-                        np.where(part, f, np.nan),
-                        name=f"estimate {words(lane.lane)}",
-                        colour=colour,
-                        width=width,
-                        panel=2,
-                        showlegend=False,
+                        flown.t0, step, np.where(part, f, np.nan), name=f"estimate {words(lane.lane)}", colour=colour,
+                        width=width, panel=2, showlegend=False,
                     )
-                )
+                )  # fmt: skip
     seen = [envelope(lane.fields[main])[0] * factor for lane in [n for n in mine if n.able] or mine]
     truth = next((lane.truth[1] for lane in mine if lane.truth), None)
     if truth is not None:
