@@ -28,10 +28,9 @@ from typing import Any
 
 import pandas as pd
 
-from cosim.campaign.packed import Packed
 from cosim.campaign.pool import outcomes
 from cosim.campaign.store import GO_ON, Store, folder, load
-from cosim.campaign.worker import run_id
+from cosim.campaign.worker import Packed, run_id
 from cosim.errors import CampaignError, LogError, OutputError, told_at_call
 from cosim.files import regular, replace, replace_text
 from cosim.scenario import Scenario

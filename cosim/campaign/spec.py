@@ -39,7 +39,7 @@ from pathlib import Path
 
 from cosim.campaign.draw import draw, unit_cube
 from cosim.campaign.log_selection import RULES
-from cosim.campaign.packed import Packed
+from cosim.campaign.worker import Packed
 from cosim.errors import CampaignError, CosimError, Mistakes, did_you_mean, joined
 from cosim.scenario import Scenario, load_scenario, parse
 from cosim.scenario.brought import identified, locate

@@ -1,5 +1,6 @@
 """Commands about many flights and their pages: `campaign`, `report`, `compare`."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -62,11 +63,10 @@ def campaign(
     from cosim.campaign.run import folder, run_campaign
 
     if worst or likeliest:
-        from cosim.campaign import design_point_search as failing
         from cosim.campaign import search
 
         path = (output or folder(campaign)) / (f"worst-{worst}.toml" if worst else f"likeliest-{likeliest}.toml")
-        reserve(path, search.FOUND if worst else failing.FOUND)
+        reserve(path, search.WORST if worst else search.LIKELIEST)
         _search(campaign, worst, likeliest, part, json_, workers=workers, out=path)
         return
     if again:
@@ -86,13 +86,12 @@ def campaign(
 
 def _search(campaign, worst, likeliest, part, json_, **how):
     """Seek a false alarm of detector `worst`, or else the likeliest failure of `likeliest`, and print it."""
-    from cosim.campaign.design_point_search import likeliest as seek
-    from cosim.campaign.search import search
+    from cosim.campaign import search
 
     does = f"provoking {worst}" if worst else f"seeking {likeliest}'s failure"
     with tables.progress(err, does, "flights", "preparing the workers") as progress:
-        how["progress"] = progress
-        found = (search(campaign, worst, **how) if worst else seek(campaign, likeliest, part=part, **how)).to_dict()
+        seek, detector = (search.search, worst) if worst else (partial(search.likeliest, part=part), likeliest)
+        found = seek(campaign, detector, progress=progress, **how).to_dict()
     answer(json_, found, lambda _: tables.whole(provoked(found, how["out"]) if worst else failures(found)))
 
 

@@ -57,7 +57,7 @@ def score(
     from cosim.compare.score import board, stored
     from cosim.compare.score import score as work
     from cosim.compare.score.flights import QUICK
-    from cosim.compare.score.table import differences
+    from cosim.compare.score.rows import differences
     from cosim.report import markdown
     from cosim.report.score_page import SIGNS
 

@@ -5,7 +5,7 @@ Computes only; `cosim.report.write_comparison` writes table and page.
 found = compare()                        # the built-in matrix
 found = compare(["a.mcap", "b.mcap"])    # logs
 found = compare(["logs/my-campaign"])    # a campaign's folder
-found = compare(["logs/a", "logs/b"])    # two of them, side by side: cosim/compare/side_by_side.py
+found = compare(["logs/a", "logs/b"])    # two of them, side by side: cosim/compare/paired.py
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -16,7 +16,7 @@ from typing import Any
 
 import pandas as pd
 
-from cosim.compare import bound, figures, metrics, side_by_side, tables
+from cosim.compare import bound, figures, metrics, paired, tables
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError, told_at_call
@@ -162,15 +162,15 @@ def _damaged(frame):
 def _side_by_side(folders, guests):
     if folders[0].resolve() == folders[1].resolve():
         raise CompareError("is named twice", place=str(folders[0]), remedy="Give the folders of two campaigns")
-    names, each, times, frames = side_by_side.labels(folders), [], [], []
+    names, each, times, frames = paired.labels(folders), [], [], []
     for folder, name in zip(folders, names):
         frame, timing, tomls, source = read([folder], guests=guests)
-        each.append(side_by_side.flights(_tidy(frame, tomls, source), tomls))  # while its records are the ones told
+        each.append(paired.flights(_tidy(frame, tomls, source), tomls))  # while its records are the ones told
         frames.append(frame)
         if timing is not None:
             known = timing[timing["id"].notna()]
             times.append(known.assign(id=[f"{i} ({name})" for i in known["id"]]))
-    rows, pairs, told = side_by_side.joined(each, names)
+    rows, pairs, told = paired.joined(each, names)
     source = f"{' and '.join(map(str, folders))}: {told}"
     failed, damaged = sum(map(_failed, frames)), tuple(d for frame in frames for d in _damaged(frame))
     made = _each(rows, pd.concat(times) if times else None)

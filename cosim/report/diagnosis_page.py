@@ -12,9 +12,8 @@ from cosim.judge.lanes import SHOWN, verdicts
 from cosim.log import open_log
 from cosim.replay.map_signals import in_map
 from cosim.replay.recording import Lane, LoggedFlight, words
-from cosim.report.detector import detector
 from cosim.report.figure import Figure, curve, least
-from cosim.report.flight import panels
+from cosim.report.flight import detector, panels
 from cosim.report.page import page, write
 from cosim.report.timeline import timeline
 from cosim.scenario import vocabulary

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cosim.campaign.design_point_search import AGAIN, likeliest
+from cosim.campaign.search import AGAIN, likeliest
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.unit_cube import Space
 from cosim.campaign.worker import fly, run_id

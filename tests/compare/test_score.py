@@ -20,10 +20,9 @@ from cosim.compare.paired import bootstrap, pair
 from cosim.compare.score import BOARD, board, named, score, stored
 from cosim.compare.score import flights as benchmark
 from cosim.compare.score import rows as score_rows
-from cosim.compare.score.table import differences
+from cosim.compare.score.rows import UNSAID, differences, log_score
 from cosim.errors import CampaignError, LogError, OutputError
 from cosim.flight.plugins import with_detectors
-from cosim.judge.probability import UNSAID, log_score
 from cosim.judge.row import rows
 from cosim.replay import benchmark_recording
 from cosim.report import score_report, write_score

@@ -19,9 +19,8 @@ import pyarrow as pa
 
 from cosim.campaign import jobs
 from cosim.campaign.dataset import flight
-from cosim.campaign.dataset.columns import chosen, described
-from cosim.campaign.dataset.metadata import croissant, datasheet, provenance
-from cosim.campaign.dataset.splits import empty, splits
+from cosim.campaign.dataset.flight import chosen, described
+from cosim.campaign.dataset.metadata import croissant, datasheet, empty, provenance, splits
 from cosim.campaign.flights import flatten
 from cosim.campaign.parts import write
 from cosim.campaign.spec import load_campaign

@@ -16,8 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from cosim.compare import bound
 from cosim.compare.paired import pair
 from cosim.compare.score import flights as benchmark
-from cosim.compare.score.rows import Scored, scored
-from cosim.compare.score.table import detector
+from cosim.compare.score.rows import Scored, detector, scored
 from cosim.errors import CampaignError, did_you_mean
 from cosim.flight.plugins import GuestError, load, loaded
 from cosim.flight.plugins.check import trial
