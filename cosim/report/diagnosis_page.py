@@ -12,10 +12,9 @@ from cosim.judge.lanes import SHOWN, verdicts
 from cosim.log import open_log
 from cosim.replay.map_signals import in_map
 from cosim.replay.recording import Lane, LoggedFlight, words
-from cosim.report.figure import Figure, curve, least
-from cosim.report.flight import detector, panels
+from cosim.report.figure import Figure, least
+from cosim.report.flight import detector, panels, timeline
 from cosim.report.page import page, write
-from cosim.report.timeline import timeline
 from cosim.scenario import vocabulary
 from fdi import registry
 
@@ -138,6 +137,6 @@ def _inputs(watched: Watched) -> Figure:
                     height=90 + 150 * -(-len(read) // 2))  # fmt: skip
     panels(cast(LoggedFlight, watched), figure, list(read), [unit for unit, *_ in read.values()], 2, legend=False)
     for i, (name, (_, factor, y)) in enumerate(read.items(), 1):
-        figure.data.append(curve(watched.t0, watched.dt, factor * y, name=name, panel=i, legend=False))
+        figure.curve(watched.t0, watched.dt, factor * y, name=name, panel=i, legend=False)
         least(figure.layout, i, [factor * y], 1e-9)
     return figure

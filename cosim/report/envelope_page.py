@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from cosim.campaign.envelope import REASONS, masses
-from cosim.report.figure import Figure, axis, base, grid, place
+from cosim.report.figure import axis, grid, place, still
 from cosim.report.page import page, write
 
 COLUMNS_PX = 175  # of a row of panels
@@ -98,14 +98,11 @@ def _figure(trims, q):
     """Return the panels of one quantity: mass from left to right, CG from top to bottom."""
     masses, cgs = sorted(trims["mass_t"].unique()), sorted(trims["cg_pct"].unique())
     n = len(masses)
-    figure = Figure(q.column, "", 80 + COLUMNS_PX * len(cgs), time=False)
-    figure.layout = base(figure.height, legend=False) | {"hovermode": "closest"}
+    figure = still(q.column, "", 80 + COLUMNS_PX * len(cgs))
     figure.layout["margin"] |= {"r": 78, "l": 52}
     titles = [f"{m:.0f} t, CG {c:.0f} %" for c in cgs for m in masses]
-    grid(figure.layout, titles, ["1000 ft" if i % n == 0 else "" for i in range(len(titles))], n, time=False, gap=0.022)
+    grid(figure.layout, titles, "1000 ft", n, x_title="kt CAS", gap=0.022)
     for i, (cg, mass) in enumerate(((c, m) for c in cgs for m in masses), 1):
-        if i > len(titles) - n:
-            figure.layout[axis("xaxis", i)]["title"]["text"] = "kt CAS"
         if (i - 1) % n:
             figure.layout[axis("yaxis", i)]["showticklabels"] = False
         part = trims[(trims["mass_t"] == mass) & (trims["cg_pct"] == cg)]

@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from cosim.compare import tables
-from cosim.report.figure import Figure, axis, base, grid, points, upright
+from cosim.report.figure import axis, grid, points, still, upright
 from cosim.report.page import page, write
 from cosim.table import number
 
@@ -50,11 +50,10 @@ def _said(d):
 
 
 def _figure(d):
-    figure = Figure(f"curve-{d['id']}", "", 330, time=False)
-    figure.layout = base(figure.height) | {"hovermode": "closest"}
+    figure = still(f"curve-{d['id']}", "", 330, True)
     figure.layout["margin"] |= {"t": 56}
     figure.layout["legend"]["y"] = 1.08
-    grid(figure.layout, TITLES, ["per hour", "c", "shape"], 3, time=False, gap=0.07)
+    grid(figure.layout, TITLES, ["per hour", "c", "shape"], 3, x_title="", gap=0.07)
     words = ("c: all thresholds times this", "hours between two", "peaks fitted")
     for panel, (x, y) in enumerate((("log", "log"), ("log", "log"), ("log", "linear")), 1):
         figure.layout[axis("xaxis", panel)] |= {"type": x}

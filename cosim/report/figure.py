@@ -5,6 +5,7 @@ largest value of each interval, so that no peak is lost.
 """
 
 import base64
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -36,6 +37,14 @@ class Figure:
     track: list | None = None
     hint: str = ""  # what the cursor does with it, said where there is one
     svg: str = ""  # what a light page shows instead of `data` and `layout`
+
+    def points(self, panel: int, **about: Any) -> None:
+        """Draw `points`."""
+        self.data.append(points(panel, **about))
+
+    def curve(self, t0: float, dt: float, y: np.ndarray, **about: Any) -> None:
+        """Draw a `curve`."""
+        self.data.append(curve(t0, dt, y, **about))
 
     def plain(self) -> dict:
         """Return what the page's script reads."""
@@ -161,6 +170,18 @@ def base(height: float, legend: bool = True) -> dict[str, Any]:
     }
 
 
+def still(name: str, caption: str, height: int, legend: bool = False, **layout: Any) -> Figure:
+    """Return a Figure that does not follow time, of the shared layout with `layout` on top."""
+    return Figure(name, caption, height, layout=base(height, legend) | {"hovermode": "closest"} | layout, time=False)
+
+
+def log_axis(low: float, high: float, marks: Sequence[float] = (1,)) -> dict[str, Any]:
+    """Return what makes an axis logarithmic from `low` to `high`, with a label at each of `marks` per decade."""
+    shown = [v * 10.0**e for e in range(-6, 9) for v in marks if low <= v * 10.0**e <= high]
+    about = {"tickvals": shown, "ticktext": [f"{v:g}" for v in shown]}
+    return {"type": "log", "range": [math.log10(low), math.log10(high)], **about}
+
+
 def style_axis(title: str = "", **more: Any) -> dict[str, Any]:
     """Return one axis in the house style."""
     return {
@@ -186,13 +207,15 @@ def grid(
     y_titles: Any,
     columns: Any,
     span: Any = None,
-    time: bool = True,
+    x_title: str = "time, s",
     gap: float = 0.085,
 ) -> None:
-    """Lay out panels row by row with a title each; `span` is the (first, last) time, `gap` the share of the width
-    between two columns. Changes `layout`.
+    """Lay out panels row by row with a title each; `y_titles` is a list, or the text left of each row; `x_title` stands
+    below. `span` is the (first, last) time, `gap` the share of the width between two columns. Changes `layout`.
     """
     n, rows = len(titles), -(-len(titles) // columns)
+    if isinstance(y_titles, str):
+        y_titles = ["" if i % columns else y_titles for i in range(n)]
     gap_x, height = gap if columns > 1 else 0.0, layout["height"]
     inner = height - layout["margin"]["t"] - layout["margin"]["b"]
     gap_y = 52 / inner if rows > 1 else 0.0
@@ -202,14 +225,12 @@ def grid(
     for i in range(n):
         r, c = divmod(i, columns)
         x0, y1 = c * (w + gap_x), 1 - r * (h + gap_y)
-        below = i + columns >= n
-        xa = style_axis("time, s" if below and time else "", domain=[x0, x0 + w], anchor=place(i + 1)["yaxis"])
+        xa = style_axis(x_title if i + columns >= n else "", domain=[x0, x0 + w], anchor=place(i + 1)["yaxis"])
         if span is not None:
             xa["range"] = list(span)
         layout[axis("xaxis", i + 1)] = xa
-        layout[axis("yaxis", i + 1)] = style_axis(
-            y_titles[i], domain=[max(0.0, y1 - h), y1], anchor=place(i + 1)["xaxis"]
-        )
+        up = {"domain": [max(0.0, y1 - h), y1], "anchor": place(i + 1)["xaxis"]}
+        layout[axis("yaxis", i + 1)] = style_axis(y_titles[i], **up)
         if titles[i]:
             label(layout, f"<b>{titles[i]}</b>", x0, y1, xanchor="left", font={"size": 12, "color": "--ink"})
 

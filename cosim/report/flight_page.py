@@ -5,9 +5,8 @@ from pathlib import Path
 from cosim.judge import lanes, narrator
 from cosim.replay.recording import LoggedFlight
 from cosim.report import flight
-from cosim.report.flight import detector
+from cosim.report.flight import detector, timeline
 from cosim.report.page import page, write
-from cosim.report.timeline import timeline
 from cosim.table import Cell, Row, Table
 from fdi import registry
 

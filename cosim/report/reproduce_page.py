@@ -7,7 +7,7 @@ from cosim.files import replace_text
 from cosim.papers import tables
 from cosim.papers.row import Row as PaperRow
 from cosim.report import svg
-from cosim.report.figure import Figure, axis, bands, base, curve, envelope, grid, least, level
+from cosim.report.figure import axis, bands, curve, envelope, grid, least, level, still
 from cosim.report.page import PICTURE, page, write
 from cosim.table import Cell, Table
 
@@ -99,8 +99,7 @@ def _figure(d, name, caption):
     columns = min(d.columns, len(d.panels))
     lines = -(-len(d.panels) // columns)
     height = 84 + d.row_px * lines + 52 * (lines - 1)
-    figure = Figure(name, caption, height, time=False)
-    figure.layout = base(height)
+    figure = still(name, caption, height, True, hovermode="x unified")
     figure.layout["margin"]["t"] = 50
     grid(figure.layout, [p.title for p in d.panels], [p.unit for p in d.panels], columns, span=d.span)
     figure.layout["legend"]["y"] = 1 + 20 / (height - 84)

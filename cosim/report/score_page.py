@@ -10,7 +10,7 @@ import pandas as pd
 from cosim.compare import tables
 from cosim.files import columns, marked, replace, replace_text
 from cosim.report import markdown as readme
-from cosim.report.figure import Figure, base, style_axis
+from cosim.report.figure import Figure, log_axis, still, style_axis
 from cosim.report.page import PAGE, page, write
 from cosim.table import DASH, Table, number
 
@@ -72,8 +72,7 @@ def front(each: list[dict]) -> Figure:
     """Return the figure of what a detector says of faults, and beside it what it costs in false alarms; a line each."""
     own = [d for d in each if d["designed"]]
     caption = "Left: share of the faults that it watches; the rest were missed. Right: 95 % bound of what was counted."
-    figure = Figure("front", caption, 90 + 22 * len(own), time=False)
-    figure.layout = base(figure.height) | {"hovermode": "closest", "barmode": "stack", "bargap": 0.35}
+    figure = still("front", caption, 90 + 22 * len(own), True, barmode="stack", bargap=0.35)
     figure.layout["margin"] |= {"l": 150, "b": 44}
     figure.layout["yaxis"] = style_axis(categoryarray=[d["id"] for d in reversed(own)], categoryorder="array")
     figure.layout["xaxis"] = style_axis("faults", domain=[0.0, 0.6], range=[0.0, 1.0], tickformat=".0%")
@@ -81,9 +80,7 @@ def front(each: list[dict]) -> Figure:
     bounds = [math.log10(d["false_alarms_per_hour_high"]) for d in own if d["false_alarms_per_hour_high"]]
     if bounds:
         low, high = min(bounds) - 0.5, max(bounds) + 0.5  # a decade at least: more than one tick
-        steps = (1, 2, 5) if high - low < 2.0 else (1,)
-        shown = [m * 10.0**k for k in range(-6, 9) for m in steps if low <= math.log10(m * 10.0**k) <= high]
-        rate |= {"range": [low, high], "tickvals": shown, "ticktext": [f"{v:g}" for v in shown]}
+        rate |= log_axis(10.0**low, 10.0**high, (1, 2, 5) if high - low < 2.0 else (1,))
     figure.layout["xaxis2"] = style_axis("false alarms per hour, below", **rate)
     for d in own:
         common = {"y": [d["id"]], "meta": {"detector": d["id"]}}

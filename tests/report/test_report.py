@@ -15,8 +15,8 @@ from cosim.judge.lanes import part
 from cosim.replay.recording import LoggedFlight, spans
 from cosim.report import flight_report, svg
 from cosim.report.figure import POINTS, Figure, base, curve, envelope, grid, peaks
+from cosim.report.flight import _joined
 from cosim.report.flight_page import render
-from cosim.report.timeline import _joined
 from cosim.scenario import load_scenario
 
 OFC = ("duration_s=9", "faults.0.start_s=4", "faults.0.amplitude_mm=8")
