@@ -28,18 +28,19 @@ PLACES = (  # heading, targets, kinds
 
 def inventory() -> dict[str, Any]:
     """Return {default, and every topic of `cosim list`: its entries} as plain data."""
+    own_law = {key: said for key, said in c.KEYS["[law]"].items() if key != "<gain>"}
     return {
         "default": DEFAULT,
         "scenarios": [{"name": n, "title": load_scenario(n).title} for n in builtin_names()],
         "campaigns": [{"name": n, "title": load_campaign(n).title} for n in builtin_campaigns()],
         "manoeuvres": [
-            {"kind": k, "summary": _line(m), "keys": [f for f in m.model_fields if f != "kind"]}
+            {"kind": k, "summary": _line(m.__doc__), "keys": [f for f in m.model_fields if f != "kind"]}
             for k, m in KINDS.items()
         ],
         "faults": [
             _fault(place, target, name, kind) for place, target, kinds in PLACES for name, kind in kinds.items()
         ],
-        "keys": {**c.KEYS, "[law]": {", ".join(law.gains()): "gains of the shipped law", **_own_law()}},
+        "keys": {**c.KEYS, "[law]": {", ".join(law.gains()): "gains of the shipped law", **own_law}},
         "units": {name: [u.suffix for u in units] for name, units in {**c.SENSORS, **c.ACTUATOR_SENSORS}.items()},
         "targets": {
             "segments": list(c.SEGMENTS),
@@ -67,7 +68,7 @@ def inventory() -> dict[str, Any]:
 def examples() -> dict[str, str]:
     """Return {name: first sentence of its docstring} of the programs in cosim/examples."""
     found = {p.name[:-3]: p for p in sorted(EXAMPLES.iterdir(), key=str) if p.name.endswith(".py")}
-    return {name: _sentence(path.read_text(encoding="utf-8")) for name, path in found.items()}
+    return {name: _line(ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))) for name, path in found.items()}
 
 
 def example(name: str) -> str:
@@ -80,16 +81,8 @@ def example(name: str) -> str:
     return EXAMPLES.joinpath(f"{name}.py").read_text(encoding="utf-8")
 
 
-def _own_law():
-    return {key: said for key, said in c.KEYS["[law]"].items() if key != "<gain>"}
-
-
-def _sentence(source):
-    return (ast.get_docstring(ast.parse(source)) or "").partition("\n")[0].rstrip(".")
-
-
-def _line(model):
-    return (model.__doc__ or "").strip().partition("\n")[0].rstrip(".")  # python -OO keeps none
+def _line(text):
+    return (text or "").strip().partition("\n")[0].rstrip(".")  # python -OO keeps no docstring
 
 
 def _fault(place, target, name, kind):

@@ -1,5 +1,6 @@
 """Rows and timings of a campaign as they came: files of a few runs each, read and merged a row group at a time."""
 
+import contextlib
 import hashlib
 import heapq
 from collections.abc import Iterable, Iterator, Sequence
@@ -29,15 +30,13 @@ TIMING = _schema([
     Field("core_s", "double", "s", "processor time of the whole run, its twin and judgement"),
     Field("step_us", "double", "us", "time per step and lane"),
 ])  # fmt: skip
-SCENARIOS = _schema(
-    [
-        Field("run", "string", "", "run"),
-        Field("order", "int64", "", "position in the campaign"),
-        Field("toml", "string", "", "the expanded scenario"),
-    ]
-)  # and what varies
+SCENARIOS = _schema([  # and what varies
+    Field("run", "string", "", "run"), Field("order", "int64", "", "position in the campaign"),
+    Field("toml", "string", "", "the expanded scenario"),
+])  # fmt: skip
 KINDS = {"rows": ROWS, "timing": TIMING}
 KEYS = {"rows": ["run", "status"], "timing": ["run"]}  # without a value of these a part is damaged
+DAMAGE = (pa.ArrowException, OSError, ValueError, KeyError)
 BLOCK = 2000  # runs that are joined and written at a time
 
 
@@ -84,22 +83,19 @@ def whole(path: Path, kind: str, columns: Sequence[str] | None = None) -> list[p
 
 def _groups(path, kind, first=0):
     """Yield each row group of a part as a table with the columns of its schema; None, and no more, where damaged."""
-    schema = KINDS[kind]
-    try:
-        if not path.is_file():  # a pipe would wait for ever
-            raise OSError
-        with path.open("rb") as file:
+    with contextlib.suppress(*DAMAGE):
+        with _opened(path) as file:
             inside = pq.ParquetFile(file)
             for i in range(first, inside.num_row_groups):
-                table = checked(inside.read_row_group(i), schema, KEYS[kind])
-                if table is None:
-                    break
-                yield table.select(schema.names)
-            else:
-                return
-    except (pa.ArrowException, OSError, ValueError, KeyError):
-        pass
+                yield checked(inside.read_row_group(i), KINDS[kind], KEYS[kind]).select(KINDS[kind].names)
+            return
     yield None
+
+
+def _opened(path):
+    if not path.is_file():  # a pipe would wait for ever
+        raise OSError
+    return path.open("rb")
 
 
 def ordered(folder: Path, kind: str, order: dict[str, int]) -> Iterator[pd.DataFrame]:
@@ -177,21 +173,18 @@ def table_of(path: Path, schema: pa.Schema, keys: Sequence[str]) -> pa.Table | N
     """Return a Parquet file as a table, the columns of `schema` with their types, null where it has none; None when it
     cannot be read, or lacks one of the columns `keys` or a value of them.
     """
-    if not path.is_file():  # a pipe would wait for ever
-        return None
-    try:
-        with path.open("rb") as file:
-            return checked(pq.read_table(file), schema, keys)
-    except (pa.ArrowException, OSError, ValueError, KeyError):
-        return None
+    with contextlib.suppress(*DAMAGE), _opened(path) as file:
+        return checked(pq.read_table(file), schema, keys)
+    return None
 
 
-def checked(table: pa.Table, schema: pa.Schema, keys: Sequence[str]) -> pa.Table | None:
-    """Return a table with the columns of `schema` in their types; None where one of `keys` is not whole."""
+def checked(table: pa.Table, schema: pa.Schema, keys: Sequence[str]) -> pa.Table:
+    """Return a table with the columns of `schema` in their types. Raises one of DAMAGE where one of `keys` is not whole
+    or what is held is none of it."""
     table.validate(full=True)
     held = table.column_names
     if len(set(held)) != len(held) or any(name not in held or table[name].null_count for name in keys):
-        return None
+        raise ValueError
     for f in schema:
         if f.name in held:
             table = table.set_column(held.index(f.name), f, table[f.name].cast(f.type))

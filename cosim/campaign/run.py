@@ -11,12 +11,13 @@ when the code is. Rows go through the machine that flies the campaign; nothing i
 
 import json
 import logging
-import math
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+import pandas as pd
 
 from cosim.campaign.flights import CampaignResult, run_many
 from cosim.campaign.manifest import FILE
@@ -121,26 +122,19 @@ def rerun(campaign: str | Path, run: str, *, out: str | Path | None = None, gues
     if run not in runs:
         near = did_you_mean(run, runs)
         raise CampaignError("no run of this campaign has this id", place=f"--rerun {run}", remedy=near)
-    home = Path(out or folder(campaign))
+    home, scenario = Path(out or folder(campaign)), runs[run]
     log = home / "logs" / f"{run}.mcap"
     log.parent.mkdir(parents=True, exist_ok=True)
-    result = simulate(runs[run], log=log)
-    return runs[run], result, *_repeats(home, run, runs[run])
-
-
-def _repeats(home, run, scenario):
-    if not (home / "runs.parquet").is_file():
-        return None, None
-    stored = load(home)[0]
-    stored = stored[stored["run"] == run].sort_values("lane").to_dict("records")
-    if not stored:
-        return None, None
-    rows, _ = fly(run, scenario, bool(stored[0]["rod_mm"] == stored[0]["rod_mm"]))
-    same = len(rows) == len(stored) and all(_same(a[k], b[k]) for a, b in zip(rows, stored) for k in a)
-    return same, flown_with(home) == fingerprint()
+    result = simulate(scenario, log=log)
+    stored = load(home)[0] if (home / "runs.parquet").is_file() else pd.DataFrame({"run": [], "lane": []})
+    held = stored[stored["run"] == run].sort_values("lane").to_dict("records")
+    if not held:
+        return scenario, result, None, None
+    rows, _ = fly(run, scenario, bool(held[0]["rod_mm"] == held[0]["rod_mm"]))
+    same = len(rows) == len(held) and all(_same(a[k], b[k]) for a, b in zip(rows, held) for k in a)
+    return scenario, result, same, flown_with(home) == fingerprint()
 
 
 def _same(a, b):
     """Tell whether a fresh and a stored value are equal; nothing, NaN and null are the same."""
-    missing = [x is None or (isinstance(x, float) and math.isnan(x)) for x in (a, b)]
-    return all(missing) or (not any(missing) and bool(a == b))
+    return bool(pd.isna(a) and pd.isna(b)) or bool(a == b)

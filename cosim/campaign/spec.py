@@ -26,6 +26,7 @@
 Keys are those of a scenario, as with --set. A table's `name` becomes the column label.<key>.
 """
 
+import contextlib
 import csv
 import dataclasses
 import itertools
@@ -293,21 +294,19 @@ def _listed(table, folder, place):
 
 
 def _value(text):
-    try:
+    with contextlib.suppress(TypeError, ValueError):
         return float(text)
-    except (TypeError, ValueError):
-        return text
+    return text
 
 
 def _every(key, place):
     """Return the keys that a trailing .* stands for: tolerances.aero.*, .hydraulic.*, .ema.*"""
-    group, star = key.removesuffix(".*").removeprefix("tolerances."), key.endswith(".*")
-    if not star:
+    groups = {f"tolerances.{group}.*": group for group in ("aero", "hydraulic", "ema")}
+    if not key.endswith(".*"):
         return [key]
-    if group not in ("aero", "hydraulic", "ema") or not key.startswith("tolerances."):
-        allowed = "tolerances.aero.*, tolerances.hydraulic.*, tolerances.ema.*"
-        raise CampaignError("* stands for nothing here", place=place, allowed=allowed)
-    return [f"tolerances.{group}.{name}" for name in toleranced(group)]
+    if key not in groups:
+        raise CampaignError("* stands for nothing here", place=place, allowed=", ".join(groups))
+    return [f"{key[:-1]}{name}" for name in toleranced(groups[key])]
 
 
 def _base(base, folder):

@@ -18,6 +18,7 @@ import itertools
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pyarrow as pa
@@ -36,8 +37,6 @@ USER_FILES = "user_files.json"
 TABLES = ("scenarios.parquet", "runs.parquet", "timing.parquet")
 FILES = ("campaign.json", *TABLES, "manifest.json", "guests.json", USER_FILES)
 DECIDING = (".py", ".json", ".npz", ".toml", ".xml")
-
-
 GO_ON = "Free space there, then go on with --resume"
 KEYS = ("run", "lane", "fault", "status")  # of a row
 AGAIN = ("error", "crashed")  # statuses of runs that are flown again on resuming: a full disk or a kill may have passed
@@ -46,15 +45,26 @@ AGAIN = ("error", "crashed")  # statuses of runs that are flown again on resumin
 @functools.cache
 def fingerprint() -> dict:
     """Return {digest, versions} of everything that decides about a row: sources, designs, aircraft, libraries."""
+    own = ("worker.py", "flights.py")
+    digest = source_digest(FLYING, *(Path(__file__).with_name(name) for name in own))
+    return {"digest": digest.hexdigest()[:16], "versions": versions()}
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the libraries that decide about a row."""
     from importlib.metadata import version
 
+    return {name: version(name) for name in ("jsbsim", "numpy", "scipy", "numba")}
+
+
+def source_digest(folders: Iterable[str], *modules: Path) -> Any:
+    """Return the SHA-256, to be continued, of what decides in `folders` of the repository and of all that `modules`
+    import of it."""
     root, digest = Path(__file__).resolve().parents[2], hashlib.sha256()
-    files = {p for name in FLYING for p in (root / name).rglob("*") if p.suffix in DECIDING}
-    files |= closure(root / "cosim" / "campaign" / "worker.py") | closure(root / "cosim" / "campaign" / "flights.py")
-    for path in sorted(files):
+    files = {p for name in folders for p in (root / name).rglob("*") if p.suffix in DECIDING}
+    for path in sorted(files.union(*map(closure, modules))):
         digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
-    versions = {name: version(name) for name in ("jsbsim", "numpy", "scipy", "numba")}
-    return {"digest": digest.hexdigest()[:16], "versions": versions}
+    return digest
 
 
 @contextlib.contextmanager
@@ -131,17 +141,11 @@ class Store:
         (out / "parts").mkdir(parents=True, exist_ok=True)
         found = parts.read(out, "rows", KEYS, self.damaged)
         if found is not None and not resume:
-            raise CampaignError(
-                f"holds {found['run'].nunique()} runs already",
-                place=str(out),
-                remedy="Add --resume, or choose another place with -o",
-            )
+            remedy = "Add --resume, or choose another place with -o"
+            raise CampaignError(f"holds {found['run'].nunique()} runs already", place=str(out), remedy=remedy)
         if found is not None and about.is_file() and flown_with(out) != here:
-            raise CampaignError(
-                "its rows were flown with other code, designs or libraries",
-                place=str(out),
-                remedy="Choose another place with -o",
-            )
+            said = "its rows were flown with other code, designs or libraries"
+            raise CampaignError(said, place=str(out), remedy="Choose another place with -o")
         told = out / USER_FILES
         regular(told, OutputError)
         if found is not None and not anew and (other := changed(brought_to(out), files)):

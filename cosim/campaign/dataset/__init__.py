@@ -76,7 +76,9 @@ def make(
     write(folder / "flights.parquet", index)
     for path in set((folder / "flights").glob("*.parquet")) - {folder / d["file"] for d in done} if anew else ():
         path.unlink()
-    about |= {"command": _command(campaign, signals, rate_hz, limit), **provenance()}
+    more = [f"--signal {name}" for name in signals] + ([f"--limit {limit}"] if limit else [])
+    command = " ".join(["cosim dataset", str(campaign), f"--rate {rate_hz:g}", *more, "-o DIR"])
+    about |= {"command": command, **provenance()}
     columns = described(flown, words)
     replace_text(folder / "croissant.json", croissant(about, index, columns, folder / "flights.parquet"))
     replace_text(folder / "README.md", datasheet(about, rows, columns, made.title))
@@ -85,11 +87,6 @@ def make(
     return {"folder": str(folder), "flights": number, "failed": len(done) - number, "bytes": size,
             "samples": sum(d["rows"] for d in done), "bytes_per_flight": size // max(1, number),
             "notes": empty(rows)}  # fmt: skip
-
-
-def _command(campaign, signals, rate_hz, limit):
-    more = [f"--signal {name}" for name in signals] + ([f"--limit {limit}"] if limit else [])
-    return " ".join(["cosim dataset", str(campaign), f"--rate {rate_hz:g}", *more, "-o DIR"])
 
 
 def _open(folder: Path, wanted: dict[str, Any], anew: bool) -> Path:

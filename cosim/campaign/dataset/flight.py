@@ -39,7 +39,8 @@ def fly(folder: str, run: str, toml: str, signals: list[str], every: int) -> dic
     given = parse(tomllib.loads(toml))
     none = {"file": "", "status": "infeasible", "rows": 0, "bytes": 0, "sha256": ""}
     try:
-        scenario = resolved(given.model_copy(update={"detectors": _quiet(given)}))
+        quiet = given.detectors.model_copy(update={"enabled": ()})  # but those that a servo closes on
+        scenario = resolved(given.model_copy(update={"detectors": quiet}))
         flown = cosim.flight.loop.signals.fly(scenario, _sources(scenario, signals))
         healthy = _healthy(scenario)
     except TrimError as error:
@@ -75,11 +76,6 @@ def whole(folder: Path, done: dict[str, Any]) -> bool:
     """Tell whether the file of a flight that was flown is still what it was."""
     path = folder / done["file"]
     return not done["file"] or (path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == done["sha256"])
-
-
-def _quiet(scenario):
-    """Return the detectors' part of the scenario with none but those that a servo closes on."""
-    return scenario.detectors.model_copy(update={"enabled": ()})
 
 
 def _has(scenario, name):

@@ -13,11 +13,11 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from actuators.source_hash import closure, private
+from actuators.source_hash import private
 from cosim.campaign.jobs import FILE, keep, own, stored, work
 from cosim.campaign.manifest import about_the_code
 from cosim.campaign.spec import load_campaign
-from cosim.campaign.store import DECIDING
+from cosim.campaign.store import source_digest, versions
 from cosim.campaign.worker import core_s, run_id
 from cosim.errors import CampaignError, CosimError, OutputError, TrimError
 from cosim.files import regular, replace_text
@@ -115,14 +115,8 @@ def chosen(flights: list, limit: int | None) -> list:
 @functools.cache
 def code() -> str:
     """Return the digest of all that decides about a recording: sources of a flight, aircraft, libraries."""
-    from importlib.metadata import version
-
-    root = Path(__file__).resolve().parents[3]
-    files = {p for name in ("actuators", "aircraft") for p in (root / name).rglob("*") if p.suffix in DECIDING}
-    files |= closure(Path(benchmark_recording.__file__))
-    found = hashlib.sha256(json.dumps({n: version(n) for n in ("jsbsim", "numpy", "scipy", "numba")}).encode())
-    for path in sorted(files):
-        found.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    found = source_digest(("actuators", "aircraft"), Path(benchmark_recording.__file__))
+    found.update(json.dumps(versions()).encode())
     return found.hexdigest()[:16]
 
 
