@@ -76,10 +76,9 @@ class Comparison:
 
         Raises CompareError for a rate that is not above 0 and at most 1000.
         """
-        for rate in fault_rates:
-            if not 0.0 < rate <= 1000.0:
-                raise CompareError(f"{rate:g} faults per flight hour", place="--fault-rate",
-                                   allowed="above 0, at most 1000")  # fmt: skip
+        for rate in (rate for rate in fault_rates if not 0.0 < rate <= 1000.0):
+            said = f"{rate:g} faults per flight hour"
+            raise CompareError(said, place="--fault-rate", allowed="above 0, at most 1000")
         out = []
         for d, rate in ((d, rate) for d in self.detectors for rate in fault_rates):
             about = d["detected"], d["designed"], d["false_alarms"], d["hours"], rate
@@ -105,14 +104,11 @@ class Comparison:
 
     def to_dict(self) -> dict:
         """Return the JSON of `cosim compare`."""
-        about = {
-            "report": str(self.report) if self.report else None,
-            "table": str(self.table) if self.table else None,
-            "runs": self.runs,
-        }
-        told = {"detectors": self.detectors, "families": self.families, "levels": [] if self.two else self.levels}
-        told |= {"sizes": [] if self.two else self.sizes, "pairs": list(self.pairs)}
-        return plain({**about, "failed": self.failed, "source": self.source, **told})
+        files = {key: str(path) if path else None for key, path in (("report", self.report), ("table", self.table))}
+        about = {"runs": self.runs, "failed": self.failed, "source": self.source, "detectors": self.detectors}
+        levels, sizes = ([], []) if self.two else (self.levels, self.sizes)
+        told = {"families": self.families, "levels": levels, "sizes": sizes, "pairs": self.pairs}
+        return plain({**files, **about, **told})
 
 
 @told_at_call
