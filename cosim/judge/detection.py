@@ -190,7 +190,8 @@ def noticed(
     )  # fmt: skip
     out |= {"right": False, "first_right": False, "first_sure_wrong": False, "class_changes": 0, "ambiguous_s": 0.0}
     out |= {"class_given": NOT_GIVEN, "place_given": NOT_GIVEN, "place_level": ""}
-    out["not_excited"] = _not_excited(watch, fault)
+    moved = _moved_at(watch, fault)
+    out["not_excited"] = None if moved is None or fault.get("kind") not in MOVES else math.isinf(moved)
     if k is not None:
         late = max(0.0, k * dt - start)  # an onset lies within a tick
         out |= {
@@ -375,11 +376,6 @@ def _moved_at(watch, fault):
         return None
     own = [t for seg, t in when.items() if watch.level != "local" or watch.target == f"elevator.{seg}"]
     return max(fault["start_s"], min(own)) if own else None
-
-
-def _not_excited(watch, fault):
-    moved = _moved_at(watch, fault)
-    return None if moved is None or fault.get("kind") not in MOVES else math.isinf(moved)
 
 
 def valid(watch: Watch, trace: Any) -> NDArray[np.bool_]:

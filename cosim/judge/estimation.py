@@ -103,7 +103,7 @@ def _truth(e, lane, j, scenario):
         return (["law.law.de_cmd", *(f"truth.aircraft.de_{s}" for s in parts)], _beyond_healthy) if here else None
     if e.of == "thrust":
         losses = [f"surfaces.aircraft.thrust_loss_{i}" for i in aircraft.engine_names]
-        return (losses, _thrust) if j.place == "engine" else None
+        return (losses, lambda v, dt, held: -v.mean(axis=0)) if j.place == "engine" else None
     if j.kind not in ADDED:
         return None
     if j.place == "sensor" and j.name == e.of:
@@ -143,7 +143,3 @@ def _beyond_healthy(v, dt, held):
     simple.rollout(x, u, p, dt, log)
     held["healthy"] = x, log["delta"][0, -1]
     return actual - np.concatenate([[last], log["delta"][0, :-1]])
-
-
-def _thrust(v, dt, held):
-    return -v.mean(axis=0)

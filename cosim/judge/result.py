@@ -67,7 +67,8 @@ class Result:
 
         shown = [r for r in self.detectors if r["alarm"] or r.get("concerned")] or self.detectors
         log = open_log(self.log)
-        return log.plot([f"{t}.r" for t in dict.fromkeys(_topic(r) for r in shown) if t in log.topics])
+        topics = dict.fromkeys(f"/detectors/{r['id']}/{r['target'].removeprefix('elevator.')}" for r in shown)
+        return log.plot([f"{topic}.r" for topic in topics if topic in log.topics])
 
     def to_dict(self) -> dict:
         """Return plain data for JSON; numbers that do not exist are None."""
@@ -97,10 +98,6 @@ def _told(row):
     return alarm, name, f"{n} false alarm{'s' * (n > 1)}" if n else ""
 
 
-def _topic(row):
-    return f"/detectors/{row['id']}/{row['target'].removeprefix('elevator.')}"
-
-
 def plain(value: Any) -> Any:
     """Return `value` as JSON can hold it: NumPy scalars as Python's, NaN and infinities as None."""
     if isinstance(value, dict):
@@ -119,7 +116,8 @@ def plain(value: Any) -> Any:
 def judged(scenario: Scenario, achieved: Mapping[str, Mapping] | None = None) -> list[dict]:
     """Return the faults of a scenario as `judge` wants them, their targets by part, cases as in
     cosim/judge/coverage.py. `achieved` (cosim/flight/faults/fault_free_reference.py) tells when each moved its
-    segments; None: nobody looked.
+    segments: `moved_at_s` is {segment: when it was 1 mm of rod away from its twin [s], inf for never}, None where
+    nobody looked.
     """
     out = []
     injections, cases = scenario.injections(), coverage.cases(scenario)
@@ -128,14 +126,10 @@ def judged(scenario: Scenario, achieved: Mapping[str, Mapping] | None = None) ->
         names = tuple(_target(j, f.target) for j in mine)
         about = {"fault": i, "case": cases[i], "targets": names, "period_s": f.period_s or math.nan}
         times = {"kind": f.kind, "start_s": f.start_s, "end_s": mine[0].end}
-        out.append({**about, **times, "moved_at_s": _moved_at(mine, achieved)})
+        moved = {j.name: (achieved or {}).get(j.name, {}).get("moved_at_s", math.nan) for j in mine}
+        told = {segment: math.inf if t is None else t for segment, t in moved.items() if t is None or t == t}
+        out.append({**about, **times, "moved_at_s": told or None})
     return out
-
-
-def _moved_at(injections, achieved):
-    """Return {segment: when it was 1 mm of rod away from its twin [s], inf for never}; None where nobody looked."""
-    own = {j.name: (achieved or {}).get(j.name, {}).get("moved_at_s", math.nan) for j in injections}
-    return {seg: math.inf if t is None else t for seg, t in own.items() if t is None or t == t} or None
 
 
 def _target(j, written):
@@ -191,9 +185,9 @@ def judge(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dic
         entry |= errors(watch.estimate.error(trace, dt), watch.estimate.unit)
     if mine:
         sighted = [f for f in mine if coverage.expected(watch.id, f.get("case", "")) != coverage.BLIND] or mine
-        entry["by_fault"] = [
-            noticed(watch, runs, f, _next(f, sighted), dt, [g for g in mine if g is not f]) for f in sighted
-        ]
+        for f in sighted:
+            until = min((g["start_s"] for g in sighted if g["start_s"] > f["start_s"]), default=math.inf)
+            entry["by_fault"].append(noticed(watch, runs, f, until, dt, [g for g in mine if g is not f]))
         seen = [d for d in entry["by_fault"] if d["detected_at_s"] is not None]
         entry |= min(seen, key=lambda d: d["detected_at_s"], default=entry["by_fault"][0])
     elif len(rises):
@@ -204,11 +198,6 @@ def judge(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dic
             spoken = given, runs.at[given], runs.at[given + 1]
             entry |= {"first_verdict": s.name(given[0], watch), **last_name(s, spoken, watch, dt)}
     return entry
-
-
-def _next(fault, faults):
-    """Return when the next of `faults` begins after `fault` [s], inf without one."""
-    return min((f["start_s"] for f in faults if f["start_s"] > fault["start_s"]), default=math.inf)
 
 
 def largest(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dict:

@@ -11,6 +11,7 @@ from cosim.compare.metrics import proportion
 from cosim.judge import coverage
 from cosim.judge.lanes import seconds
 from cosim.judge.narrator import listed
+from cosim.scenario.catalog import ACTUATOR_SENSORS
 from cosim.table import number
 
 
@@ -139,7 +140,7 @@ def _names(rows, each):
 
 def _is_sensor(case):
     kind = case.split(".", 1)[-1]
-    return case.startswith("sensor") or kind in coverage.PARTS or kind == "jam_liquid"
+    return case.startswith("sensor") or kind in ACTUATOR_SENSORS or kind == "jam_liquid"
 
 
 def _false(rows, each):
