@@ -189,8 +189,7 @@ def _tell_guests(scenarios, out):
 
 def _runs(scenarios, labels):
     """Return (runs, Packed scenarios, labels in the same order, {(key, UserFile)} that fly in them); equal scenarios
-    once.
-    """
+    once."""
     runs: dict[str, None] = {}  # in order
     packed, named, brought = Packed(), [], {}
     both = zip(scenarios, itertools.repeat({}) if labels is None else labels, strict=labels is not None)

@@ -64,9 +64,7 @@ def code_of(jobs: Sequence[Job]) -> str:
 
 def stored(folder: str | Path) -> tuple[str, dict[str, Any]]:
     """Return (digest of the code, {key: value}) of what `folder` holds, without what is damaged; ("", {}) of nothing.
-
-    Raises OutputError for a file of results that cannot be read.
-    """
+    Raises OutputError for a file of results that cannot be read."""
     path, found = Path(folder) / FILE, {}
     regular(path, OutputError)
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []

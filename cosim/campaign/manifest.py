@@ -36,8 +36,7 @@ def _git(*words):
 
 def write(out: Path, about: dict, brought: Iterable[tuple[str, UserFile]] = ()) -> None:
     """Write the manifest of a finished campaign into its folder `out`: what it tells of itself (`about`: runs, rows,
-    seeds, flights per second of a core), the code, and the user's files that flew, (key, UserFile).
-    """
+    seeds, flights per second of a core), the code, and the user's files that flew, (key, UserFile)."""
     about = {
         **about,
         "digest": fingerprint()["digest"],

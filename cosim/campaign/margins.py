@@ -119,10 +119,8 @@ def margins(
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Margin]:
-    """Return the Margin of every axis of a shipped detector, the nominal one first.
-
-    `progress(done, total)` counts flights; the total falls as axes end. Raises CampaignError for an unknown detector.
-    """
+    """Return the Margin of every axis of a shipped detector, the nominal one first. `progress(done, total)` counts
+    flights; the total falls as axes end. Raises CampaignError for an unknown detector."""
     own = "One of your own cannot be taken: what it believes is not known"
     shipped(detector, remedy=own if detector.endswith(".py") else "")
     broken = fault(detector)

@@ -59,8 +59,7 @@ def read(
     folder: Path, kind: str, columns: Sequence[str] | None = None, damaged: list[str] | None = None
 ) -> pd.DataFrame | None:
     """Return all whole parts of a kind as one frame, of `columns` alone where given; None without a part. `damaged`
-    takes the names of the others.
-    """
+    takes the names of the others."""
     found: list[pa.Table] = []
     for path in paths(folder, kind):
         groups = whole(path, kind, columns)
@@ -99,10 +98,8 @@ def _opened(path):
 
 
 def ordered(folder: Path, kind: str, order: dict[str, int]) -> Iterator[pd.DataFrame]:
-    """Yield the rows of a kind as frames of whole runs, in the `order` {run: position} of the runs, without others.
-
-    A frame is of BLOCK positions, so that what is written does not depend on how the rows came.
-    """
+    """Yield the rows of a kind as frames of whole runs, in the `order` {run: position} of the runs, without others. A
+    frame is of BLOCK positions, so that what is written does not depend on how the rows came."""
     held = None
     for found in _due(folder, kind, order):
         held = found if held is None else pd.concat([held, found])
@@ -115,10 +112,8 @@ def ordered(folder: Path, kind: str, order: dict[str, int]) -> Iterator[pd.DataF
 
 
 def _due(folder, kind, order):
-    """Yield the rows as they can be told to be complete, in the order of the runs.
-
-    Row groups are read where the first of their runs is due: held are a block of BLOCK runs and what overlaps it.
-    """
+    """Yield the rows as they can be told to be complete, in the order of the runs. Row groups are read where the first
+    of their runs is due: held are a block of BLOCK runs and what overlaps it."""
     waiting = []  # (first position, path, number of the row group)
     for path in paths(folder, kind):
         first = [min((order[r] for r in table["run"].to_pylist() if r in order), default=None)
@@ -171,8 +166,7 @@ def merge(folder: Path, kind: str) -> None:
 
 def table_of(path: Path, schema: pa.Schema, keys: Sequence[str]) -> pa.Table | None:
     """Return a Parquet file as a table, the columns of `schema` with their types, null where it has none; None when it
-    cannot be read, or lacks one of the columns `keys` or a value of them.
-    """
+    cannot be read, or lacks one of the columns `keys` or a value of them."""
     with contextlib.suppress(*DAMAGE), _opened(path) as file:
         return checked(pq.read_table(file), schema, keys)
     return None

@@ -146,8 +146,7 @@ def _alone(call, crashed):
 @contextlib.contextmanager
 def pool(workers: int | None) -> Iterator[cf.Executor]:
     """Open a pool of `workers` fresh processes with one thread each, None for one per core, 0 for a thread of this
-    process; an error or Ctrl-C in this process ends them.
-    """
+    process; an error or Ctrl-C in this process ends them."""
     if workers == 0:
         with cf.ThreadPoolExecutor(1) as thread:
             yield thread

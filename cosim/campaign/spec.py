@@ -131,8 +131,7 @@ class Campaign:
 def scenario_of(part: Part, chosen: dict, place: str, run: str = "") -> tuple[Scenario, dict]:
     """Return (Scenario, {label: name}) of a Part with `chosen` keys; a table sets several, and perhaps has a name. A
     file of a user's lies beside the campaign, or where its path leads from here. `run` stands behind the line of a
-    chosen key in what is said of it.
-    """
+    chosen key in what is said of it."""
     pairs: list = []  # in order: a later kind drops the numbers of an earlier one
     names = {}
     said = []  # (key of the scenario, key of the campaign that set it)
@@ -311,8 +310,7 @@ def _every(key, place):
 
 def _base(base, folder):
     """Return (tables, Origin) of the base scenario as written, so that defaults that follow from other keys still
-    follow.
-    """
+    follow."""
     beside = folder / base if folder else Path(base)
     found = beside if os.path.isfile(beside) else Path(base)
     load_scenario(str(found))  # says what is wrong with the base itself

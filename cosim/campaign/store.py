@@ -70,10 +70,8 @@ def source_digest(folders: Iterable[str], *modules: Path) -> Any:
 @contextlib.contextmanager
 def folder(out: str | Path) -> Iterator[None]:
     """Make the folder of a campaign and keep other campaigns out of it; remove what killed ones have left half done.
-
     Raises OutputError, with what to do, when it cannot be written, now or later, another campaign has it, or it holds a
-    foreign file that a campaign would overwrite.
-    """
+    foreign file that a campaign would overwrite."""
     out = Path(out)
     try:
         own = _ours(out)
@@ -119,11 +117,9 @@ class Store:
         files: Iterable[tuple[str, UserFile]] = (),
     ):
         """Open folder `out` (None for memory only) for `scenarios`, a frame with run, order, ..., of which `texts` are
-        the expanded TOML, and in which `files` of a user's fly, (key, UserFile).
-
-        Raises CampaignError when the folder holds rows and `resume` is false, rows of other code, or of a file that has
-        changed, unless such runs are to fly `anew`; OutputError when it cannot be written.
-        """
+        the expanded TOML, and in which `files` of a user's fly, (key, UserFile). Raises CampaignError when the folder
+        holds rows and `resume` is false, rows of other code, or of a file that has changed, unless such runs are to fly
+        `anew`; OutputError when it cannot be written."""
         self.out: Path | None = Path(out) if out else None
         self.scenarios = scenarios
         self._rows: list[dict] = []
@@ -180,8 +176,7 @@ class Store:
 
     def rows(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
         """Return every row as a frame, in the order of the scenarios, with the scenario's columns; of the rows' own,
-        `columns` and KEYS alone where given.
-        """
+        `columns` and KEYS alone where given."""
         if self.out is None:
             return _joined(self.scenarios, pa.Table.from_pylist(self._rows, ROWS).to_pandas())
         found = parts.read(self.out, "rows", columns and list(dict.fromkeys([*KEYS, *columns])))
@@ -195,10 +190,9 @@ class Store:
         return (TIMING.empty_table() if found is None else found).to_pandas()
 
     def consolidate(self, out: Path, kept: Mapping[str, Sequence[str]]) -> dict[str, str]:
-        """Write runs.parquet in the folder `out`, with the rules by which logs are `kept`, and timing.parquet,
-        both in the order of the runs, a block of them at a time; merge the parts into one file each. Return
-        {run: status} of every run that has a row.
-        """
+        """Write runs.parquet in the folder `out`, with the rules by which logs are `kept`, and timing.parquet, both in
+        the order of the runs, a block of them at a time; merge the parts into one file each. Return {run: status} of
+        every run that has a row."""
         order = dict(zip(self.scenarios["run"], self.scenarios["order"]))
         status: dict[str, str] = {}
 
@@ -264,10 +258,8 @@ def _table(frame):
 
 
 def load(folder: str | Path) -> tuple[pd.DataFrame, pd.DataFrame | None]:
-    """Return (rows, timing) of a campaign folder as frames: of one that was killed, what was finished by then.
-
-    Raises CampaignError when the folder holds no finished run.
-    """
+    """Return (rows, timing) of a campaign folder as frames: of one that was killed, what was finished by then. Raises
+    CampaignError when the folder holds no finished run."""
     folder = Path(folder)
     damaged = []
     if (folder / "runs.parquet").exists():

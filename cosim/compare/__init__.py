@@ -72,10 +72,8 @@ class Comparison:
     def predictive(self, fault_rates: Sequence[float]) -> list[dict]:
         """Return {id, fault_rate, value, low, high}: the share of a detector's alarms behind which there is a fault,
         where such faults come `fault_rates` times per flight hour (cosim.compare.metrics.predictive_value). Without
-        bounds, nan, where no fault is one that it was designed for or no hour shows false alarms.
-
-        Raises CompareError for a rate that is not above 0 and at most 1000.
-        """
+        bounds, nan, where no fault is one that it was designed for or no hour shows false alarms. Raises CompareError
+        for a rate that is not above 0 and at most 1000."""
         for rate in (rate for rate in fault_rates if not 0.0 < rate <= 1000.0):
             said = f"{rate:g} faults per flight hour"
             raise CompareError(said, place="--fault-rate", allowed="above 0, at most 1000")
@@ -98,7 +96,6 @@ class Comparison:
 
     def figure(self, kind: str, detectors: Sequence[str] = ()) -> Any:
         """Return the matplotlib Figure "roc" or "pod" with its bounds, one column of a journal wide.
-
         `figure("roc").savefig("roc.pdf")` writes vectors. Needs the extra `plot`; raises CosimError without it."""
         return figures.figure(kind, self.rows, self.detectors, detectors)
 

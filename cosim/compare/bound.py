@@ -41,9 +41,7 @@ BEYOND = 1e-3  # chance of as many detections as were counted, from which on the
 
 def of(rows: pd.DataFrame, tomls: Mapping[str, str]) -> pd.DataFrame:
     """Return `rows` with columns `bound_mm`, at which 90 % can be seen, and `best`, the largest probability to see it.
-
-    NaN where there is no bound: not a liquid oscillation of an elevator, or a group that has none.
-    """
+    NaN where there is no bound: not a liquid oscillation of an elevator, or a group that has none."""
     swings = rows["family"].fillna("").str.startswith("liquid OFC") & (rows["amplitude_mm"] > 0.0)
     rows["bound_mm"], rows["best"] = math.nan, math.nan
     told: dict = {}

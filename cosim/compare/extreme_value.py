@@ -47,8 +47,7 @@ AD_1_PCT = (1.78, 1.42, 1.38, 1.24, 1.21, 1.13, 1.10)
 
 def extremal_index(windows: ArrayLike, flights: ArrayLike, u: float, run: int) -> float:
     """Return the runs estimator: clusters over windows beyond u, a cluster ends with `run` windows below it; NaN for
-    none. 1: every exceedance stands alone.
-    """
+    none. 1: every exceedance stands alone."""
     m, f = np.asarray(windows, float), np.asarray(flights)
     at = np.flatnonzero(m > u)
     if not len(at):
@@ -104,9 +103,7 @@ def fit(
     peak: ArrayLike, hours: float, k: int = PEAKS, confidence: float = 0.95, flights: ArrayLike | None = None
 ) -> Tail:
     """Return the Tail of independent peaks (n,) in `hours`, by the k highest, or SHARE of them where there are few.
-
-    `flights` (n,) are the numbers of their flights; None: one each.
-    """
+    `flights` (n,) are the numbers of their flights; None: one each."""
     p = np.asarray(peak, float)
     order = np.argsort(-p)
     p, k = p[order], min(k, int(SHARE * len(p)))

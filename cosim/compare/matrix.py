@@ -35,10 +35,8 @@ def matrix() -> list[Scenario]:
 
 
 def fault_free(repeats: int = 2) -> list[Scenario]:
-    """Return flights without a fault: manoeuvres x air, and the same with every manoeuvre of the built-in faults.
-
-    The second kind says what a manoeuvre alone does to a detector, so that its alarm is not taken for the fault's.
-    """
+    """Return flights without a fault: manoeuvres x air, and the same with every manoeuvre of the built-in faults. The
+    second kind says what a manoeuvre alone does to a detector, so that its alarm is not taken for the fault's."""
     base = load_scenario("cruise", _overrides(POINT | {"duration_s": OFC_END_S}))
     each = [{f"manoeuvre.{k}": v for k, v in m.items()} for m in MANOEUVRES]
     plain = [_set(base, m | {"flight.turbulence": air}) for _ in range(repeats) for m in each for air in AIR]

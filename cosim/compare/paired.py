@@ -50,9 +50,7 @@ class Pair:
 
 def pair(rows: pd.DataFrame, a: str, b: str, horizon: pd.Series | None = None) -> list[Pair]:
     """Return the Pairs of detectors `a` and `b`: over the faults that concern both and to which neither is blind.
-
-    `rows` are those of cosim/compare/rows.py; `horizon` {run: seconds from its onset to the end}.
-    """
+    `rows` are those of cosim/compare/rows.py; `horizon` {run: seconds from its onset to the end}."""
     use = rows[rows["case"].notna() & rows["concerned"] & (rows["word"] != "blind")]
     each = [use[use["id"] == name].set_index(["run", "fault"]) for name in (a, b)]
     both = each[0].index.intersection(each[1].index)
@@ -111,10 +109,8 @@ def labels(folders: list[Path]) -> list[str]:
 
 
 def flights(rows: pd.DataFrame, tomls: Mapping[str, str]) -> pd.DataFrame:
-    """Return `rows` with each run named after its flight: a digest of its scenario without the detectors.
-
-    Raises CosimError where two runs are the same flight.
-    """
+    """Return `rows` with each run named after its flight: a digest of its scenario without the detectors. Raises
+    CosimError where two runs are the same flight."""
     named = {run: compare_rows.flight(tomls[run]) for run in rows["run"].unique()}
     if len({*named.values()}) < len(named):
         raise CosimError("a flight stands twice: its campaign varies its detectors", place="compare",
@@ -123,10 +119,8 @@ def flights(rows: pd.DataFrame, tomls: Mapping[str, str]) -> pd.DataFrame:
 
 
 def joined(each: list[pd.DataFrame], names: list[str]) -> tuple[pd.DataFrame, list[dict], str]:
-    """Return (rows of both, Pair of each detector as a dict, what was left out, in words).
-
-    `each` are rows of `flights`, `names` what their campaigns are called.
-    """
+    """Return (rows of both, Pair of each detector as a dict, what was left out, in words). `each` are rows of
+    `flights`, `names` what their campaigns are called."""
     common = set(each[0]["run"]) & set(each[1]["run"])
     told, same = "no flight in both: nothing is paired", []
     if common:

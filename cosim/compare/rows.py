@@ -69,9 +69,7 @@ def family(kind: str, target: str, segments: tuple) -> str:
 
 def tidy(frame: pd.DataFrame, tomls: Mapping[str, str], place: str = "") -> pd.DataFrame:
     """Return the rows of `frame` (columns of cosim/campaign), `tomls` {run: scenario}; an empty frame without any.
-
-    Raises CampaignError at `place` for a row that no flight has.
-    """
+    Raises CampaignError at `place` for a row that no flight has."""
     _possible(frame[frame["id"].notna()], place)
     lanes: dict = {}
     for lane in frame[frame["id"].notna()].to_dict("records"):
@@ -118,10 +116,8 @@ def _impossible(row, name, place, allowed):
 
 
 def echoes(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return rows in which an alarm that the same manoeuvre raises without a fault is no detection, but an "echo".
-
-    That holds for a detector that alarmed in more than half of the fault-free flights with the same manoeuvre.
-    """
+    """Return rows in which an alarm that the same manoeuvre raises without a fault is no detection, but an "echo". That
+    holds for a detector that alarmed in more than half of the fault-free flights with the same manoeuvre."""
     free = rows[rows["case"].isna()]
     alarmed = (free["false_alarms"] > 0).groupby([free["id"], free["manoeuvre_key"]]).mean()
     loud = set(alarmed[alarmed > 0.5].index)

@@ -29,8 +29,7 @@ CREDIBLE = 0.5  # a detector that cries in more than half of the fault-free flig
 
 def came_of_it(rows: pd.DataFrame) -> pd.Series:
     """Return one word per row of a fault: named, ambiguous or misnamed when it was seen, else not_valid (it could not
-    judge), not_excited (it never showed) or missed. Every row has one: they add up to the flights.
-    """
+    judge), not_excited (it never showed) or missed. Every row has one: they add up to the flights."""
     unseen = np.select([rows["not_valid"], rows["not_excited"]], ["not_valid", "not_excited"], "missed")
     return rows["outcome"].where(rows["detected"], unseen)
 
@@ -42,8 +41,7 @@ def score(rows: pd.DataFrame) -> dict:
     """Return what came of the faults `rows`: counts that add up to `designed`, and times [s]; a fault that was missed,
     or never named right, counts as an endless time. Flights in which the detector could not judge stay in.
     `first_fair`: the first name with a class was not wrong; `held`: the alarm stood HELD of the time or more;
-    `changed_often`: more than one change of class; `motion_s`: right name, from when the rod had moved 1 mm.
-    """
+    `changed_often`: more than one change of class; `motion_s`: right name, from when the rod had moved 1 mm."""
     came, n = came_of_it(rows), len(rows)
     seen = int(rows["detected"].sum())
     p, low, high = metrics.proportion(seen, n)

@@ -122,10 +122,8 @@ def _distinct(rows):
 
 
 def _two(watch, runs, fault, others):
-    """Return what a lane that names one part or two says of `fault`: of these, without the parts of the `others`.
-
-    The class is that of the name which is left; with both left, or none, that of the first.
-    """
+    """Return what a lane that names one part or two says of `fault`: of these, without the parts of the `others`. The
+    class is that of the name which is left; with both left, or none, that of the first."""
     columns = watch.verdict, watch.culprit, watch.verdict_2, watch.second
     told, which = _distinct([runs[c] for c in columns])
     parts, verdicts = [], []
@@ -214,8 +212,7 @@ def _tick(t, dt, ticks):
 
 def _returned(rises, falls, first, earlier, dt):
     """Return (len(rises),): whether an alarm at or after tick `first` is one that stood before it without a fault: it
-    rises less than GAP_S after the one before has fallen. `earlier` are the faults whose alarms those before may be.
-    """
+    rises less than GAP_S after the one before has fallen. `earlier` are the faults whose alarms those before may be."""
     begins = rises.copy()
     for i in range(1, len(rises)):
         if (rises[i] - falls[i - 1]) * dt < GAP_S:
@@ -237,8 +234,7 @@ def name_at_end(verdict: NDArray, part: NDArray, first: NDArray, stop: NDArray, 
 
 def last_name(s: Said, given: tuple[NDArray, NDArray, NDArray], watch: Watch, dt: float) -> dict:
     """Return the name at the end of n > 0 runs with a name, `given` as Runs.inside does, and when the lane first said
-    it [s].
-    """
+    it [s]."""
     run, first, stop = given
     last = name_at_end(s.verdict[run], s.part[run], first, stop, dt)
     if last is None:
@@ -300,10 +296,8 @@ class _Lane:
         return out
 
     def names(self, fault: Mapping, run: NDArray) -> tuple[list[Name], NDArray]:
-        """Return (the different Names of `fault` that are said in these runs, index of that of each (n,)).
-
-        Of the `others`, those count that are there then.
-        """
+        """Return (the different Names of `fault` that are said in these runs, index of that of each (n,)). Of the
+        `others`, those count that are there then."""
         s, there = self.said, np.zeros(len(run), np.int64)
         for i, f in enumerate(self.others):
             there += during([f], self.runs.at[run], self.dt).astype(np.int64) << i
@@ -332,9 +326,7 @@ class _Lane:
 
     def renamed(self, fault: Mapping, first: int, healed: int) -> int | None:
         """Return the tick at which an alarm that stands on account of an earlier fault takes this one's right name.
-
-        None where it does not, or had that name before: it may be the earlier fault's.
-        """
+        None where it does not, or had that name before: it may be the earlier fault's."""
         earlier = [f for f in self.others if f["start_s"] < fault["start_s"]]
         if not earlier or not 0 < first < self.runs.ticks or not self.said.alarm[self.runs.of(first - 1)]:
             return None
@@ -346,8 +338,7 @@ class _Lane:
 
     def first_right(self, fault: Mapping, first: int, end: int) -> int | None:
         """Return the first tick in [first, end) from which an alarm has the right name of `fault` for HOLD_S, else
-        None.
-        """
+        None."""
         run, a, b = self.given(first, end)
         names, which = self.names(fault, run)
         good = np.array([n.right for n in names], bool)[which]
@@ -388,8 +379,7 @@ def valid(watch: Watch, trace: Any) -> NDArray[np.bool_]:
 
 def validity(watch: Watch, runs: Runs, first: int, stop: int) -> tuple[float, str | None]:
     """Return (share of the ticks first <= k < stop in which the lane called itself valid, its most frequent reason in
-    the others).
-    """
+    the others)."""
     run, a, b = runs.inside(first, stop)
     if watch.valid is None or not len(run):
         return 1.0, None

@@ -57,10 +57,8 @@ class Estimate:
 
 
 def plan(scenario: "Scenario", detector: str, lane: str, columns: Callable[[str], int]) -> Estimate | None:
-    """Return the Estimate of the earliest fault that `detector` estimates on `lane`, or None.
-
-    `columns(bus name)` gives a column of the trace.
-    """
+    """Return the Estimate of the earliest fault that `detector` estimates on `lane`, or None. `columns(bus name)` gives
+    a column of the trace."""
     for j in sorted(scenario.injections(), key=lambda j: j.start):
         found = _found(detector, lane, j, scenario)
         if found:

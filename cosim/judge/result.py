@@ -57,10 +57,8 @@ class Result:
 
     def plot(self) -> Any:
         """Return a plotly figure of the test statistic of every detector lane that alarmed or that a fault concerns, 1
-        is the threshold; it is shown in a notebook, `write_html` keeps it.
-
-        Raises ValueError for a flight without a log.
-        """
+        is the threshold; it is shown in a notebook, `write_html` keeps it. Raises ValueError for a flight without a
+        log."""
         if self.log is None:
             raise ValueError("this flight was not logged: fly with log='flight.mcap'")
         from cosim.log import open_log
@@ -117,8 +115,7 @@ def judged(scenario: Scenario, achieved: Mapping[str, Mapping] | None = None) ->
     """Return the faults of a scenario as `judge` wants them, their targets by part, cases as in
     cosim/judge/coverage.py. `achieved` (cosim/flight/faults/fault_free_reference.py) tells when each moved its
     segments: `moved_at_s` is {segment: when it was 1 mm of rod away from its twin [s], inf for never}, None where
-    nobody looked.
-    """
+    nobody looked."""
     out = []
     injections, cases = scenario.injections(), coverage.cases(scenario)
     for i, f in enumerate(scenario.faults):
@@ -201,10 +198,8 @@ def judge(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dic
 
 
 def largest(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dict:
-    """Return the largest |r| before the first fault of the flight (all of it without one) and from its onset on.
-
-    Each is None where there is none.
-    """
+    """Return the largest |r| before the first fault of the flight (all of it without one) and from its onset on. Each
+    is None where there is none."""
     if watch.r is None:
         return {"r_max_before": None, "r_max_after": None}
     onset = min((round(f["start_s"] / dt) for f in faults), default=len(trace))

@@ -14,8 +14,7 @@ from cosim.judge.fault_effect import largest
 
 class Field(NamedTuple):
     """A column of a row: its name, type (of Arrow), unit ("" for words and counts) and meaning; `key` is where `cosim
-    run --json` has it where that is another name.
-    """
+    run --json` has it where that is another name."""
 
     name: str
     type: str
@@ -92,10 +91,8 @@ OF_A_LANE = [f for f in FIELDS if f.name not in ELSEWHERE]
 
 
 def rows(run: str, result: Mapping) -> list[dict]:
-    """Return the rows of run `run` from `result`, the plain data of `cosim.judge.result.Result.to_dict`.
-
-    One per detector lane and fault that it could notice; a run without a detector has one row. Columns: FIELDS.
-    """
+    """Return the rows of run `run` from `result`, the plain data of `cosim.judge.result.Result.to_dict`. One per
+    detector lane and fault that it could notice; a run without a detector has one row. Columns: FIELDS."""
     about = {"run": run, "status": result["status"], "error": result["reason"], "sim_time_s": result["sim_time_s"]}
     about |= largest(result["achieved"])
     about |= dict.fromkeys(CONSEQUENCES) | (result.get("consequences") or {})

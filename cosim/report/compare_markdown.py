@@ -18,8 +18,7 @@ FRONT = 4  # rank of the columns of the front page; DETAILS has all
 def write(found: Comparison, path: str | Path) -> None:
     """Write table and picture of a Comparison into the README at `path`, between its markers, and what each level sees
     of which oscillation into cosim/compare/README.md beside it, where there is one. Flights with a detector of both
-    levels fill the table of faults by level instead. Raises OutputError, see `targets`.
-    """
+    levels fill the table of faults by level instead. Raises OutputError, see `targets`."""
     from cosim.report.compare_picture import render
 
     table, picture, *details = targets(path)
@@ -42,10 +41,8 @@ def write(found: Comparison, path: str | Path) -> None:
 
 def targets(path: str | Path) -> list[Path]:
     """Return the files that `write` would write: the README at `path`, its picture, and DETAILS where it is there.
-
-    Raises OutputError where one of them lacks its markers, or what stands in the picture's place is
-    a foreign file: neither ours nor shown by the README's table.
-    """
+    Raises OutputError where one of them lacks its markers, or what stands in the picture's place is a foreign file:
+    neither ours nor shown by the README's table."""
     path = Path(path)
     picture, details = path.parent / PICTURE, path.parent / DETAILS
     text = readme.read(path)

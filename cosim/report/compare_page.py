@@ -27,10 +27,8 @@ def comparison_report(found: Comparison, output: str | Path) -> Path:
 
 
 def write_comparison(found: Comparison, out: str | Path) -> None:
-    """Write a cosim.compare.Comparison into folder `out`: compare.parquet, compare.csv and compare.html.
-
-    Notes the paths in `found`. Raises OutputError.
-    """
+    """Write a cosim.compare.Comparison into folder `out`: compare.parquet, compare.csv and compare.html. Notes the
+    paths in `found`. Raises OutputError."""
     out = Path(out)
     replace(out / "compare.parquet", lambda part: found.rows.to_parquet(part, index=False), ROWS)
     replace(out / "compare.csv", lambda part: found.rows.to_csv(part, index=False), ROWS)

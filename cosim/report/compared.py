@@ -191,10 +191,8 @@ CELLS = 6
 
 
 def maps(rows: pd.DataFrame, thresholds: dict | None = None) -> Figure | None:
-    """Return the maps of seen oscillations over achieved amplitude and frequency, one panel per detector.
-
-    As shipped, or with `thresholds` {detector: (multiplier, ...)} for the same false-alarm probability.
-    """
+    """Return the maps of seen oscillations over achieved amplitude and frequency, one panel per detector. As shipped,
+    or with `thresholds` {detector: (multiplier, ...)} for the same false-alarm probability."""
     ofc = rows[rows["frequency_hz"].notna() & rows["amplitude_mm"].notna() & rows["concerned"]]
     names = [n for n in rows["id"].unique() if (ofc["id"] == n).any()]
     if not names:

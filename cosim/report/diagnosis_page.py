@@ -74,10 +74,8 @@ class Watched:
 
 
 def diagnosis_report(log: str | Path, output: str | Path, *, light: bool = False) -> Path:
-    """Write the page of a diagnosis to the file `output`; returns its Path. Raises LogError, OutputError.
-
-    `light`: figures as SVG, without cursor and zoom, a tenth of the size.
-    """
+    """Write the page of a diagnosis to the file `output`; returns its Path. Raises LogError, OutputError. `light`:
+    figures as SVG, without cursor and zoom, a tenth of the size."""
     watched = Watched(log)
     flown = cast(LoggedFlight, watched)  # for the figures, which read these of its attributes alone
     line, alarms, _ = timeline(flown)

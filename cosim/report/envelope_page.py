@@ -51,10 +51,8 @@ QUANTITIES = (
 
 
 def envelope_report(trims: pd.DataFrame, found: dict, output: str | Path) -> Path:
-    """Write the page of a trim map and its `envelope.summary` to the file `output`; returns its Path.
-
-    Raises OutputError.
-    """
+    """Write the page of a trim map and its `envelope.summary` to the file `output`; returns its Path. Raises
+    OutputError."""
     return write(output, render(trims, found))
 
 

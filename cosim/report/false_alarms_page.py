@@ -16,9 +16,7 @@ WAYS = (("counted", "counted", "--blue", "solid"), ("extremes", "extremes", "--r
 
 def false_alarms_report(found: dict, output: str | Path) -> Path:
     """Write the page of what `cosim.compare.false_alarms.false_alarms` found to the file `output`; returns its Path.
-
-    Raises OutputError.
-    """
+    Raises OutputError."""
     return write(output, render(found))
 
 

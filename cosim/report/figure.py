@@ -58,10 +58,8 @@ def packed(values: Any) -> dict[str, str]:
 
 
 def envelope(y: np.ndarray, points: int = POINTS) -> tuple[Any, ...]:
-    """Return (values, samples per value): `y` itself, or min and max of each of points/2 intervals in order of time.
-
-    An interval that holds only NaN gives NaN; the last interval may be shorter.
-    """
+    """Return (values, samples per value): `y` itself, or min and max of each of points/2 intervals in order of time. An
+    interval that holds only NaN gives NaN; the last interval may be shorter."""
     step = -(-2 * len(y) // points)  # samples per interval, rounded up
     if len(y) <= points or step < 3:
         return np.asarray(y, float), 1.0
@@ -124,9 +122,7 @@ def curve(
 
 def points(panel: int, *, hover: str = "", mode: str = "markers", detector: str | None = None, **more: Any) -> dict:
     """Return a trace in panel number `panel`, not named in the legend: "markers" or "lines", or of a `type` of its own.
-
-    `hover` is the template of what the cursor shows; with `detector` the trace is hidden with that one.
-    """
+    `hover` is the template of what the cursor shows; with `detector` the trace is hidden with that one."""
     kind = {} if "type" in more else {"type": "scatter", "mode": mode}
     own: dict = {"hovertemplate": hover} if hover else {}
     own |= {"meta": {"detector": detector}} if detector else {}
@@ -211,8 +207,7 @@ def grid(
     gap: float = 0.085,
 ) -> None:
     """Lay out panels row by row with a title each; `y_titles` is a list, or the text left of each row; `x_title` stands
-    below. `span` is the (first, last) time, `gap` the share of the width between two columns. Changes `layout`.
-    """
+    below. `span` is the (first, last) time, `gap` the share of the width between two columns. Changes `layout`."""
     n, rows = len(titles), -(-len(titles) // columns)
     if isinstance(y_titles, str):
         y_titles = ["" if i % columns else y_titles for i in range(n)]

@@ -176,10 +176,8 @@ FLOOR = 1e-3  # |r| below this is drawn here: a logarithm has no zero
 
 
 def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure | None:
-    """Return the figure of one detector: statistic of every lane over its threshold; estimate with band and truth.
-
-    None where it never judged: there is nothing to draw.
-    """
+    """Return the figure of one detector: statistic of every lane over its threshold; estimate with band and truth. None
+    where it never judged: there is nothing to draw."""
     if not any((np.abs(lane.fields["r"]) > 0.0).any() for lane in lanes):
         return None
     estimates = [n for n in lanes[0].fields if n.startswith("f_hat")]

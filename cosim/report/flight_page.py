@@ -13,9 +13,7 @@ from fdi import registry
 
 def flight_report(log: str | Path, output: str | Path, *, light: bool = False) -> Path:
     """Write the report of the log at `log` to the file `output`; returns its Path. Raises LogError, OutputError.
-
-    `light`: figures as SVG, without cursor and zoom, a tenth of the size.
-    """
+    `light`: figures as SVG, without cursor and zoom, a tenth of the size."""
     return write(output, render(LoggedFlight(log), light))
 
 

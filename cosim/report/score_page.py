@@ -19,9 +19,7 @@ SIGNS = {"score.json": marked(b'{\n "benchmark": "'), "score.parquet": columns("
 
 def score_report(found: dict, output: str | Path, beside: Sequence[dict] = ()) -> Path:
     """Write the page of a score, `found` being its JSON, to the file `output`; returns its Path. Raises OutputError.
-
-    `beside` are rows of further detectors on the same recordings, from a stored table.
-    """
+    `beside` are rows of further detectors on the same recordings, from a stored table."""
     return write(output, render(found, beside))
 
 
@@ -128,9 +126,7 @@ def markdown_sizes(found: dict) -> str:
 
 def write_score(found: dict, rows: pd.DataFrame, out: str | Path, beside: Sequence[dict] = ()) -> None:
     """Write a score into folder `out`: score.json, score.html and, of public seeds, score.parquet, the rows behind it.
-
-    Notes the paths in `found`. Raises OutputError.
-    """
+    Notes the paths in `found`. Raises OutputError."""
     out = Path(out)
     # a table to share: without paths
     replace_text(out / "score.json", json.dumps(found, indent=1, allow_nan=False), SIGNS["score.json"])

@@ -91,8 +91,7 @@ def make(
 
 def _open(folder: Path, wanted: dict[str, Any], anew: bool) -> Path:
     """Return the folder, made where it is not there. Raises OutputError when it holds anything else, or was made with a
-    user's file that has changed, unless it is to be flown `anew`.
-    """
+    user's file that has changed, unless it is to be flown `anew`."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         held = {p.name for p in folder.iterdir()}

@@ -119,10 +119,8 @@ def splits(rows: Sequence[Mapping[str, str]]) -> list[dict[str, object]]:
 
 
 def empty(rows: Sequence[Mapping[str, object]]) -> list[str]:
-    """Return a line for each kind of split that leaves a part of it without a flight: why, and what to do.
-
-    `rows` have `point`, `family`, `split_point` and `fold_family`.
-    """
+    """Return a line for each kind of split that leaves a part of it without a flight: why, and what to do. `rows` have
+    `point`, `family`, `split_point` and `fold_family`."""
     told = []
     shares = [name for name in dict.fromkeys(SHARES) if name not in {r["split_point"] for r in rows}]
     if shares:

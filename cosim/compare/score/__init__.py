@@ -120,9 +120,7 @@ class _Table(BaseModel):
 
 def stored(path: str | Path, detectors: Sequence[str] = (), seeds: str | Path | None = None) -> Stored:
     """Return the table at `path` ("benchmark-1": the one that ships) and its `detectors` (default: those that ship).
-
-    Raises CampaignError where a row is not there, or was flown on a sealed set that is not at hand.
-    """
+    Raises CampaignError where a row is not there, or was flown on a sealed set that is not at hand."""
     path = BOARD if str(path) == benchmark.NAME else path
     table = from_json(read(path, error=CampaignError), place=str(path), error=CampaignError)
     try:

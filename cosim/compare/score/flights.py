@@ -79,10 +79,8 @@ class Seeds:
 
 
 def seeds_of(path: str | Path | None = None) -> Seeds:
-    """Return the public seeds of the benchmark, or those of a TOML file with `seed` and `first_seed`.
-
-    Raises CampaignError.
-    """
+    """Return the public seeds of the benchmark, or those of a TOML file with `seed` and `first_seed`. Raises
+    CampaignError."""
     made = load_campaign(NAME)
     if path is None:
         return Seeds(made.seed, made.first_seed)
@@ -173,9 +171,7 @@ def _own(home):
 
 def adopt(home: Path, flights: Iterable[tuple[str, str, str]]) -> bool | None:
     """Take over the recordings in `home` that other code flew, where one flight of each family repeats to the bit.
-
-    Returns whether they do, None where there is nothing to ask. Those that do not are flown again by `fly_into`.
-    """
+    Returns whether they do, None where there is nothing to ask. Those that do not are flown again by `fly_into`."""
     flown_by, values = stored(home)
     if not values or flown_by == code():
         return None
@@ -194,10 +190,8 @@ def adopt(home: Path, flights: Iterable[tuple[str, str, str]]) -> bool | None:
 
 
 def fly_into(home: Path, flights: Iterable[tuple[str, str, str]], **how: Any) -> list[RecordedFlight]:
-    """Return the Flights (run, family, TOML), recorded in folder `home` where they are not yet.
-
-    `how`: see `cosim.campaign.jobs.work`.
-    """
+    """Return the Flights (run, family, TOML), recorded in folder `home` where they are not yet. `how`: see
+    `cosim.campaign.jobs.work`."""
     todo = list(flights)
     jobs = [(recorded, {"toml_text": text, "name": f"{run}.parquet", "folder": str(home.resolve())})
             for run, _, text in todo]  # fmt: skip
@@ -217,9 +211,7 @@ def recorded(toml_text: str, name: str, folder: str) -> dict:
 
 def manifest(seeds: Seeds, flights: list[RecordedFlight]) -> dict:
     """Return what says which recordings these are: code, commit, seeds (a sealed set's digest), every file's SHA-256.
-
-    `content` is one digest over the values of all flights, whatever the version of the library that wrote the files.
-    """
+    `content` is one digest over the values of all flights, whatever the version of the library that wrote the files."""
     whole = hashlib.sha256("".join(f.told.get("content", "none") for f in flights).encode())
     given = {"digest": seeds.digest} if seeds.sealed else {"seed": seeds.draws, "first_seed": seeds.first}
     return {

@@ -53,10 +53,8 @@ def scored(
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Scored:
-    """Run the detectors `ids` that ship and those of `files` on the recordings of `flights`; return the Scored.
-
-    Raises LogError, GuestError, ScenarioError.
-    """
+    """Run the detectors `ids` that ship and those of `files` on the recordings of `flights`; return the Scored. Raises
+    LogError, GuestError, ScenarioError."""
     files = [str(Path(f).resolve()) if Path(f).is_file() else str(f) for f in files]
     rows: list[dict] = []
     timing: list[dict] = []
@@ -255,10 +253,8 @@ UNSAID = math.log(1.0 / len(NAMES))
 def log_score(
     told: Sequence[tuple[int, Mapping[str, float]]], classes: Sequence[str], first: int, last: int
 ) -> float | None:
-    """Return the mean of ln p(any of `classes`) over the ticks first <= k < last; None without a tick.
-
-    `told` is [(tick, {class: probability})] in order of time.
-    """
+    """Return the mean of ln p(any of `classes`) over the ticks first <= k < last; None without a tick. `told` is
+    [(tick, {class: probability})] in order of time."""
     if last <= first:
         return None
     if not told:
