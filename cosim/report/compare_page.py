@@ -77,21 +77,13 @@ def render(found: Comparison) -> str:
 
 
 def _as_shipped(rows, each, free):
-    n = sum(d["fault_free_alarmed"] == 0 for d in each)
-    bound = proportion(0, free).high
-    told = (
-        f"{n} of {len(each)} detectors raised no alarm in the {free} fault-free flights, which bounds their "
-        f"false-alarm probability per flight below {bound:.0%} (95 %)."
-        if free
-        else ""
-    )
+    n, bound = sum(d["fault_free_alarmed"] == 0 for d in each), proportion(0, free).high
+    told = (f"{n} of {len(each)} detectors raised no alarm in the {free} fault-free flights, which bounds their "
+            f"false-alarm probability per flight below {bound:.0%} (95 %).") * bool(free)  # fmt: skip
     many = rows[rows["frequency_hz"].notna() & rows["concerned"]].groupby("id").size().max() >= MANY
-    shown = (
-        "Each cell holds flights seen / flights flown, bright where all were seen, the same flights in every panel"
-        if many
-        else "Each mark is one flight, the same in every panel (diamonds: both segments of a side, drawn to the "
-        "right)"
-    )
+    cells = "Each cell holds flights seen / flights flown, bright where all were seen, the same flights in every panel"
+    marks = "Each mark is one flight, the same in every panel (diamonds: both segments of a side, drawn to the right)"
+    shown = cells if many else marks
     return f"{shown}; the amplitude is the one achieved at the rod, against the same flight without the fault. {told}"
 
 
@@ -207,13 +199,9 @@ def confusions(rows: pd.DataFrame) -> list[tuple[str, Table]]:
         counts = stats.confusion(rows, name)
         if counts.empty:
             continue
-        telling = [
-            c
-            for c in counts.index
-            if c == "no fault"
-            or coverage.expected(name, c) == coverage.DESIGNED
-            or counts.loc[c].drop("none", errors="ignore").sum()
-        ]
+        said = counts.drop(columns="none", errors="ignore").sum(axis=1) > 0
+        telling = [c for c in counts.index if c == "no fault" or said[c]
+                   or coverage.expected(name, c) == coverage.DESIGNED]  # fmt: skip
         rest, counts = len(counts) - len(telling), counts.loc[telling]
         counts = counts.loc[:, counts.sum() > 0]
         last = [c for c in ("ambiguous", "none", "false alarm") if c in counts.columns]

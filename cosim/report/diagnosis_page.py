@@ -13,7 +13,7 @@ from cosim.log import open_log
 from cosim.replay.map_signals import in_map
 from cosim.replay.recording import Lane, LoggedFlight, words
 from cosim.report.figure import Figure, least
-from cosim.report.flight import detector, panels, timeline
+from cosim.report.flight import detectors, panels, timeline
 from cosim.report.page import page, write
 from cosim.scenario import vocabulary
 from fdi import registry
@@ -79,9 +79,7 @@ def diagnosis_report(log: str | Path, output: str | Path, *, light: bool = False
     watched = Watched(log)
     flown = cast(LoggedFlight, watched)  # for the figures, which read these of its attributes alone
     line, alarms, _ = timeline(flown)
-    ids = list(dict.fromkeys(lane.id for lane in watched.lanes))
-    own = {i: detector(flown, [lane for lane in watched.lanes if lane.id == i]) for i in ids}
-    loud = {lane.id for lane in watched.lanes if lane.entry["alarm"]}
+    own, chips = detectors(flown)
     read = _inputs(watched)
     return write(
         output,
@@ -92,13 +90,13 @@ def diagnosis_report(log: str | Path, output: str | Path, *, light: bool = False
             summary=_summary(watched),
             line=line,
             lanes=verdicts(list(watched.verdicts.values())),
-            detectors=[(own[i], f"{i}: {_summary_of(i)}") for i in ids],
+            detectors=[(own[i], f"{i}: {_summary_of(i)}") for i in own],
             read=read,
             caveats=watched.caveats,
             lacking=watched.lacking,
             map=watched.map,
             figures=[line, *own.values(), read],
-            chips=[(i, next(lane.level for lane in watched.lanes if lane.id == i), i in loud) for i in ids],
+            chips=chips,
             span=[watched.t0, watched.end],
             start=watched.t0,
             alarms=alarms,

@@ -185,8 +185,8 @@ def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure | None:
     main = next((lane.truth[0] for lane in lanes if lane.truth), estimates[0] if estimates else None)
     mine = [lane for lane in lanes if lane.truth] or lanes
     untold = "It gives no fault estimate." if not estimates else "Its estimate declared no fault in this flight."
-    if not any(_estimates(lane, main) for lane in mine):
-        main = None
+    if not (main and any(((n.fields[main] != 0.0) & (n.fields["valid"] > 0.5)).any() for n in mine)):
+        main = None  # an estimate that is zero throughout has no panel
     unit, factor = _unit(lanes, main)
     figure.caption = _of_what(lanes[0].id, main) if main else untold
     titles = ["Statistic |r|"] + ([f"Estimate {main}"] if main else [])
@@ -197,6 +197,15 @@ def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure | None:
     if main:
         _estimate(figure, flown, lanes, main, factor)
     return figure
+
+
+def detectors(flown: LoggedFlight) -> tuple[dict[str, Figure | None], list[tuple[str, str, bool]]]:
+    """Return {id: figure} of every detector that flew, and the page's chips (id, level, whether it alarmed)."""
+    lanes: dict[str, list[Lane]] = {}
+    for lane in flown.lanes:
+        lanes.setdefault(lane.id, []).append(lane)
+    chips = [(i, own[0].level, any(lane.entry["alarm"] for lane in own)) for i, own in lanes.items()]
+    return {i: detector(flown, own) for i, own in lanes.items()}, chips
 
 
 def _of_what(detector, field):
@@ -213,11 +222,6 @@ def _unit(lanes, main):
         return "", 1.0
     known = next((lane.truth[2] for lane in lanes if lane.truth), lanes[0].units.get(main, ""))
     return SHOWN.get(known, ("share" if known == "-" else known, 1.0))
-
-
-def _estimates(lane, main):
-    """Tell whether a lane estimated anything: an estimate that is zero throughout has no panel."""
-    return bool(main and np.any((lane.fields[main] != 0.0) & (lane.fields["valid"] > 0.5)))
 
 
 def _statistic(figure, flown, lanes):

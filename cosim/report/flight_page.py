@@ -5,7 +5,6 @@ from pathlib import Path
 from cosim.judge import lanes, narrator
 from cosim.replay.recording import LoggedFlight
 from cosim.report import flight
-from cosim.report.flight import detector, timeline
 from cosim.report.page import page, write
 from cosim.table import Cell, Row, Table
 from fdi import registry
@@ -19,14 +18,10 @@ def flight_report(log: str | Path, output: str | Path, *, light: bool = False) -
 
 def render(flown: LoggedFlight, light: bool = False) -> str:
     """Return the page of a logged flight as HTML text."""
-    line, alarms, faults = timeline(flown)
+    line, alarms, faults = flight.timeline(flown)
     elevators, others = flight.surfaces(flown)
     injected, motion, track = flight.injected(flown), flight.motion(flown), flight.track(flown)
-    ids = list(dict.fromkeys(lane.id for lane in flown.lanes))
-    own = {i: detector(flown, [lane for lane in flown.lanes if lane.id == i]) for i in ids}
-    figures = [line, injected, *own.values(), elevators, others, motion, track]
-    loud = {lane.id for lane in flown.lanes if lane.entry["alarm"]}
-    chips = [(i, next(lane.level for lane in flown.lanes if lane.id == i), i in loud) for i in ids]
+    own, chips = flight.detectors(flown)
     start = flown.intervals[0][0] if flown.intervals else (flown.t0 + flown.end) / 2
     title = flown.scenario.title or "Flight"
     provenance = [Row((k, Cell(v, "code"))) for k, v in flown.provenance.items()]
@@ -39,7 +34,7 @@ def render(flown: LoggedFlight, light: bool = False) -> str:
         names_key=lanes.KEY,
         lanes=lanes.table([lane.entry for lane in flown.lanes], flown.cases),
         injected=injected,
-        detectors=[(own[i], f"{i}: {getattr(registry.find(i), 'summary', '')}") for i in ids],
+        detectors=[(own[i], f"{i}: {getattr(registry.find(i), 'summary', '')}") for i in own],
         elevators=elevators,
         others=others,
         motion=motion,
@@ -47,7 +42,7 @@ def render(flown: LoggedFlight, light: bool = False) -> str:
         damage=[f"{d.length} bytes at {d.offset}: {d.reason}" for d in flown.log.damage],
         provenance=Table("", "", "", rows=provenance, kind="", heads=False),
         toml=flown.toml,
-        figures=figures,
+        figures=[line, injected, *own.values(), elevators, others, motion, track],
         chips=chips,
         span=[flown.t0, flown.end],
         start=start,
