@@ -17,6 +17,7 @@ from cosim.cli.output import (
     OverwriteOption,
     ReadmeOption,
     WorkersOption,
+    option,
     output_option,
     reserve,
 )
@@ -40,17 +41,12 @@ def campaign(
     ] = False,
     output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>.")] = None,
     overwrite: OverwriteOption = False,
-    again: Annotated[
-        str | None,
-        typer.Option("--rerun", metavar="ID", help="Fly one run again, with a log, and compare its row."),
-    ] = None,
+    again: Annotated[str | None, option("--rerun", "ID", "Fly one run again, with a log, and compare its row.")] = None,
     worst: Annotated[
-        str | None,
-        typer.Option("--worst", metavar="DETECTOR", help="Provoke a false alarm, fault-free (300 flights)."),
+        str | None, option("--worst", "DETECTOR", "Provoke a false alarm, fault-free (300 flights).")
     ] = None,
     likeliest: Annotated[
-        str | None,
-        typer.Option("--likeliest", metavar="DETECTOR", help="The likeliest flight in which it fails."),
+        str | None, option("--likeliest", "DETECTOR", "The likeliest flight in which it fails.")
     ] = None,
     part: Annotated[str, typer.Option("--part", metavar="NAME", help="With --likeliest: the part to search.")] = "",
     detector: DetectorOption = None,
@@ -112,10 +108,7 @@ def _rerun(campaign, run, json_, **how):
 def dataset(
     campaign: CampaignArg,
     output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>-dataset.")] = None,
-    signal: Annotated[
-        list[str] | None,
-        typer.Option("--signal", metavar="WORD", help="`cosim list signals`. Default: all.", show_default=False),
-    ] = None,
+    signal: Annotated[list[str] | None, option("--signal", "WORD", "`cosim list signals`. Default: all.")] = None,
     rate: Annotated[float, typer.Option("--rate", metavar="HZ", help="Samples a second.")] = 50.0,
     limit: Annotated[
         int | None, typer.Option("--limit", min=1, help="The first flights only.", show_default=False)

@@ -10,16 +10,13 @@ from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err
-from cosim.cli.output import JsonOption, OverwriteOption, WorkersOption, output_option, reserve
+from cosim.cli.output import JsonOption, OverwriteOption, WorkersOption, argument, output_option, reserve
 
 
 @app.command(name="false-alarms")
 def false_alarms(
     detectors: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="DETECTOR", help="That ship, or files of your own. Default: all that ship.", show_default=False
-        ),
+        list[str] | None, argument("DETECTOR", "That ship, or files of your own. Default: all that ship.")
     ] = None,
     hours: Annotated[float, typer.Option("--hours", min=0.0, help="Flight hours; more go on from there.")] = 100.0,
     campaign: Annotated[

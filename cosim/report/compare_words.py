@@ -11,6 +11,7 @@ from cosim.compare.metrics import proportion
 from cosim.judge import coverage
 from cosim.judge.lanes import seconds
 from cosim.judge.narrator import listed
+from cosim.scenario.catalog import ACTUATOR_SENSORS
 from cosim.table import number
 
 
