@@ -34,14 +34,10 @@ STALL_MOMENT = {name: t.design(()).stall_moment for name, t in TECHNOLOGIES.item
 
 
 def trim_map(
-    masses_t: tuple[float, ...] = MASSES_T,
-    cgs_pct: tuple[float, ...] = CGS_PCT,
-    altitudes_ft: tuple[float, ...] = ALTITUDES_FT,
-    cas_kt: tuple[float, ...] = SPEEDS_KT,
-    *,
-    workers: int | None = 0,
+    masses_t: tuple[float, ...] = MASSES_T, cgs_pct: tuple[float, ...] = CGS_PCT,
+    altitudes_ft: tuple[float, ...] = ALTITUDES_FT, cas_kt: tuple[float, ...] = SPEEDS_KT, *, workers: int | None = 0,
     progress: Callable[..., Any] | None = None,
-) -> Any:
+) -> Any:  # fmt: skip
     """Return a table of every combination of the four.
 
     Columns: mass_t, cg_pct, altitude_ft, cas_kt, reason ("" when it trims, a key of REASONS, or "none found"), why (the

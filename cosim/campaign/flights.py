@@ -58,13 +58,9 @@ class CampaignResult:
     """
 
     def __init__(
-        self,
-        store: Store,
-        status: Mapping[str, str],
-        resumed: int = 0,
-        parquet: Path | None = None,
+        self, store: Store, status: Mapping[str, str], resumed: int = 0, parquet: Path | None = None,
         notes: tuple[str, ...] = (),
-    ):
+    ):  # fmt: skip
         """Take the `store` of the rows and {run: status}."""
         self.parquet, self.resumed, self.notes = parquet, resumed, notes
         self.done, self.damaged = len(status), tuple(store.damaged)
@@ -103,18 +99,10 @@ class CampaignResult:
 
 @told_at_call
 def run_many(
-    scenarios: Iterable[Scenario],
-    *,
-    workers: int | None = None,
-    out: str | Path | None = None,
-    resume: bool = True,
-    anew: bool = False,
-    keep: dict[str, int] | None = None,
-    executor: Executor | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    achieved: bool = True,
-    labels: Iterable[dict] | None = None,
-) -> CampaignResult:
+    scenarios: Iterable[Scenario], *, workers: int | None = None, out: str | Path | None = None, resume: bool = True,
+    anew: bool = False, keep: dict[str, int] | None = None, executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None, achieved: bool = True, labels: Iterable[dict] | None = None,
+) -> CampaignResult:  # fmt: skip
     """Fly `scenarios` (Scenario objects; equal ones once) and return a CampaignResult.
 
     `workers` processes, by default one per core, 0 for this process; or any concurrent.futures `executor`. `out` is the

@@ -25,14 +25,9 @@ Job = tuple[Callable, dict]
 
 
 def work(
-    jobs: Sequence[Job],
-    *,
-    folder: str | Path | None = None,
-    code: str | None = None,
-    workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    read: Callable[[Any], Any] = lambda value: value,
-) -> list[Any]:
+    jobs: Sequence[Job], *, folder: str | Path | None = None, code: str | None = None, workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None, read: Callable[[Any], Any] = lambda value: value,
+) -> list[Any]:  # fmt: skip
     """Return the value of every job, in order, from `folder` where it has been done (None: nothing is kept).
 
     `read` makes of a value what is returned; what it refuses of the folder (ValueError) is done again. `code` is the

@@ -113,12 +113,9 @@ class Margin:
 
 
 def margins(
-    detector: str,
-    *,
-    flights: int = FLIGHTS,
-    workers: int | None = None,
+    detector: str, *, flights: int = FLIGHTS, workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> list[Margin]:
+) -> list[Margin]:  # fmt: skip
     """Return the Margin of every axis of a shipped detector, the nominal one first. `progress(done, total)` counts
     flights; the total falls as axes end. Raises CampaignError for an unknown detector."""
     own = "One of your own cannot be taken: what it believes is not known"

@@ -35,16 +35,10 @@ CONNECT_S = 20.0  # to a scheduler, and until it has a worker
 
 @told_at_call
 def run_campaign(
-    campaign: str | Path,
-    *,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    out: str | Path | None = None,
-    resume: bool = False,
-    anew: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    campaign: str | Path, *, workers: int | None = None, scheduler: str | None = None, out: str | Path | None = None,
+    resume: bool = False, anew: bool = False, progress: Callable[[int, int], None] | None = None,
     guests: Iterable[str | Path] = (),
-) -> CampaignResult:
+) -> CampaignResult:  # fmt: skip
     """Fly the campaign of a built-in name or file and return a CampaignResult; `out` defaults to logs/<name>.
 
     `scheduler` is the address of a Dask scheduler ("tcp://127.0.0.1:8786"). `guests` are files of further detectors

@@ -61,15 +61,9 @@ class Found:
 
 
 def search(
-    campaign: str | Path,
-    detector: str,
-    *,
-    flights: int = MOST_FLIGHTS,
-    workers: int | None = None,
-    out: str | Path | None = None,
-    seed: int = 1,
-    progress: Callable[[int, int], None] | None = None,
-) -> Found:
+    campaign: str | Path, detector: str, *, flights: int = MOST_FLIGHTS, workers: int | None = None,
+    out: str | Path | None = None, seed: int = 1, progress: Callable[[int, int], None] | None = None,
+) -> Found:  # fmt: skip
     """Search the fault-free space of a campaign for the flight in which `detector` comes nearest to an alarm.
 
     At most `flights` flights (>= 2 generations of POPULATION). `out` is the scenario file to write, None for none.
@@ -110,13 +104,8 @@ class Flights:
     """Fly points of a space; `rows` has a dict per flight, `points` where it was."""
 
     def __init__(
-        self,
-        space: Space,
-        detector: str,
-        executor: Executor,
-        most: int,
-        progress: Callable[[int, int], None] | None,
-    ):
+        self, space: Space, detector: str, executor: Executor, most: int, progress: Callable[[int, int], None] | None,
+    ):  # fmt: skip
         """Fly at most `most` points of `space` with `detector` alone, on the processes of `executor`."""
         self.space, self.detector, self.executor = space, detector, executor
         self.most, self.progress = most, progress
@@ -216,16 +205,9 @@ class Likeliest:
 
 
 def likeliest(
-    campaign: str | Path,
-    detector: str,
-    *,
-    flights: int = 200,
-    part: str = "",
-    workers: int | None = None,
-    out: str | Path | None = None,
-    seed: int = 1,
-    progress: Callable[[int, int], None] | None = None,
-) -> Likeliest:
+    campaign: str | Path, detector: str, *, flights: int = 200, part: str = "", workers: int | None = None,
+    out: str | Path | None = None, seed: int = 1, progress: Callable[[int, int], None] | None = None,
+) -> Likeliest:  # fmt: skip
     """Search a campaign, or its part `part`, for the likeliest flight in which `detector` fails.
 
     It fails in a flight without a fault when it alarms, in one with a fault when it was able to judge and did not

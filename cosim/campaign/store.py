@@ -107,15 +107,9 @@ class Store:
     """Rows of a campaign in memory, and in a folder when there is one."""
 
     def __init__(
-        self,
-        out: str | Path | None,
-        scenarios: pd.DataFrame,
-        texts: Iterable[str] = (),
-        *,
-        resume: bool = True,
-        anew: bool = False,
-        files: Iterable[tuple[str, UserFile]] = (),
-    ):
+        self, out: str | Path | None, scenarios: pd.DataFrame, texts: Iterable[str] = (), *, resume: bool = True,
+        anew: bool = False, files: Iterable[tuple[str, UserFile]] = (),
+    ):  # fmt: skip
         """Open folder `out` (None for memory only) for `scenarios`, a frame with run, order, ..., of which `texts` are
         the expanded TOML, and in which `files` of a user's fly, (key, UserFile). Raises CampaignError when the folder
         holds rows and `resume` is false, rows of other code, or of a file that has changed, unless such runs are to fly

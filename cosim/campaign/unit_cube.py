@@ -28,14 +28,9 @@ class Space:
     """The flights of one campaign, or of its part; seeds are `seeds` from `first_seed` on, `detectors` alone fly."""
 
     def __init__(
-        self,
-        campaign: Campaign,
-        *,
-        first_seed: int,
-        seeds: int = 100_000,
-        detectors: Sequence[str] | None = None,
+        self, campaign: Campaign, *, first_seed: int, seeds: int = 100_000, detectors: Sequence[str] | None = None,
         part: str = "",
-    ):
+    ):  # fmt: skip
         """Raises CampaignError for a campaign with several parts of which `part` is none."""
         chosen = [p for p in campaign.parts if part in ("", p.name)]
         if len(chosen) != 1:

@@ -110,12 +110,9 @@ class Comparison:
 
 @told_at_call
 def compare(
-    sources: Iterable[str | Path] = (),
-    *,
-    workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    guests: Iterable[str | Path] = (),
-) -> Comparison:
+    sources: Iterable[str | Path] = (), *, workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None, guests: Iterable[str | Path] = (),
+) -> Comparison:  # fmt: skip
     """Return the Comparison of logs, of one campaign's folder or folder of logs, of two campaigns side by side, or of
     the built-in matrix.
 
@@ -171,12 +168,9 @@ def _side_by_side(folders, guests):
 
 
 def read(
-    sources: Iterable[str | Path],
-    *,
-    workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    sources: Iterable[str | Path], *, workers: int | None = None, progress: Callable[[int, int], None] | None = None,
     guests: Iterable = (),
-) -> tuple:
+) -> tuple:  # fmt: skip
     """Return (rows per lane, timing or None, {run: TOML}, name) of what is to be compared."""
     paths = [Path(s) for s in sources]
     if not paths:

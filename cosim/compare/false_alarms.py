@@ -48,14 +48,9 @@ LIMITS = {  # detectors whose threshold is no number: what it grows with
 
 
 def false_alarms(
-    *,
-    hours: float = 100.0,
-    campaign: str = "fault-free",
-    detectors: Sequence[str] = (),
-    folder: str | Path | None = None,
-    workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> dict:
+    *, hours: float = 100.0, campaign: str = "fault-free", detectors: Sequence[str] = (),
+    folder: str | Path | None = None, workers: int | None = None, progress: Callable[[int, int], None] | None = None,
+) -> dict:  # fmt: skip
     """Fly `hours` of a fault-free campaign and return plain data: hours, flights, and an entry per detector.
 
     `folder` keeps what is flown, so that a killed or shorter measurement goes on; `detectors` are ids, by default all

@@ -96,19 +96,9 @@ def _largest(y, step):
 
 
 def curve(
-    t0: float,
-    dt: float,
-    y: np.ndarray,
-    *,
-    name: str = "",
-    colour: str = "--ink",
-    dash: str = "solid",
-    width: float = 1.4,
-    panel: int = 1,
-    legend: bool = True,
-    reduce: Any = envelope,
-    **more: Any,
-) -> dict:
+    t0: float, dt: float, y: np.ndarray, *, name: str = "", colour: str = "--ink", dash: str = "solid",
+    width: float = 1.4, panel: int = 1, legend: bool = True, reduce: Any = envelope, **more: Any,
+) -> dict:  # fmt: skip
     """Return a line trace of the samples y at t0 + k dt in panel number `panel`; `reduce` is as `envelope`."""
     values, every = reduce(y)
     trace = points(
@@ -198,14 +188,9 @@ def style_axis(title: str = "", **more: Any) -> dict[str, Any]:
 
 
 def grid(
-    layout: dict,
-    titles: Sequence[Any],
-    y_titles: Any,
-    columns: Any,
-    span: Any = None,
-    x_title: str = "time, s",
+    layout: dict, titles: Sequence[Any], y_titles: Any, columns: Any, span: Any = None, x_title: str = "time, s",
     gap: float = 0.085,
-) -> None:
+) -> None:  # fmt: skip
     """Lay out panels row by row with a title each; `y_titles` is a list, or the text left of each row; `x_title` stands
     below. `span` is the (first, last) time, `gap` the share of the width between two columns. Changes `layout`."""
     n, rows = len(titles), -(-len(titles) // columns)

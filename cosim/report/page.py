@@ -33,19 +33,10 @@ def environment() -> Environment:
 
 
 def page(
-    template: str,
-    *,
-    title: str,
-    subtitle: str,
-    figures: list,
-    chips: Sequence[Any] = (),
-    span: list[float] | None = None,
-    start: float = 0.0,
-    faults: Sequence[Any] = (),
-    alarms: Sequence[Any] = (),
-    light: bool = False,
-    **content: Any,
-) -> str:
+    template: str, *, title: str, subtitle: str, figures: list, chips: Sequence[Any] = (),
+    span: list[float] | None = None, start: float = 0.0, faults: Sequence[Any] = (), alarms: Sequence[Any] = (),
+    light: bool = False, **content: Any,
+) -> str:  # fmt: skip
     """Return the page of `template` as HTML text; `content` are the template's own names.
 
     `figures` are the Figures whose places stand in it; `chips` [(detector, level, alarmed)]; `span` the (first, last)

@@ -37,16 +37,10 @@ ABOUT = "dataset.json"
 
 
 def make(
-    campaign: str | Path,
-    out: str | Path,
-    *,
-    signals: Sequence[str] = (),
-    rate_hz: float = 50.0,
-    limit: int | None = None,
-    anew: bool = False,
-    workers: int | None = None,
+    campaign: str | Path, out: str | Path, *, signals: Sequence[str] = (), rate_hz: float = 50.0,
+    limit: int | None = None, anew: bool = False, workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> dict[str, Any]:
+) -> dict[str, Any]:  # fmt: skip
     """Fly `campaign` into the data set at `out`; return {folder, flights, failed, samples, bytes, bytes_per_flight,
     notes}: notes are lines about splits that are empty.
 

@@ -39,15 +39,10 @@ class Score:
 
 
 def score(
-    detectors: Sequence[str] = (),
-    *,
-    seeds: str | Path | None = None,
-    limit: int | None = None,
-    recordings: str | Path | None = None,
-    workers: int | None = None,
-    flying: Callable[[int, int], None] | None = None,
+    detectors: Sequence[str] = (), *, seeds: str | Path | None = None, limit: int | None = None,
+    recordings: str | Path | None = None, workers: int | None = None, flying: Callable[[int, int], None] | None = None,
     running: Callable[[int, int], None] | None = None,
-) -> Score:
+) -> Score:  # fmt: skip
     """Score `detectors`, ids of those that ship or files (cosim/flight/plugins), by default all that ship and the
     learned ones.
 

@@ -136,13 +136,9 @@ def cache(seeds: Seeds) -> Path:
 
 
 def flown(
-    seeds: Seeds,
-    *,
-    limit: int | None = None,
-    folder: str | Path | None = None,
-    workers: int | None = None,
+    seeds: Seeds, *, limit: int | None = None, folder: str | Path | None = None, workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> list[RecordedFlight]:
+) -> list[RecordedFlight]:  # fmt: skip
     """Return the flights, flown where `folder` (default: the user's cache) does not hold them yet.
 
     A killed run goes on where it was; recordings of other code are taken over where they repeat (`adopt`). Raises

@@ -46,13 +46,9 @@ class Scored:
 
 
 def scored(
-    flights: Sequence[RecordedFlight],
-    ids: Sequence[str],
-    files: Iterable[str | Path] = (),
-    *,
-    workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> Scored:
+    flights: Sequence[RecordedFlight], ids: Sequence[str], files: Iterable[str | Path] = (), *,
+    workers: int | None = None, progress: Callable[[int, int], None] | None = None,
+) -> Scored:  # fmt: skip
     """Run the detectors `ids` that ship and those of `files` on the recordings of `flights`; return the Scored. Raises
     LogError, GuestError, ScenarioError."""
     files = [str(Path(f).resolve()) if Path(f).is_file() else str(f) for f in files]
