@@ -169,9 +169,6 @@ def _kept(trace, own, p, dt):
         alarms += len(onsets(trace[:, watch.alarm]))
     peaks = most.reshape(-1, per).max(axis=1)
     return {
-        "peaks": base64.b64encode(peaks.astype("<f4").tobytes()).decode(),
-        "valid_s": exposed,
-        "alarms": alarms,
-        "silent": int(alarms > 0 and peaks.max() < 1.0),
-        "moments": moments,
-    }
+        "peaks": base64.b64encode(peaks.astype("<f4").tobytes()).decode(), "valid_s": exposed, "alarms": alarms,
+        "silent": int(alarms > 0 and peaks.max() < 1.0), "moments": moments,
+    }  # fmt: skip

@@ -43,12 +43,9 @@ def inventory() -> dict[str, Any]:
         "keys": {**c.KEYS, "[law]": {", ".join(law.gains()): "gains of the shipped law", **own_law}},
         "units": {name: [u.suffix for u in units] for name, units in {**c.SENSORS, **c.ACTUATOR_SENSORS}.items()},
         "targets": {
-            "segments": list(c.SEGMENTS),
-            "groups": list(c.GROUPS),
-            "surfaces": list(c.SURFACES),
+            "segments": list(c.SEGMENTS), "groups": list(c.GROUPS), "surfaces": list(c.SURFACES),
             "engines": [*load_aircraft().engine_names, "all"],
-            "actuator_sensors": {t: list(s) for t, s in c.SENSORS_OF.items()},
-            "sensors": list(c.SENSORS),
+            "actuator_sensors": {t: list(s) for t, s in c.SENSORS_OF.items()}, "sensors": list(c.SENSORS),
         },
         "classes": [{"name": name, "summary": text} for name, text in MEANINGS.items()],
         "signals": vocabulary.inventory(),
@@ -62,7 +59,7 @@ def inventory() -> dict[str, Any]:
         "detectors": [
             {"id": r.id, "level": r.level, "summary": r.summary, "range": _range(r)} for r in records().values()
         ],
-    }
+    }  # fmt: skip
 
 
 def examples() -> dict[str, str]:

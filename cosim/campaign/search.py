@@ -130,17 +130,10 @@ def evolve(
 ) -> None:
     """Minimise `cost` of points (size, n) of the unit cube by differential evolution, until(...) is true at most."""
     differential_evolution(
-        cost,
-        [(0.0, 1.0)] * size,
-        init=unit_cube(POPULATION, size, sampling="latin_hypercube", seed=seed),
-        maxiter=max(generations - 1, 0),
-        tol=0.0,
-        polish=False,
-        vectorized=True,
-        updating="deferred",
-        seed=rng,
+        cost, [(0.0, 1.0)] * size, init=unit_cube(POPULATION, size, sampling="latin_hypercube", seed=seed),
+        maxiter=max(generations - 1, 0), tol=0.0, polish=False, vectorized=True, updating="deferred", seed=rng,
         callback=until,
-    )
+    )  # fmt: skip
 
 
 def _alarm(fly, points):

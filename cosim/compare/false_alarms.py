@@ -89,14 +89,11 @@ def summary(flown: Sequence[FaultFreeFlight], campaign: str, detectors: Sequence
     done = [f for f in flown if f.lanes]
     there = [name for name in detectors if any(name in f.lanes for f in done)]
     return {
-        "campaign": campaign,
-        "flights": len(done),
-        "hours": sum(f.seconds for f in done) / 3600.0,
+        "campaign": campaign, "flights": len(done), "hours": sum(f.seconds for f in done) / 3600.0,
         "infeasible": sum(f.status == "infeasible" for f in flown),
-        "departed": sum(f.status not in ("completed", "infeasible") for f in flown),
-        "window_s": WINDOW_S,
+        "departed": sum(f.status not in ("completed", "infeasible") for f in flown), "window_s": WINDOW_S,
         "detectors": [curve(name, done) for name in there],
-    }
+    }  # fmt: skip
 
 
 def curve(name: str, flown: Sequence[FaultFreeFlight]) -> dict:

@@ -274,17 +274,12 @@ class _Lane:
         unsure = codes == code.AMBIGUOUS
         sure = which[~unsure]
         out |= {
-            **last_name(s, (run, first, stop), watch, dt),
-            "first_verdict": s.name(run[0], watch),
+            **last_name(s, (run, first, stop), watch, dt), "first_verdict": s.name(run[0], watch),
             "class_changes": int(np.count_nonzero(np.diff(codes))),
-            "ambiguous_s": float((stop - first)[unsure].sum() * dt),
-            "right": last.right,
-            "class_given": last.class_,
-            "place_given": last.place,
-            "place_level": last.level,
-            "first_right": names[which[0]].right,
+            "ambiguous_s": float((stop - first)[unsure].sum() * dt), "right": last.right, "class_given": last.class_,
+            "place_given": last.place, "place_level": last.level, "first_right": names[which[0]].right,
             "first_sure_wrong": bool(len(sure)) and names[sure[0]].wrong,
-        }
+        }  # fmt: skip
         at = self.first_right(fault, k, end)
         if at is None and last.right:  # right at the end without ever standing for long
             at = round(out["named_at_s"] / dt)

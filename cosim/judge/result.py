@@ -158,26 +158,14 @@ def judge(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dic
     rises = runs.onsets(alarm)
     share, why = validity(watch, runs, min(round(SETTLE_S / dt), runs.ticks // 2), runs.ticks)
     entry = {
-        "id": watch.id,
-        "level": watch.level,
-        "target": watch.target,
-        "concerned": bool(mine),
-        "alarm": bool(len(rises)),
-        **dict.fromkeys(OF_A_FAULT),
-        "by_fault": [],
+        "id": watch.id, "level": watch.level, "target": watch.target, "concerned": bool(mine),
+        "alarm": bool(len(rises)), **dict.fromkeys(OF_A_FAULT), "by_fault": [],
         "false_alarms": int(np.count_nonzero(~during(mine, rises, dt))),
         "standing_s": float(runs.count(alarm & false) * dt),
-        "exposed_s": float(runs.count(valid(watch, runs) & false) * dt),
-        "able": share >= ABLE,
-        "valid_share": share,
-        "why_not_valid": why,
-        "estimate_rmse": None,
-        "estimate_bias": None,
-        "step_us": watch.step_us,
-        "estimate_max": None,
-        "estimate_unit": None,
-        **largest(watch, trace, dt, faults),
-    }
+        "exposed_s": float(runs.count(valid(watch, runs) & false) * dt), "able": share >= ABLE, "valid_share": share,
+        "why_not_valid": why, "estimate_rmse": None, "estimate_bias": None, "step_us": watch.step_us,
+        "estimate_max": None, "estimate_unit": None, **largest(watch, trace, dt, faults),
+    }  # fmt: skip
     if watch.estimate:
         entry |= errors(watch.estimate.error(trace, dt), watch.estimate.unit)
     if mine:

@@ -171,20 +171,11 @@ def log_axis(low: float, high: float, marks: Sequence[float] = (1,)) -> dict[str
 def style_axis(title: str = "", **more: Any) -> dict[str, Any]:
     """Return one axis in the house style."""
     return {
-        "title": {"text": title, "font": {"size": 11, "color": "--muted"}, "standoff": 4},
-        "gridcolor": "--grid",
-        "zeroline": False,
-        "linecolor": "--line",
-        "tickcolor": "--line",
-        "ticks": "outside",
-        "ticklen": 3,
-        "tickfont": {"size": 10.5, "color": "--muted"},
-        "automargin": False,
-        "exponentformat": "power",
-        "separatethousands": True,
-        "minexponent": 6,
-        **more,
-    }
+        "title": {"text": title, "font": {"size": 11, "color": "--muted"}, "standoff": 4}, "gridcolor": "--grid",
+        "zeroline": False, "linecolor": "--line", "tickcolor": "--line", "ticks": "outside", "ticklen": 3,
+        "tickfont": {"size": 10.5, "color": "--muted"}, "automargin": False, "exponentformat": "power",
+        "separatethousands": True, "minexponent": 6, **more,
+    }  # fmt: skip
 
 
 def grid(

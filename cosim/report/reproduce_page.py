@@ -131,13 +131,7 @@ def _inside(c, span):
 def _curve(c, panel, legend, span):
     on = _inside(c, span)
     made = curve(
-        c.t0 + c.dt * (on.start or 0),
-        c.dt,
-        c.y[on],
-        name=c.name,
-        colour=ROLES[c.role],
-        dash=c.dash,
-        panel=panel,
+        c.t0 + c.dt * (on.start or 0), c.dt, c.y[on], name=c.name, colour=ROLES[c.role], dash=c.dash, panel=panel,
         reduce=lambda y: envelope(y, 1000),
-    )
+    )  # fmt: skip
     return made | {"showlegend": legend}

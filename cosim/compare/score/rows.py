@@ -179,18 +179,13 @@ def detector(found: Scored, name: str, flights: Sequence[RecordedFlight]) -> dic
     open_to = faults[faults["word"] != coverage.BLIND]
     guest = registry.GUESTS.get(name)
     return {
-        "id": name,
-        "level": whole["level"],
-        "group": stats.draws_on(name, whole["level"]),
+        "id": name, "level": whole["level"], "group": stats.draws_on(name, whole["level"]),
         "inputs": sorted(set(record.inputs.values())) if record else [],
-        "guest": None if guest is None else {"sha256": guest.sha256},
-        "remark": coverage.remark(name),
+        "guest": None if guest is None else {"sha256": guest.sha256}, "remark": coverage.remark(name),
         **(stats.score(open_to) if len(open_to) else {"designed": 0, "detected": 0}),
-        "blind": int(len(faults) - len(open_to)),
-        **{k: whole[k] for k in WHOLE},
-        **_mean(found.logs[found.logs["id"] == name]),
-        "families": lines,
-    }
+        "blind": int(len(faults) - len(open_to)), **{k: whole[k] for k in WHOLE},
+        **_mean(found.logs[found.logs["id"] == name]), "families": lines,
+    }  # fmt: skip
 
 
 def _family(rows, family, logs, name):
