@@ -151,9 +151,8 @@ def pool(workers: int | None) -> Iterator[cf.Executor]:
         with cf.ThreadPoolExecutor(1) as thread:
             yield thread
         return
-    workers = cores() if workers is None else workers
     with _surroundings():  # before the executor: its first lock starts a process, too
-        yield from _processes(workers)
+        yield from _processes(cores() if workers is None else workers)
 
 
 @contextlib.contextmanager

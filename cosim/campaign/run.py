@@ -13,9 +13,8 @@ import json
 import logging
 import os
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -48,21 +47,14 @@ def run_campaign(
     made = load_campaign(campaign)
     scenarios, labels = made.scenarios()
     scenarios = _with(scenarios, guests)
-    options: dict[str, Any] = {
-        "out": out or folder(campaign), "resume": resume or anew, "anew": anew, "keep": made.keep, "progress": progress,
-        "labels": labels,
-    }  # fmt: skip
-    if scheduler is None:
-        return _titled(run_many(scenarios, workers=workers, **options), made.title)
-    with cluster(scheduler) as (executor, threads):
-        return _titled(run_many(scenarios, executor=executor, workers=workers or threads, **options), made.title)
-
-
-def _titled(result, title):
-    """Return the CampaignResult with the campaign's title in its folder's manifest, for pages of it."""
-    path = result.parquet.with_name(FILE)
+    with cluster(scheduler) if scheduler else nullcontext((None, None)) as (executor, threads):
+        result = run_many(
+            scenarios, workers=threads if workers is None else workers, executor=executor, out=out or folder(campaign),
+            resume=resume or anew, anew=anew, keep=made.keep, progress=progress, labels=labels,
+        )  # fmt: skip
+    path = result.parquet.with_name(FILE)  # the campaign's title stands in the manifest, for pages of it
     told = from_json(read(path, error=CampaignError), place=str(path), error=CampaignError)
-    replace_text(path, json.dumps(told | {"title": title}, indent=1))
+    replace_text(path, json.dumps(told | {"title": made.title}, indent=1))
     return result
 
 

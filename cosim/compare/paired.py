@@ -143,8 +143,5 @@ def joined(each: list[pd.DataFrame], names: list[str]) -> tuple[pd.DataFrame, li
 def _same(a, b):
     """Return the detectors whose rows are the same in both."""
     one, other = (own.set_index(AT)[list(TOLD)].sort_index() for own in (a, b))
-    return [i for i in dict.fromkeys(a["id"]) if _of(one, i).equals(_of(other, i))]
-
-
-def _of(rows, name):
-    return rows[rows.index.get_level_values("id") == name]
+    of = lambda rows, name: rows[rows.index.get_level_values("id") == name]  # noqa: E731
+    return [i for i in dict.fromkeys(a["id"]) if of(one, i).equals(of(other, i))]

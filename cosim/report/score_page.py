@@ -29,9 +29,11 @@ def render(found: dict, beside: Sequence[dict] = ()) -> str:
     figure = front(each)
     lost = f"; {found['infeasible']} points do not trim" if found["infeasible"] else ""
     fitted = any(f.get("a90") is not None for d in each for f in d["families"])
+    names = [d["id"] for d in found["detectors"]]
+    some = f"{len(names)} detectors" if len(names) > 3 else ", ".join(names)
     return page(
         "score.html",
-        title=f"Score of {_some(found)} on {found['benchmark']}",
+        title=f"Score of {some} on {found['benchmark']}",
         subtitle=f"{flights(found)} recorded, the same for all{lost}",
         figures=[figure],
         chips=[(d["id"], d["level"], d["detected"] > 0) for d in each],
@@ -57,11 +59,6 @@ def flights(found: dict) -> str:
     return f"{n} flights" if n == whole else f"{n} of the {whole} flights"
 
 
-def _some(found):
-    names = [d["id"] for d in found["detectors"]]
-    return f"{len(names)} detectors" if len(names) > 3 else ", ".join(names)
-
-
 SHARES = (("right name", "named", "--green"), ("ambiguous", "ambiguous", "--gold"), ("wrong name", "misnamed", "--red"),
           ("not valid", "not_valid", "--muted"))  # fmt: skip
 
@@ -81,19 +78,14 @@ def front(each: list[dict]) -> Figure:
         rate |= log_axis(10.0**low, 10.0**high, (1, 2, 5) if high - low < 2.0 else (1,))
     figure.layout["xaxis2"] = style_axis("false alarms per hour, below", **rate)
     for d in own:
-        common = {"y": [d["id"]], "meta": {"detector": d["id"]}}
+        common: dict = {"y": [d["id"]], "detector": d["id"], "yaxis": "y"}
         for name, key, colour in SHARES:
-            figure.data.append({
-                "type": "bar", "orientation": "h", "name": name, "x": [d[key] / d["designed"]], **common,
-                "marker": {"color": colour}, "showlegend": d is own[0],
-                "hovertemplate": f"{d[key]} of {d['designed']} {name}<extra>{d['id']}</extra>",
-            })  # fmt: skip
-        figure.data.append({
-            "type": "scatter", "mode": "markers", "x": [d["false_alarms_per_hour_high"]], "xaxis": "x2", **common,
-            "marker": {"size": 9, "color": "--ink"}, "showlegend": False,
-            "hovertemplate": f"counted {d['false_alarms_per_hour']:.2g}, below %{{x:.2g}} per hour"
-                             f"<extra>{d['id']}</extra>",
-        })  # fmt: skip
+            said = f"{d[key]} of {d['designed']} {name}<extra>{d['id']}</extra>"
+            figure.points(1, type="bar", orientation="h", name=name, x=[d[key] / d["designed"]], hover=said,
+                          marker={"color": colour}, showlegend=d is own[0], **common)  # fmt: skip
+        said = f"counted {d['false_alarms_per_hour']:.2g}, below %{{x:.2g}} per hour<extra>{d['id']}</extra>"
+        at = [d["false_alarms_per_hour_high"]]
+        figure.points(2, x=at, hover=said, marker={"size": 9, "color": "--ink"}, **common)
     return figure
 
 

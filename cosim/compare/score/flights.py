@@ -5,7 +5,7 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -118,17 +118,12 @@ def code() -> str:
     return found.hexdigest()[:16]
 
 
-def _roots() -> Iterator[Path]:
-    if os.environ.get("XDG_CACHE_HOME"):
-        yield Path(os.environ["XDG_CACHE_HOME"])
-    with suppress(RuntimeError):  # a user without a home
-        yield Path.home() / ".cache"
-
-
 def cache(seeds: Seeds) -> Path:
     """Return the folder of the recordings in the user's cache, to which nobody else may write. Raises OutputError."""
-    name = f"{NAME}-{seeds.digest}"
-    for root in _roots():
+    name, roots = f"{NAME}-{seeds.digest}", [Path(d) for d in (os.environ.get("XDG_CACHE_HOME"),) if d]
+    with suppress(RuntimeError):  # a user without a home
+        roots.append(Path.home() / ".cache")
+    for root in roots:
         folder = root / "cosim-recordings"
         if private(folder) and private(folder / name) and os.access(folder / name, os.W_OK):
             return folder / name
