@@ -19,8 +19,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator, TypeAda
 from pydantic.dataclasses import dataclass
 from scipy.ndimage import minimum_filter1d
 
-from cosim.campaign.spec import load_campaign
-from cosim.campaign.unit_cube import Space
+from cosim.campaign.spec import Space, load_campaign
 from cosim.errors import TrimError
 from cosim.judge.alarms import exposure_s, onsets
 from cosim.judge.detection import valid

@@ -29,7 +29,7 @@ from typing import Any
 import pandas as pd
 
 from cosim.campaign.pool import outcomes
-from cosim.campaign.store import GO_ON, Store, folder, load
+from cosim.campaign.store import GO_ON, Store, folder, load, write_manifest
 from cosim.campaign.worker import Packed, run_id
 from cosim.errors import CampaignError, LogError, OutputError, told_at_call
 from cosim.files import regular, replace, replace_text
@@ -137,8 +137,6 @@ def _manifest(store, brought):
     """Write the manifest of a folder whose rows are consolidated."""
     import pyarrow.parquet as pq
 
-    from cosim.campaign import manifest
-
     seeds, took = store.scenarios["seed"], store.timing()["core_s"].dropna()
     rows = pq.read_metadata(store.out / "runs.parquet").num_rows
     about = {
@@ -147,7 +145,7 @@ def _manifest(store, brought):
         "seeds": [int(seeds.min()), int(seeds.max())],
         "flights_per_core_s": len(took) / float(took.sum()) if took.sum() > 0.0 else None,
     }
-    manifest.write(store.out, about, brought)
+    write_manifest(store.out, about, brought)
 
 
 def _left_out(store):

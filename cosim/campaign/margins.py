@@ -19,7 +19,7 @@ import numpy as np
 
 from cosim.campaign.flights import run_many
 from cosim.campaign.pool import pool
-from cosim.campaign.unit_cube import shipped
+from cosim.campaign.spec import shipped
 from cosim.campaign.worker import run_id
 from cosim.errors import CampaignError
 from cosim.flight.blocks.sensors import TRANSPORT

@@ -19,9 +19,8 @@ from pathlib import Path
 import pandas as pd
 
 from cosim.campaign.flights import CampaignResult, run_many
-from cosim.campaign.manifest import FILE
 from cosim.campaign.spec import load_campaign
-from cosim.campaign.store import fingerprint, flown_with, load
+from cosim.campaign.store import MANIFEST, fingerprint, flown_with, load
 from cosim.campaign.worker import fly, run_id
 from cosim.errors import CampaignError, did_you_mean, told_at_call
 from cosim.files import replace_text
@@ -52,7 +51,7 @@ def run_campaign(
             scenarios, workers=threads if workers is None else workers, executor=executor, out=out or folder(campaign),
             resume=resume or anew, anew=anew, keep=made.keep, progress=progress, labels=labels,
         )  # fmt: skip
-    path = result.parquet.with_name(FILE)  # the campaign's title stands in the manifest, for pages of it
+    path = result.parquet.with_name(MANIFEST)  # the campaign's title stands in the manifest, for pages of it
     told = from_json(read(path, error=CampaignError), place=str(path), error=CampaignError)
     replace_text(path, json.dumps(told | {"title": made.title}, indent=1))
     return result

@@ -32,8 +32,7 @@ from scipy.optimize import differential_evolution
 from cosim.campaign.draw import unit_cube
 from cosim.campaign.flights import run_many
 from cosim.campaign.pool import pool
-from cosim.campaign.spec import load_campaign
-from cosim.campaign.unit_cube import Space, shipped
+from cosim.campaign.spec import Space, load_campaign, shipped
 from cosim.campaign.worker import run_id
 from cosim.errors import CampaignError
 from cosim.files import marked, replace_text

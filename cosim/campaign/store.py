@@ -7,6 +7,7 @@
     runs.parquet        one row per run and detector lane, sorted, with the scenario's columns: the result
     timing.parquet      what a clock measured; never the same twice, so it stands apart
     logs/<run>.mcap     logs that were kept
+    manifest.json       what was flown, with which code and seeds, and the SHA-256 of the files of the result
 
 Rows come in any order and may be there twice when a campaign was killed between two files; `rows()` drops the second.
 """
@@ -16,7 +17,9 @@ import functools
 import hashlib
 import itertools
 import json
+import subprocess
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -32,10 +35,12 @@ from cosim.scenario.brought import changed
 from cosim.scenario.user_file import UserFile
 from cosim.texts import from_json, read
 
+MANIFEST = "manifest.json"
+ROOT = Path(__file__).resolve().parents[2]
 FLYING = ("actuators", "fdi", "aircraft")  # with what a worker imports of cosim: what decides about a row
 USER_FILES = "user_files.json"
 TABLES = ("scenarios.parquet", "runs.parquet", "timing.parquet")
-FILES = ("campaign.json", *TABLES, "manifest.json", "guests.json", USER_FILES)
+FILES = ("campaign.json", *TABLES, MANIFEST, "guests.json", USER_FILES)
 DECIDING = (".py", ".json", ".npz", ".toml", ".xml")
 GO_ON = "Free space there, then go on with --resume"
 KEYS = ("run", "lane", "fault", "status")  # of a row
@@ -60,10 +65,10 @@ def versions() -> dict[str, str]:
 def source_digest(folders: Iterable[str], *modules: Path) -> Any:
     """Return the SHA-256, to be continued, of what decides in `folders` of the repository and of all that `modules`
     import of it."""
-    root, digest = Path(__file__).resolve().parents[2], hashlib.sha256()
-    files = {p for name in folders for p in (root / name).rglob("*") if p.suffix in DECIDING}
+    digest = hashlib.sha256()
+    files = {p for name in folders for p in (ROOT / name).rglob("*") if p.suffix in DECIDING}
     for path in sorted(files.union(*map(closure, modules))):
-        digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+        digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
     return digest
 
 
@@ -286,3 +291,41 @@ def _scenarios(folder):
         remedy = "`cosim campaign --resume` writes it anew"
         raise CampaignError("is damaged or missing", place=str(folder / "scenarios.parquet"), remedy=remedy)
     return found.to_pandas()
+
+
+def about_the_code() -> dict:
+    """Return {software, commit, changed, versions}; commit is None outside a checkout, `changed` tells of a source that
+    differs from it."""
+    said = {"software": f"cosim {version('cosim-fdi')}", "versions": fingerprint()["versions"]}
+    if not (ROOT / ".git").exists():
+        return {**said, "commit": None, "changed": None}
+    commit, changed = _git("rev-parse", "HEAD"), _git("status", "--porcelain", "--untracked-files=no")
+    return {**said, "commit": commit or None, "changed": None if changed is None else bool(changed)}
+
+
+def _git(*words):
+    try:
+        told = subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, text=True, timeout=20, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return told.stdout.strip()
+
+
+def write_manifest(out: Path, about: dict, brought: Iterable[tuple[str, UserFile]] = ()) -> None:
+    """Write the manifest of a finished campaign into its folder `out`: what it tells of itself (`about`: runs, rows,
+    seeds, flights per second of a core), the code, and the user's files that flew, (key, UserFile)."""
+    about = {
+        **about,
+        "digest": fingerprint()["digest"],
+        **about_the_code(),
+        "user_files": [{"key": key, **file._asdict()} for key, file in brought],
+        "sha256": {name: sha256(out / name) for name in ("scenarios.parquet", "runs.parquet")},
+    }
+    regular(out / MANIFEST, OutputError)
+    replace_text(out / MANIFEST, json.dumps(about, indent=1))
+
+
+def sha256(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -8,7 +8,7 @@ independent, what happens in one is not.
 
     counted     peaks at or beyond c, exact Poisson interval
     extremes    generalised Pareto tail of the highest peaks (cosim/compare/extreme_value.py)
-    crossings   where the residual is stationary and Gaussian by test (cosim/compare/rice_rate.py)
+    crossings   where the residual is stationary and Gaussian by test (cosim/compare/extreme_value.py)
 
 The tail is also fitted to half of the flights, drawn, and held against the count of the rest. All of it is of this
 model: of this aircraft, these sensors, gusts and tolerances, in this mix of flights.
@@ -23,10 +23,10 @@ import numpy as np
 
 from cosim.campaign.fault_free import WINDOW_S, FaultFreeFlight, fly, space
 from cosim.campaign.jobs import work
-from cosim.campaign.unit_cube import Space, shipped
+from cosim.campaign.spec import Space, shipped
 from cosim.compare import extreme_value
+from cosim.compare.extreme_value import Gaussian, gaussian
 from cosim.compare.metrics import rate
-from cosim.compare.rice_rate import Gaussian, gaussian
 from cosim.errors import CampaignError
 from cosim.flight.plugins import loaded
 from fdi import registry

@@ -1,4 +1,4 @@
-"""The page of a comparison: summary, levels, coverage, maps, delays, false alarms, confusion, sweeps, cost, flights."""
+"""The page of a comparison, with its matrices: fault by level, fault by detector, what each detector called it."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""Figures of one flight: path, motion, surfaces, and what was injected."""
+"""Figures of one flight: path, motion, surfaces, what was injected, every detector, all alarms on one time line."""
 
 import math
 from typing import Any

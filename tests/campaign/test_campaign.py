@@ -16,11 +16,10 @@ import pytest
 import worker_calls
 from worker_calls import die_once, flights, killed
 
-from cosim.campaign import manifest
 from cosim.campaign import pool as campaign_pool
 from cosim.campaign.flights import flatten, run_many
 from cosim.campaign.log_selection import choose
-from cosim.campaign.store import FILES, Store, fingerprint, load
+from cosim.campaign.store import FILES, MANIFEST, Store, fingerprint, load
 from cosim.campaign.worker import failed, run_id
 from cosim.errors import CampaignError, OutputError
 from cosim.scenario import load_scenario
@@ -226,7 +225,7 @@ def test_load_reads_a_campaign_finished_or_not(tmp_path, flown):
 
 def test_a_manifest_says_what_was_flown_with_what_and_what_it_took(flown):
     rows, timing = load(flown[1])
-    told = json.loads((flown[1] / manifest.FILE).read_text(encoding="utf-8"))
+    told = json.loads((flown[1] / MANIFEST).read_text(encoding="utf-8"))
     assert (told["runs"], told["rows"]) == (rows["run"].nunique(), len(rows))
     assert told["seeds"] == [rows["seed"].min(), rows["seed"].max()] and told["digest"] == fingerprint()["digest"]
     assert told["sha256"]["runs.parquet"] == hashlib.sha256((flown[1] / "runs.parquet").read_bytes()).hexdigest()

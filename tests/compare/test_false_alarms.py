@@ -8,8 +8,7 @@ import pytest
 from rich.console import Console
 
 from cosim.campaign.fault_free import FaultFreeFlight, Lane, Moments, fly
-from cosim.campaign.spec import load_campaign
-from cosim.campaign.unit_cube import Space
+from cosim.campaign.spec import Space, load_campaign
 from cosim.cli.false_alarms import shown
 from cosim.compare import false_alarms as work
 from cosim.errors import CosimError

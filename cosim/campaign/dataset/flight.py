@@ -1,4 +1,8 @@
-"""One flight of a data set, in a worker: a scenario in, a Parquet file of signals and labels out."""
+"""One flight of a data set, in a worker: a scenario in, a Parquet file of signals and labels out.
+
+A signal is NaN while its sensor is invalid, and in a flight whose actuator has none. Samples are every n-th tick as it
+was flown, without a filter.
+"""
 
 import hashlib
 import tomllib

@@ -1,4 +1,4 @@
-"""What a data set says of itself: Croissant for programs, a datasheet for people."""
+"""What a data set says of itself: Croissant for programs, a datasheet for people, splits that do not leak."""
 
 import hashlib
 import json
@@ -11,8 +11,7 @@ from typing import Any
 import pyarrow as pa
 
 from cosim.campaign.dataset.flight import Column
-from cosim.campaign.manifest import about_the_code, sha256
-from cosim.campaign.store import fingerprint
+from cosim.campaign.store import about_the_code, fingerprint, sha256
 
 PARQUET = "application/x-parquet"
 TEMPLATES = resources.files("cosim") / "templates"

@@ -15,9 +15,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from actuators.source_hash import private
 from cosim.campaign.jobs import FILE, keep, own, stored, work
-from cosim.campaign.manifest import about_the_code
 from cosim.campaign.spec import load_campaign
-from cosim.campaign.store import source_digest, versions
+from cosim.campaign.store import about_the_code, source_digest, versions
 from cosim.campaign.worker import core_s, run_id
 from cosim.errors import CampaignError, CosimError, OutputError, TrimError
 from cosim.files import regular, replace_text

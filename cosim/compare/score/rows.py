@@ -1,4 +1,4 @@
-"""Rows of a score: every detector run on every recording, judged as a flight is, with the columns of a campaign."""
+"""Rows of a score, every detector run on every recording and judged as a flight is, and the table made of them."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -245,7 +245,8 @@ def log_score(
     told: Sequence[tuple[int, Mapping[str, float]]], classes: Sequence[str], first: int, last: int
 ) -> float | None:
     """Return the mean of ln p(any of `classes`) over the ticks first <= k < last; None without a tick. `told` is
-    [(tick, {class: probability})] in order of time."""
+    [(tick, {class: probability})] in order of time: an answer holds until the next one, before the first every class is
+    as likely. A proper score [Good 1952]: on average nobody gains by saying anything but what they believe."""
     if last <= first:
         return None
     if not told:
