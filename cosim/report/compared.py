@@ -13,13 +13,10 @@ from cosim.report.figure import (
     DASHES,
     Figure,
     axis,
-    grid,
     log_axis,
-    note,
     packed,
     still,
     style_axis,
-    upright,
 )
 
 
@@ -52,7 +49,7 @@ def delays(rows: pd.DataFrame) -> Figure | None:
     swings = own["frequency_hz"].notna().any()
     figure = _beside("delays", "A curve ends at the share that was seen at all: missed faults stay in the count.", 330)
     titles = ["All faults it was designed for", "Oscillations, in periods of the fault"][: 1 + swings]
-    grid(figure.layout, titles, "share noticed", 1 + swings, x_title="")
+    figure.grid(titles, "share noticed", 1 + swings, x_title="")
     for i, unit in ((1, "seconds after the onset"), (2, "periods after the onset"))[: 1 + swings]:
         figure.layout[axis("yaxis", i)] |= {"range": [0.0, 1.03], "tickformat": ".0%"}
         figure.layout[axis("xaxis", i)] |= log_axis(0.01, 100.0)
@@ -83,7 +80,7 @@ def false_alarms(found: list[dict]) -> Figure:
         70 + 22 * len(names),
     )
     figure.layout["margin"]["l"] = 150
-    grid(figure.layout, ["Fault-free flights with an alarm", "False alarms per valid hour"], "", 2, x_title="")
+    figure.grid(["Fault-free flights with an alarm", "False alarms per valid hour"], "", 2, x_title="")
     for i in (1, 2):
         figure.layout[axis("yaxis", i)] |= _named(names) | {"showticklabels": i == 1}
     figure.layout["xaxis"] |= {"range": [-0.02, 1.02], "tickformat": ".0%"}
@@ -124,12 +121,12 @@ def sweeps(rows: pd.DataFrame) -> Figure:
         74 + 180 * -(-len(names) // columns),
         hovermode="x unified",
     )
-    grid(figure.layout, names, "share", columns, x_title="threshold × ")
+    figure.grid(names, "share", columns, x_title="threshold × ")
     for i, name in enumerate(names, 1):
         free, hit = (metrics.beyond(x, c) for x in found[name])
         figure.layout[axis("xaxis", i)] |= log_axis(c[0], c[-1])
         figure.layout[axis("yaxis", i)] |= {"range": [-0.04, 1.04], "tickformat": ".0%", "tickvals": [0, 0.5, 1]}
-        upright(figure.layout, i, 1, color="--muted", width=1)
+        figure.upright(i, 1, color="--muted", width=1)
         for y, colour, dash, told in ((hit, "--blue", "solid", "faults"), (free, "--fault", "dot", "fault-free")):
             if not np.isnan(y).all():
                 line = {"color": colour, "dash": dash, "width": 2, "shape": "hv"}
@@ -200,7 +197,7 @@ def maps(rows: pd.DataFrame, thresholds: dict | None = None) -> Figure | None:
     equal = thresholds is not None
     columns = min(4, len(names))
     figure = still("maps-equal" if equal else "maps", "", 74 + 210 * -(-len(names) // columns), not equal)
-    grid(figure.layout, names, "mm", columns, x_title="Hz")
+    figure.grid(names, "mm", columns, x_title="Hz")
     low, high = ofc["amplitude_mm"].min() / 1.5, ofc["amplitude_mm"].max() * 1.5
     for i, name in enumerate(names, 1):
         own = ofc[ofc["id"] == name]
@@ -208,7 +205,7 @@ def maps(rows: pd.DataFrame, thresholds: dict | None = None) -> Figure | None:
         figure.layout[axis("xaxis", i)] |= {"type": "log", **_ticks(sorted(own["frequency_hz"].unique()))}
         figure.layout[axis("yaxis", i)] |= _fine(low, high)
         if own["not_valid"].all():
-            note(figure.layout, i, "not valid in any of these")
+            figure.note(i, "not valid in any of these")
         (_cells if len(own) >= MANY else _points)(figure, i, own, seen.astype(bool))
     figure.layout["legend"]["y"] = 1.04
     return figure

@@ -12,7 +12,7 @@ from cosim.judge.lanes import SHOWN, verdicts
 from cosim.log import open_log
 from cosim.replay.map_signals import in_map
 from cosim.replay.recording import Lane, LoggedFlight, words
-from cosim.report.figure import Figure, least
+from cosim.report.figure import Figure
 from cosim.report.flight import detectors, panels, timeline
 from cosim.report.page import page, write
 from cosim.scenario import vocabulary
@@ -134,5 +134,5 @@ def _inputs(watched: Watched) -> Figure:
     panels(cast(LoggedFlight, watched), figure, list(read), [unit for unit, *_ in read.values()], 2, legend=False)
     for i, (name, (_, factor, y)) in enumerate(read.items(), 1):
         figure.curve(watched.t0, watched.dt, factor * y, name=name, panel=i, legend=False)
-        least(figure.layout, i, [factor * y], 1e-9)
+        figure.least(i, [factor * y], 1e-9)
     return figure

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from cosim.campaign.envelope import REASONS, masses
-from cosim.report.figure import axis, grid, place, still
+from cosim.report.figure import axis, place, still
 from cosim.report.page import page, write
 
 COLUMNS_PX = 175  # of a row of panels
@@ -99,7 +99,7 @@ def _figure(trims, q):
     figure = still(q.column, "", 80 + COLUMNS_PX * len(cgs))
     figure.layout["margin"] |= {"r": 78, "l": 52}
     titles = [f"{m:.0f} t, CG {c:.0f} %" for c in cgs for m in masses]
-    grid(figure.layout, titles, "1000 ft", n, x_title="kt CAS", gap=0.022)
+    figure.grid(titles, "1000 ft", n, x_title="kt CAS", gap=0.022)
     for i, (cg, mass) in enumerate(((c, m) for c in cgs for m in masses), 1):
         if (i - 1) % n:
             figure.layout[axis("yaxis", i)]["showticklabels"] = False

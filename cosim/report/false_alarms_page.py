@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from cosim.compare import tables
-from cosim.report.figure import axis, grid, points, still, upright
+from cosim.report.figure import axis, points, still
 from cosim.report.page import page, write
 from cosim.table import number
 
@@ -51,7 +51,7 @@ def _figure(d):
     figure = still(f"curve-{d['id']}", "", 330, True)
     figure.layout["margin"] |= {"t": 56}
     figure.layout["legend"]["y"] = 1.08
-    grid(figure.layout, TITLES, ["per hour", "c", "shape"], 3, x_title="", gap=0.07)
+    figure.grid(TITLES, ["per hour", "c", "shape"], 3, x_title="", gap=0.07)
     words = ("c: all thresholds times this", "hours between two", "peaks fitted")
     for panel, (x, y) in enumerate((("log", "log"), ("log", "log"), ("log", "linear")), 1):
         figure.layout[axis("xaxis", panel)] |= {"type": x}
@@ -63,7 +63,7 @@ def _figure(d):
             figure.data += _band(c, d["curve"][key], name, colour, dash)
             figure.data += _band(c, d["curve"][key], name, colour, dash, turned=True) if key == "extremes" else []
     figure.layout["yaxis"]["range"] = [math.log10(LEAST), 2.0]
-    upright(figure.layout, 1, 1, color="--fault", width=1.2, dash="dash")
+    figure.upright(1, 1, color="--fault", width=1.2, dash="dash")
     top, rows = d["highest"], d["stability"]
     figure.data.append(_dots([d["hours"] / (i + 1) for i in range(len(top))], top, "--blue", 2))
     if rows:

@@ -18,14 +18,9 @@ from cosim.report.figure import (
     POINTS,
     Figure,
     axis,
-    bands,
     base,
     curve,
     envelope,
-    grid,
-    label,
-    least,
-    level,
     packed,
     peaks,
     place,
@@ -44,8 +39,8 @@ def panels(
 ) -> Figure:
     """Lay out time panels over the whole flight with its faults shaded; returns the figure."""
     figure.layout = base(figure.height, legend)
-    grid(figure.layout, titles, units, columns, span=(flown.t0, flown.end))
-    bands(figure.layout, flown.intervals, len(titles))
+    figure.grid(titles, units, columns, span=(flown.t0, flown.end))
+    figure.bands(flown.intervals, len(titles))
     return figure
 
 
@@ -75,7 +70,7 @@ def motion(flown: LoggedFlight) -> Figure:
         for j, (name, y, step) in enumerate(reversed(made)):
             look: dict = {"colour": COLOURS[(0, 4, 2)[j]], "dash": DASHES[(0, 0, 2)[j]], "width": (1.6, 1.1, 1.4)[j]}
             figure.data.insert(0, curve(flown.t0, step, y, name=name, panel=i, legend=False, **look))
-        least(figure.layout, i, [y for _, y, _ in made], half)
+        figure.least(i, [y for _, y, _ in made], half)
         _inline_legend(figure, i)
     return figure
 
@@ -87,7 +82,7 @@ def _inline_legend(figure, panel):
     for k, (line, name) in enumerate(reversed(named)):
         mark = "─" if line["dash"] == "solid" else "┄"
         look: dict = {"xanchor": "right", "xshift": -84 * k, "font": {"size": 11, "color": line["color"]}}
-        label(figure.layout, f"{mark} {name}", **at, **look)
+        figure.label(f"{mark} {name}", **at, **look)
 
 
 def track(flown: LoggedFlight) -> Figure:
@@ -103,7 +98,7 @@ def track(flown: LoggedFlight) -> Figure:
     figure = still("track", "Thick: flown with a fault.", 250)
     figure.hint = "The dot is where the aircraft is at the time cursor."
     titles = ["Path over ground, seen from above", "Height along the path"]
-    grid(figure.layout, titles, ["north, km", "ft"], 2, x_title="")
+    figure.grid(titles, ["north, km", "ft"], 2, x_title="")
     figure.layout["xaxis"]["title"]["text"] = "east, km"
     figure.layout["xaxis2"]["title"]["text"] = "distance from the start, km"
     for i, (x, y) in enumerate(((east, north), (along, height)), 1):
@@ -111,7 +106,7 @@ def track(flown: LoggedFlight) -> Figure:
             line, xs, ys = {"color": colour, "width": width}, packed(x), packed(np.where(mask, y, np.nan))
             figure.points(i, mode="lines", x=xs, y=ys, line=line, hoverinfo="x+y")
     figure.layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
-    least(figure.layout, 2, [height], 200.0)
+    figure.least(2, [height], 200.0)
     figure.track = [
         {"x": np.round(x, 4).tolist(), "y": np.round(y, 4).tolist()}
         for x, y in ((east, north), (along, height))
@@ -152,7 +147,7 @@ def _surface(flown, figure, panel, curves, legend):
         colour, width = look[name]
         shown: dict = {"colour": colour, "width": width, "panel": panel, "showlegend": legend}
         figure.curve(flown.t0, step, y, name=name, **shown)
-    least(figure.layout, panel, [y for _, y, _ in curves], 0.5)
+    figure.least(panel, [y for _, y, _ in curves], 0.5)
 
 
 def injected(flown: LoggedFlight) -> Figure | None:
@@ -225,7 +220,7 @@ def _unit(lanes, main):
 
 
 def _statistic(figure, flown, lanes):
-    level(figure.layout, 1, 1.0)
+    figure.level(1, 1.0)
     sizes = [peaks(np.abs(lane.fields["r"])) for lane in lanes]
     top = max([2.0, *(float(np.nanmax(r)) for r, _ in sizes if np.isfinite(r).any())])
     figure.layout["yaxis"] |= {
@@ -266,7 +261,7 @@ def _estimate(figure, flown, lanes, main, factor):
         seen.append(y * factor)
         look: dict = {"colour": "--ink", "dash": "dot", "width": 1.6}
         figure.curve(flown.t0, flown.dt * every, seen[-1], name="injected truth", panel=2, **look)
-    least(figure.layout, 2, seen, 1e-6)
+    figure.least(2, seen, 1e-6)
 
 
 def _band(figure, t0, step, f, half, colour):
@@ -293,7 +288,7 @@ def timeline(flown: LoggedFlight) -> tuple[Figure, list[dict], list[dict]]:
         "gridcolor": "rgba(0,0,0,0)",
         "tickfont": {"size": 11.5, "color": "--ink"},
     }
-    bands(figure.layout, flown.intervals, 1)
+    figure.bands(flown.intervals, 1)
     figure.rows, alarms, faults = [], [], []
     for f, told in zip(flown.scenario.faults, flown.faults):
         row, end = f"fault: {words(f.kind)}", min(told["end_s"], flown.end)

@@ -7,7 +7,7 @@ from cosim.files import replace_text
 from cosim.papers import tables
 from cosim.papers.row import Row as PaperRow
 from cosim.report import svg
-from cosim.report.figure import axis, bands, curve, envelope, grid, least, level, still
+from cosim.report.figure import axis, curve, envelope, still
 from cosim.report.page import PICTURE, page, write
 from cosim.table import Cell, Table
 
@@ -101,7 +101,7 @@ def _figure(d, name, caption):
     height = 84 + d.row_px * lines + 52 * (lines - 1)
     figure = still(name, caption, height, True, hovermode="x unified")
     figure.layout["margin"]["t"] = 50
-    grid(figure.layout, [p.title for p in d.panels], [p.unit for p in d.panels], columns, span=d.span)
+    figure.grid([p.title for p in d.panels], [p.unit for p in d.panels], columns, span=d.span)
     figure.layout["legend"]["y"] = 1 + 20 / (height - 84)
     named = set()
     for i, panel in enumerate(d.panels, start=1):
@@ -109,14 +109,14 @@ def _figure(d, name, caption):
             figure.data.append(_curve(c, i, c.name not in named, d.span))
             named.add(c.name)
         for y in panel.levels:
-            level(figure.layout, i, y)
+            figure.level(i, y)
         seen = [c.y[_inside(c, d.span)] for c in panel.curves]
         if panel.limits:
             figure.layout[axis("yaxis", i)]["range"] = list(panel.limits)
         elif panel.least or panel.levels:
-            least(figure.layout, i, seen, max([panel.least, *(1.1 * abs(y) for y in panel.levels)]))
+            figure.least(i, seen, max([panel.least, *(1.1 * abs(y) for y in panel.levels)]))
     if d.onset is not None:
-        bands(figure.layout, [(d.onset, d.span[1])], len(d.panels))
+        figure.bands([(d.onset, d.span[1])], len(d.panels))
     return figure
 
 

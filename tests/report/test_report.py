@@ -14,7 +14,7 @@ from cosim.flight.simulate import simulate
 from cosim.judge.lanes import part
 from cosim.replay.recording import LoggedFlight, spans
 from cosim.report import flight_report, svg
-from cosim.report.figure import POINTS, Figure, base, curve, envelope, grid, peaks
+from cosim.report.figure import POINTS, Figure, base, curve, envelope, peaks
 from cosim.report.flight import _joined
 from cosim.report.flight_page import render
 from cosim.scenario import load_scenario
@@ -86,7 +86,7 @@ def test_the_light_page_draws_the_same_curves_as_svg_in_less_than_500_kb(flight,
 
 def test_a_curve_of_the_light_page_goes_through_its_samples():
     layout = base(160.0, legend=False)
-    grid(layout, ["a"], ["m"], 1, span=(0.0, 4.0))
+    Figure("f", layout=layout).grid(["a"], ["m"], 1, span=(0.0, 4.0))
     layout["yaxis"]["range"] = [0.0, 10.0]
     figure = Figure("f", layout=layout, data=[curve(0.0, 1.0, np.array([0.0, 5.0, np.nan, 10.0, 10.0]))])
     root = ElementTree.fromstring(svg.drawn(figure))
