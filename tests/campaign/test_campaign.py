@@ -194,19 +194,13 @@ def test_logs_of_the_worst_runs_are_kept_by_rule(tmp_path):
 def test_rules_choose_the_worst_first_per_detector():
     frame = pd.DataFrame(
         {
-            "run": ["a", "b", "c", "d"],
-            "id": ["x", "x", "x", "y"],
-            "status": ["completed", "departed", "completed", "completed"],
-            "concerned": [True, True, True, False],
-            "delay_s": [1.0, 3.0, np.nan, np.nan],
-            "delay_periods": [1.0, 3.0, np.nan, np.nan],
-            "false_alarms": [0, 2, 1, 1],
-            "r_max_before": [0.1, 0.2, 0.3, 0.4],
-            "estimate_rmse": [np.nan] * 4,
-            "amplitude_mm": [1.0, 1.0, 1.0, np.nan],
-            "rod_mm": [1.0, 1.0, 1.0, np.nan],
+            "run": ["a", "b", "c", "d"], "id": ["x", "x", "x", "y"],
+            "status": ["completed", "departed", "completed", "completed"], "concerned": [True, True, True, False],
+            "delay_s": [1.0, 3.0, np.nan, np.nan], "delay_periods": [1.0, 3.0, np.nan, np.nan],
+            "false_alarms": [0, 2, 1, 1], "r_max_before": [0.1, 0.2, 0.3, 0.4], "estimate_rmse": [np.nan] * 4,
+            "amplitude_mm": [1.0, 1.0, 1.0, np.nan], "rod_mm": [1.0, 1.0, 1.0, np.nan],
         }
-    )
+    )  # fmt: skip
     assert choose(frame, {"late": 1}) == {"b": ["late"]}
     assert choose(frame, {"missed": 2}) == {"c": ["missed"]}
     assert choose(frame, {"false_alarm": 1, "departed": 1}) == {"b": ["false_alarm", "departed"], "d": ["false_alarm"]}

@@ -253,13 +253,8 @@ def test_a_table_or_a_recording_that_is_none_is_one_line(tmp_path):
             stored(path)
     assert stored(BOARD).limit is None and not {"table", "report"} & set(whole)  # no paths of whoever scored it
     about = {
-        "status": "completed",
-        "reason": "",
-        "sim_time_s": 1.0,
-        "achieved": {},
-        "consequences": None,
-        "scenario": "",
-    }
+        "status": "completed", "reason": "", "sim_time_s": 1.0, "achieved": {}, "consequences": None, "scenario": "",
+    }  # fmt: skip
     column = pa.array([0.0, 1.0])
     for told, held in (
         (about | {"achieved": []}, column),
