@@ -48,32 +48,18 @@ def render(found: Comparison) -> str:
     free = rows[rows["case"].isna()]["run"].nunique()
     lost = f"; {found.failed} could not be flown" if found.failed else ""
     return page(
-        "compare.html",
-        title=found.title or TITLES[found.two],
-        subtitle=f"{found.runs} flights, {found.source}; {free} of them fault-free{lost}",
-        figures=list(made.values()),
+        "compare.html", title=found.title or TITLES[found.two],
+        subtitle=f"{found.runs} flights, {found.source}; {free} of them fault-free{lost}", figures=list(made.values()),
         chips=[(d["id"], d["level"], d["detected"] > 0) for d in each],
         summary=versus(found.pairs, each) if found.two else summary(rows, each, grouped, sized),
-        levels=None if found.two else levels(grouped),
-        pairs=tables.pairs(found.pairs) if found.pairs else None,
-        detectors=tables.detectors(each),
-        quiet=tables.quiet(each),
-        names=tables.names(each),
-        after=tables.after(each),
-        families=tables.families(found.families),
-        sizes=tables.sizes(sized),
-        sizes_told=tables.SIZES,
-        levels_key=LEVELS_KEY,
-        matrix_key=KEY,
-        names_key=NAMES_KEY,
-        remarks=[(d["id"], coverage.remark(d["id"])) for d in each if coverage.remark(d["id"])],
-        matrix=matrix(rows),
-        confusions=confusions(rows),
-        flights=tables.flights(rows),
-        as_shipped=_as_shipped(rows, each, free),
-        equal_told=_equal(equal),
-        **made,
-    )
+        levels=None if found.two else levels(grouped), pairs=tables.pairs(found.pairs) if found.pairs else None,
+        detectors=tables.detectors(each), quiet=tables.quiet(each), names=tables.names(each), after=tables.after(each),
+        families=tables.families(found.families), sizes=tables.sizes(sized), sizes_told=tables.SIZES,
+        levels_key=LEVELS_KEY, matrix_key=KEY, names_key=NAMES_KEY,
+        remarks=[(d["id"], coverage.remark(d["id"])) for d in each if coverage.remark(d["id"])], matrix=matrix(rows),
+        confusions=confusions(rows), flights=tables.flights(rows), as_shipped=_as_shipped(rows, each, free),
+        equal_told=_equal(equal), **made,
+    )  # fmt: skip
 
 
 def _as_shipped(rows, each, free):

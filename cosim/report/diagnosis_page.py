@@ -84,25 +84,14 @@ def diagnosis_report(log: str | Path, output: str | Path, *, light: bool = False
     return write(
         output,
         page(
-            "diagnosis.html",
-            title=watched.log.metadata.get("run", {}).get("title", "Diagnosis"),
+            "diagnosis.html", title=watched.log.metadata.get("run", {}).get("title", "Diagnosis"),
             subtitle=f"{watched.t0:.6g} to {watched.end:.6g} s of the recording, at {1 / watched.dt:.6g} Hz",
-            summary=_summary(watched),
-            line=line,
-            lanes=verdicts(list(watched.verdicts.values())),
-            detectors=[(own[i], f"{i}: {_summary_of(i)}") for i in own],
-            read=read,
-            caveats=watched.caveats,
-            lacking=watched.lacking,
-            map=watched.map,
-            figures=[line, *own.values(), read],
-            chips=chips,
-            span=[watched.t0, watched.end],
-            start=watched.t0,
-            alarms=alarms,
-            light=light,
+            summary=_summary(watched), line=line, lanes=verdicts(list(watched.verdicts.values())),
+            detectors=[(own[i], f"{i}: {_summary_of(i)}") for i in own], read=read, caveats=watched.caveats,
+            lacking=watched.lacking, map=watched.map, figures=[line, *own.values(), read], chips=chips,
+            span=[watched.t0, watched.end], start=watched.t0, alarms=alarms, light=light,
         ),
-    )
+    )  # fmt: skip
 
 
 def _summary_of(name: str) -> str:

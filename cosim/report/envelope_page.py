@@ -62,17 +62,13 @@ def render(trims: pd.DataFrame, found: dict) -> str:
     shown = [q for q in QUANTITIES if len(good) and good[q.column].nunique() > 1]  # no map of one value
     figures = [_figure(trims, q) for q in shown]
     return page(
-        "envelope.html",
-        title="Envelope of the transport",
+        "envelope.html", title="Envelope of the transport",
         subtitle=f"{found['points']} points over mass, CG, altitude and speed; {found['trimmed']} trim in level flight",
-        figures=figures,
-        found=found,
-        why=[f"{n} for {REASON[name][2]}" for name, n in found["reasons"].items()],
+        figures=figures, found=found, why=[f"{n} for {REASON[name][2]}" for name, n in found["reasons"].items()],
         stalls=[(NAMES[technology], _stalls(ways)) for technology, ways in found["stalls"].items()],
         key=[(*REASON[name][:2], REASONS.get(name, name)) for name in found["reasons"]],
-        maps=[(q.heading, _told(q, trims), figure) for q, figure in zip(shown, figures)],
-        masses=masses(found),
-    )
+        maps=[(q.heading, _told(q, trims), figure) for q, figure in zip(shown, figures)], masses=masses(found),
+    )  # fmt: skip
 
 
 def _told(q, trims):

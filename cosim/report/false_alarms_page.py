@@ -24,17 +24,12 @@ def render(found: dict) -> str:
     """Return the page as HTML text."""
     drawn = [({"id": d["id"], "said": _said(d)}, _figure(d)) for d in found["detectors"]]
     return page(
-        "false_alarms.html",
-        title="False alarms per flight hour",
+        "false_alarms.html", title="False alarms per flight hour",
         subtitle=f"{len(found['detectors'])} detectors over {found['hours']:.1f} flight hours of {found['campaign']}",
-        figures=[figure for _, figure in drawn],
-        figures_of=drawn,
-        found=found,
-        certified=sum(d["certified"] for d in found["detectors"]),
-        rates=tables.rates(found["detectors"]),
-        held_out=tables.held_out(found["detectors"]),
-        index=tables.clusters(found["detectors"]),
-    )
+        figures=[figure for _, figure in drawn], figures_of=drawn, found=found,
+        certified=sum(d["certified"] for d in found["detectors"]), rates=tables.rates(found["detectors"]),
+        held_out=tables.held_out(found["detectors"]), index=tables.clusters(found["detectors"]),
+    )  # fmt: skip
 
 
 def _said(d):

@@ -26,30 +26,15 @@ def render(flown: LoggedFlight, light: bool = False) -> str:
     title = flown.scenario.title or "Flight"
     provenance = [Row((k, Cell(v, "code"))) for k, v in flown.provenance.items()]
     return page(
-        "flight.html",
-        title=title,
-        subtitle=narrator.point(flown.scenario),
-        summary=summary(flown),
-        line=line,
-        names_key=lanes.KEY,
-        lanes=lanes.table([lane.entry for lane in flown.lanes], flown.cases),
-        injected=injected,
-        detectors=[(own[i], f"{i}: {getattr(registry.find(i), 'summary', '')}") for i in own],
-        elevators=elevators,
-        others=others,
-        motion=motion,
-        track=track,
+        "flight.html", title=title, subtitle=narrator.point(flown.scenario), summary=summary(flown), line=line,
+        names_key=lanes.KEY, lanes=lanes.table([lane.entry for lane in flown.lanes], flown.cases), injected=injected,
+        detectors=[(own[i], f"{i}: {getattr(registry.find(i), 'summary', '')}") for i in own], elevators=elevators,
+        others=others, motion=motion, track=track,
         damage=[f"{d.length} bytes at {d.offset}: {d.reason}" for d in flown.log.damage],
-        provenance=Table("", "", "", rows=provenance, kind="", heads=False),
-        toml=flown.toml,
-        figures=[line, injected, *own.values(), elevators, others, motion, track],
-        chips=chips,
-        span=[flown.t0, flown.end],
-        start=start,
-        faults=faults,
-        alarms=alarms,
-        light=light,
-    )
+        provenance=Table("", "", "", rows=provenance, kind="", heads=False), toml=flown.toml,
+        figures=[line, injected, *own.values(), elevators, others, motion, track], chips=chips,
+        span=[flown.t0, flown.end], start=start, faults=faults, alarms=alarms, light=light,
+    )  # fmt: skip
 
 
 def summary(flown: LoggedFlight) -> list[tuple[str, list]]:

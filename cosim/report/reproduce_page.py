@@ -50,15 +50,10 @@ def render(rows: list[PaperRow], drawings: list) -> str:
     words = [word for word, _ in tables.VERDICTS.values()]
     said = (*words[:3], "ours, the paper gives no number", "beyond the paper")
     return page(
-        "reproduce.html",
-        title=f"{_papers(names)}, reproduced",
+        "reproduce.html", title=f"{_papers(names)}, reproduced",
         subtitle="The papers' own experiments: what they say, what we get. Figures, numbers and captions are ours.",
-        figures=figures,
-        total=len(rows),
-        counts=list(zip(_count(rows), said)),
-        papers=papers,
-        meaning=tables.MEANING,
-    )
+        figures=figures, total=len(rows), counts=list(zip(_count(rows), said)), papers=papers, meaning=tables.MEANING,
+    )  # fmt: skip
 
 
 def write_pictures(folder: str | Path, drawings: list) -> list[Path]:
