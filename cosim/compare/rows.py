@@ -146,16 +146,12 @@ def _about(text):
     s = flown(text)
     cases = coverage.cases(s)
     return {
-        "title": s.title,
-        "faults": len(s.faults),
+        "title": s.title, "faults": len(s.faults),
         "each": [_fault(f, case, s.aircraft.segments) for f, case in zip(s.faults, cases)],
         "earliest": min(range(len(s.faults)), key=lambda i: s.faults[i].start_s, default=None),
-        "turbulence": s.flight.turbulence,
-        "manoeuvre": s.manoeuvre.kind,
-        "manoeuvre_key": s.manoeuvre.model_dump_json(),
-        "seed": s.seed,
-        "mass_t": s.flight.mass_t,
-    }
+        "turbulence": s.flight.turbulence, "manoeuvre": s.manoeuvre.kind,
+        "manoeuvre_key": s.manoeuvre.model_dump_json(), "seed": s.seed, "mass_t": s.flight.mass_t,
+    }  # fmt: skip
 
 
 def _fault(f, case, segments):
@@ -185,40 +181,25 @@ def _row(run, detector, lanes, whole, about, fault):
         how = outcome(detector, each["case"], seen=bool(seen), class_=given["class_given"],
                       place=given["place_given"], able=able)  # fmt: skip
     return {
-        "run": run,
-        "fault": fault,
-        **{k: v for k, v in about.items() if k not in ("each", "earliest")},
-        **each,
+        "run": run, "fault": fault, **{k: v for k, v in about.items() if k not in ("each", "earliest")}, **each,
         "hours": sum(_number(lane, "exposed_s") for lane in whole) / n / 3600.0 if n else np.nan,
-        "status": first["status"],
-        **{k: _number(first, k) for k in ACHIEVED},
-        "id": detector,
-        "level": first["level"],
-        "lanes": len(lanes),
-        "word": coverage.expected(detector, each["case"]) if fault is not None else None,
-        "concerned": bool(mine),
-        "not_valid": not seen and not able,
+        "status": first["status"], **{k: _number(first, k) for k in ACHIEVED}, "id": detector, "level": first["level"],
+        "lanes": len(lanes), "word": coverage.expected(detector, each["case"]) if fault is not None else None,
+        "concerned": bool(mine), "not_valid": not seen and not able,
         "why_not_valid": next((lane["why_not_valid"] for lane in mine or lanes if "why_not_valid" in lane), None),
-        "valid_share": float(np.mean([_number(lane, "valid_share") for lane in lanes])),
-        "detected": bool(seen),
-        "isolated_class": best.get("isolated_class"),
-        "first_verdict": best.get("first_verdict"),
-        "right": bool(best.get("right")),
-        **given,
-        "place_level": best.get("place_level", ""),
-        "first_right": bool(best.get("first_right")),
-        "first_sure_wrong": bool(best.get("first_sure_wrong")),
-        "not_excited": bool(told.get("not_excited")),
-        "withdrawn": best.get("withdrawn"),
-        **{k: _number(best, k) for k in NUMBERS},
-        "outcome": how,
+        "valid_share": float(np.mean([_number(lane, "valid_share") for lane in lanes])), "detected": bool(seen),
+        "isolated_class": best.get("isolated_class"), "first_verdict": best.get("first_verdict"),
+        "right": bool(best.get("right")), **given, "place_level": best.get("place_level", ""),
+        "first_right": bool(best.get("first_right")), "first_sure_wrong": bool(best.get("first_sure_wrong")),
+        "not_excited": bool(told.get("not_excited")), "withdrawn": best.get("withdrawn"),
+        **{k: _number(best, k) for k in NUMBERS}, "outcome": how,
         "false_alarms": sum(int(lane["false_alarms"]) for lane in whole),
         "standing_s": float(sum(_number(lane, "standing_s") for lane in whole)),
         "r_fault_free": np.nan if fault is not None else _largest(lanes, "r_max_before"),
         "r_fault": _largest(mine, "r_max_after") if fault is not None else np.nan,
         "estimate_rmse": _largest(lanes, "estimate_rmse"),
         "estimate_unit": next((lane.get("estimate_unit") for lane in lanes if "estimate_rmse" in lane), None),
-    }
+    }  # fmt: skip
 
 
 def _number(row, name):

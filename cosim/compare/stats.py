@@ -217,13 +217,9 @@ def _of_group(name, own, credible):
     return {
         **{k: own[0][k] for k in ("run", "case", "frequency_hz", "amplitude_mm", "target", "family")},
         "bound_mm": min((r["bound_mm"] for r in own if r.get("bound_mm", math.nan) > 0.0), default=math.nan),
-        "group": name,
-        "able": bool(able),
-        "seen": bool(seen),
-        "named": any(r["outcome"] == "named" for r in seen),
-        "delay_s": first.get("delay_s", math.nan),
-        "first": first.get("id"),
-    }
+        "group": name, "able": bool(able), "seen": bool(seen), "named": any(r["outcome"] == "named" for r in seen),
+        "delay_s": first.get("delay_s", math.nan), "first": first.get("id"),
+    }  # fmt: skip
 
 
 def by_level(rows: pd.DataFrame, stats: list[dict]) -> list[dict]:
