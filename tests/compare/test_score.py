@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 import cosim
-from cosim.campaign import jobs
+from cosim.campaign import jobs, store
 from cosim.campaign.worker import fly
 from cosim.cli import commands as cli
 from cosim.compare.paired import bootstrap, pair
@@ -274,8 +274,8 @@ def test_a_table_or_a_recording_that_is_none_is_one_line(tmp_path):
 
 
 def test_recordings_are_told_from_those_of_other_code_that_flies(monkeypatch):
-    asked, whole = [], benchmark.closure
-    monkeypatch.setattr(benchmark, "closure", lambda path: asked.append(whole(path)) or asked[-1])
+    asked, whole = [], store.closure
+    monkeypatch.setattr(store, "closure", lambda path: asked.append(whole(path)) or asked[-1])
     benchmark.code.__wrapped__()
     root = Path(cosim.__file__).parent
     assert {root / "flight" / "tick.py", root / "flight" / "blocks" / "sensors.py"} <= set().union(*asked)
