@@ -25,6 +25,7 @@ from typing import Any
 
 import pandas as pd
 import pyarrow as pa
+from pydantic import TypeAdapter
 
 from actuators.source_hash import closure
 from cosim.campaign import parts
@@ -44,6 +45,7 @@ FILES = ("campaign.json", *TABLES, MANIFEST, "guests.json", USER_FILES)
 DECIDING = (".py", ".json", ".npz", ".toml", ".xml")
 GO_ON = "Free space there, then go on with --resume"
 KEYS = ("run", "lane", "fault", "status")  # of a row
+TOLD = TypeAdapter(list[tuple[str, str, str]])  # key, name and digest of a user's files, in a folder
 AGAIN = ("error", "crashed")  # statuses of runs that are flown again on resuming: a full disk or a kill may have passed
 
 
@@ -220,10 +222,15 @@ def brought_to(folder: Path) -> list[tuple[str, UserFile]]:
     if not path.is_file():
         return []
     told = from_json(read(path, error=CampaignError), place=str(path), error=CampaignError)
-    whole = isinstance(told, list) and all(isinstance(t, list) and len(t) == 3 for t in told)
-    if not whole or not all(isinstance(word, str) for entry in told for word in entry):
-        raise CampaignError("is damaged", place=str(path), remedy="Choose another place with -o")
-    return [(key, UserFile(name, sha256)) for key, name, sha256 in told]
+    return user_files(told, path, CampaignError)
+
+
+def user_files(told: Any, place: Path, error: type[CosimError]) -> list[tuple[str, UserFile]]:
+    """Return the (key, UserFile) of what the file at `place` tells of them, else raise `error`."""
+    try:
+        return [(key, UserFile(*file)) for key, *file in TOLD.validate_python(told)]
+    except ValueError:
+        raise error("is damaged: user_files", place=str(place), remedy="Choose another place with -o") from None
 
 
 def flown_with(folder: Path) -> object:

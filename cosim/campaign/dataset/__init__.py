@@ -24,13 +24,13 @@ from cosim.campaign.dataset.metadata import croissant, datasheet, empty, provena
 from cosim.campaign.flights import flatten
 from cosim.campaign.parts import write
 from cosim.campaign.spec import load_campaign
+from cosim.campaign.store import user_files
 from cosim.campaign.worker import run_id
 from cosim.errors import OutputError
 from cosim.files import replace_text
 from cosim.scenario import Scenario
 from cosim.scenario.brought import changed
 from cosim.scenario.flight import AIR
-from cosim.scenario.user_file import UserFile
 from cosim.texts import from_json, read
 
 ABOUT = "dataset.json"
@@ -95,7 +95,8 @@ def _open(folder: Path, wanted: dict[str, Any], anew: bool) -> Path:
     if ABOUT in held:
         found = from_json(read(folder / ABOUT, error=OutputError), place=str(folder / ABOUT), error=OutputError)
         found = found if isinstance(found, dict) else {}
-        other = changed(_brought(found, folder), _brought(wanted, folder))
+        brought = (user_files(told.get("user_files", []), folder / ABOUT, OutputError) for told in (found, wanted))
+        other = changed(*brought)
         if other and not anew:
             remedy = "Fly it again with --anew, or choose another place with -o"
             raise OutputError(other, place=str(folder), remedy=remedy)
@@ -109,14 +110,6 @@ def _open(folder: Path, wanted: dict[str, Any], anew: bool) -> Path:
     if ABOUT not in held:
         replace_text(folder / ABOUT, json.dumps(wanted, indent=1) + "\n")
     return folder
-
-
-def _brought(about: dict[str, Any], folder: Path) -> list[tuple[str, UserFile]]:
-    """Return the (key, UserFile) that a data set says it was flown with."""
-    try:
-        return [(str(key), UserFile(str(name), str(sha256))) for key, name, sha256 in about.get("user_files", [])]
-    except (TypeError, ValueError):
-        raise OutputError("is damaged: user_files", place=str(folder / ABOUT)) from None
 
 
 def _row(run: str, scenario: Scenario, label: dict[str, Any], done: dict[str, Any]) -> dict[str, Any]:
