@@ -29,6 +29,7 @@ REASONS = {  # the first word of a TrimError -> what it means on a map
 MASSES_T, CGS_PCT = (200.0, 260.0, 320.0, 375.0, 405.0), (25.0, 30.0, 36.0)
 ALTITUDES_FT = tuple(5000.0 * k for k in range(9))
 SPEEDS_KT = tuple(150.0 + 15.0 * k for k in range(17))
+SPANS = ("cas_kt", "mach", "alpha_deg", "stabilizer_deg", "throttle")
 # technology -> at the surface [N m]; a plain actuator knows no load
 STALL_MOMENT = {name: t.design(()).stall_moment for name, t in TECHNOLOGIES.items() if t.servo}
 
@@ -106,15 +107,11 @@ def summary(table: Any) -> dict[str, Any]:
         "points": len(table),
         "trimmed": len(good),
         "reasons": {str(k): int(n) for k, n in table.loc[table["reason"] != "", "reason"].value_counts().items()},
-        "masses": [_mass(m, part) for m, part in good.groupby("mass_t")],
+        "masses": [{"mass_t": float(m), "trimmed": len(part), "highest_ft": float(part["altitude_ft"].max()),
+                    **{name: [float(part[name].min()), float(part[name].max())] for name in SPANS}}
+                   for m, part in good.groupby("mass_t")],
         "stalls": stalls,
-    }
-
-
-def _mass(mass, part):
-    spans = {name: [float(part[name].min()), float(part[name].max())]
-             for name in ("cas_kt", "mach", "alpha_deg", "stabilizer_deg", "throttle")}  # fmt: skip
-    return {"mass_t": float(mass), "trimmed": len(part), "highest_ft": float(part["altitude_ft"].max()), **spans}
+    }  # fmt: skip
 
 
 def masses(found: dict[str, Any]) -> Table:

@@ -10,7 +10,6 @@ goes on until both have happened; the last rung at which neither had is what is 
 """
 
 import dataclasses
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -69,7 +68,7 @@ def axes(detector: str) -> list[Axis]:
         out.append(Axis("all coefficients, random corners", "%", up, _corner))
         factors = {f"{word} that it is told": f"sensors.{word}.scale" for word in ("mass", "cg")}
     for name, key in factors.items():
-        turn = functools.partial(_factor, key)
+        turn = lambda percent, k, key=key: {key: 1.0 + percent / 100.0}  # noqa: E731
         out += [Axis(name, "%", up, turn), Axis(name, "%", tuple(-v for v in up), turn)]
     names = {word.rpartition(".")[2] for word in own.inputs.values()}
     there = [n for t in own.technologies for n in SENSORS_OF[t]] if own.technologies else TRANSPORT
@@ -79,10 +78,6 @@ def axes(detector: str) -> list[Axis]:
                         lambda v, k: {f"sensors.{w}.delay_s": v + late for w, late in read.items()}))  # fmt: skip
     out += [Axis("rate", "Hz", rungs, lambda v, k: {"rate_hz": v}) for rungs in ((100, 50), (400, 1000))]
     return [*out, Axis("air", "", ("moderate", "severe"), lambda v, k: {"flight.turbulence": v})]
-
-
-def _factor(key, percent, k):
-    return {key: 1.0 + percent / 100.0}
 
 
 def _corner(share, k):

@@ -33,7 +33,8 @@ def write(found: Comparison, path: str | Path) -> None:
         if readme.markers("compare")[0] in text:
             text = readme.put(text, "compare", markdown(found).partition("\n\n")[2], page)
         pages[page] = text
-    drawn = render(_one_segment(found.rows), stats.equal_thresholds(found.rows))
+    alone = found.rows["target"].fillna("").str.removeprefix("elevator.").isin(SEGMENTS)
+    drawn = render(found.rows[alone], stats.equal_thresholds(found.rows))
     for page, text in pages.items():
         readme.save(page, text)
     replace_text(picture, drawn)
@@ -76,8 +77,4 @@ def smallest(found: Comparison) -> str:
     Markdown."""
     what = "mm of rod at which 90 % are seen, its lower bound and a90/95; ?: outside the sizes flown"
     return "\n\n".join(f"{family}: {what}\n\n{made.markdown()}" for family, made in tables.sizes(found.sizes).items())
-
-
-def _one_segment(rows):
-    return rows[rows["target"].fillna("").str.removeprefix("elevator.").isin(SEGMENTS)]
 

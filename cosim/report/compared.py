@@ -201,7 +201,10 @@ def maps(rows: pd.DataFrame, thresholds: dict | None = None) -> Figure | None:
     low, high = ofc["amplitude_mm"].min() / 1.5, ofc["amplitude_mm"].max() * 1.5
     for i, name in enumerate(names, 1):
         own = ofc[ofc["id"] == name]
-        seen = own["detected"] if not equal else _crossed(own, (thresholds or {}).get(name))
+        seen = own["detected"]
+        if equal:
+            limit = (thresholds or {}).get(name, (None,))[0]
+            seen = own["detected"] & False if limit is None else own["r_fault"] >= limit
         figure.layout[axis("xaxis", i)] |= {"type": "log", **_ticks(sorted(own["frequency_hz"].unique()))}
         figure.layout[axis("yaxis", i)] |= _fine(low, high)
         if own["not_valid"].all():
@@ -209,12 +212,6 @@ def maps(rows: pd.DataFrame, thresholds: dict | None = None) -> Figure | None:
         (_cells if len(own) >= MANY else _points)(figure, i, own, seen.astype(bool))
     figure.layout["legend"]["y"] = 1.04
     return figure
-
-
-def _crossed(own, threshold):
-    if threshold is None or threshold[0] is None:
-        return own["detected"] & False
-    return own["r_fault"] >= threshold[0]
 
 
 def _ticks(values):
