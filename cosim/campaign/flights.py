@@ -30,7 +30,7 @@ import pandas as pd
 
 from cosim.campaign.pool import outcomes
 from cosim.campaign.store import GO_ON, Store, folder, load, write_manifest
-from cosim.campaign.worker import Packed, run_id
+from cosim.campaign.worker import FAILED, Packed, run_id
 from cosim.errors import CampaignError, LogError, OutputError, told_at_call
 from cosim.files import regular, replace, replace_text
 from cosim.scenario import Scenario
@@ -64,7 +64,7 @@ class CampaignResult:
         """Take the `store` of the rows and {run: status}."""
         self.parquet, self.resumed, self.notes = parquet, resumed, notes
         self.done, self.damaged = len(status), tuple(store.damaged)
-        self.failed = sum(s in ("infeasible", "error", "crashed") for s in status.values())
+        self.failed = sum(s in FAILED for s in status.values())
         self._store = store
 
     @functools.cached_property

@@ -46,7 +46,7 @@ def run_campaign(
     made = load_campaign(campaign)
     scenarios, labels = made.scenarios()
     scenarios = _with(scenarios, guests)
-    with cluster(scheduler) if scheduler else nullcontext((None, None)) as (executor, threads):
+    with nullcontext((None, None)) if scheduler is None else cluster(scheduler) as (executor, threads):
         result = run_many(
             scenarios, workers=threads if workers is None else workers, executor=executor, out=out or folder(campaign),
             resume=resume or anew, anew=anew, keep=made.keep, progress=progress, labels=labels,

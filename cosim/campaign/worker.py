@@ -15,6 +15,7 @@ from cosim.errors import TrimError
 from cosim.judge.row import rows as judge_rows
 from cosim.scenario import Scenario
 
+FAILED = ("infeasible", "error", "crashed")  # statuses of a run without a flight
 _lock = threading.Lock()
 _timed = False  # whether this process has measured its detectors' cost per step
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import pandas as pd
 
+from cosim.campaign.worker import FAILED
 from cosim.compare import bound, figures, metrics, paired, tables
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
@@ -124,9 +125,8 @@ def compare(
     if len(paths) == 2 and all((p / "scenarios.parquet").is_file() for p in paths):
         return _side_by_side(paths, guests)
     frame, timing, tomls, source = read(paths, workers=workers, progress=progress, guests=guests)
-    rows = _tidy(frame, tomls, source)
-    each, runs, title = _each(rows, timing), frame["run"].nunique(), compare_rows.title(paths[0]) if paths else TITLE
-    return Comparison(rows, each, runs, _failed(frame), source, _damaged(frame), title=title)
+    title = compare_rows.title(paths[0]) if paths else TITLE
+    return _made(_tidy(frame, tomls, source), timing, frame["run"].nunique(), [frame], source, title=title)
 
 
 def _tidy(frame, tomls, source):
@@ -136,17 +136,13 @@ def _tidy(frame, tomls, source):
     return bound.of(rows, tomls)
 
 
-def _each(rows, timing):
+def _made(rows, timing, runs, frames, source, **more):
+    """Return the Comparison of `rows`, made of the campaigns' `frames`."""
     above = bound.beyond(rows)
-    return [d | {"beyond_physics": d["id"] in above} for d in compare_stats.detectors(rows, timing)]
-
-
-def _failed(frame):
-    return int(frame.drop_duplicates("run")["status"].isin(("infeasible", "error", "crashed")).sum())
-
-
-def _damaged(frame):
-    return tuple(frame.attrs.get("damaged", ()))
+    each = [d | {"beyond_physics": d["id"] in above} for d in compare_stats.detectors(rows, timing)]
+    failed = sum(int(frame.drop_duplicates("run")["status"].isin(FAILED).sum()) for frame in frames)
+    damaged = tuple(path for frame in frames for path in frame.attrs.get("damaged", ()))
+    return Comparison(rows, each, runs, failed, source, damaged, **more)
 
 
 def _side_by_side(folders, guests):
@@ -162,9 +158,8 @@ def _side_by_side(folders, guests):
             times.append(known.assign(id=[f"{i} ({name})" for i in known["id"]]))
     rows, pairs, told = paired.joined(each, names)
     source = f"{' and '.join(map(str, folders))}: {told}"
-    failed, damaged = sum(map(_failed, frames)), tuple(d for frame in frames for d in _damaged(frame))
-    made = _each(rows, pd.concat(times) if times else None)
-    return Comparison(rows, made, rows["run"].nunique(), failed, source, damaged, True, pairs=pairs)
+    timing = pd.concat(times) if times else None
+    return _made(rows, timing, rows["run"].nunique(), frames, source, two=True, pairs=pairs)
 
 
 def read(
