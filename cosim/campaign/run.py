@@ -51,7 +51,7 @@ def run_campaign(
             scenarios, workers=threads if workers is None else workers, executor=executor, out=out or folder(campaign),
             resume=resume or anew, anew=anew, keep=made.keep, progress=progress, labels=labels,
         )  # fmt: skip
-    path = result.parquet.with_name(MANIFEST)  # the campaign's title stands in the manifest, for pages of it
+    path = Path(out or folder(campaign)) / MANIFEST  # the campaign's title stands in the manifest, for pages of it
     told = from_json(read(path, error=CampaignError), place=str(path), error=CampaignError)
     replace_text(path, json.dumps(told | {"title": made.title}, indent=1))
     return result
