@@ -100,6 +100,8 @@ def test_every_detector_of_the_log_has_a_figure_a_toggle_and_a_row_on_the_time_l
     ids = {d["id"] for d in flight[1].detectors}
     assert {f["detector"] for f in figures(text) if "detector" in f} == ids
     assert set(re.findall(r'data-toggle="(\w+)"', text)) == ids
+    loud = {d["id"] for d in flight[1].detectors if d["alarm"]}
+    assert set(re.findall(r'class="chip \w+ on" data-toggle="(\w+)"', text)) == loud < ids
     line = next(f for f in figures(text) if f["id"] == "timeline")
     assert len([r for r in line["rows"] if r["detector"]]) == len(flight[1].detectors)
 
