@@ -167,5 +167,5 @@ def _care(rows, each):
     dull = [d["id"] for d in each if not d["credible"]]
     if dull:
         out.append(f"{listed(dull)}: alarms all the time and therefore tells nothing; left out of the levels.")
-    told = {d["id"]: coverage.remark(d["id"]) for d in each if d["id"] not in dull}
-    return out + [f"{name}: {remark}." for name, remark in told.items() if remark]
+    remarks = {d["id"]: coverage.remark(d["id"]) for d in each if d["id"] not in dull}
+    return out + [f"{name}: {remark}." for name, remark in remarks.items() if remark]
