@@ -10,12 +10,11 @@ bounds the alarms.
 import base64
 import functools
 from collections.abc import Sequence
-from dataclasses import asdict
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator, TypeAdapter
+from pydantic import ConfigDict, Field, PlainValidator, TypeAdapter
 from pydantic.dataclasses import dataclass
 from scipy.ndimage import minimum_filter1d
 
@@ -31,13 +30,12 @@ CONFIRMED = {"position_monitor": "t_confirm", "rtsekf": "t_confirm", "rtsekf_fli
 
 
 Count = Annotated[int, Field(strict=True, ge=0)]
-Number = Annotated[float, Field(strict=True)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, ge=0.0)]
 CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True)
 
 
-@dataclass(frozen=True, config=CONFIG)
-class Moments:
+class Moments(NamedTuple):
     """What one flight of a residual comes to: sums over its samples, none of which is kept."""
 
     n: Annotated[int, Field(strict=True, ge=1)]
@@ -78,10 +76,6 @@ def _peaks(told):
     return peaks
 
 
-def _moments(told):
-    return dict(zip(Moments.__dataclass_fields__, told, strict=True)) if isinstance(told, list) else told
-
-
 @dataclass(frozen=True, config=CONFIG)
 class Lane:
     """What a flight keeps of one detector."""
@@ -90,7 +84,7 @@ class Lane:
     valid_s: Positive  # time in which an alarm would count, mean over its lanes (cosim.judge.alarms.exposure_s)
     alarms: Count  # that rose
     silent: Annotated[Count, Field(le=1)]  # of these flights, 1: it alarmed though the statistic stayed below 1
-    moments: tuple[Annotated[Moments, BeforeValidator(_moments)], ...]  # of each lane with a signed residual
+    moments: tuple[Moments, ...]  # of each lane with a signed residual
 
 
 @dataclass(frozen=True, config=CONFIG)
@@ -158,7 +152,7 @@ def _kept(trace, own, p, dt):
         able = valid(watch, trace)
         r = np.where(able & np.isfinite(trace[:, watch.r]), trace[:, watch.r].astype(float), 0.0)
         if r.min() < 0.0 < r.max():
-            moments.append([*asdict(Moments.of(r[able])).values()])
+            moments.append([*Moments.of(r[able])])
         size = np.abs(r)
         if parameter:
             n = max(1, round(float(p[i][parameter]) / dt))
