@@ -30,7 +30,7 @@ from cosim.compare import compare
 from cosim.compare.false_alarms import false_alarms
 from cosim.compare.score import BOARD, rows, stored
 from cosim.compare.score import flights as benchmark
-from cosim.compare.score.table import differences
+from cosim.compare.score.rows import differences
 from cosim.flight.plugins import load
 from cosim.report import comparison_report
 from cosim.scenario import aircraft, catalog

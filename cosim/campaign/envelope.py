@@ -29,21 +29,16 @@ REASONS = {  # the first word of a TrimError -> what it means on a map
 MASSES_T, CGS_PCT = (200.0, 260.0, 320.0, 375.0, 405.0), (25.0, 30.0, 36.0)
 ALTITUDES_FT = tuple(5000.0 * k for k in range(9))
 SPEEDS_KT = tuple(150.0 + 15.0 * k for k in range(17))
-
-
+SPANS = ("cas_kt", "mach", "alpha_deg", "stabilizer_deg", "throttle")
 # technology -> at the surface [N m]; a plain actuator knows no load
 STALL_MOMENT = {name: t.design(()).stall_moment for name, t in TECHNOLOGIES.items() if t.servo}
 
 
 def trim_map(
-    masses_t: tuple[float, float, float, float, float] = MASSES_T,
-    cgs_pct: tuple[float, float, float] = CGS_PCT,
-    altitudes_ft: tuple[float, ...] = ALTITUDES_FT,
-    cas_kt: tuple[float, ...] = SPEEDS_KT,
-    *,
-    workers: int | None = 0,
+    masses_t: tuple[float, ...] = MASSES_T, cgs_pct: tuple[float, ...] = CGS_PCT,
+    altitudes_ft: tuple[float, ...] = ALTITUDES_FT, cas_kt: tuple[float, ...] = SPEEDS_KT, *, workers: int | None = 0,
     progress: Callable[..., Any] | None = None,
-) -> Any:
+) -> Any:  # fmt: skip
     """Return a table of every combination of the four.
 
     Columns: mass_t, cg_pct, altitude_ft, cas_kt, reason ("" when it trims, a key of REASONS, or "none found"), why (the
@@ -51,19 +46,14 @@ def trim_map(
     the segment that reaches least. `workers` processes, None for one per core, 0 for this one; `progress(done, total)`
     counts points.
     """
-    jobs = [(m, c, h, tuple(cas_kt)) for m, c, h in itertools.product(masses_t, cgs_pct, altitudes_ft)]
+    jobs = [(*where, tuple(cas_kt)) for where in itertools.product(masses_t, cgs_pct, altitudes_ft)]
     total, rows = len(jobs) * len(cas_kt), []
-
-    def took(made):
-        rows.extend(made)
-        if progress:
-            progress(len(rows), total)
-
     with pool(workers) as here:
         for future in cf.as_completed([here.submit(_row, job) for job in jobs]):
-            took(future.result())
-    order = ["mass_t", "cg_pct", "altitude_ft", "cas_kt"]
-    return pd.DataFrame(rows).sort_values(order, ignore_index=True)
+            rows += future.result()
+            if progress:
+                progress(len(rows), total)
+    return pd.DataFrame(rows).sort_values(["mass_t", "cg_pct", "altitude_ft", "cas_kt"], ignore_index=True)
 
 
 def _row(job):
@@ -110,26 +100,18 @@ def summary(table: Any) -> dict[str, Any]:
         up, down = good[f"{technology}_up_deg"], good[f"{technology}_down_deg"]
         ways = {"up": (up > low + 1e-9, up.max()), "down": (down < high - 1e-9, down.min())}
         stalls[technology] = {
-            way: {"from_kt": _least(good.loc[short, "cas_kt"]), "reach_deg": float(worst)}
+            way: {"from_kt": float(good.loc[short, "cas_kt"].min()) if short.any() else None, "reach_deg": float(worst)}
             for way, (short, worst) in ways.items()
         }
     return {
         "points": len(table),
         "trimmed": len(good),
         "reasons": {str(k): int(n) for k, n in table.loc[table["reason"] != "", "reason"].value_counts().items()},
-        "masses": [_mass(m, part) for m, part in good.groupby("mass_t")],
+        "masses": [{"mass_t": float(m), "trimmed": len(part), "highest_ft": float(part["altitude_ft"].max()),
+                    **{name: [float(part[name].min()), float(part[name].max())] for name in SPANS}}
+                   for m, part in good.groupby("mass_t")],
         "stalls": stalls,
-    }
-
-
-def _least(speeds):
-    return float(speeds.min()) if len(speeds) else None
-
-
-def _mass(mass, part):
-    spans = {name: [float(part[name].min()), float(part[name].max())]
-             for name in ("cas_kt", "mach", "alpha_deg", "stabilizer_deg", "throttle")}  # fmt: skip
-    return {"mass_t": float(mass), "trimmed": len(part), "highest_ft": float(part["altitude_ft"].max()), **spans}
+    }  # fmt: skip
 
 
 def masses(found: dict[str, Any]) -> Table:

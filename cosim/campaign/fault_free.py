@@ -10,16 +10,15 @@ bounds the alarms.
 import base64
 import functools
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field, PlainValidator, TypeAdapter
+from pydantic.dataclasses import dataclass
 from scipy.ndimage import minimum_filter1d
 
-from cosim.campaign.spec import load_campaign
-from cosim.campaign.unit_cube import Space
+from cosim.campaign.spec import Space, load_campaign
 from cosim.errors import TrimError
 from cosim.judge.alarms import exposure_s, onsets
 from cosim.judge.detection import valid
@@ -30,18 +29,23 @@ WINDOW_S = 1.0
 CONFIRMED = {"position_monitor": "t_confirm", "rtsekf": "t_confirm", "rtsekf_flight": "pair_confirm"}
 
 
-@dataclass(frozen=True)
-class Moments:
+Count = Annotated[int, Field(strict=True, ge=0)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, ge=0.0)]
+CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True)
+
+
+class Moments(NamedTuple):
     """What one flight of a residual comes to: sums over its samples, none of which is kept."""
 
-    n: int
-    s1: float  # sum of r
-    s2: float
-    s3: float
-    s4: float
-    lag1: float  # sum of r_k r_k+1
-    memory: float  # samples that stand for one independent sample, of the mean
-    memory2: float  # of the variance
+    n: Annotated[int, Field(strict=True, ge=1)]
+    s1: Number  # sum of r
+    s2: Number
+    s3: Number
+    s4: Number
+    lag1: Number  # sum of r_k r_k+1
+    memory: Number  # samples that stand for one independent sample, of the mean
+    memory2: Number  # of the variance
 
     @classmethod
     def of(cls, r: ArrayLike) -> "Moments":
@@ -62,69 +66,43 @@ def _memory(r):
     return max(1.0, float(1.0 + 2.0 * rho.sum())), float(1.0 + 2.0 * (rho @ rho))
 
 
-@dataclass(frozen=True)
+def _peaks(told):
+    """Return an array as it is, one that `fly` tells unpacked."""
+    if isinstance(told, np.ndarray):
+        return told
+    peaks = np.frombuffer(base64.b64decode(told, validate=True), "<f4") if isinstance(told, str) else np.empty(0)
+    if not len(peaks) or not (peaks >= 0.0).all():
+        raise ValueError("no peak, or one below zero")
+    return peaks
+
+
+@dataclass(frozen=True, config=CONFIG)
 class Lane:
     """What a flight keeps of one detector."""
 
-    peaks: NDArray  # (windows,) maxima of its statistic over its lanes, 0 where none judges
-    valid_s: float  # time in which an alarm would count, mean over its lanes (cosim.judge.alarms.exposure_s)
-    alarms: int  # that rose
-    silent: int  # of these flights, 1: it alarmed though the statistic stayed below 1
-    moments: tuple  # of each lane with a signed residual
+    peaks: Annotated[NDArray, PlainValidator(_peaks)]  # (windows,) maxima over its lanes, 0 where none judges
+    valid_s: Positive  # time in which an alarm would count, mean over its lanes (cosim.judge.alarms.exposure_s)
+    alarms: Count  # that rose
+    silent: Annotated[Count, Field(le=1)]  # of these flights, 1: it alarmed though the statistic stayed below 1
+    moments: tuple[Moments, ...]  # of each lane with a signed residual
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=CONFIG)
 class FaultFreeFlight:
     """A flown flight."""
 
-    seconds: float
-    dt: float
+    seconds: Positive
+    dt: Positive
     status: str
     lanes: dict[str, Lane]
 
     @classmethod
     def read(cls, told: Any) -> "FaultFreeFlight":
         """Return the FaultFreeFlight of what `fly` returned; raises ValueError for what it never returns."""
-        found = _Told.model_validate(told)
-        lanes = {name: Lane(_peaks(one.peaks), one.valid_s, one.alarms, one.silent,
-                            tuple(Moments(*m) for m in one.moments)) for name, one in found.lanes.items()}  # fmt: skip
-        return cls(found.seconds, found.dt, found.status, lanes)
+        return TOLD.validate_python(told)
 
 
-Count = Annotated[int, Field(ge=0)]
-Positive = Annotated[float, Field(ge=0.0)]
-Samples = Annotated[int, Field(ge=1)]
-Sums = Annotated[tuple[Samples, float, float, float, float, float, float, float], Field(strict=False)]
-
-
-class _Model(BaseModel):
-    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
-
-
-class _Lane(_Model):
-    """A Lane as `fly` tells it."""
-
-    peaks: str
-    valid_s: Positive
-    alarms: Count
-    silent: Annotated[int, Field(ge=0, le=1)]
-    moments: list[Sums]
-
-
-class _Told(_Model):
-    """A FaultFreeFlight as `fly` tells it."""
-
-    seconds: Positive
-    dt: Positive
-    status: str
-    lanes: dict[str, _Lane]
-
-
-def _peaks(text):
-    peaks = np.frombuffer(base64.b64decode(text, validate=True), "<f4")
-    if not len(peaks) or not (peaks >= 0.0).all():
-        raise ValueError("no peak, or one below zero")
-    return peaks
+TOLD = TypeAdapter(FaultFreeFlight)
 
 
 @functools.cache
@@ -174,7 +152,7 @@ def _kept(trace, own, p, dt):
         able = valid(watch, trace)
         r = np.where(able & np.isfinite(trace[:, watch.r]), trace[:, watch.r].astype(float), 0.0)
         if r.min() < 0.0 < r.max():
-            moments.append([*asdict(Moments.of(r[able])).values()])
+            moments.append([*Moments.of(r[able])])
         size = np.abs(r)
         if parameter:
             n = max(1, round(float(p[i][parameter]) / dt))
@@ -184,9 +162,6 @@ def _kept(trace, own, p, dt):
         alarms += len(onsets(trace[:, watch.alarm]))
     peaks = most.reshape(-1, per).max(axis=1)
     return {
-        "peaks": base64.b64encode(peaks.astype("<f4").tobytes()).decode(),
-        "valid_s": exposed,
-        "alarms": alarms,
-        "silent": int(alarms > 0 and peaks.max() < 1.0),
-        "moments": moments,
-    }
+        "peaks": base64.b64encode(peaks.astype("<f4").tobytes()).decode(), "valid_s": exposed, "alarms": alarms,
+        "silent": int(alarms > 0 and peaks.max() < 1.0), "moments": moments,
+    }  # fmt: skip

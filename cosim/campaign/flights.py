@@ -28,10 +28,9 @@ from typing import Any
 
 import pandas as pd
 
-from cosim.campaign.packed import Packed
 from cosim.campaign.pool import outcomes
-from cosim.campaign.store import GO_ON, Store, folder, load
-from cosim.campaign.worker import run_id
+from cosim.campaign.store import GO_ON, Store, folder, load, write_manifest
+from cosim.campaign.worker import FAILED, Packed, run_id
 from cosim.errors import CampaignError, LogError, OutputError, told_at_call
 from cosim.files import regular, replace, replace_text
 from cosim.scenario import Scenario
@@ -40,14 +39,8 @@ from cosim.table import Table
 from fdi import registry
 
 CORE = (
-    "seed",
-    "duration_s",
-    "flight.mass_t",
-    "flight.cg_pct",
-    "flight.altitude_ft",
-    "flight.turbulence",
-    "manoeuvre.kind",
-)
+    "seed", "duration_s", "flight.mass_t", "flight.cg_pct", "flight.altitude_ft", "flight.turbulence", "manoeuvre.kind",
+)  # fmt: skip
 FLUSH_S, FLUSH_RUNS = 2.0, 16  # finished runs are safe on disk after at most that
 
 
@@ -65,17 +58,13 @@ class CampaignResult:
     """
 
     def __init__(
-        self,
-        store: Store,
-        status: Mapping[str, str],
-        resumed: int = 0,
-        parquet: Path | None = None,
+        self, store: Store, status: Mapping[str, str], resumed: int = 0, parquet: Path | None = None,
         notes: tuple[str, ...] = (),
-    ):
+    ):  # fmt: skip
         """Take the `store` of the rows and {run: status}."""
         self.parquet, self.resumed, self.notes = parquet, resumed, notes
         self.done, self.damaged = len(status), tuple(store.damaged)
-        self.failed = sum(s in ("infeasible", "error", "crashed") for s in status.values())
+        self.failed = sum(s in FAILED for s in status.values())
         self._store = store
 
     @functools.cached_property
@@ -110,18 +99,10 @@ class CampaignResult:
 
 @told_at_call
 def run_many(
-    scenarios: Iterable[Scenario],
-    *,
-    workers: int | None = None,
-    out: str | Path | None = None,
-    resume: bool = True,
-    anew: bool = False,
-    keep: dict[str, int] | None = None,
-    executor: Executor | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    achieved: bool = True,
-    labels: Iterable[dict] | None = None,
-) -> CampaignResult:
+    scenarios: Iterable[Scenario], *, workers: int | None = None, out: str | Path | None = None, resume: bool = True,
+    anew: bool = False, keep: dict[str, int] | None = None, executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None, achieved: bool = True, labels: Iterable[dict] | None = None,
+) -> CampaignResult:  # fmt: skip
     """Fly `scenarios` (Scenario objects; equal ones once) and return a CampaignResult.
 
     `workers` processes, by default one per core, 0 for this process; or any concurrent.futures `executor`. `out` is the
@@ -156,8 +137,6 @@ def _manifest(store, brought):
     """Write the manifest of a folder whose rows are consolidated."""
     import pyarrow.parquet as pq
 
-    from cosim.campaign import manifest
-
     seeds, took = store.scenarios["seed"], store.timing()["core_s"].dropna()
     rows = pq.read_metadata(store.out / "runs.parquet").num_rows
     about = {
@@ -166,7 +145,7 @@ def _manifest(store, brought):
         "seeds": [int(seeds.min()), int(seeds.max())],
         "flights_per_core_s": len(took) / float(took.sum()) if took.sum() > 0.0 else None,
     }
-    manifest.write(store.out, about, brought)
+    write_manifest(store.out, about, brought)
 
 
 def _left_out(store):
@@ -196,8 +175,7 @@ def _tell_guests(scenarios, out):
 
 def _runs(scenarios, labels):
     """Return (runs, Packed scenarios, labels in the same order, {(key, UserFile)} that fly in them); equal scenarios
-    once.
-    """
+    once."""
     runs: dict[str, None] = {}  # in order
     packed, named, brought = Packed(), [], {}
     both = zip(scenarios, itertools.repeat({}) if labels is None else labels, strict=labels is not None)

@@ -28,26 +28,24 @@ PLACES = (  # heading, targets, kinds
 
 def inventory() -> dict[str, Any]:
     """Return {default, and every topic of `cosim list`: its entries} as plain data."""
+    own_law = {key: said for key, said in c.KEYS["[law]"].items() if key != "<gain>"}
     return {
         "default": DEFAULT,
         "scenarios": [{"name": n, "title": load_scenario(n).title} for n in builtin_names()],
         "campaigns": [{"name": n, "title": load_campaign(n).title} for n in builtin_campaigns()],
         "manoeuvres": [
-            {"kind": k, "summary": _line(m), "keys": [f for f in m.model_fields if f != "kind"]}
+            {"kind": k, "summary": _line(m.__doc__), "keys": [f for f in m.model_fields if f != "kind"]}
             for k, m in KINDS.items()
         ],
         "faults": [
             _fault(place, target, name, kind) for place, target, kinds in PLACES for name, kind in kinds.items()
         ],
-        "keys": {**c.KEYS, "[law]": {", ".join(law.gains()): "gains of the shipped law", **_own_law()}},
+        "keys": {**c.KEYS, "[law]": {", ".join(law.gains()): "gains of the shipped law", **own_law}},
         "units": {name: [u.suffix for u in units] for name, units in {**c.SENSORS, **c.ACTUATOR_SENSORS}.items()},
         "targets": {
-            "segments": list(c.SEGMENTS),
-            "groups": list(c.GROUPS),
-            "surfaces": list(c.SURFACES),
+            "segments": list(c.SEGMENTS), "groups": list(c.GROUPS), "surfaces": list(c.SURFACES),
             "engines": [*load_aircraft().engine_names, "all"],
-            "actuator_sensors": {t: list(s) for t, s in c.SENSORS_OF.items()},
-            "sensors": list(c.SENSORS),
+            "actuator_sensors": {t: list(s) for t, s in c.SENSORS_OF.items()}, "sensors": list(c.SENSORS),
         },
         "classes": [{"name": name, "summary": text} for name, text in MEANINGS.items()],
         "signals": vocabulary.inventory(),
@@ -61,13 +59,13 @@ def inventory() -> dict[str, Any]:
         "detectors": [
             {"id": r.id, "level": r.level, "summary": r.summary, "range": _range(r)} for r in records().values()
         ],
-    }
+    }  # fmt: skip
 
 
 def examples() -> dict[str, str]:
     """Return {name: first sentence of its docstring} of the programs in cosim/examples."""
     found = {p.name[:-3]: p for p in sorted(EXAMPLES.iterdir(), key=str) if p.name.endswith(".py")}
-    return {name: _sentence(path.read_text(encoding="utf-8")) for name, path in found.items()}
+    return {name: _line(ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))) for name, path in found.items()}
 
 
 def example(name: str) -> str:
@@ -80,16 +78,8 @@ def example(name: str) -> str:
     return EXAMPLES.joinpath(f"{name}.py").read_text(encoding="utf-8")
 
 
-def _own_law():
-    return {key: said for key, said in c.KEYS["[law]"].items() if key != "<gain>"}
-
-
-def _sentence(source):
-    return (ast.get_docstring(ast.parse(source)) or "").partition("\n")[0].rstrip(".")
-
-
-def _line(model):
-    return (model.__doc__ or "").strip().partition("\n")[0].rstrip(".")  # python -OO keeps none
+def _line(text):
+    return (text or "").strip().partition("\n")[0].rstrip(".")  # python -OO keeps no docstring
 
 
 def _fault(place, target, name, kind):

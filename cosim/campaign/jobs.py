@@ -25,14 +25,9 @@ Job = tuple[Callable, dict]
 
 
 def work(
-    jobs: Sequence[Job],
-    *,
-    folder: str | Path | None = None,
-    code: str | None = None,
-    workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    read: Callable[[Any], Any] = lambda value: value,
-) -> list[Any]:
+    jobs: Sequence[Job], *, folder: str | Path | None = None, code: str | None = None, workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None, read: Callable[[Any], Any] = lambda value: value,
+) -> list[Any]:  # fmt: skip
     """Return the value of every job, in order, from `folder` where it has been done (None: nothing is kept).
 
     `read` makes of a value what is returned; what it refuses of the folder (ValueError) is done again. `code` is the
@@ -64,9 +59,7 @@ def code_of(jobs: Sequence[Job]) -> str:
 
 def stored(folder: str | Path) -> tuple[str, dict[str, Any]]:
     """Return (digest of the code, {key: value}) of what `folder` holds, without what is damaged; ("", {}) of nothing.
-
-    Raises OutputError for a file of results that cannot be read.
-    """
+    Raises OutputError for a file of results that cannot be read."""
     path, found = Path(folder) / FILE, {}
     regular(path, OutputError)
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []

@@ -41,17 +41,15 @@ def _worst(frame, rule):
     if rule == "departed":
         return frame[frame["status"].isin(("departed", "diverged"))]
     flown = frame[frame["id"].notna()]
-    concerned = flown["concerned"].fillna(False).astype(bool)
-    if rule == "false_alarm":
-        rows, by = flown[flown["false_alarms"] > 0], ["false_alarms"]
-    elif rule == "missed":
-        rows, by = flown[concerned & flown["delay_s"].isna()], ["amplitude_mm", "rod_mm"]
-    elif rule == "late":
-        rows, by = flown[concerned & flown["delay_s"].notna()], ["delay_periods", "delay_s"]
-    elif rule == "residual":
-        rows, by = flown[flown["r_max_before"].notna()], ["r_max_before"]
-    elif rule == "estimate":
-        rows, by = flown[flown["estimate_rmse"].notna()], ["estimate_rmse"]
-    else:
+    concerned, late = flown["concerned"].fillna(False).astype(bool), flown["delay_s"].notna()
+    rules = {
+        "false_alarm": (flown["false_alarms"] > 0, ["false_alarms"]),
+        "missed": (concerned & ~late, ["amplitude_mm", "rod_mm"]),
+        "late": (concerned & late, ["delay_periods", "delay_s"]),
+        "residual": (flown["r_max_before"].notna(), ["r_max_before"]),
+        "estimate": (flown["estimate_rmse"].notna(), ["estimate_rmse"]),
+    }
+    if rule not in rules:
         raise ValueError(f"{rule!r} is no rule; there is {', '.join(RULES)}")
-    return rows.sort_values(by, ascending=False, kind="stable")
+    which, by = rules[rule]
+    return flown[which].sort_values(by, ascending=False, kind="stable")

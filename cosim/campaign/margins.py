@@ -10,7 +10,6 @@ goes on until both have happened; the last rung at which neither had is what is 
 """
 
 import dataclasses
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -19,8 +18,9 @@ import numpy as np
 
 from cosim.campaign.flights import run_many
 from cosim.campaign.pool import pool
+from cosim.campaign.spec import shipped
 from cosim.campaign.worker import run_id
-from cosim.errors import CampaignError, did_you_mean
+from cosim.errors import CampaignError
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.judge import coverage
 from cosim.scenario import load_scenario
@@ -62,34 +62,22 @@ class Axis:
 def axes(detector: str) -> list[Axis]:
     """Return the axes of a detector: of its actuator's symbols where it is local, of the aircraft's where it is not."""
     own = registry.record(detector)
-    out = []
-    for technology in own.technologies:
-        for symbol in toleranced(technology):
-            key = f"tolerances.{technology}.{symbol}"
-            for sign in (1.0, -1.0):
-                rungs = tuple(100.0 * sign * s for s in SHARES)
-                out.append(Axis(f"{technology} {symbol}", "%", rungs, functools.partial(_factor, key)))
+    up, out = tuple(100.0 * s for s in SHARES), []
+    factors = {f"{t} {symbol}": f"tolerances.{t}.{symbol}" for t in own.technologies for symbol in toleranced(t)}
     if not own.technologies:
-        out.append(Axis("all coefficients, random corners", "%", tuple(100.0 * s for s in SHARES), _corner))
-        for word in ("mass", "cg"):
-            for sign in (1.0, -1.0):
-                rungs = tuple(100.0 * sign * s for s in SHARES)
-                told = functools.partial(_factor, f"sensors.{word}.scale")
-                out.append(Axis(f"{word} that it is told", "%", rungs, told))
+        out.append(Axis("all coefficients, random corners", "%", up, _corner))
+        factors = {f"{word} that it is told": f"sensors.{word}.scale" for word in ("mass", "cg")}
+    for name, key in factors.items():
+        turn = lambda percent, k, key=key: {key: 1.0 + percent / 100.0}  # noqa: E731
+        out += [Axis(name, "%", up, turn), Axis(name, "%", tuple(-v for v in up), turn)]
     names = {word.rpartition(".")[2] for word in own.inputs.values()}
-    read = [w for w in TRANSPORT if w in names] if not own.technologies else [
-        n for t in own.technologies for n in SENSORS_OF[t] if n in names]  # fmt: skip
+    there = [n for t in own.technologies for n in SENSORS_OF[t]] if own.technologies else TRANSPORT
+    read = {w: TRANSPORT[w][2] if w in TRANSPORT else 0.0 for w in there if w in names}
     if read:
         out.append(Axis("age of its readings", "s more", (0.01, 0.02, 0.05, 0.1),
-                        lambda v, k: {f"sensors.{w}.delay_s": v + (TRANSPORT[w][2] if w in TRANSPORT else 0.0)
-                                      for w in read}))  # fmt: skip
-    out.append(Axis("rate", "Hz", (100, 50), lambda v, k: {"rate_hz": v}))
-    out.append(Axis("rate", "Hz", (400, 1000), lambda v, k: {"rate_hz": v}))
+                        lambda v, k: {f"sensors.{w}.delay_s": v + late for w, late in read.items()}))  # fmt: skip
+    out += [Axis("rate", "Hz", rungs, lambda v, k: {"rate_hz": v}) for rungs in ((100, 50), (400, 1000))]
     return [*out, Axis("air", "", ("moderate", "severe"), lambda v, k: {"flight.turbulence": v})]
-
-
-def _factor(key, percent, k):
-    return {key: 1.0 + percent / 100.0}
 
 
 def _corner(share, k):
@@ -120,20 +108,13 @@ class Margin:
 
 
 def margins(
-    detector: str,
-    *,
-    flights: int = FLIGHTS,
-    workers: int | None = None,
+    detector: str, *, flights: int = FLIGHTS, workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> list[Margin]:
-    """Return the Margin of every axis of a shipped detector, the nominal one first.
-
-    `progress(done, total)` counts flights; the total falls as axes end. Raises CampaignError for an unknown detector.
-    """
-    if detector not in registry.SHIPPED:
-        own = "One of your own cannot be taken: what it believes is not known"
-        near = own if detector.endswith(".py") else did_you_mean(detector, registry.SHIPPED)
-        raise CampaignError(f"{detector!r} is no detector that ships", allowed=", ".join(registry.SHIPPED), remedy=near)
+) -> list[Margin]:  # fmt: skip
+    """Return the Margin of every axis of a shipped detector, the nominal one first. `progress(done, total)` counts
+    flights; the total falls as axes end. Raises CampaignError for an unknown detector."""
+    own = "One of your own cannot be taken: what it believes is not known"
+    shipped(detector, remedy=own if detector.endswith(".py") else "")
     broken = fault(detector)
     every = [Axis("nothing", "", (0,), lambda v, k: {}), *axes(detector)]
     out, done = [Margin(a.name, a.unit) for a in every], 0
@@ -153,29 +134,22 @@ def margins(
                 value = every[i].rungs[rung]
                 cried = any(alarms.get(run_id(made[i, k, bad]), 0) for k in range(flights) for bad in (False, True))
                 lost = not all(seen.get(run_id(made[i, k, True]), False) for k in range(flights))
-                _note(out[i], value, cried, lost)
+                m = out[i]
+                if m.alarms_from is None:
+                    m.alarms_from, m.silent_to = (value, m.silent_to) if cried else (None, value)
+                if m.loses_from is None:
+                    m.loses_from, m.sees_to = (value, m.sees_to) if lost else (None, value)
     return out
-
-
-def _note(m, value, cried, lost):
-    """Take what one rung came to."""
-    if m.alarms_from is None:
-        m.alarms_from, m.silent_to = (value, m.silent_to) if cried else (None, value)
-    if m.loses_from is None:
-        m.loses_from, m.sees_to = (value, m.sees_to) if lost else (None, value)
 
 
 def _scenario(detector, keys, k, broken):
     """Return flight `k` with these keys, and with a fault where one is given."""
-    own = {**BASE, "seed": FIRST_SEED + k, "detectors.enabled": _enabled(detector), **keys}
+    words = (word.split(".")[0] for word in registry.record(detector).inputs.values() if word.count(".") == 2)
+    read = {*words} & {*registry.DEFAULT}  # those that it reads fly, too
+    enabled = [name for name in registry.SHIPPED if name in read] + [detector]
+    own = {**BASE, "seed": FIRST_SEED + k, "detectors.enabled": enabled, **keys}
     pairs = [f"{key}={inline(value)}" for key, value in own.items()]
     return load_scenario("cruise", [*pairs, f"faults=[{inline(broken)}]"] if broken else pairs)
-
-
-def _enabled(detector):
-    """Return what flies: the detector, with those that it reads."""
-    read = {word.split(".")[0] for word in registry.record(detector).inputs.values() if word.count(".") == 2}
-    return [name for name in registry.SHIPPED if name in read & {*registry.DEFAULT}] + [detector]
 
 
 def table(found: list[Margin]) -> Table:

@@ -1,5 +1,6 @@
 """Rows and timings of a campaign as they came: files of a few runs each, read and merged a row group at a time."""
 
+import contextlib
 import hashlib
 import heapq
 from collections.abc import Iterable, Iterator, Sequence
@@ -29,15 +30,13 @@ TIMING = _schema([
     Field("core_s", "double", "s", "processor time of the whole run, its twin and judgement"),
     Field("step_us", "double", "us", "time per step and lane"),
 ])  # fmt: skip
-SCENARIOS = _schema(
-    [
-        Field("run", "string", "", "run"),
-        Field("order", "int64", "", "position in the campaign"),
-        Field("toml", "string", "", "the expanded scenario"),
-    ]
-)  # and what varies
+SCENARIOS = _schema([  # and what varies
+    Field("run", "string", "", "run"), Field("order", "int64", "", "position in the campaign"),
+    Field("toml", "string", "", "the expanded scenario"),
+])  # fmt: skip
 KINDS = {"rows": ROWS, "timing": TIMING}
 KEYS = {"rows": ["run", "status"], "timing": ["run"]}  # without a value of these a part is damaged
+DAMAGE = (pa.ArrowException, OSError, ValueError, KeyError)
 BLOCK = 2000  # runs that are joined and written at a time
 
 
@@ -60,8 +59,7 @@ def read(
     folder: Path, kind: str, columns: Sequence[str] | None = None, damaged: list[str] | None = None
 ) -> pd.DataFrame | None:
     """Return all whole parts of a kind as one frame, of `columns` alone where given; None without a part. `damaged`
-    takes the names of the others.
-    """
+    takes the names of the others."""
     found: list[pa.Table] = []
     for path in paths(folder, kind):
         groups = whole(path, kind, columns)
@@ -84,29 +82,24 @@ def whole(path: Path, kind: str, columns: Sequence[str] | None = None) -> list[p
 
 def _groups(path, kind, first=0):
     """Yield each row group of a part as a table with the columns of its schema; None, and no more, where damaged."""
-    schema = KINDS[kind]
-    try:
-        if not path.is_file():  # a pipe would wait for ever
-            raise OSError
-        with path.open("rb") as file:
+    with contextlib.suppress(*DAMAGE):
+        with _opened(path) as file:
             inside = pq.ParquetFile(file)
             for i in range(first, inside.num_row_groups):
-                table = checked(inside.read_row_group(i), schema, KEYS[kind])
-                if table is None:
-                    break
-                yield table.select(schema.names)
-            else:
-                return
-    except (pa.ArrowException, OSError, ValueError, KeyError):
-        pass
+                yield checked(inside.read_row_group(i), KINDS[kind], KEYS[kind]).select(KINDS[kind].names)
+            return
     yield None
 
 
-def ordered(folder: Path, kind: str, order: dict[str, int]) -> Iterator[pd.DataFrame]:
-    """Yield the rows of a kind as frames of whole runs, in the `order` {run: position} of the runs, without others.
+def _opened(path):
+    if not path.is_file():  # a pipe would wait for ever
+        raise OSError
+    return path.open("rb")
 
-    A frame is of BLOCK positions, so that what is written does not depend on how the rows came.
-    """
+
+def ordered(folder: Path, kind: str, order: dict[str, int]) -> Iterator[pd.DataFrame]:
+    """Yield the rows of a kind as frames of whole runs, in the `order` {run: position} of the runs, without others. A
+    frame is of BLOCK positions, so that what is written does not depend on how the rows came."""
     held = None
     for found in _due(folder, kind, order):
         held = found if held is None else pd.concat([held, found])
@@ -119,10 +112,8 @@ def ordered(folder: Path, kind: str, order: dict[str, int]) -> Iterator[pd.DataF
 
 
 def _due(folder, kind, order):
-    """Yield the rows as they can be told to be complete, in the order of the runs.
-
-    Row groups are read where the first of their runs is due: held are a block of BLOCK runs and what overlaps it.
-    """
+    """Yield the rows as they can be told to be complete, in the order of the runs. Row groups are read where the first
+    of their runs is due: held are a block of BLOCK runs and what overlaps it."""
     waiting = []  # (first position, path, number of the row group)
     for path in paths(folder, kind):
         first = [min((order[r] for r in table["run"].to_pylist() if r in order), default=None)
@@ -175,23 +166,19 @@ def merge(folder: Path, kind: str) -> None:
 
 def table_of(path: Path, schema: pa.Schema, keys: Sequence[str]) -> pa.Table | None:
     """Return a Parquet file as a table, the columns of `schema` with their types, null where it has none; None when it
-    cannot be read, or lacks one of the columns `keys` or a value of them.
-    """
-    if not path.is_file():  # a pipe would wait for ever
-        return None
-    try:
-        with path.open("rb") as file:
-            return checked(pq.read_table(file), schema, keys)
-    except (pa.ArrowException, OSError, ValueError, KeyError):
-        return None
+    cannot be read, or lacks one of the columns `keys` or a value of them."""
+    with contextlib.suppress(*DAMAGE), _opened(path) as file:
+        return checked(pq.read_table(file), schema, keys)
+    return None
 
 
-def checked(table: pa.Table, schema: pa.Schema, keys: Sequence[str]) -> pa.Table | None:
-    """Return a table with the columns of `schema` in their types; None where one of `keys` is not whole."""
+def checked(table: pa.Table, schema: pa.Schema, keys: Sequence[str]) -> pa.Table:
+    """Return a table with the columns of `schema` in their types. Raises one of DAMAGE where one of `keys` is not whole
+    or what is held is none of it."""
     table.validate(full=True)
     held = table.column_names
     if len(set(held)) != len(held) or any(name not in held or table[name].null_count for name in keys):
-        return None
+        raise ValueError
     for f in schema:
         if f.name in held:
             table = table.set_column(held.index(f.name), f, table[f.name].cast(f.type))

@@ -146,15 +146,13 @@ def _alone(call, crashed):
 @contextlib.contextmanager
 def pool(workers: int | None) -> Iterator[cf.Executor]:
     """Open a pool of `workers` fresh processes with one thread each, None for one per core, 0 for a thread of this
-    process; an error or Ctrl-C in this process ends them.
-    """
+    process; an error or Ctrl-C in this process ends them."""
     if workers == 0:
         with cf.ThreadPoolExecutor(1) as thread:
             yield thread
         return
-    workers = cores() if workers is None else workers
     with _surroundings():  # before the executor: its first lock starts a process, too
-        yield from _processes(workers)
+        yield from _processes(cores() if workers is None else workers)
 
 
 @contextlib.contextmanager

@@ -11,17 +11,16 @@ when the code is. Rows go through the machine that flies the campaign; nothing i
 
 import json
 import logging
-import math
 import os
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
+
+import pandas as pd
 
 from cosim.campaign.flights import CampaignResult, run_many
-from cosim.campaign.manifest import FILE
 from cosim.campaign.spec import load_campaign
-from cosim.campaign.store import fingerprint, flown_with, load
+from cosim.campaign.store import MANIFEST, fingerprint, flown_with, load
 from cosim.campaign.worker import fly, run_id
 from cosim.errors import CampaignError, did_you_mean, told_at_call
 from cosim.files import replace_text
@@ -34,16 +33,10 @@ CONNECT_S = 20.0  # to a scheduler, and until it has a worker
 
 @told_at_call
 def run_campaign(
-    campaign: str | Path,
-    *,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    out: str | Path | None = None,
-    resume: bool = False,
-    anew: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    campaign: str | Path, *, workers: int | None = None, scheduler: str | None = None, out: str | Path | None = None,
+    resume: bool = False, anew: bool = False, progress: Callable[[int, int], None] | None = None,
     guests: Iterable[str | Path] = (),
-) -> CampaignResult:
+) -> CampaignResult:  # fmt: skip
     """Fly the campaign of a built-in name or file and return a CampaignResult; `out` defaults to logs/<name>.
 
     `scheduler` is the address of a Dask scheduler ("tcp://127.0.0.1:8786"). `guests` are files of further detectors
@@ -53,25 +46,14 @@ def run_campaign(
     made = load_campaign(campaign)
     scenarios, labels = made.scenarios()
     scenarios = _with(scenarios, guests)
-    options: dict[str, Any] = {
-        "out": out or folder(campaign),
-        "resume": resume or anew,
-        "anew": anew,
-        "keep": made.keep,
-        "progress": progress,
-        "labels": labels,
-    }
-    if scheduler is None:
-        return _titled(run_many(scenarios, workers=workers, **options), made.title)
-    with cluster(scheduler) as (executor, threads):
-        return _titled(run_many(scenarios, executor=executor, workers=workers or threads, **options), made.title)
-
-
-def _titled(result, title):
-    """Return the CampaignResult with the campaign's title in its folder's manifest, for pages of it."""
-    path = result.parquet.with_name(FILE)
+    with nullcontext((None, None)) if scheduler is None else cluster(scheduler) as (executor, threads):
+        result = run_many(
+            scenarios, workers=threads if workers is None else workers, executor=executor, out=out or folder(campaign),
+            resume=resume or anew, anew=anew, keep=made.keep, progress=progress, labels=labels,
+        )  # fmt: skip
+    path = Path(out or folder(campaign)) / MANIFEST  # the campaign's title stands in the manifest, for pages of it
     told = from_json(read(path, error=CampaignError), place=str(path), error=CampaignError)
-    replace_text(path, json.dumps(told | {"title": title}, indent=1))
+    replace_text(path, json.dumps(told | {"title": made.title}, indent=1))
     return result
 
 
@@ -125,26 +107,19 @@ def rerun(campaign: str | Path, run: str, *, out: str | Path | None = None, gues
     if run not in runs:
         near = did_you_mean(run, runs)
         raise CampaignError("no run of this campaign has this id", place=f"--rerun {run}", remedy=near)
-    home = Path(out or folder(campaign))
+    home, scenario = Path(out or folder(campaign)), runs[run]
     log = home / "logs" / f"{run}.mcap"
     log.parent.mkdir(parents=True, exist_ok=True)
-    result = simulate(runs[run], log=log)
-    return runs[run], result, *_repeats(home, run, runs[run])
-
-
-def _repeats(home, run, scenario):
-    if not (home / "runs.parquet").is_file():
-        return None, None
-    stored = load(home)[0]
-    stored = stored[stored["run"] == run].sort_values("lane").to_dict("records")
-    if not stored:
-        return None, None
-    rows, _ = fly(run, scenario, bool(stored[0]["rod_mm"] == stored[0]["rod_mm"]))
-    same = len(rows) == len(stored) and all(_same(a[k], b[k]) for a, b in zip(rows, stored) for k in a)
-    return same, flown_with(home) == fingerprint()
+    result = simulate(scenario, log=log)
+    stored = load(home)[0] if (home / "runs.parquet").is_file() else pd.DataFrame({"run": [], "lane": []})
+    held = stored[stored["run"] == run].sort_values("lane").to_dict("records")
+    if not held:
+        return scenario, result, None, None
+    rows, _ = fly(run, scenario, bool(held[0]["rod_mm"] == held[0]["rod_mm"]))
+    same = len(rows) == len(held) and all(_same(a[k], b[k]) for a, b in zip(rows, held) for k in a)
+    return scenario, result, same, flown_with(home) == fingerprint()
 
 
 def _same(a, b):
     """Tell whether a fresh and a stored value are equal; nothing, NaN and null are the same."""
-    missing = [x is None or (isinstance(x, float) and math.isnan(x)) for x in (a, b)]
-    return all(missing) or (not any(missing) and bool(a == b))
+    return bool(pd.isna(a) and pd.isna(b)) or bool(a == b)

@@ -1,16 +1,27 @@
-"""Worst-case search: a global optimiser tries to make a detector alarm without a fault, and writes down what it finds.
+"""Two searches of a campaign's draws: the worst flight without a fault, the most probable in which a detector fails.
 
-    found = search("fault-free", "rfafe", flights=300)      # found.scenario, found.r, found.false_alarms
+    found = search("fault-free", "rfafe", flights=300)          # found.scenario, found.r, found.false_alarms
+    found = likeliest("fault-free", "lpv_smo", flights=200)     # a flight without a fault in which it cries
+    found = likeliest("my-faults.toml", "rfafe")                # one with a fault that it misses
 
-The space is that of a campaign file without faults: every draw, every key of its grid and the seed are coordinates of
-the unit cube. Differential evolution (scipy) maximises the largest |r| of any lane of the detector over the whole
-flight; a generation is flown in parallel. Random campaigns show what is likely, this shows what is possible; 300
-flights in a space of dozens of coordinates prove nothing when they find nothing.
+Every draw, every key of the grid and the seed are coordinates of the unit cube, in which differential evolution (scipy)
+flies a generation in parallel; seeds belong neither to training nor to evaluation. `search` maximises the largest |r|
+of any lane: random campaigns show what is likely, this what is possible; 300 flights in a space of dozens of
+coordinates prove nothing when they find nothing.
 
-Seeds start at SEARCH_SEED: what is found here belongs neither to training nor to evaluation.
+That worst case lies in corners that no aircraft will visit. `likeliest` seeks a failure first; then what the failure
+does not need is put back to its mean, half of the drawn numbers at a time, and the rest is brought nearer, as long as
+it still fails. What remains away from its mean is why the detector fails, and how far says how improbable that is;
+flights with other seeds say how much of it is the luck of noise and gusts:
+
+    log P = - 1/2 sum z^2 + log(share of other seeds with which it fails)
+
+z = (value - mean) / sigma of every normal draw; what is drawn evenly is all alike. This is repeated from other starts
+while flights are left, and the failure with the largest log P is kept.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,16 +32,15 @@ from scipy.optimize import differential_evolution
 from cosim.campaign.draw import unit_cube
 from cosim.campaign.flights import run_many
 from cosim.campaign.pool import pool
-from cosim.campaign.spec import load_campaign
-from cosim.campaign.unit_cube import Space
+from cosim.campaign.spec import Space, load_campaign, shipped
 from cosim.campaign.worker import run_id
-from cosim.errors import CampaignError, did_you_mean
+from cosim.errors import CampaignError
 from cosim.files import marked, replace_text
-from fdi.registry import SHIPPED
 
-SEARCH_SEED, SEEDS = 2_000_000, 100_000
+SEARCH_SEED = 2_000_000
 POPULATION = 20  # flights per generation: 14 generations in 300 flights
 MOST_FLIGHTS = 300
+WORST = marked(b"", b'title = "Worst case of')  # the sign of a scenario that was found
 
 
 @dataclass(frozen=True)
@@ -40,7 +50,7 @@ class Found:
     scenario: object
     r: float
     false_alarms: int
-    flights: pd.DataFrame  # run, r, false_alarms, status
+    flights: pd.DataFrame  # run, status, r, false_alarms
     file: Path | None
 
     def to_dict(self) -> dict:
@@ -50,80 +60,246 @@ class Found:
 
 
 def search(
-    campaign: str | Path,
-    detector: str,
-    *,
-    flights: int = MOST_FLIGHTS,
-    workers: int | None = None,
-    out: str | Path | None = None,
-    seed: int = 1,
-    progress: Callable[[int, int], None] | None = None,
-) -> Found:
+    campaign: str | Path, detector: str, *, flights: int = MOST_FLIGHTS, workers: int | None = None,
+    out: str | Path | None = None, seed: int = 1, progress: Callable[[int, int], None] | None = None,
+) -> Found:  # fmt: skip
     """Search the fault-free space of a campaign for the flight in which `detector` comes nearest to an alarm.
 
     At most `flights` flights (>= 2 generations of POPULATION). `out` is the scenario file to write, None for none.
     `progress(done, total)` counts flights. Raises CampaignError for an unknown detector or a campaign with faults.
     """
-    if detector not in SHIPPED:
-        near = did_you_mean(detector, SHIPPED)
-        raise CampaignError(f"{detector!r} is no detector", allowed=", ".join(SHIPPED), remedy=near)
-    if not 2 * POPULATION <= flights <= MOST_FLIGHTS:
-        raise CampaignError(f"{flights} flights", place="search", allowed=f"{2 * POPULATION} to {MOST_FLIGHTS}")
+    check(detector, flights, 2 * POPULATION, MOST_FLIGHTS)
     made = load_campaign(campaign)
-    space = Space(made, first_seed=SEARCH_SEED, seeds=SEEDS, detectors=(detector,))
+    space = Space(made, first_seed=SEARCH_SEED, detectors=(detector,))
     if space.faults:
         raise CampaignError("has faults", place=made.name, remedy="Search a campaign of fault-free flights")
     generations = flights // POPULATION
     with pool(workers) as executor:
-        evaluate = _Evaluate(space, detector, executor, progress, generations * POPULATION)
-        differential_evolution(
-            evaluate,
-            [(0.0, 1.0)] * space.size,
-            init=unit_cube(POPULATION, space.size, sampling="latin_hypercube", seed=seed),
-            maxiter=generations - 1,
-            tol=0.0,
-            polish=False,
-            vectorized=True,
-            updating="deferred",
-            seed=np.random.default_rng(seed),
-        )
-    table = pd.DataFrame(evaluate.rows)
+        fly = Flights(space, detector, executor, generations * POPULATION, progress)
+        evolve(lambda points: _alarm(fly, points), space.size, generations, seed, np.random.default_rng(seed))
+    table = pd.DataFrame(fly.rows)
     worst = table.loc[table["r"].idxmax()]
-    scenario = evaluate.scenarios[worst["run"]]
     title = f"Worst case of {detector} without a fault: |r| reaches {worst['r']:.2f} of its threshold ({made.name})"
-    scenario = scenario.model_copy(update={"title": title})
-    return Found(scenario, float(worst["r"]), int(worst["false_alarms"]), table, _write(out, scenario))
+    scenario = space(fly.points[worst.name]).model_copy(update={"title": title})
+    return Found(scenario, float(worst["r"]), int(worst["false_alarms"]), table, write(out, scenario, WORST))
 
 
-class _Evaluate:
-    """Fly a generation and return minus the largest |r| of each flight; a flight without a result counts 0."""
-
-    def __init__(self, space, detector, executor, progress, total):
-        self.space, self.detector, self.executor = space, detector, executor
-        self.progress, self.total = progress, total
-        self.rows, self.scenarios = [], {}
-
-    def __call__(self, points):
-        scenarios = [self.space(u) for u in points.T]
-        ids = [run_id(s) for s in scenarios]
-        self.scenarios |= dict(zip(ids, scenarios))
-        frame = run_many(scenarios, executor=self.executor, achieved=False).frame
-        mine = frame[(frame["id"] == self.detector) & (frame["status"] == "completed")].groupby("run")
-        r, alarms = mine["r_max_before"].max(), mine["false_alarms"].sum()
-        status = frame.drop_duplicates("run").set_index("run")["status"]
-        for run in ids:
-            about = {"run": run, "status": status[run]}
-            self.rows.append({**about, "r": float(r.get(run, 0.0)), "false_alarms": int(alarms.get(run, 0))})
-        if self.progress:
-            self.progress(len(self.rows), self.total)
-        return np.array([-float(r.get(run, 0.0)) for run in ids])
+def check(detector: str, flights: int, least: int, most: int) -> None:
+    """Raise CampaignError for a detector that does not ship, or a number of flights that no search takes."""
+    shipped(detector)
+    if not least <= flights <= most:
+        raise CampaignError(f"{flights} flights", place="search", allowed=f"{least} to {most}")
 
 
-FOUND = marked(b"", b'title = "Worst case of')  # the sign of a scenario that was found
-
-
-def _write(out, scenario):
+def write(out: str | Path | None, scenario: object, sign: Callable) -> Path | None:
+    """Write a scenario that was found to `out`, known by its `sign`; return the Path, None for none."""
     if out is None:
         return None
-    replace_text(out, scenario.expanded_toml(), FOUND)
+    replace_text(out, scenario.expanded_toml(), sign)  # type: ignore[attr-defined]
     return Path(out)
+
+
+class Flights:
+    """Fly points of a space; `rows` has a dict per flight, `points` where it was."""
+
+    def __init__(
+        self, space: Space, detector: str, executor: Executor, most: int, progress: Callable[[int, int], None] | None,
+    ):  # fmt: skip
+        """Fly at most `most` points of `space` with `detector` alone, on the processes of `executor`."""
+        self.space, self.detector, self.executor = space, detector, executor
+        self.most, self.progress = most, progress
+        self.rows: list[dict] = []
+        self.points: list[np.ndarray] = []
+
+    def fly(self, points: np.ndarray) -> Iterator[tuple[dict, pd.DataFrame]]:
+        """Yield (row, the detector's lanes where the flight was completed) of each of points (n, size)."""
+        scenarios = [self.space(u) for u in points]
+        frame = run_many(scenarios, executor=self.executor, achieved=False).frame
+        for u, run in zip(points, map(run_id, scenarios)):
+            own = frame[frame["run"] == run]
+            self.points.append(np.array(u))
+            self.rows.append({"run": run, "status": own["status"].iloc[0]})
+            yield self.rows[-1], own[(own["id"] == self.detector) & (own["status"] == "completed")]
+        if self.progress:
+            self.progress(min(len(self.rows), self.most), self.most)
+
+
+def evolve(
+    cost: Callable, size: int, generations: int, seed: int, rng: np.random.Generator, until: Callable | None = None
+) -> None:
+    """Minimise `cost` of points (size, n) of the unit cube by differential evolution, until(...) is true at most."""
+    differential_evolution(
+        cost, [(0.0, 1.0)] * size, init=unit_cube(POPULATION, size, sampling="latin_hypercube", seed=seed),
+        maxiter=max(generations - 1, 0), tol=0.0, polish=False, vectorized=True, updating="deferred", seed=rng,
+        callback=until,
+    )  # fmt: skip
+
+
+def _alarm(fly, points):
+    """Return minus the largest |r| of each flight; one without a result counts 0."""
+    costs = []
+    for row, mine in fly.fly(points.T):
+        row["r"] = float(mine["r_max_before"].max()) if len(mine) else 0.0
+        row["false_alarms"] = int(mine["false_alarms"].sum())
+        costs.append(-row["r"])
+    return np.array(costs)
+
+
+FIRST_SEED, SEEDS = 7_000_000, 20  # few seeds: what makes a flight fail is to be found, not a lucky one of thousands
+TRIALS = 10  # flights per generation of putting back
+AGAIN = 10  # flights of what was found, with other seeds
+LEAST, MOST = 60, 1000  # flights
+LIKELIEST = marked(b"", b'title = "Likeliest failure: ')  # the sign of a scenario that was found
+NEVER = 1e3  # cost of a flight that does not fail, on top of how far it is from that
+
+
+@dataclass(frozen=True)
+class Failure:
+    """One failure: a point of the space, what it needs, how often it comes with other seeds."""
+
+    u: np.ndarray
+    log_likelihood: float  # of the draws, over that of the likeliest flight
+    first: float  # the same of the failure before anything was put back
+    away: dict[str, float]  # draws away from their means, in sigma
+    failed: int  # of `flown` flights with other seeds
+    flown: int
+
+    @property
+    def log_p(self) -> float:
+        """Return log P as above, with half a flight added to what failed: none of ten is not never."""
+        return self.log_likelihood + float(np.log((self.failed + 0.5) / (self.flown + 1.0)))
+
+    def to_dict(self) -> dict:
+        """Return plain data for JSON."""
+        kept = ("log_likelihood", "first", "away", "failed", "flown", "log_p")
+        return {k: getattr(self, k) for k in kept}
+
+
+@dataclass(frozen=True)
+class Likeliest:
+    """What was found; without `failures`, the likeliest first, no flight failed."""
+
+    failure: str  # "cries" or "misses"
+    failures: tuple[Failure, ...]
+    scenario: object
+    flights: pd.DataFrame  # run, status, failed, r, log_likelihood
+    file: Path | None
+
+    def to_dict(self) -> dict:
+        """Return plain data for JSON."""
+        return {
+            "scenario": str(self.file) if self.file else None,
+            "failure": self.failure,
+            "failures": [f.to_dict() for f in self.failures],
+            "flights": len(self.flights),
+            "nearest": float(self.flights["r"].min() if self.failure == "misses" else self.flights["r"].max()),
+        }
+
+
+def likeliest(
+    campaign: str | Path, detector: str, *, flights: int = 200, part: str = "", workers: int | None = None,
+    out: str | Path | None = None, seed: int = 1, progress: Callable[[int, int], None] | None = None,
+) -> Likeliest:  # fmt: skip
+    """Search a campaign, or its part `part`, for the likeliest flight in which `detector` fails.
+
+    It fails in a flight without a fault when it alarms, in one with a fault when it was able to judge and did not
+    notice. At most `flights` flights; `out` is the scenario file to write. Raises CampaignError.
+    """
+    check(detector, flights, LEAST, MOST)
+    space = Space(load_campaign(campaign), first_seed=FIRST_SEED, seeds=SEEDS, detectors=(detector,), part=part)
+    rng, found = np.random.default_rng(seed), []
+    with pool(workers) as executor:
+        fly = Failures(space, detector, executor, flights, progress)
+        while fly.left >= 2 * POPULATION:
+            fly.forget()
+            seek(fly, rng)
+            if fly.best is not None:
+                first = space.log_likelihood(fly.best)
+                put_back(fly, rng)
+                found.append(_failure(fly, first))
+    found.sort(key=lambda f: -f.log_p)
+    word = "misses" if space.faults else "cries"
+    table = pd.DataFrame(fly.rows)
+    if not found:
+        return Likeliest(word, (), None, table, None)
+    about = "a fault that" if space.faults else "a flight without a fault in which"
+    title = f"Likeliest failure: {about} {detector} {word}, log P = {found[0].log_p:.1f} ({space.campaign.name})"
+    scenario = space(found[0].u).model_copy(update={"title": title})
+    return Likeliest(word, tuple(found), scenario, table, write(out, scenario, LIKELIEST))
+
+
+class Failures(Flights):
+    """Fly points of a space, and remember the likeliest that failed."""
+
+    best: np.ndarray | None = None
+    _cost = NEVER
+
+    def forget(self) -> None:
+        """Begin again: no failure is known."""
+        self.best, self._cost = None, NEVER
+
+    @property
+    def left(self) -> int:
+        """Return how many flights are left, those of the last check apart."""
+        return self.most - AGAIN - len(self.rows)
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """Return the cost (n,) of points (n, size): minus log L of a failure, else NEVER and how far it is from one."""
+        costs = []
+        for row, mine in self.fly(points):
+            u = self.points[-1]
+            failed, r = self._judged(mine)
+            told = self.space.log_likelihood(u)
+            row |= {"failed": failed, "r": r, "log_likelihood": told}
+            costs.append(-told if failed else NEVER + (r if self.space.faults else -r))
+            if failed and -told < self._cost:
+                self.best, self._cost = u, -told
+        return np.array(costs)
+
+    def _judged(self, mine):
+        """Return (failed, largest |r| where it counts) of the detector's lanes in one flight."""
+        if self.space.faults:
+            mine = mine[mine["concerned"].astype(bool)]
+            if not len(mine):
+                return False, 1.0
+            r = mine["r_max_after"].max()
+            missed = bool(mine["delay_s"].isna().all() and mine["able"].astype(bool).any())
+            return missed, float(r) if np.isfinite(r) else 1.0
+        return bool(mine["false_alarms"].sum() > 0), float(mine["r_max_before"].max()) if len(mine) else 0.0
+
+
+def seek(fly: Failures, rng: np.random.Generator) -> None:
+    """Go towards the threshold by differential evolution until a generation has a failure."""
+    seed, found = int(rng.integers(2**31)), lambda *_, **__: fly.best is not None
+    evolve(lambda points: fly(points.T), fly.space.size, fly.left // POPULATION, seed, rng, found)
+
+
+def put_back(fly: Failures, rng: np.random.Generator) -> None:
+    """Put normal draws back to their means, or nearer, as long as the flight still fails."""
+    share = 1.0  # of the draws that are put back at once
+    while fly.left >= TRIALS and fly.best is not None:
+        start = fly.best
+        away = [i for i in fly.space.normal if abs(fly.space.sigmas(start)[i]) > 0.05]
+        if not away:
+            return
+        trials = []
+        for i in range(TRIALS):
+            chosen = rng.random(len(away)) < share
+            chosen[rng.integers(len(away))] = True
+            nearer = 0.0 if i % 2 == 0 else rng.uniform(0.3, 0.9)
+            trials.append(fly.space.nearer(start, np.array(away)[chosen].tolist(), nearer))
+        fly(np.array(trials))
+        share = min(1.0, 1.4 * share) if fly.best is not start else 0.5 * share
+        if share < 0.5 / len(away):
+            return
+
+
+def _failure(fly, first):
+    """Return the Failure of the best point, flown again with seeds that were not searched."""
+    best, many, seeds = fly.best, len(fly.rows), fly.space.seeds
+    fly.space.seeds = seeds * 50
+    fly(np.array([np.append(best[:-1], (seeds * (i + 2) + 0.5) / fly.space.seeds) for i in range(AGAIN)]))
+    fly.space.seeds = seeds
+    flown = fly.rows[many:]
+    told = fly.space.log_likelihood(best)
+    return Failure(best, told, first, fly.space.away(best), sum(row["failed"] for row in flown), len(flown))

@@ -7,6 +7,7 @@
     runs.parquet        one row per run and detector lane, sorted, with the scenario's columns: the result
     timing.parquet      what a clock measured; never the same twice, so it stands apart
     logs/<run>.mcap     logs that were kept
+    manifest.json       what was flown, with which code and seeds, and the SHA-256 of the files of the result
 
 Rows come in any order and may be there twice when a campaign was killed between two files; `rows()` drops the second.
 """
@@ -16,11 +17,15 @@ import functools
 import hashlib
 import itertools
 import json
+import subprocess
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pyarrow as pa
+from pydantic import TypeAdapter
 
 from actuators.source_hash import closure
 from cosim.campaign import parts
@@ -31,39 +36,49 @@ from cosim.scenario.brought import changed
 from cosim.scenario.user_file import UserFile
 from cosim.texts import from_json, read
 
+MANIFEST = "manifest.json"
+ROOT = Path(__file__).resolve().parents[2]
 FLYING = ("actuators", "fdi", "aircraft")  # with what a worker imports of cosim: what decides about a row
 USER_FILES = "user_files.json"
 TABLES = ("scenarios.parquet", "runs.parquet", "timing.parquet")
-FILES = ("campaign.json", *TABLES, "manifest.json", "guests.json", USER_FILES)
+FILES = ("campaign.json", *TABLES, MANIFEST, "guests.json", USER_FILES)
 DECIDING = (".py", ".json", ".npz", ".toml", ".xml")
-
-
 GO_ON = "Free space there, then go on with --resume"
 KEYS = ("run", "lane", "fault", "status")  # of a row
+TOLD = TypeAdapter(list[tuple[str, str, str]])  # key, name and digest of a user's files, in a folder
 AGAIN = ("error", "crashed")  # statuses of runs that are flown again on resuming: a full disk or a kill may have passed
 
 
 @functools.cache
 def fingerprint() -> dict:
     """Return {digest, versions} of everything that decides about a row: sources, designs, aircraft, libraries."""
+    own = ("worker.py", "flights.py")
+    digest = source_digest(FLYING, *(Path(__file__).with_name(name) for name in own))
+    return {"digest": digest.hexdigest()[:16], "versions": versions()}
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the libraries that decide about a row."""
     from importlib.metadata import version
 
-    root, digest = Path(__file__).resolve().parents[2], hashlib.sha256()
-    files = {p for name in FLYING for p in (root / name).rglob("*") if p.suffix in DECIDING}
-    files |= closure(root / "cosim" / "campaign" / "worker.py") | closure(root / "cosim" / "campaign" / "flights.py")
-    for path in sorted(files):
-        digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
-    versions = {name: version(name) for name in ("jsbsim", "numpy", "scipy", "numba")}
-    return {"digest": digest.hexdigest()[:16], "versions": versions}
+    return {name: version(name) for name in ("jsbsim", "numpy", "scipy", "numba")}
+
+
+def source_digest(folders: Iterable[str], *modules: Path) -> Any:
+    """Return the SHA-256, to be continued, of what decides in `folders` of the repository and of all that `modules`
+    import of it."""
+    digest = hashlib.sha256()
+    files = {p for name in folders for p in (ROOT / name).rglob("*") if p.suffix in DECIDING}
+    for path in sorted(files.union(*map(closure, modules))):
+        digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
+    return digest
 
 
 @contextlib.contextmanager
 def folder(out: str | Path) -> Iterator[None]:
     """Make the folder of a campaign and keep other campaigns out of it; remove what killed ones have left half done.
-
     Raises OutputError, with what to do, when it cannot be written, now or later, another campaign has it, or it holds a
-    foreign file that a campaign would overwrite.
-    """
+    foreign file that a campaign would overwrite."""
     out = Path(out)
     try:
         own = _ours(out)
@@ -99,21 +114,13 @@ class Store:
     """Rows of a campaign in memory, and in a folder when there is one."""
 
     def __init__(
-        self,
-        out: str | Path | None,
-        scenarios: pd.DataFrame,
-        texts: Iterable[str] = (),
-        *,
-        resume: bool = True,
-        anew: bool = False,
-        files: Iterable[tuple[str, UserFile]] = (),
-    ):
+        self, out: str | Path | None, scenarios: pd.DataFrame, texts: Iterable[str] = (), *, resume: bool = True,
+        anew: bool = False, files: Iterable[tuple[str, UserFile]] = (),
+    ):  # fmt: skip
         """Open folder `out` (None for memory only) for `scenarios`, a frame with run, order, ..., of which `texts` are
-        the expanded TOML, and in which `files` of a user's fly, (key, UserFile).
-
-        Raises CampaignError when the folder holds rows and `resume` is false, rows of other code, or of a file that has
-        changed, unless such runs are to fly `anew`; OutputError when it cannot be written.
-        """
+        the expanded TOML, and in which `files` of a user's fly, (key, UserFile). Raises CampaignError when the folder
+        holds rows and `resume` is false, rows of other code, or of a file that has changed, unless such runs are to fly
+        `anew`; OutputError when it cannot be written."""
         self.out: Path | None = Path(out) if out else None
         self.scenarios = scenarios
         self._rows: list[dict] = []
@@ -131,17 +138,11 @@ class Store:
         (out / "parts").mkdir(parents=True, exist_ok=True)
         found = parts.read(out, "rows", KEYS, self.damaged)
         if found is not None and not resume:
-            raise CampaignError(
-                f"holds {found['run'].nunique()} runs already",
-                place=str(out),
-                remedy="Add --resume, or choose another place with -o",
-            )
+            remedy = "Add --resume, or choose another place with -o"
+            raise CampaignError(f"holds {found['run'].nunique()} runs already", place=str(out), remedy=remedy)
         if found is not None and about.is_file() and flown_with(out) != here:
-            raise CampaignError(
-                "its rows were flown with other code, designs or libraries",
-                place=str(out),
-                remedy="Choose another place with -o",
-            )
+            said = "its rows were flown with other code, designs or libraries"
+            raise CampaignError(said, place=str(out), remedy="Choose another place with -o")
         told = out / USER_FILES
         regular(told, OutputError)
         if found is not None and not anew and (other := changed(brought_to(out), files)):
@@ -176,8 +177,7 @@ class Store:
 
     def rows(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
         """Return every row as a frame, in the order of the scenarios, with the scenario's columns; of the rows' own,
-        `columns` and KEYS alone where given.
-        """
+        `columns` and KEYS alone where given."""
         if self.out is None:
             return _joined(self.scenarios, pa.Table.from_pylist(self._rows, ROWS).to_pandas())
         found = parts.read(self.out, "rows", columns and list(dict.fromkeys([*KEYS, *columns])))
@@ -191,10 +191,9 @@ class Store:
         return (TIMING.empty_table() if found is None else found).to_pandas()
 
     def consolidate(self, out: Path, kept: Mapping[str, Sequence[str]]) -> dict[str, str]:
-        """Write runs.parquet in the folder `out`, with the rules by which logs are `kept`, and timing.parquet,
-        both in the order of the runs, a block of them at a time; merge the parts into one file each. Return
-        {run: status} of every run that has a row.
-        """
+        """Write runs.parquet in the folder `out`, with the rules by which logs are `kept`, and timing.parquet, both in
+        the order of the runs, a block of them at a time; merge the parts into one file each. Return {run: status} of
+        every run that has a row."""
         order = dict(zip(self.scenarios["run"], self.scenarios["order"]))
         status: dict[str, str] = {}
 
@@ -223,10 +222,15 @@ def brought_to(folder: Path) -> list[tuple[str, UserFile]]:
     if not path.is_file():
         return []
     told = from_json(read(path, error=CampaignError), place=str(path), error=CampaignError)
-    whole = isinstance(told, list) and all(isinstance(t, list) and len(t) == 3 for t in told)
-    if not whole or not all(isinstance(word, str) for entry in told for word in entry):
-        raise CampaignError("is damaged", place=str(path), remedy="Choose another place with -o")
-    return [(key, UserFile(name, sha256)) for key, name, sha256 in told]
+    return user_files(told, path, CampaignError)
+
+
+def user_files(told: Any, place: Path, error: type[CosimError]) -> list[tuple[str, UserFile]]:
+    """Return the (key, UserFile) of what the file at `place` tells of them, else raise `error`."""
+    try:
+        return [(key, UserFile(*file)) for key, *file in TOLD.validate_python(told)]
+    except ValueError:
+        raise error("is damaged: user_files", place=str(place), remedy="Choose another place with -o") from None
 
 
 def flown_with(folder: Path) -> object:
@@ -260,10 +264,8 @@ def _table(frame):
 
 
 def load(folder: str | Path) -> tuple[pd.DataFrame, pd.DataFrame | None]:
-    """Return (rows, timing) of a campaign folder as frames: of one that was killed, what was finished by then.
-
-    Raises CampaignError when the folder holds no finished run.
-    """
+    """Return (rows, timing) of a campaign folder as frames: of one that was killed, what was finished by then. Raises
+    CampaignError when the folder holds no finished run."""
     folder = Path(folder)
     damaged = []
     if (folder / "runs.parquet").exists():
@@ -296,3 +298,41 @@ def _scenarios(folder):
         remedy = "`cosim campaign --resume` writes it anew"
         raise CampaignError("is damaged or missing", place=str(folder / "scenarios.parquet"), remedy=remedy)
     return found.to_pandas()
+
+
+def about_the_code() -> dict:
+    """Return {software, commit, changed, versions}; commit is None outside a checkout, `changed` tells of a source that
+    differs from it."""
+    said = {"software": f"cosim {version('cosim-fdi')}", "versions": fingerprint()["versions"]}
+    if not (ROOT / ".git").exists():
+        return {**said, "commit": None, "changed": None}
+    commit, changed = _git("rev-parse", "HEAD"), _git("status", "--porcelain", "--untracked-files=no")
+    return {**said, "commit": commit or None, "changed": None if changed is None else bool(changed)}
+
+
+def _git(*words):
+    try:
+        told = subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, text=True, timeout=20, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return told.stdout.strip()
+
+
+def write_manifest(out: Path, about: dict, brought: Iterable[tuple[str, UserFile]] = ()) -> None:
+    """Write the manifest of a finished campaign into its folder `out`: what it tells of itself (`about`: runs, rows,
+    seeds, flights per second of a core), the code, and the user's files that flew, (key, UserFile)."""
+    about = {
+        **about,
+        "digest": fingerprint()["digest"],
+        **about_the_code(),
+        "user_files": [{"key": key, **file._asdict()} for key, file in brought],
+        "sha256": {name: sha256(out / name) for name in ("scenarios.parquet", "runs.parquet")},
+    }
+    regular(out / MANIFEST, OutputError)
+    replace_text(out / MANIFEST, json.dumps(about, indent=1))
+
+
+def sha256(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

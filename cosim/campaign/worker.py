@@ -4,15 +4,18 @@ import concurrent.futures as cf
 import functools
 import hashlib
 import os
+import pickle
 import queue
 import threading
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple, overload
 
-from cosim.campaign.packed import Pickled
 from cosim.errors import TrimError
 from cosim.judge.row import rows as judge_rows
 from cosim.scenario import Scenario
 
+FAILED = ("infeasible", "error", "crashed")  # statuses of a run without a flight
 _lock = threading.Lock()
 _timed = False  # whether this process has measured its detectors' cost per step
 
@@ -107,3 +110,37 @@ def _timing(run, result, timed):
         return [whole]
     steps = {d["id"]: d["step_us"] for d in result.detectors}
     return [whole, *({"run": run, "id": name, "step_us": us} for name, us in steps.items())]
+
+
+class Pickled(NamedTuple):
+    """A scenario: its seed, by which runs are grouped, and the whole as a compressed pickle."""
+
+    seed: int
+    data: bytes
+
+    def scenario(self) -> Scenario:
+        """Return the Scenario."""
+        return pickle.loads(zlib.decompress(self.data))
+
+
+class Packed(Sequence[Scenario]):
+    """A sequence of scenarios, each made anew when it is asked for; `held` are their Pickled."""
+
+    def __init__(self, scenarios: Iterable[Scenario] = ()):
+        self.held: list[Pickled] = []
+        for scenario in scenarios:
+            self.append(scenario)
+
+    def append(self, scenario: Scenario) -> None:
+        """Take one more."""
+        self.held.append(Pickled(scenario.seed, zlib.compress(pickle.dumps(scenario), 1)))
+
+    def __len__(self) -> int:
+        return len(self.held)
+
+    @overload
+    def __getitem__(self, i: int) -> Scenario: ...
+    @overload
+    def __getitem__(self, i: slice) -> list[Scenario]: ...
+    def __getitem__(self, i):
+        return [p.scenario() for p in self.held[i]] if isinstance(i, slice) else self.held[i].scenario()

@@ -9,7 +9,7 @@ from rich.console import Group
 from rich.text import Text
 
 from cosim.cli.app import answer, app, err
-from cosim.cli.output import JsonOption
+from cosim.cli.output import JsonOption, option
 from cosim.cli.tables import progress as bar
 from cosim.errors import CosimError
 from cosim.table import DASH, Table, number
@@ -20,10 +20,7 @@ from cosim.texts import from_json, read
 def bench(
     rounds: Annotated[int, typer.Option("--rounds", min=3, help="Rounds of interleaved timing.")] = 15,
     memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Fly ten minutes for the peak memory.")] = True,
-    beside: Annotated[
-        Path | None,
-        typer.Option("--compare", metavar="FILE", help="Beside what --json wrote to FILE.", show_default=False),
-    ] = None,
+    beside: Annotated[Path | None, option("--compare", "FILE", "Beside what --json wrote to FILE.")] = None,
     json_: JsonOption = False,
 ) -> None:
     """Measure what a tick, a start and a flight's memory cost."""

@@ -7,12 +7,12 @@ from rich.console import Group
 from rich.text import Text
 
 from cosim.campaign.flights import CampaignResult
+from cosim.campaign.worker import FAILED
 from cosim.cli.tables import whole, word
 from cosim.compare.metrics import MEDIAN, delays, proportion
 from cosim.judge.lanes import seconds
 from cosim.table import Column, Table, number, of, share
 
-FAILED = ("infeasible", "error", "crashed")
 TEXTS = 5  # different errors that are printed
 
 

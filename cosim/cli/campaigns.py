@@ -1,5 +1,6 @@
 """Commands about many flights and their pages: `campaign`, `report`, `compare`."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +17,7 @@ from cosim.cli.output import (
     OverwriteOption,
     ReadmeOption,
     WorkersOption,
+    option,
     output_option,
     reserve,
 )
@@ -39,17 +41,12 @@ def campaign(
     ] = False,
     output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>.")] = None,
     overwrite: OverwriteOption = False,
-    again: Annotated[
-        str | None,
-        typer.Option("--rerun", metavar="ID", help="Fly one run again, with a log, and compare its row."),
-    ] = None,
+    again: Annotated[str | None, option("--rerun", "ID", "Fly one run again, with a log, and compare its row.")] = None,
     worst: Annotated[
-        str | None,
-        typer.Option("--worst", metavar="DETECTOR", help="Provoke a false alarm, fault-free (300 flights)."),
+        str | None, option("--worst", "DETECTOR", "Provoke a false alarm, fault-free (300 flights).")
     ] = None,
     likeliest: Annotated[
-        str | None,
-        typer.Option("--likeliest", metavar="DETECTOR", help="The likeliest flight in which it fails."),
+        str | None, option("--likeliest", "DETECTOR", "The likeliest flight in which it fails.")
     ] = None,
     part: Annotated[str, typer.Option("--part", metavar="NAME", help="With --likeliest: the part to search.")] = "",
     detector: DetectorOption = None,
@@ -62,26 +59,19 @@ def campaign(
     from cosim.campaign.run import folder, run_campaign
 
     if worst or likeliest:
-        from cosim.campaign import design_point_search as failing
         from cosim.campaign import search
 
         path = (output or folder(campaign)) / (f"worst-{worst}.toml" if worst else f"likeliest-{likeliest}.toml")
-        reserve(path, search.FOUND if worst else failing.FOUND)
+        reserve(path, search.WORST if worst else search.LIKELIEST)
         _search(campaign, worst, likeliest, part, json_, workers=workers, out=path)
         return
     if again:
         _rerun(campaign, again, json_, out=output, guests=detector or ())
     with tables.progress(err, f"flying {Path(campaign).stem}", "runs", "preparing the workers") as progress:
         done = run_campaign(
-            campaign,
-            workers=workers,
-            scheduler=scheduler,
-            out=output,
-            resume=resume,
-            anew=anew,
-            progress=progress,
+            campaign, workers=workers, scheduler=scheduler, out=output, resume=resume, anew=anew, progress=progress,
             guests=detector or (),
-        )
+        )  # fmt: skip
     from cosim.cli import campaign as cli_campaign
 
     _left_out(done.damaged, "their runs were flown again")
@@ -92,13 +82,12 @@ def campaign(
 
 def _search(campaign, worst, likeliest, part, json_, **how):
     """Seek a false alarm of detector `worst`, or else the likeliest failure of `likeliest`, and print it."""
-    from cosim.campaign.design_point_search import likeliest as seek
-    from cosim.campaign.search import search
+    from cosim.campaign import search
 
     does = f"provoking {worst}" if worst else f"seeking {likeliest}'s failure"
     with tables.progress(err, does, "flights", "preparing the workers") as progress:
-        how["progress"] = progress
-        found = (search(campaign, worst, **how) if worst else seek(campaign, likeliest, part=part, **how)).to_dict()
+        seek, detector = (search.search, worst) if worst else (partial(search.likeliest, part=part), likeliest)
+        found = seek(campaign, detector, progress=progress, **how).to_dict()
     answer(json_, found, lambda _: tables.whole(provoked(found, how["out"]) if worst else failures(found)))
 
 
@@ -119,10 +108,7 @@ def _rerun(campaign, run, json_, **how):
 def dataset(
     campaign: CampaignArg,
     output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>-dataset.")] = None,
-    signal: Annotated[
-        list[str] | None,
-        typer.Option("--signal", metavar="WORD", help="`cosim list signals`. Default: all.", show_default=False),
-    ] = None,
+    signal: Annotated[list[str] | None, option("--signal", "WORD", "`cosim list signals`. Default: all.")] = None,
     rate: Annotated[float, typer.Option("--rate", metavar="HZ", help="Samples a second.")] = 50.0,
     limit: Annotated[
         int | None, typer.Option("--limit", min=1, help="The first flights only.", show_default=False)

@@ -31,9 +31,11 @@ from cosim.cli.output import (
     DetectorOption,
     JsonOption,
     OverwriteOption,
+    argument,
     loaded,
     log_name,
     named,
+    option,
     output_option,
     reserve,
 )
@@ -74,8 +76,7 @@ def run(
     speed: SpeedOption = None,
     port: PortOption = None,
     flightgear: Annotated[
-        int | None,
-        typer.Option("--flightgear", metavar="PORT", min=1, max=65535, help="With --live: show it in FlightGear, too."),
+        int | None, option("--flightgear", "PORT", "With --live: show it in FlightGear, too.", min=1, max=65535)
     ] = None,
     detector: DetectorOption = None,
     json_: JsonOption = False,
@@ -140,9 +141,7 @@ def run(
 
 @app.command(name="list")
 def list_(
-    topic: Annotated[
-        str | None, typer.Argument(metavar="TOPIC", help=f"{', '.join(inventory.TOPICS)} or all.", show_default=False)
-    ] = None,
+    topic: Annotated[str | None, argument("TOPIC", f"{', '.join(inventory.TOPICS)} or all.")] = None,
     json_: JsonOption = False,
 ) -> None:
     """Show what there is to fly, to break, to read and to enable."""
@@ -161,9 +160,7 @@ def list_(
 
 @app.command()
 def example(
-    name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="Default: list them.", show_default=False)
-    ] = None,
+    name: Annotated[str | None, argument("NAME", "Default: list them.")] = None,
     output: Annotated[Path | None, output_option("FILE", "Default: NAME.py here.")] = None,
     overwrite: OverwriteOption = False,
     json_: JsonOption = False,
@@ -252,7 +249,7 @@ def linearize(
 
 
 # the modules of the other commands
-PARTS = ("replay", "campaigns", "score", "false_alarms", "margins", "guests", "identify", "envelope", "study", "bench")
+PARTS = ("replay", "campaigns", "score", "false_alarms", "guests", "identify", "envelope", "study", "bench")
 for part in PARTS:
     importlib.import_module(f"cosim.cli.{part}")
 names = {str(c.name or getattr(c.callback, "__name__", "")).replace("_", "-"): c for c in app.registered_commands}

@@ -3,23 +3,19 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
 from rich.console import Group
 from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err
-from cosim.cli.output import JsonOption, OverwriteOption, WorkersOption, output_option, reserve
+from cosim.cli.output import JsonOption, OverwriteOption, WorkersOption, option, output_option, reserve
 from cosim.files import columns, replace
 
 
 @app.command()
 def envelope(
     output: Annotated[Path, output_option("DIR", "Folder of page and table.")] = Path("logs/envelope"),
-    flown: Annotated[
-        Path | None,
-        typer.Option("--flown", metavar="DIR", help="A campaign: where detectors judge, see.", show_default=False),
-    ] = None,
+    flown: Annotated[Path | None, option("--flown", "DIR", "A campaign: where detectors judge, see.")] = None,
     overwrite: OverwriteOption = False,
     workers: WorkersOption = None,
     json_: JsonOption = False,

@@ -1,5 +1,6 @@
-"""The command that measures false alarms per hour over the threshold, and its table."""
+"""Commands that measure a detector: false alarms per hour over the threshold, how far what it believes may be off."""
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Annotated
@@ -10,16 +11,13 @@ from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err
-from cosim.cli.output import JsonOption, OverwriteOption, WorkersOption, output_option, reserve
+from cosim.cli.output import JsonOption, OverwriteOption, WorkersOption, argument, output_option, reserve
 
 
 @app.command(name="false-alarms")
 def false_alarms(
     detectors: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="DETECTOR", help="That ship, or files of your own. Default: all that ship.", show_default=False
-        ),
+        list[str] | None, argument("DETECTOR", "That ship, or files of your own. Default: all that ship.")
     ] = None,
     hours: Annotated[float, typer.Option("--hours", min=0.0, help="Flight hours; more go on from there.")] = 100.0,
     campaign: Annotated[
@@ -61,3 +59,25 @@ def shown(found: dict, files: dict) -> Group:
     lines = (tables.whole(f"{key:<8}{path}") for key, path in files.items())
     against = [Text(f"{d['id']}: {'; '.join(d['against'])}") for d in found["detectors"] if d["against"]]
     return Group(rates(found["detectors"], against=False), flown, *against, *lines)
+
+
+@app.command()
+def margins(
+    detector: Annotated[str, typer.Argument(metavar="DETECTOR", help="One that ships.", show_default=False)],
+    flights: Annotated[int, typer.Option("--flights", min=1, help="Without a fault, and with one, per rung.")] = 2,
+    markdown: Annotated[bool, typer.Option("--markdown", help="Print the table as Markdown.")] = False,
+    workers: WorkersOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Find how wrong a detector's numbers may be until it fails.
+
+    Symbols, coefficients, mass, CG, delay, rate and air are set off until it raises a false alarm or loses a fault.
+    """
+    from cosim.campaign import margins as work
+
+    with tables.progress(err, "flying", unit="flights", waiting="preparing the workers") as progress:
+        found = work.margins(detector, flights=flights, workers=workers, progress=progress)
+    told = {"detector": detector, "flights": flights, "margins": [dataclasses.asdict(m) for m in found]}
+    made = work.table(found)
+    made.title = f"Margins of {detector}"
+    answer(json_, told, lambda _: tables.whole(made.markdown()) if markdown else made)

@@ -81,6 +81,16 @@ def loaded(scenario: str, overrides: Sequence[str]) -> Any:
         raise
 
 
+def option(name: str, metavar: str, about: str, **more: Any) -> Any:
+    """Return an option without a default."""
+    return typer.Option(name, metavar=metavar, help=about, show_default=False, **more)
+
+
+def argument(metavar: str, about: str) -> Any:
+    """Return an argument without a default."""
+    return typer.Argument(metavar=metavar, help=about, show_default=False)
+
+
 def output_option(metavar: str, about: str) -> Any:
     """Return the option -o of a command: the file or folder (DIR) that it writes."""
     return typer.Option("--output", "-o", metavar=metavar, help=about, callback=_folder if metavar == "DIR" else None)

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err
-from cosim.cli.output import JsonOption, OverwriteOption, ReadmeOption, WorkersOption, output_option, reserve
+from cosim.cli.output import JsonOption, OverwriteOption, ReadmeOption, WorkersOption, option, output_option, reserve
 
 FEW = 3  # detectors, up to which every family is shown
 MOST = 12  # pairs that are shown
@@ -27,24 +27,11 @@ def score(
     ] = None,
     output: Annotated[Path, output_option("DIR", "Folder of page and table.")] = Path("logs/score"),
     overwrite: OverwriteOption = False,
-    seeds: Annotated[
-        Path | None,
-        typer.Option("--seeds", metavar="FILE", help="A sealed set: seed, first_seed.", show_default=False),
-    ] = None,
-    limit: Annotated[
-        int | None, typer.Option("--limit", metavar="N", min=1, help="Only N flights, evenly over the families.")
-    ] = None,
+    seeds: Annotated[Path | None, option("--seeds", "FILE", "A sealed set: seed, first_seed.")] = None,
+    limit: Annotated[int | None, option("--limit", "N", "Only N flights, evenly over the families.", min=1)] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A look in a minute: 40 flights, no sizes.")] = False,
-    recordings: Annotated[
-        Path | None,
-        typer.Option("--recordings", metavar="DIR", help="Default: in your cache.", show_default=False),
-    ] = None,
-    verify: Annotated[
-        Path | None,
-        typer.Option(
-            "--verify", metavar="TABLE", help="Repeat rows of a score.json, or benchmark-1.", show_default=False
-        ),
-    ] = None,
+    recordings: Annotated[Path | None, option("--recordings", "DIR", "Default: in your cache.")] = None,
+    verify: Annotated[Path | None, option("--verify", "TABLE", "Repeat rows of a score.json, or benchmark-1.")] = None,
     readme: ReadmeOption = None,
     workers: WorkersOption = None,
     json_: JsonOption = False,
@@ -57,7 +44,7 @@ def score(
     from cosim.compare.score import board, stored
     from cosim.compare.score import score as work
     from cosim.compare.score.flights import QUICK
-    from cosim.compare.score.table import differences
+    from cosim.compare.score.rows import differences
     from cosim.report import markdown
     from cosim.report.score_page import SIGNS
 

@@ -5,7 +5,7 @@ Computes only; `cosim.report.write_comparison` writes table and page.
 found = compare()                        # the built-in matrix
 found = compare(["a.mcap", "b.mcap"])    # logs
 found = compare(["logs/my-campaign"])    # a campaign's folder
-found = compare(["logs/a", "logs/b"])    # two of them, side by side: cosim/compare/side_by_side.py
+found = compare(["logs/a", "logs/b"])    # two of them, side by side: cosim/compare/paired.py
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -16,7 +16,8 @@ from typing import Any
 
 import pandas as pd
 
-from cosim.compare import bound, figures, metrics, side_by_side, tables
+from cosim.campaign.worker import FAILED
+from cosim.compare import bound, figures, metrics, paired, tables
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError, told_at_call
@@ -72,14 +73,11 @@ class Comparison:
     def predictive(self, fault_rates: Sequence[float]) -> list[dict]:
         """Return {id, fault_rate, value, low, high}: the share of a detector's alarms behind which there is a fault,
         where such faults come `fault_rates` times per flight hour (cosim.compare.metrics.predictive_value). Without
-        bounds, nan, where no fault is one that it was designed for or no hour shows false alarms.
-
-        Raises CompareError for a rate that is not above 0 and at most 1000.
-        """
-        for rate in fault_rates:
-            if not 0.0 < rate <= 1000.0:
-                raise CompareError(f"{rate:g} faults per flight hour", place="--fault-rate",
-                                   allowed="above 0, at most 1000")  # fmt: skip
+        bounds, nan, where no fault is one that it was designed for or no hour shows false alarms. Raises CompareError
+        for a rate that is not above 0 and at most 1000."""
+        for rate in (rate for rate in fault_rates if not 0.0 < rate <= 1000.0):
+            said = f"{rate:g} faults per flight hour"
+            raise CompareError(said, place="--fault-rate", allowed="above 0, at most 1000")
         out = []
         for d, rate in ((d, rate) for d in self.detectors for rate in fault_rates):
             about = d["detected"], d["designed"], d["false_alarms"], d["hours"], rate
@@ -99,30 +97,23 @@ class Comparison:
 
     def figure(self, kind: str, detectors: Sequence[str] = ()) -> Any:
         """Return the matplotlib Figure "roc" or "pod" with its bounds, one column of a journal wide.
-
         `figure("roc").savefig("roc.pdf")` writes vectors. Needs the extra `plot`; raises CosimError without it."""
         return figures.figure(kind, self.rows, self.detectors, detectors)
 
     def to_dict(self) -> dict:
         """Return the JSON of `cosim compare`."""
-        about = {
-            "report": str(self.report) if self.report else None,
-            "table": str(self.table) if self.table else None,
-            "runs": self.runs,
-        }
-        told = {"detectors": self.detectors, "families": self.families, "levels": [] if self.two else self.levels}
-        told |= {"sizes": [] if self.two else self.sizes, "pairs": list(self.pairs)}
-        return plain({**about, "failed": self.failed, "source": self.source, **told})
+        files = {key: str(path) if path else None for key, path in (("report", self.report), ("table", self.table))}
+        about = {"runs": self.runs, "failed": self.failed, "source": self.source, "detectors": self.detectors}
+        levels, sizes = ([], []) if self.two else (self.levels, self.sizes)
+        told = {"families": self.families, "levels": levels, "sizes": sizes, "pairs": self.pairs}
+        return plain({**files, **about, **told})
 
 
 @told_at_call
 def compare(
-    sources: Iterable[str | Path] = (),
-    *,
-    workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    guests: Iterable[str | Path] = (),
-) -> Comparison:
+    sources: Iterable[str | Path] = (), *, workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None, guests: Iterable[str | Path] = (),
+) -> Comparison:  # fmt: skip
     """Return the Comparison of logs, of one campaign's folder or folder of logs, of two campaigns side by side, or of
     the built-in matrix.
 
@@ -134,9 +125,8 @@ def compare(
     if len(paths) == 2 and all((p / "scenarios.parquet").is_file() for p in paths):
         return _side_by_side(paths, guests)
     frame, timing, tomls, source = read(paths, workers=workers, progress=progress, guests=guests)
-    rows = _tidy(frame, tomls, source)
-    each, runs, title = _each(rows, timing), frame["run"].nunique(), compare_rows.title(paths[0]) if paths else TITLE
-    return Comparison(rows, each, runs, _failed(frame), source, _damaged(frame), title=title)
+    title = compare_rows.title(paths[0]) if paths else TITLE
+    return _made(_tidy(frame, tomls, source), timing, frame["run"].nunique(), [frame], source, title=title)
 
 
 def _tidy(frame, tomls, source):
@@ -146,44 +136,36 @@ def _tidy(frame, tomls, source):
     return bound.of(rows, tomls)
 
 
-def _each(rows, timing):
+def _made(rows, timing, runs, frames, source, **more):
+    """Return the Comparison of `rows`, made of the campaigns' `frames`."""
     above = bound.beyond(rows)
-    return [d | {"beyond_physics": d["id"] in above} for d in compare_stats.detectors(rows, timing)]
-
-
-def _failed(frame):
-    return int(frame.drop_duplicates("run")["status"].isin(("infeasible", "error", "crashed")).sum())
-
-
-def _damaged(frame):
-    return tuple(frame.attrs.get("damaged", ()))
+    each = [d | {"beyond_physics": d["id"] in above} for d in compare_stats.detectors(rows, timing)]
+    failed = sum(int(frame.drop_duplicates("run")["status"].isin(FAILED).sum()) for frame in frames)
+    damaged = tuple(path for frame in frames for path in frame.attrs.get("damaged", ()))
+    return Comparison(rows, each, runs, failed, source, damaged, **more)
 
 
 def _side_by_side(folders, guests):
     if folders[0].resolve() == folders[1].resolve():
         raise CompareError("is named twice", place=str(folders[0]), remedy="Give the folders of two campaigns")
-    names, each, times, frames = side_by_side.labels(folders), [], [], []
+    names, each, times, frames = paired.labels(folders), [], [], []
     for folder, name in zip(folders, names):
         frame, timing, tomls, source = read([folder], guests=guests)
-        each.append(side_by_side.flights(_tidy(frame, tomls, source), tomls))  # while its records are the ones told
+        each.append(paired.flights(_tidy(frame, tomls, source), tomls))  # while its records are the ones told
         frames.append(frame)
         if timing is not None:
             known = timing[timing["id"].notna()]
             times.append(known.assign(id=[f"{i} ({name})" for i in known["id"]]))
-    rows, pairs, told = side_by_side.joined(each, names)
+    rows, pairs, told = paired.joined(each, names)
     source = f"{' and '.join(map(str, folders))}: {told}"
-    failed, damaged = sum(map(_failed, frames)), tuple(d for frame in frames for d in _damaged(frame))
-    made = _each(rows, pd.concat(times) if times else None)
-    return Comparison(rows, made, rows["run"].nunique(), failed, source, damaged, True, pairs=pairs)
+    timing = pd.concat(times) if times else None
+    return _made(rows, timing, rows["run"].nunique(), frames, source, two=True, pairs=pairs)
 
 
 def read(
-    sources: Iterable[str | Path],
-    *,
-    workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    sources: Iterable[str | Path], *, workers: int | None = None, progress: Callable[[int, int], None] | None = None,
     guests: Iterable = (),
-) -> tuple:
+) -> tuple:  # fmt: skip
     """Return (rows per lane, timing or None, {run: TOML}, name) of what is to be compared."""
     paths = [Path(s) for s in sources]
     if not paths:

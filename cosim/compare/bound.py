@@ -41,9 +41,7 @@ BEYOND = 1e-3  # chance of as many detections as were counted, from which on the
 
 def of(rows: pd.DataFrame, tomls: Mapping[str, str]) -> pd.DataFrame:
     """Return `rows` with columns `bound_mm`, at which 90 % can be seen, and `best`, the largest probability to see it.
-
-    NaN where there is no bound: not a liquid oscillation of an elevator, or a group that has none.
-    """
+    NaN where there is no bound: not a liquid oscillation of an elevator, or a group that has none."""
     swings = rows["family"].fillna("").str.startswith("liquid OFC") & (rows["amplitude_mm"] > 0.0)
     rows["bound_mm"], rows["best"] = math.nan, math.nan
     told: dict = {}
@@ -140,26 +138,22 @@ def _motion(nominal: tuple, air: str, segments: tuple, hz: float) -> float:
     reach = np.linalg.inv(1j * w * np.eye(len(model.A)) - model.A)
     signal = FAVOURABLE * (model.C @ reach @ B + D)[pick]
     noise = np.diag([TRANSPORT[n][1] ** 2 * DT for n in names]).astype(complex)
-    for column, density in _gusts(model, air, w):
-        k = list(model.states).index(column[0])
-        shown = (model.C @ reach @ (column[1] * model.A[:, k]))[pick]
-        direct = [column[1] * model.C[j, k] if _moved_by_gust(n) else 0.0 for n, j in zip(names, pick)]
-        through = shown + np.array(direct)
+    blown = np.array([n in AIR or n.startswith("n_") or n.endswith("dot") for n in names])  # by the gust itself
+    for state, per_m_s, density in _gusts(model, air, w):
+        k = list(model.states).index(state)
+        shown = (model.C @ reach @ (per_m_s * model.A[:, k]))[pick]
+        through = shown + np.where(blown, per_m_s * model.C[pick, k], 0.0)
         noise += density * np.outer(through, through.conj())
     return float(physics.information(signal[None], noise[None])[0])
 
 
-def _moved_by_gust(name):
-    return name in AIR or name.startswith("n_") or name.endswith("dot")
-
-
-def _gusts(model: LinearModel, air: str, w: float) -> list[tuple[tuple[str, float], float]]:
-    """Return [((state that a gust adds to, state per m/s), two-sided spectral density [(m/s)^2/Hz]) of u, w, v]."""
+def _gusts(model: LinearModel, air: str, w: float) -> list[tuple[str, float, float]]:
+    """Return [(state that a gust adds to, state per m/s, two-sided spectral density [(m/s)^2/Hz]) of u, w, v]."""
     sigma, V = INTENSITY[air], float(model.x0[list(model.states).index("tas")])
     tau = SCALE_LENGTH / V
     x2 = (tau * w) ** 2
     along, across = sigma**2 * 2 * tau / (1 + x2), sigma**2 * tau * (1 + 3 * x2) / (1 + x2) ** 2
-    return [(("tas", 1.0), along), (("alpha", 1.0 / V), across), (("beta", 1.0 / V), across)]
+    return [("tas", 1.0, along), ("alpha", 1.0 / V, across), ("beta", 1.0 / V, across)]
 
 
 @functools.lru_cache(maxsize=256)

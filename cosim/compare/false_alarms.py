@@ -8,7 +8,7 @@ independent, what happens in one is not.
 
     counted     peaks at or beyond c, exact Poisson interval
     extremes    generalised Pareto tail of the highest peaks (cosim/compare/extreme_value.py)
-    crossings   where the residual is stationary and Gaussian by test (cosim/compare/rice_rate.py)
+    crossings   where the residual is stationary and Gaussian by test (cosim/compare/extreme_value.py)
 
 The tail is also fitted to half of the flights, drawn, and held against the count of the rest. All of it is of this
 model: of this aircraft, these sensors, gusts and tolerances, in this mix of flights.
@@ -23,11 +23,11 @@ import numpy as np
 
 from cosim.campaign.fault_free import WINDOW_S, FaultFreeFlight, fly, space
 from cosim.campaign.jobs import work
-from cosim.campaign.unit_cube import Space
+from cosim.campaign.spec import Space, shipped
 from cosim.compare import extreme_value
+from cosim.compare.extreme_value import Gaussian, gaussian
 from cosim.compare.metrics import rate
-from cosim.compare.rice_rate import Gaussian, gaussian
-from cosim.errors import CampaignError, did_you_mean
+from cosim.errors import CampaignError
 from cosim.flight.plugins import loaded
 from fdi import registry
 
@@ -48,14 +48,9 @@ LIMITS = {  # detectors whose threshold is no number: what it grows with
 
 
 def false_alarms(
-    *,
-    hours: float = 100.0,
-    campaign: str = "fault-free",
-    detectors: Sequence[str] = (),
-    folder: str | Path | None = None,
-    workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> dict:
+    *, hours: float = 100.0, campaign: str = "fault-free", detectors: Sequence[str] = (),
+    folder: str | Path | None = None, workers: int | None = None, progress: Callable[[int, int], None] | None = None,
+) -> dict:  # fmt: skip
     """Fly `hours` of a fault-free campaign and return plain data: hours, flights, and an entry per detector.
 
     `folder` keeps what is flown, so that a killed or shorter measurement goes on; `detectors` are ids, by default all
@@ -64,13 +59,9 @@ def false_alarms(
     with faults or parts; GuestError for a file without a detector.
     """
     files = [str(Path(name).resolve()) for name in detectors if Path(name).suffix == ".py"]
-    guests = loaded(files)
-    ids = [name for name in detectors if Path(name).suffix != ".py"]
+    ids, guests = [name for name in detectors if Path(name).suffix != ".py"], loaded(files)
     for name in ids:
-        if name not in registry.SHIPPED:
-            near = did_you_mean(name, registry.SHIPPED)
-            allowed = f"{', '.join(registry.SHIPPED)}, or a file of your own"
-            raise CampaignError(f"{name!r} is no detector", allowed=allowed, remedy=near)
+        shipped(name, ("or a file of your own",))
     made = space(campaign)
     if made.faults:
         raise CampaignError("has faults", place=campaign, remedy="Take a campaign of fault-free flights")
@@ -98,14 +89,11 @@ def summary(flown: Sequence[FaultFreeFlight], campaign: str, detectors: Sequence
     done = [f for f in flown if f.lanes]
     there = [name for name in detectors if any(name in f.lanes for f in done)]
     return {
-        "campaign": campaign,
-        "flights": len(done),
-        "hours": sum(f.seconds for f in done) / 3600.0,
+        "campaign": campaign, "flights": len(done), "hours": sum(f.seconds for f in done) / 3600.0,
         "infeasible": sum(f.status == "infeasible" for f in flown),
-        "departed": sum(f.status not in ("completed", "infeasible") for f in flown),
-        "window_s": WINDOW_S,
+        "departed": sum(f.status not in ("completed", "infeasible") for f in flown), "window_s": WINDOW_S,
         "detectors": [curve(name, done) for name in there],
-    }
+    }  # fmt: skip
 
 
 def curve(name: str, flown: Sequence[FaultFreeFlight]) -> dict:
@@ -115,7 +103,7 @@ def curve(name: str, flown: Sequence[FaultFreeFlight]) -> dict:
     peak = np.array([lane.peaks.max() for lane in lanes])
     flight = np.repeat(np.arange(len(lanes)), [len(lane.peaks) for lane in lanes])
     windows = np.concatenate([lane.peaks for lane in lanes])
-    alarms = sum(lane.alarms for lane in lanes)
+    often, alarms = np.quantile(windows, 0.99), sum(lane.alarms for lane in lanes)
     tail = extreme_value.fit(peak, hours) if hours else extreme_value.Tail(0.0, note="never judges")
     moments = [m for lane in lanes for m in lane.moments]
     exact = gaussian(moments, flown[0].dt) if moments else Gaussian(flown[0].dt, note="its statistic has no sign")
@@ -126,25 +114,21 @@ def curve(name: str, flown: Sequence[FaultFreeFlight]) -> dict:
         "hours": hours,
         "flights": len(lanes),
         "alarms": alarms,
-        "alarms_per_hour": _plain(rate(alarms, hours)) if hours else None,
+        "alarms_per_hour": rate(alarms, hours)._asdict() if hours else None,
         "largest": float(peak.max()),
         "highest": np.sort(peak)[::-1][: 2 * extreme_value.PEAKS].round(6).tolist(),
-        "fit": _fit(tail),
+        "fit": {"note": tail.note, "peaks": tail.k, "from": tail.u, "sigma": tail.sigma, "shape": tail.shape._asdict(),
+                "anderson_darling": tail.ad},
         "gaussian": exact.note or None,
         "stability": extreme_value.stability(peak, hours) if hours else [],
-        "extremal_index": [
-            {
-                "run_s": n * WINDOW_S,
-                "index": extreme_value.extremal_index(windows, flight, np.quantile(windows, 0.99), n),
-            }
-            for n in (1, 2, 5, 10, 20)
-        ],
+        "extremal_index": [{"run_s": n * WINDOW_S, "index": extreme_value.extremal_index(windows, flight, often, n)}
+                           for n in (1, 2, 5, 10, 20)],
         "curve": _curve(levels, peak, hours, tail, exact),
         "held_out": _held_out(lanes),
-    }
+    }  # fmt: skip
     out["agree"] = _agree(out["curve"], float(peak.max()))
     out["at_threshold"] = _at(1.0, peak, hours, tail)
-    out["needed"] = None if tail.note else _plain(tail.level(WANTED))
+    out["needed"] = None if tail.note else tail.level(WANTED)._asdict()
     out["against"] = against(name, out, sum(lane.silent for lane in lanes))
     out["certified"] = not out["against"]
     return out
@@ -165,15 +149,6 @@ def against(name: str, found: dict, silent: int) -> list[str]:
     if now is None or not now["high"] <= WANTED:
         out.append("never judges" if now is None else f"{WANTED:.0e} per hour is not shown".replace("e-0", "e-"))
     return out
-
-
-def _plain(share):
-    return {"value": float(share.value), "low": float(share.low), "high": float(share.high)}
-
-
-def _fit(tail):
-    return {"note": tail.note, "peaks": tail.k, "from": tail.u, "sigma": tail.sigma, "shape": _plain(tail.shape),
-            "anderson_darling": tail.ad}  # fmt: skip
 
 
 def _at(c, peak, hours, tail):
@@ -214,12 +189,9 @@ def _agree(curve, largest):
     tail, out = curve.get("extremes"), {}
     on = [i for i, v in enumerate(tail["value"]) if v is not None] if tail else []
     if on:
-        seen = curve["counted"]
-        out["counted and extremes"] = all(
-            tail["low"][i] <= seen["high"][i] and seen["low"][i] <= tail["high"][i]
-            for i in on
-            if curve["c"][i] <= largest
-        )
+        seen, reached = curve["counted"], (i for i in on if curve["c"][i] <= largest)
+        out["counted and extremes"] = all(tail["low"][i] <= seen["high"][i] and seen["low"][i] <= tail["high"][i]
+                                          for i in reached)  # fmt: skip
     if on and (bound := curve.get("crossings")):
         out["crossings and extremes"] = all(bound["high"][i] >= tail["low"][i] for i in on)
     return out
@@ -240,9 +212,8 @@ def _held_out(lanes):
             continue
         c = tail.level(wanted).value
         predicted, seen = tail.rate(c), extreme_value.counted(peak[1], hours[1], c)
-        agree = bool(predicted.low[0] <= seen.high[0] and seen.low[0] <= predicted.high[0])
-        count = round(float(seen.value[0]) * hours[1])
-        out.append({"rate": wanted, "level": c, "low": float(predicted.low[0]), "high": float(predicted.high[0]),
-                    "counted": count, "hours": hours[1], "counted_low": float(seen.low[0]),
-                    "counted_high": float(seen.high[0]), "agree": agree})  # fmt: skip
+        (low, high), (least, most) = ((float(b.low[0]), float(b.high[0])) for b in (predicted, seen))
+        out.append({"rate": wanted, "level": c, "low": low, "high": high,
+                    "counted": round(float(seen.value[0]) * hours[1]), "hours": hours[1], "counted_low": least,
+                    "counted_high": most, "agree": low <= most and least <= high})  # fmt: skip
     return out

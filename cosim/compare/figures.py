@@ -81,9 +81,7 @@ def curves(rows: pd.DataFrame, each: list[dict], detectors: Sequence[str] = ()) 
 
 def figure(kind: str, rows: pd.DataFrame, each: list[dict], detectors: Sequence[str] = ()) -> Any:
     """Return the matplotlib Figure of "roc" or "pod", one column wide, with bounds; `savefig("x.pdf")` writes vectors.
-
-    Raises CosimError for another kind, without matplotlib, and as `roc`.
-    """
+    Raises CosimError for another kind, without matplotlib, and as `roc`."""
     if kind not in KINDS:
         raise CosimError(f"unknown figure {kind!r}", allowed=", ".join(KINDS), remedy=did_you_mean(kind, KINDS))
     try:

@@ -5,36 +5,25 @@ when the slowest of them has learned its offsets (20 s, fdi/control_redundancy/c
 of an evaluation.
 """
 
+import tomllib
+
 from cosim.campaign.inventory import builtin_names
 from cosim.campaign.spec import EVALUATION_SEED
 from cosim.flight.plant.point import SIX
-from cosim.scenario import Scenario, load_scenario
+from cosim.scenario import Scenario, load_scenario, parse
+from cosim.scenario.override import apply
+from cosim.scenario.toml import inline
 
 POINT = {f"flight.{k}": v for k, v in SIX["E"].items()}
 SHIFT_S = 12.0  # of faults and manoeuvres of the built-in scenarios, most of which break at 10 or 12 s
 OFC_START_S, OFC_END_S = 22.0, 36.0
 FREQUENCIES_HZ = (0.5, 1.0, 2.0, 5.0)
 AMPLITUDES_MM = (0.6, 2.0, 6.0)  # 0.6 mm: the smallest that the industrial benchmark names (notes of the project)
-MANOEUVRES = (
-    {"manoeuvre.kind": "cruise"},
-    {
-        "manoeuvre.kind": "nz_doublet",
-        "manoeuvre.start_s": 24.0,
-        "manoeuvre.width_s": 3.0,
-        "manoeuvre.amplitude_g": 0.15,
-    },
-    {
-        "manoeuvre.kind": "three_two_one_one",
-        "manoeuvre.start_s": 24.0,
-        "manoeuvre.unit_s": 1.5,
-        "manoeuvre.amplitude_g": 0.15,
-    },
-    {
-        "manoeuvre.kind": "coordinated_turn",
-        "manoeuvre.start_s": 22.0,
-        "manoeuvre.duration_s": 10.0,
-        "manoeuvre.bank_deg": 20.0,
-    },
+MANOEUVRES: tuple[dict, ...] = (
+    {"kind": "cruise"},
+    {"kind": "nz_doublet", "start_s": 24.0, "width_s": 3.0, "amplitude_g": 0.15},
+    {"kind": "three_two_one_one", "start_s": 24.0, "unit_s": 1.5, "amplitude_g": 0.15},
+    {"kind": "coordinated_turn", "start_s": 22.0, "duration_s": 10.0, "bank_deg": 20.0},
 )
 AIR = ("none", "light")
 
@@ -46,12 +35,11 @@ def matrix() -> list[Scenario]:
 
 
 def fault_free(repeats: int = 2) -> list[Scenario]:
-    """Return flights without a fault: manoeuvres x air, and the same with every manoeuvre of the built-in faults.
-
-    The second kind says what a manoeuvre alone does to a detector, so that its alarm is not taken for the fault's.
-    """
+    """Return flights without a fault: manoeuvres x air, and the same with every manoeuvre of the built-in faults. The
+    second kind says what a manoeuvre alone does to a detector, so that its alarm is not taken for the fault's."""
     base = load_scenario("cruise", _overrides(POINT | {"duration_s": OFC_END_S}))
-    plain = [_set(base, m | {"flight.turbulence": air}) for _ in range(repeats) for m in MANOEUVRES for air in AIR]
+    each = [{f"manoeuvre.{k}": v for k, v in m.items()} for m in MANOEUVRES]
+    plain = [_set(base, m | {"flight.turbulence": air}) for _ in range(repeats) for m in each for air in AIR]
     flown = {s.model_copy(update={"title": "", "faults": ()}).expanded_toml(): s for s in builtin()}
     own = [_set(s.model_copy(update={"faults": ()}), {"flight.turbulence": air}) for s in flown.values() for air in AIR]
     return [s.model_copy(update={"title": f"No fault: {s.manoeuvre.kind.replace('_', ' ')}"}) for s in plain + own]
@@ -82,30 +70,17 @@ def builtin() -> list[Scenario]:
             changes["faults.0.end_s"] = f.end_s + SHIFT_S
         if hasattr(s.manoeuvre, "start_s"):
             changes["manoeuvre.start_s"] = s.manoeuvre.start_s + SHIFT_S
-        out.append(load_scenario(name, _overrides(_speed_free(s) | changes)))
+        point = POINT if s.flight.cas_kt is not None else {}  # one without a speed as CAS keeps its own point
+        out.append(load_scenario(name, _overrides(point | changes)))
     return out
 
 
-def _speed_free(scenario):
-    """Return POINT for a scenario that gives its speed as CAS; another scenario keeps its own point."""
-    return POINT if scenario.flight.cas_kt is not None else {}
-
-
 def _overrides(changes):
-    return [f"{k}={_toml(v)}" for k, v in changes.items()]
-
-
-def _toml(value):
-    return f'"{value}"' if isinstance(value, str) else repr(value)
+    return [f"{k}={inline(v)}" for k, v in changes.items()]
 
 
 def _set(scenario, changes):
     """Return the scenario with some keys changed."""
-    import tomllib
-
-    from cosim.scenario import parse
-    from cosim.scenario.override import apply
-
     table = tomllib.loads(scenario.expanded_toml())
     if "manoeuvre.kind" in changes:
         table["manoeuvre"] = {}

@@ -38,10 +38,8 @@ class Band(NamedTuple):
 
 
 def proportion(k: int, n: int, confidence: float = 0.95) -> Share:
-    """Return the Share k/n with the exact interval of Clopper and Pearson; (nan, 0, 1) for n = 0.
-
-    Raises ValueError unless 0 <= k <= n.
-    """
+    """Return the Share k/n with the exact interval of Clopper and Pearson; (nan, 0, 1) for n = 0. Raises ValueError
+    unless 0 <= k <= n."""
     if n == 0:
         return Share(math.nan, 0.0, 1.0)
     found = stats.binomtest(k, n).proportion_ci(confidence)
@@ -91,10 +89,8 @@ class Delays(NamedTuple):
 
 
 def delays(delay: ArrayLike, confidence: float = 0.95) -> Delays:
-    """Return Delays of `delay` (runs,), NaN where the fault was missed.
-
-    Raises ValueError without a run or with a negative delay.
-    """
+    """Return Delays of `delay` (runs,), NaN where the fault was missed. Raises ValueError without a run or with a
+    negative delay."""
     delay = np.asarray(delay, float)
     n, seen = len(delay), np.isfinite(delay)
     if n == 0 or np.any(delay[seen] < 0.0):
@@ -127,10 +123,8 @@ def beyond(sample: ArrayLike, c: ArrayLike) -> NDArray:
 
 
 def roc(healthy: ArrayLike, faulty: ArrayLike) -> Roc:
-    """Return the Roc of run-level maxima: an alarm is a maximum at or beyond the threshold.
-
-    Raises ValueError without runs, or for one without a number.
-    """
+    """Return the Roc of run-level maxima: an alarm is a maximum at or beyond the threshold. Raises ValueError without
+    runs, or for one without a number."""
     healthy, faulty = np.asarray(healthy, float), np.asarray(faulty, float)
     if not len(healthy) or not len(faulty) or np.isnan(healthy).any() or np.isnan(faulty).any():
         raise ValueError("a ROC needs healthy and faulty runs, all with a number")

@@ -40,10 +40,8 @@ class Pod:
     covariance: tuple[tuple[float, float], tuple[float, float]] | None = None
 
     def at(self, size: ArrayLike, confidence: float = 0.95) -> tuple[NDArray, NDArray, NDArray]:
-        """Return (POD, lower, upper bound), each (n,), at `size` (n,), above 0; each bound holds with `confidence`.
-
-        The bounds are those of the linear predictor (delta method), as of a90. Raises ValueError without a curve.
-        """
+        """Return (POD, lower, upper bound), each (n,), at `size` (n,), above 0; each bound holds with `confidence`. The
+        bounds are those of the linear predictor (delta method), as of a90. Raises ValueError without a curve."""
         if self.coefficients is None or self.covariance is None:
             raise ValueError(f"no curve: {self.note}")
         x, (b0, b1), (row0, row1) = np.log(np.asarray(size, float)), self.coefficients, self.covariance

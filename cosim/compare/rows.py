@@ -69,21 +69,20 @@ def family(kind: str, target: str, segments: tuple) -> str:
 
 def tidy(frame: pd.DataFrame, tomls: Mapping[str, str], place: str = "") -> pd.DataFrame:
     """Return the rows of `frame` (columns of cosim/campaign), `tomls` {run: scenario}; an empty frame without any.
-
-    Raises CampaignError at `place` for a row that no flight has.
-    """
+    Raises CampaignError at `place` for a row that no flight has."""
     _possible(frame[frame["id"].notna()], place)
     lanes: dict = {}
     for lane in frame[frame["id"].notna()].to_dict("records"):
-        lanes.setdefault((lane["run"], lane["id"]), []).append(lane)
+        given = {k: v for k, v in lane.items() if v is not None and v == v}  # without cells that hold nothing
+        lanes.setdefault((lane["run"], lane["id"]), []).append({"able": "able" not in lane, **given})
     about = {run: _about(tomls[run]) for run in dict.fromkeys(run for run, _ in lanes)}
     out = []
     for (run, detector), found in lanes.items():
-        met = sorted({int(lane["fault"]) for lane in found if _given(lane.get("fault"))}) or [about[run]["earliest"]]
+        met = sorted({int(lane["fault"]) for lane in found if "fault" in lane}) or [about[run]["earliest"]]
         if met[-1] is not None and not 0 <= met[-1] < about[run]["faults"]:
             raise _impossible(found[0] | {"fault": met[-1]}, "fault", place, f"below {about[run]['faults']}")
         for i, fault in enumerate(met):
-            own = [lane for lane in found if not _given(lane.get("fault")) or int(lane["fault"]) == fault]
+            own = [lane for lane in found if lane.get("fault", fault) == fault]
             out.append(_row(run, detector, own, found if i == 0 else [], about[run], fault))
     if not out:
         return pd.DataFrame()
@@ -117,10 +116,8 @@ def _impossible(row, name, place, allowed):
 
 
 def echoes(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return rows in which an alarm that the same manoeuvre raises without a fault is no detection, but an "echo".
-
-    That holds for a detector that alarmed in more than half of the fault-free flights with the same manoeuvre.
-    """
+    """Return rows in which an alarm that the same manoeuvre raises without a fault is no detection, but an "echo". That
+    holds for a detector that alarmed in more than half of the fault-free flights with the same manoeuvre."""
     free = rows[rows["case"].isna()]
     alarmed = (free["false_alarms"] > 0).groupby([free["id"], free["manoeuvre_key"]]).mean()
     loud = set(alarmed[alarmed > 0.5].index)
@@ -149,16 +146,12 @@ def _about(text):
     s = flown(text)
     cases = coverage.cases(s)
     return {
-        "title": s.title,
-        "faults": len(s.faults),
+        "title": s.title, "faults": len(s.faults),
         "each": [_fault(f, case, s.aircraft.segments) for f, case in zip(s.faults, cases)],
         "earliest": min(range(len(s.faults)), key=lambda i: s.faults[i].start_s, default=None),
-        "turbulence": s.flight.turbulence,
-        "manoeuvre": s.manoeuvre.kind,
-        "manoeuvre_key": s.manoeuvre.model_dump_json(),
-        "seed": s.seed,
-        "mass_t": s.flight.mass_t,
-    }
+        "turbulence": s.flight.turbulence, "manoeuvre": s.manoeuvre.kind,
+        "manoeuvre_key": s.manoeuvre.model_dump_json(), "seed": s.seed, "mass_t": s.flight.mass_t,
+    }  # fmt: skip
 
 
 def _fault(f, case, segments):
@@ -173,83 +166,48 @@ def _fault(f, case, segments):
 def _row(run, detector, lanes, whole, about, fault):
     """Return the row of one detector, run and fault (its number, or None without one).
 
-    `lanes` are the rows per lane of that fault as dicts; `whole` all rows of the detector in the run, for what is
-    counted once in a flight, empty on the rows of its further faults.
+    `lanes` are the rows per lane of that fault, {column: what it holds}; `whole` all rows of the detector in the run,
+    for what is counted once in a flight, empty on the rows of its further faults.
     """
-    first, mine = lanes[0], [lane for lane in lanes if lane["concerned"]]
-    seen = sorted((lane for lane in mine if _given(lane["delay_s"])), key=lambda lane: lane["detected_at_s"])
+    first, mine, n = lanes[0], [lane for lane in lanes if lane["concerned"]], len({lane["lane"] for lane in whole})
+    seen = sorted((lane for lane in mine if "delay_s" in lane), key=lambda lane: lane["detected_at_s"])
     best = seen[0] if seen else {}
     told = best or next(iter(mine), {})
     each = about["each"][fault] if fault is not None else _fault(None, None, ())
-    able = any(_true(lane.get("able", True)) for lane in mine or lanes)
-    said = {k: best[k] if _given(best.get(k)) else None for k in ("isolated_class", "first_verdict", "withdrawn")}
-    given = {k: best[k] if _given(best.get(k)) else NOT_GIVEN for k in ("class_given", "place_given")}
+    able = any(lane["able"] for lane in mine or lanes)
+    given = {k: best.get(k, NOT_GIVEN) for k in ("class_given", "place_given")}
     how = None
     if fault is not None:
         how = outcome(detector, each["case"], seen=bool(seen), class_=given["class_given"],
                       place=given["place_given"], able=able)  # fmt: skip
-    estimates = [lane for lane in lanes if _given(lane["estimate_rmse"])]
     return {
-        "run": run,
-        "fault": fault,
-        **{k: v for k, v in about.items() if k not in ("each", "earliest")},
-        **each,
-        "hours": _exposed_h(whole),
-        "status": first["status"],
-        **{k: _number(first, k) for k in ACHIEVED},
-        "id": detector,
-        "level": first["level"],
-        "lanes": len(lanes),
-        "word": coverage.expected(detector, each["case"]) if fault is not None else None,
-        "concerned": bool(mine),
-        "not_valid": not seen and not able,
-        "why_not_valid": next((lane["why_not_valid"] for lane in mine or lanes if _given(lane.get("why_not_valid"))),
-                              None),
-        "valid_share": float(np.mean([_number(lane, "valid_share") for lane in lanes])),
-        "detected": bool(seen),
-        "isolated_class": said["isolated_class"],
-        "first_verdict": said["first_verdict"],
-        "right": _true(best.get("right")),
-        **given,
-        "place_level": best["place_level"] if _given(best.get("place_level")) else "",
-        "first_right": _true(best.get("first_right")),
-        "first_sure_wrong": _true(best.get("first_sure_wrong")),
-        "not_excited": _true(told.get("not_excited")),
-        "withdrawn": said["withdrawn"],
-        **{k: _number(best, k) for k in NUMBERS},
-        "outcome": how,
+        "run": run, "fault": fault, **{k: v for k, v in about.items() if k not in ("each", "earliest")}, **each,
+        "hours": sum(_number(lane, "exposed_s") for lane in whole) / n / 3600.0 if n else np.nan,
+        "status": first["status"], **{k: _number(first, k) for k in ACHIEVED}, "id": detector, "level": first["level"],
+        "lanes": len(lanes), "word": coverage.expected(detector, each["case"]) if fault is not None else None,
+        "concerned": bool(mine), "not_valid": not seen and not able,
+        "why_not_valid": next((lane["why_not_valid"] for lane in mine or lanes if "why_not_valid" in lane), None),
+        "valid_share": float(np.mean([_number(lane, "valid_share") for lane in lanes])), "detected": bool(seen),
+        "isolated_class": best.get("isolated_class"), "first_verdict": best.get("first_verdict"),
+        "right": bool(best.get("right")), **given, "place_level": best.get("place_level", ""),
+        "first_right": bool(best.get("first_right")), "first_sure_wrong": bool(best.get("first_sure_wrong")),
+        "not_excited": bool(told.get("not_excited")), "withdrawn": best.get("withdrawn"),
+        **{k: _number(best, k) for k in NUMBERS}, "outcome": how,
         "false_alarms": sum(int(lane["false_alarms"]) for lane in whole),
         "standing_s": float(sum(_number(lane, "standing_s") for lane in whole)),
         "r_fault_free": np.nan if fault is not None else _largest(lanes, "r_max_before"),
         "r_fault": _largest(mine, "r_max_after") if fault is not None else np.nan,
-        "estimate_rmse": _largest(estimates, "estimate_rmse"),
-        "estimate_unit": estimates[0]["estimate_unit"] if estimates else None,
+        "estimate_rmse": _largest(lanes, "estimate_rmse"),
+        "estimate_unit": next((lane.get("estimate_unit") for lane in lanes if "estimate_rmse" in lane), None),
     }  # fmt: skip
 
 
-def _exposed_h(whole):
-    """Return the hours in which a false alarm of a detector would count in a flight, from all of its rows there."""
-    lanes = len({lane["lane"] for lane in whole})
-    return sum(_number(lane, "exposed_s") for lane in whole) / lanes / 3600.0 if lanes else np.nan
-
-
-def _true(value):
-    return bool(_given(value) and value)
-
-
-def _given(value):
-    """Tell whether a cell holds something: neither None nor NaN."""
-    return value is not None and value == value
-
-
 def _number(row, name):
-    value = row.get(name)
-    return float(value) if _given(value) else np.nan
+    return float(row.get(name, np.nan))
 
 
 def _largest(lanes, name):
-    found = [float(lane[name]) for lane in lanes if _given(lane[name])]
-    return max(found) if found else np.nan
+    return max((float(lane[name]) for lane in lanes if name in lane), default=np.nan)
 
 
 def of_logs(

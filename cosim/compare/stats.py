@@ -18,28 +18,18 @@ FREQUENCIES = 8
 HELD = 0.95  # share of the time from the alarm to the fault's end in which an alarm that is held stands
 ALPHA = 0.05  # run-level false-alarm probability at which detectors are set side by side
 GROUPED = (
-    "run",
-    "case",
-    "frequency_hz",
-    "amplitude_mm",
-    "target",
-    "family",
-    "bound_mm",
-    "group",
-    "able",
-    "seen",
-    "named",
-    "delay_s",
-    "first",
-)
+    "run", "case", "frequency_hz", "amplitude_mm", "target", "family", "bound_mm", "group", "able", "seen", "named",
+    "delay_s", "first",
+)  # fmt: skip
+PER_HOUR = ("false_alarms_per_hour", "false_alarms_per_hour_low", "false_alarms_per_hour_high")
+PER_FLIGHT = ("false_alarm_probability", "false_alarm_low", "false_alarm_high")
 FEW = 3  # inputs that are named one by one
 CREDIBLE = 0.5  # a detector that cries in more than half of the fault-free flights tells nothing by alarming
 
 
 def came_of_it(rows: pd.DataFrame) -> pd.Series:
     """Return one word per row of a fault: named, ambiguous or misnamed when it was seen, else not_valid (it could not
-    judge), not_excited (it never showed) or missed. Every row has one: they add up to the flights.
-    """
+    judge), not_excited (it never showed) or missed. Every row has one: they add up to the flights."""
     unseen = np.select([rows["not_valid"], rows["not_excited"]], ["not_valid", "not_excited"], "missed")
     return rows["outcome"].where(rows["detected"], unseen)
 
@@ -51,8 +41,7 @@ def score(rows: pd.DataFrame) -> dict:
     """Return what came of the faults `rows`: counts that add up to `designed`, and times [s]; a fault that was missed,
     or never named right, counts as an endless time. Flights in which the detector could not judge stay in.
     `first_fair`: the first name with a class was not wrong; `held`: the alarm stood HELD of the time or more;
-    `changed_often`: more than one change of class; `motion_s`: right name, from when the rod had moved 1 mm.
-    """
+    `changed_often`: more than one change of class; `motion_s`: right name, from when the rod had moved 1 mm."""
     came, n = came_of_it(rows), len(rows)
     seen = int(rows["detected"].sum())
     p, low, high = metrics.proportion(seen, n)
@@ -115,34 +104,17 @@ def detectors(rows: pd.DataFrame, timing: pd.DataFrame | None = None) -> list[di
         alarmed = int((free["false_alarms"] > 0).sum())
         alarms, hours = int(own["false_alarms"].sum()), float(own["hours"].sum())
         per_hour = metrics.rate(alarms, hours) if hours > 0.0 else metrics.UNKNOWN
-        pf, f_low, f_high = metrics.proportion(alarmed, len(free))
+        per_flight = metrics.proportion(alarmed, len(free))
         may = own[(own["word"] == MAY) & own["concerned"]]
-        out.append(
-            {
-                "id": name,
-                "level": own["level"].iloc[0],
-                **score(designed_for(own)),
-                **names(own),
-                "availability": float(own["valid_share"].mean()),
-                "standing_s": float(own["standing_s"].sum()),
-                "misnamed_all": int((own["outcome"] == "misnamed").sum()),
-                "seen_of_may": int(may["detected"].sum()),
-                "may": len(may),
-                "unexpected": int((own["outcome"] == "bonus").sum()),
-                "false_alarms": alarms,
-                "false_alarms_per_hour": per_hour[0],
-                "false_alarms_per_hour_low": per_hour[1],
-                "false_alarms_per_hour_high": per_hour[2],
-                "hours": hours,
-                "fault_free_runs": len(free),
-                "fault_free_alarmed": alarmed,
-                "false_alarm_probability": pf,
-                "false_alarm_low": f_low,
-                "false_alarm_high": f_high,
-                "credible": not (len(free) and pf > CREDIBLE),
-                "step_us": cost.get(name),
-            }
-        )
+        told = {
+            "availability": float(own["valid_share"].mean()), "standing_s": float(own["standing_s"].sum()),
+            "misnamed_all": int((own["outcome"] == "misnamed").sum()), "seen_of_may": int(may["detected"].sum()),
+            "may": len(may), "unexpected": int((own["outcome"] == "bonus").sum()), "false_alarms": alarms,
+            **dict(zip(PER_HOUR, per_hour)), "hours": hours, "fault_free_runs": len(free),
+            "fault_free_alarmed": alarmed, **dict(zip(PER_FLIGHT, per_flight)),
+            "credible": not (len(free) and per_flight.value > CREDIBLE), "step_us": cost.get(name),
+        }  # fmt: skip
+        out.append({"id": name, "level": own["level"].iloc[0], **score(designed_for(own)), **names(own), **told})
     return out
 
 
@@ -180,18 +152,12 @@ def maxima(rows: pd.DataFrame) -> dict[str, tuple]:
 
 
 def coverage_matrix(rows: pd.DataFrame) -> dict[str, dict]:
-    """Return {case: {detector: {word, runs, detected, outcomes, not_valid}}} of the faulty flights."""
+    """Return {case: {detector: {word, runs, detected, lane, outcomes}}} of the faulty flights."""
     out: dict = {}
     for (case, name), own in rows[rows["case"].notna()].groupby(["case", "id"], sort=False):
-        cell = {
-            "word": own["word"].iloc[0],
-            "runs": len(own),
-            "detected": int(own["detected"].sum()),
-            "lane": bool(own["concerned"].any()),
-            "outcomes": own["outcome"].value_counts().to_dict(),
-            "delay_s": float(own["delay_s"].min()) if own["detected"].any() else None,
-        }
-        out.setdefault(case, {})[name] = cell
+        counts = {"runs": len(own), "detected": int(own["detected"].sum()), "lane": bool(own["concerned"].any())}
+        told = {"word": own["word"].iloc[0], "outcomes": own["outcome"].value_counts().to_dict()}
+        out.setdefault(case, {})[name] = counts | told
     return out
 
 
@@ -251,13 +217,9 @@ def _of_group(name, own, credible):
     return {
         **{k: own[0][k] for k in ("run", "case", "frequency_hz", "amplitude_mm", "target", "family")},
         "bound_mm": min((r["bound_mm"] for r in own if r.get("bound_mm", math.nan) > 0.0), default=math.nan),
-        "group": name,
-        "able": bool(able),
-        "seen": bool(seen),
-        "named": any(r["outcome"] == "named" for r in seen),
-        "delay_s": first.get("delay_s", math.nan),
-        "first": first.get("id"),
-    }
+        "group": name, "able": bool(able), "seen": bool(seen), "named": any(r["outcome"] == "named" for r in seen),
+        "delay_s": first.get("delay_s", math.nan), "first": first.get("id"),
+    }  # fmt: skip
 
 
 def by_level(rows: pd.DataFrame, stats: list[dict]) -> list[dict]:

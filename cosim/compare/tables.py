@@ -1,6 +1,7 @@
 """Tables of a comparison and of a score, the same in terminal, page and README: one Column per figure."""
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -27,10 +28,6 @@ def _interval(low: str, high: str, shown: Callable = number) -> Callable:
     return lambda d: DASH if d.get(high) is None else f"{shown(d[low])} to {shown(d[high])}"
 
 
-def _not_valid(d: dict) -> Any:
-    return Cell(d["not_valid"], "", d.get("why_not_valid") or "") if d["designed"] else DASH
-
-
 def _free(d: dict) -> Cell | str:
     n, flights = d["fault_free_alarmed"], d["fault_free_runs"]
     return Cell(f"{n}/{flights}", "bad" if n else "") if flights else DASH
@@ -46,7 +43,8 @@ COUNTS = (
     Column("right name", _count("named"), doc="class and part, last; ambiguous is no name"),
     Column("ambiguous", _count("ambiguous"), rank=3),
     Column("wrong name", _count("misnamed", bad=True), rank=1),
-    Column("not valid", _not_valid, doc="missed, and could not judge", rank=4),
+    Column("not valid", lambda d: Cell(d["not_valid"], "", d.get("why_not_valid") or "") if d["designed"] else DASH,
+           doc="missed, and could not judge", rank=4),
     Column("not excited", _count("not_excited"), doc="a jam or runaway that never moved the rod 1 mm from where it "
            "would be", rank=6),
     Column("missed", _count("missed"), rank=6),
@@ -93,9 +91,8 @@ def quiet(each: Iterable[dict]) -> Table:
     return of(columns, each)
 
 
-def _at(level: str) -> Callable:
-    """Return what takes the count of places that are right at `level` and no finer."""
-    return lambda d: str(d["place_levels"][level])
+def _right_at(level, d):
+    return str(d["place_levels"][level])
 
 
 FINEST = "the finest level at which the place is right, as in the next columns"
@@ -106,7 +103,7 @@ def names(each: Iterable[dict]) -> Table:
     columns = (
         NAME, GROUP, Column("alarmed on", "alarmed_on", doc="faults, designed for or not"),
         Column("class right", "class_right"), Column("class wrong", "class_wrong", doc="ambiguous is neither"),
-        *(Column(f"right {level}", _at(level), doc="" if i else FINEST)
+        *(Column(f"right {level}", partial(_right_at, level), doc="" if i else FINEST)
           for i, level in enumerate(LEVELS[1:])),
         Column("place wrong", "place_wrong"), Column("wrong name", "name_wrong", doc="class or place"),
     )  # fmt: skip

@@ -19,20 +19,16 @@ def onsets(alarm: ArrayLike) -> NDArray[np.int64]:
 
 
 def detection(alarm: ArrayLike, first: int, end: int | None = None) -> int | None:
-    """Return the first tick in [first, end) at which `alarm` rises, None without one.
-
-    An alarm that stands since before `first` is no detection of what begins there.
-    """
+    """Return the first tick in [first, end) at which `alarm` rises, None without one. An alarm that stands since before
+    `first` is no detection of what begins there."""
     rises = onsets(alarm)
     new = rises[(rises >= first) & (rises < (math.inf if end is None else end))]
     return int(new[0]) if len(new) else None
 
 
 def faulty(faults: Iterable[Mapping], ticks: int, dt: float, t0: float = 0.0) -> NDArray[np.bool_]:
-    """Return (ticks,): whether an alarm that rises then is that of a fault, GRACE_S after its end included.
-
-    An onset where this is false is a false alarm. `t0` is the time of the first tick [s].
-    """
+    """Return (ticks,): whether an alarm that rises then is that of a fault, GRACE_S after its end included. An onset
+    where this is false is a false alarm. `t0` is the time of the first tick [s]."""
     out = np.zeros(ticks, bool)
     for first, end in (span(f, dt, t0) for f in faults):
         out[max(0, first) : max(0, ticks if end is None else end)] = True

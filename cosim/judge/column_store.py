@@ -44,10 +44,8 @@ class Columns:
 
 
 class ColumnStore(Columns):
-    """Columns to which rows are appended; those of a process hold MEMORY together, what is more stands on disk.
-
-    The file has no name (TMPDIR says where): it goes with the process, whatever ends it.
-    """
+    """Columns to which rows are appended; those of a process hold MEMORY together, what is more stands on disk. The
+    file has no name (TMPDIR says where): it goes with the process, whatever ends it."""
 
     def __init__(self, kind: Any = np.float32):
         self._start = self._stop = 0

@@ -18,14 +18,6 @@ DESIGNED, MAY, BLIND, UNDECLARED = "designed", "may", "blind", "undeclared"
 WORDS = {DESIGNED: "designed for", MAY: "may see", BLIND: "blind by structure", UNDECLARED: "not declared"}
 # kinds whose place of entry decides who can see them
 ENTERS = ("ofc_liquid", "ofc_solid", "runaway", "bias", "loss_of_effectiveness")
-PARTS = {
-    "rod": "rod sensor",
-    "surface": "surface sensor",
-    "pressure": "pressure sensor",
-    "velocity": "velocity sensor",
-    "position": "position sensor",
-    "current": "current sensor",
-}
 
 
 def expected(detector: str, case: str) -> str:
@@ -145,5 +137,5 @@ def label(case: str) -> str:
     if group == "sensor":
         return f"aircraft sensor {rest}"
     kind, _, at = rest.partition("@")
-    words = PARTS.get(kind, kind.replace("ofc_", "OFC ").replace("_", " "))
+    words = f"{kind} sensor" if kind in ACTUATOR_SENSORS else kind.replace("ofc_", "OFC ").replace("_", " ")
     return f"{group}: {words}" + (f", in the {at}" if at else "")

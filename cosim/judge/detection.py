@@ -122,10 +122,8 @@ def _distinct(rows):
 
 
 def _two(watch, runs, fault, others):
-    """Return what a lane that names one part or two says of `fault`: of these, without the parts of the `others`.
-
-    The class is that of the name which is left; with both left, or none, that of the first.
-    """
+    """Return what a lane that names one part or two says of `fault`: of these, without the parts of the `others`. The
+    class is that of the name which is left; with both left, or none, that of the first."""
     columns = watch.verdict, watch.culprit, watch.verdict_2, watch.second
     told, which = _distinct([runs[c] for c in columns])
     parts, verdicts = [], []
@@ -190,7 +188,8 @@ def noticed(
     )  # fmt: skip
     out |= {"right": False, "first_right": False, "first_sure_wrong": False, "class_changes": 0, "ambiguous_s": 0.0}
     out |= {"class_given": NOT_GIVEN, "place_given": NOT_GIVEN, "place_level": ""}
-    out["not_excited"] = _not_excited(watch, fault)
+    moved = _moved_at(watch, fault)
+    out["not_excited"] = None if moved is None or fault.get("kind") not in MOVES else math.isinf(moved)
     if k is not None:
         late = max(0.0, k * dt - start)  # an onset lies within a tick
         out |= {
@@ -213,8 +212,7 @@ def _tick(t, dt, ticks):
 
 def _returned(rises, falls, first, earlier, dt):
     """Return (len(rises),): whether an alarm at or after tick `first` is one that stood before it without a fault: it
-    rises less than GAP_S after the one before has fallen. `earlier` are the faults whose alarms those before may be.
-    """
+    rises less than GAP_S after the one before has fallen. `earlier` are the faults whose alarms those before may be."""
     begins = rises.copy()
     for i in range(1, len(rises)):
         if (rises[i] - falls[i - 1]) * dt < GAP_S:
@@ -236,8 +234,7 @@ def name_at_end(verdict: NDArray, part: NDArray, first: NDArray, stop: NDArray, 
 
 def last_name(s: Said, given: tuple[NDArray, NDArray, NDArray], watch: Watch, dt: float) -> dict:
     """Return the name at the end of n > 0 runs with a name, `given` as Runs.inside does, and when the lane first said
-    it [s].
-    """
+    it [s]."""
     run, first, stop = given
     last = name_at_end(s.verdict[run], s.part[run], first, stop, dt)
     if last is None:
@@ -277,17 +274,12 @@ class _Lane:
         unsure = codes == code.AMBIGUOUS
         sure = which[~unsure]
         out |= {
-            **last_name(s, (run, first, stop), watch, dt),
-            "first_verdict": s.name(run[0], watch),
+            **last_name(s, (run, first, stop), watch, dt), "first_verdict": s.name(run[0], watch),
             "class_changes": int(np.count_nonzero(np.diff(codes))),
-            "ambiguous_s": float((stop - first)[unsure].sum() * dt),
-            "right": last.right,
-            "class_given": last.class_,
-            "place_given": last.place,
-            "place_level": last.level,
-            "first_right": names[which[0]].right,
+            "ambiguous_s": float((stop - first)[unsure].sum() * dt), "right": last.right, "class_given": last.class_,
+            "place_given": last.place, "place_level": last.level, "first_right": names[which[0]].right,
             "first_sure_wrong": bool(len(sure)) and names[sure[0]].wrong,
-        }
+        }  # fmt: skip
         at = self.first_right(fault, k, end)
         if at is None and last.right:  # right at the end without ever standing for long
             at = round(out["named_at_s"] / dt)
@@ -299,10 +291,8 @@ class _Lane:
         return out
 
     def names(self, fault: Mapping, run: NDArray) -> tuple[list[Name], NDArray]:
-        """Return (the different Names of `fault` that are said in these runs, index of that of each (n,)).
-
-        Of the `others`, those count that are there then.
-        """
+        """Return (the different Names of `fault` that are said in these runs, index of that of each (n,)). Of the
+        `others`, those count that are there then."""
         s, there = self.said, np.zeros(len(run), np.int64)
         for i, f in enumerate(self.others):
             there += during([f], self.runs.at[run], self.dt).astype(np.int64) << i
@@ -331,9 +321,7 @@ class _Lane:
 
     def renamed(self, fault: Mapping, first: int, healed: int) -> int | None:
         """Return the tick at which an alarm that stands on account of an earlier fault takes this one's right name.
-
-        None where it does not, or had that name before: it may be the earlier fault's.
-        """
+        None where it does not, or had that name before: it may be the earlier fault's."""
         earlier = [f for f in self.others if f["start_s"] < fault["start_s"]]
         if not earlier or not 0 < first < self.runs.ticks or not self.said.alarm[self.runs.of(first - 1)]:
             return None
@@ -345,8 +333,7 @@ class _Lane:
 
     def first_right(self, fault: Mapping, first: int, end: int) -> int | None:
         """Return the first tick in [first, end) from which an alarm has the right name of `fault` for HOLD_S, else
-        None.
-        """
+        None."""
         run, a, b = self.given(first, end)
         names, which = self.names(fault, run)
         good = np.array([n.right for n in names], bool)[which]
@@ -377,11 +364,6 @@ def _moved_at(watch, fault):
     return max(fault["start_s"], min(own)) if own else None
 
 
-def _not_excited(watch, fault):
-    moved = _moved_at(watch, fault)
-    return None if moved is None or fault.get("kind") not in MOVES else math.isinf(moved)
-
-
 def valid(watch: Watch, trace: Any) -> NDArray[np.bool_]:
     """Return (ticks,), of a trace, or (runs,), of Runs: whether the lane calls itself valid; always, where it does not
     say."""
@@ -392,8 +374,7 @@ def valid(watch: Watch, trace: Any) -> NDArray[np.bool_]:
 
 def validity(watch: Watch, runs: Runs, first: int, stop: int) -> tuple[float, str | None]:
     """Return (share of the ticks first <= k < stop in which the lane called itself valid, its most frequent reason in
-    the others).
-    """
+    the others)."""
     run, a, b = runs.inside(first, stop)
     if watch.valid is None or not len(run):
         return 1.0, None

@@ -57,10 +57,8 @@ class Estimate:
 
 
 def plan(scenario: "Scenario", detector: str, lane: str, columns: Callable[[str], int]) -> Estimate | None:
-    """Return the Estimate of the earliest fault that `detector` estimates on `lane`, or None.
-
-    `columns(bus name)` gives a column of the trace.
-    """
+    """Return the Estimate of the earliest fault that `detector` estimates on `lane`, or None. `columns(bus name)` gives
+    a column of the trace."""
     for j in sorted(scenario.injections(), key=lambda j: j.start):
         found = _found(detector, lane, j, scenario)
         if found:
@@ -103,7 +101,7 @@ def _truth(e, lane, j, scenario):
         return (["law.law.de_cmd", *(f"truth.aircraft.de_{s}" for s in parts)], _beyond_healthy) if here else None
     if e.of == "thrust":
         losses = [f"surfaces.aircraft.thrust_loss_{i}" for i in aircraft.engine_names]
-        return (losses, _thrust) if j.place == "engine" else None
+        return (losses, lambda v, dt, held: -v.mean(axis=0)) if j.place == "engine" else None
     if j.kind not in ADDED:
         return None
     if j.place == "sensor" and j.name == e.of:
@@ -143,7 +141,3 @@ def _beyond_healthy(v, dt, held):
     simple.rollout(x, u, p, dt, log)
     held["healthy"] = x, log["delta"][0, -1]
     return actual - np.concatenate([[last], log["delta"][0, :-1]])
-
-
-def _thrust(v, dt, held):
-    return -v.mean(axis=0)

@@ -22,10 +22,8 @@ NAMES = ("rod_mm", "surface_deg", "travel_pct", "amplitude_mm", "amplitude_deg")
 
 
 def sine(t: NDArray, y: NDArray, w: float) -> complex:
-    """Return the complex amplitude c of Re(c exp(i w t)) in y (n,) at times t (n,) [s], by least squares.
-
-    A constant and a slope are fitted beside the sine of `w` [rad/s], so that a slow change of y does not count.
-    """
+    """Return the complex amplitude c of Re(c exp(i w t)) in y (n,) at times t (n,) [s], by least squares. A constant
+    and a slope are fitted beside the sine of `w` [rad/s], so that a slow change of y does not count."""
     basis = np.stack([np.cos(w * t), np.sin(w * t), np.ones_like(t), t - t[0]], 1)
     c = np.linalg.lstsq(basis, y, rcond=None)[0]
     return c[0] - 1j * c[1]
@@ -33,9 +31,7 @@ def sine(t: NDArray, y: NDArray, w: float) -> complex:
 
 def amplitude(d: Any, w: float, start: float, end: float, dt: float) -> float | None:
     """Return the amplitude of the sine of `w` [rad/s] in d (ticks,), in its unit; None when no whole period is left.
-
-    Taken over the last whole periods, MOST ticks of them, of [start + SETTLE_PERIODS periods, end] [s].
-    """
+    Taken over the last whole periods, MOST ticks of them, of [start + SETTLE_PERIODS periods, end] [s]."""
     period = 2 * math.pi / w
     first = round((start + SETTLE_PERIODS * period) / dt)
     longest = math.floor(MOST * dt / period) or 1
@@ -86,8 +82,7 @@ def moved(difference: Any, faults: Sequence, dt: float, travel: float) -> dict[s
 
 def _moved_at(rod, surface, first, dt):
     """Return the first time from tick `first` on at which the rod, or the surface's share of it, is MOVED away, or
-    None.
-    """
+    None."""
     known = all(np.isfinite(block).all() for block in rod.blocks(0, len(rod)))
     for block in (rod if known else surface).blocks(first, len(rod)):
         away = np.flatnonzero(np.abs(block if known else ARM * block) >= MOVED)

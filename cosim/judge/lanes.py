@@ -11,14 +11,9 @@ from cosim.table import DASH, Cell, Column, Table, number, of, share
 
 TONES = {"named": "good", "misnamed": "bad", "missed": "bad"}
 JUDGED = {
-    "not_valid": "not valid",
-    "named": "right",
-    "ambiguous": "seen, not named",
-    "misnamed": "another name",
-    "bonus": "not expected",
-    "missed": "missed",
-    "quiet": "quiet",
-}
+    "not_valid": "not valid", "named": "right", "ambiguous": "seen, not named", "misnamed": "another name",
+    "bonus": "not expected", "missed": "missed", "quiet": "quiet",
+}  # fmt: skip
 KEY = (("good", "name", "right"), ("", "name", "ambiguous, or no fault concerns the lane"),
        ("bad", "name", "another name"), ("muted", "row", "no alarm"))  # fmt: skip
 SHOWN = {  # unit of an estimate -> shown as, factor
@@ -76,10 +71,6 @@ def _error(key):
     return get
 
 
-def _periods(e):
-    return None if e["detection_delay_s"] is None else e["detection_delay_periods"]
-
-
 COLUMNS = (
     Column("detector", lambda e: Cell(e["id"], "bold"), right=False),
     Column("watches", part, right=False),
@@ -90,7 +81,8 @@ COLUMNS = (
     Column("came to", lambda e: Cell(JUDGED.get(e["outcome"], DASH), TONES.get(e["outcome"], "")), rank=4, right=False),
     Column("false alarms", lambda e: Cell(e["false_alarms"], "bad" if e["false_alarms"] else "muted")),
     Column("at", lambda e: seconds(e["detected_at_s"]), "s", "time of the first alarm in the flight", 1),
-    Column("delay", lambda e: number(_periods(e), 2), "periods", "first alarm in periods of the fault", 2),
+    Column("delay", lambda e: number(e["detection_delay_periods"], 2), "periods",
+           "first alarm in periods of the fault", 2),
     Column("step", lambda e: number(e["step_us"], 2), "µs", "time per step and lane", 3),
     Column("stands to it", lambda e: coverage.WORDS[coverage.expected(e["id"], e["case"])] if e["case"] else DASH,
            doc="what its record in fdi/ declares for this fault", rank=5, right=False),

@@ -51,8 +51,7 @@ def silent(found: Mapping[str, Any], scenario: Scenario) -> list[str]:
 
 def faults(scenario: Scenario, achieved: Mapping | None) -> list[tuple[str, str]]:
     """Return (line, note) about each fault of `scenario`: where it entered, and how far the elevator moved; the note
-    says where that is not what was asked for. `achieved` {segment: peaks and amplitudes}, or None.
-    """
+    says where that is not what was asked for. `achieved` {segment: peaks and amplitudes}, or None."""
     out = []
     for i, f in enumerate(scenario.faults):
         own = _own(f)

@@ -57,17 +57,16 @@ class Result:
 
     def plot(self) -> Any:
         """Return a plotly figure of the test statistic of every detector lane that alarmed or that a fault concerns, 1
-        is the threshold; it is shown in a notebook, `write_html` keeps it.
-
-        Raises ValueError for a flight without a log.
-        """
+        is the threshold; it is shown in a notebook, `write_html` keeps it. Raises ValueError for a flight without a
+        log."""
         if self.log is None:
             raise ValueError("this flight was not logged: fly with log='flight.mcap'")
         from cosim.log import open_log
 
         shown = [r for r in self.detectors if r["alarm"] or r.get("concerned")] or self.detectors
         log = open_log(self.log)
-        return log.plot([f"{t}.r" for t in dict.fromkeys(_topic(r) for r in shown) if t in log.topics])
+        topics = dict.fromkeys(f"/detectors/{r['id']}/{r['target'].removeprefix('elevator.')}" for r in shown)
+        return log.plot([f"{topic}.r" for topic in topics if topic in log.topics])
 
     def to_dict(self) -> dict:
         """Return plain data for JSON; numbers that do not exist are None."""
@@ -97,10 +96,6 @@ def _told(row):
     return alarm, name, f"{n} false alarm{'s' * (n > 1)}" if n else ""
 
 
-def _topic(row):
-    return f"/detectors/{row['id']}/{row['target'].removeprefix('elevator.')}"
-
-
 def plain(value: Any) -> Any:
     """Return `value` as JSON can hold it: NumPy scalars as Python's, NaN and infinities as None."""
     if isinstance(value, dict):
@@ -119,8 +114,8 @@ def plain(value: Any) -> Any:
 def judged(scenario: Scenario, achieved: Mapping[str, Mapping] | None = None) -> list[dict]:
     """Return the faults of a scenario as `judge` wants them, their targets by part, cases as in
     cosim/judge/coverage.py. `achieved` (cosim/flight/faults/fault_free_reference.py) tells when each moved its
-    segments; None: nobody looked.
-    """
+    segments: `moved_at_s` is {segment: when it was 1 mm of rod away from its twin [s], inf for never}, None where
+    nobody looked."""
     out = []
     injections, cases = scenario.injections(), coverage.cases(scenario)
     for i, f in enumerate(scenario.faults):
@@ -128,14 +123,10 @@ def judged(scenario: Scenario, achieved: Mapping[str, Mapping] | None = None) ->
         names = tuple(_target(j, f.target) for j in mine)
         about = {"fault": i, "case": cases[i], "targets": names, "period_s": f.period_s or math.nan}
         times = {"kind": f.kind, "start_s": f.start_s, "end_s": mine[0].end}
-        out.append({**about, **times, "moved_at_s": _moved_at(mine, achieved)})
+        moved = {j.name: (achieved or {}).get(j.name, {}).get("moved_at_s", math.nan) for j in mine}
+        told = {segment: math.inf if t is None else t for segment, t in moved.items() if t is None or t == t}
+        out.append({**about, **times, "moved_at_s": told or None})
     return out
-
-
-def _moved_at(injections, achieved):
-    """Return {segment: when it was 1 mm of rod away from its twin [s], inf for never}; None where nobody looked."""
-    own = {j.name: (achieved or {}).get(j.name, {}).get("moved_at_s", math.nan) for j in injections}
-    return {seg: math.inf if t is None else t for seg, t in own.items() if t is None or t == t} or None
 
 
 def _target(j, written):
@@ -167,33 +158,21 @@ def judge(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dic
     rises = runs.onsets(alarm)
     share, why = validity(watch, runs, min(round(SETTLE_S / dt), runs.ticks // 2), runs.ticks)
     entry = {
-        "id": watch.id,
-        "level": watch.level,
-        "target": watch.target,
-        "concerned": bool(mine),
-        "alarm": bool(len(rises)),
-        **dict.fromkeys(OF_A_FAULT),
-        "by_fault": [],
+        "id": watch.id, "level": watch.level, "target": watch.target, "concerned": bool(mine),
+        "alarm": bool(len(rises)), **dict.fromkeys(OF_A_FAULT), "by_fault": [],
         "false_alarms": int(np.count_nonzero(~during(mine, rises, dt))),
         "standing_s": float(runs.count(alarm & false) * dt),
-        "exposed_s": float(runs.count(valid(watch, runs) & false) * dt),
-        "able": share >= ABLE,
-        "valid_share": share,
-        "why_not_valid": why,
-        "estimate_rmse": None,
-        "estimate_bias": None,
-        "step_us": watch.step_us,
-        "estimate_max": None,
-        "estimate_unit": None,
-        **largest(watch, trace, dt, faults),
-    }
+        "exposed_s": float(runs.count(valid(watch, runs) & false) * dt), "able": share >= ABLE, "valid_share": share,
+        "why_not_valid": why, "estimate_rmse": None, "estimate_bias": None, "step_us": watch.step_us,
+        "estimate_max": None, "estimate_unit": None, **largest(watch, trace, dt, faults),
+    }  # fmt: skip
     if watch.estimate:
         entry |= errors(watch.estimate.error(trace, dt), watch.estimate.unit)
     if mine:
         sighted = [f for f in mine if coverage.expected(watch.id, f.get("case", "")) != coverage.BLIND] or mine
-        entry["by_fault"] = [
-            noticed(watch, runs, f, _next(f, sighted), dt, [g for g in mine if g is not f]) for f in sighted
-        ]
+        for f in sighted:
+            until = min((g["start_s"] for g in sighted if g["start_s"] > f["start_s"]), default=math.inf)
+            entry["by_fault"].append(noticed(watch, runs, f, until, dt, [g for g in mine if g is not f]))
         seen = [d for d in entry["by_fault"] if d["detected_at_s"] is not None]
         entry |= min(seen, key=lambda d: d["detected_at_s"], default=entry["by_fault"][0])
     elif len(rises):
@@ -206,16 +185,9 @@ def judge(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dic
     return entry
 
 
-def _next(fault, faults):
-    """Return when the next of `faults` begins after `fault` [s], inf without one."""
-    return min((f["start_s"] for f in faults if f["start_s"] > fault["start_s"]), default=math.inf)
-
-
 def largest(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dict:
-    """Return the largest |r| before the first fault of the flight (all of it without one) and from its onset on.
-
-    Each is None where there is none.
-    """
+    """Return the largest |r| before the first fault of the flight (all of it without one) and from its onset on. Each
+    is None where there is none."""
     if watch.r is None:
         return {"r_max_before": None, "r_max_after": None}
     onset = min((round(f["start_s"] / dt) for f in faults), default=len(trace))
@@ -241,8 +213,5 @@ def errors(error: Iterable[NDArray], unit: str) -> dict:
     if not n:
         return {}
     return {
-        "estimate_rmse": math.sqrt(square / n),
-        "estimate_bias": plain / n,
-        "estimate_max": most,
-        "estimate_unit": unit,
-    }
+        "estimate_rmse": math.sqrt(square / n), "estimate_bias": plain / n, "estimate_max": most, "estimate_unit": unit,
+    }  # fmt: skip

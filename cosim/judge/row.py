@@ -8,13 +8,13 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from cosim.judge.consequences import NAMES as CONSEQUENCES
+from cosim.judge.fault_effect import NAMES as ACHIEVED
 from cosim.judge.fault_effect import largest
 
 
 class Field(NamedTuple):
     """A column of a row: its name, type (of Arrow), unit ("" for words and counts) and meaning; `key` is where `cosim
-    run --json` has it where that is another name.
-    """
+    run --json` has it where that is another name."""
 
     name: str
     type: str
@@ -82,23 +82,17 @@ FIELDS = (
     Field("hinge_max_nm", "double", "N m", "largest hinge moment of a segment from there on"),
     Field("outside_s", "double", "s", "time outside the envelope from there on"),
 )
-LANE = ("id", "level", "target", "concerned", "alarm", "valid_share", "why_not_valid", "able")
 ONCE = {  # on the first of a lane's rows only, so that sums over rows count nothing twice -> what stands on the others
     **{"false_alarms": 0, "standing_s": 0.0, "exposed_s": 0.0, "r_max_before": None, "r_max_after": None},
     **dict.fromkeys(("estimate_rmse", "estimate_bias", "estimate_max", "estimate_unit")),
 }
-FAULT = (
-    *("fault", "detected_at_s", "right", "class_given", "place_given", "place_level", "first_right"),
-    *("first_sure_wrong", "time_to_right_s", "right_after_motion_s", "not_excited"),
-    *("class_changes", "ambiguous_s", "alarm_share", "withdrawn_after_s", "withdrawn", "valid_at_fault"),
-)
+ELSEWHERE = {"run", "lane", "status", "error", "sim_time_s", *ACHIEVED, *CONSEQUENCES}  # of the run, not of a lane
+OF_A_LANE = [f for f in FIELDS if f.name not in ELSEWHERE]
 
 
 def rows(run: str, result: Mapping) -> list[dict]:
-    """Return the rows of run `run` from `result`, the plain data of `cosim.judge.result.Result.to_dict`.
-
-    One per detector lane and fault that it could notice; a run without a detector has one row. Columns: FIELDS.
-    """
+    """Return the rows of run `run` from `result`, the plain data of `cosim.judge.result.Result.to_dict`. One per
+    detector lane and fault that it could notice; a run without a detector has one row. Columns: FIELDS."""
     about = {"run": run, "status": result["status"], "error": result["reason"], "sim_time_s": result["sim_time_s"]}
     about |= largest(result["achieved"])
     about |= dict.fromkeys(CONSEQUENCES) | (result.get("consequences") or {})
@@ -110,14 +104,12 @@ def lane(entry: Mapping) -> list[dict]:
     """Return what rows say of one detector lane, from its entry of the result (cosim.judge.result.judge)."""
     out = []
     for i, fault in enumerate(sorted(entry["by_fault"], key=lambda f: f["fault"] or 0) or [{}]):
-        e = {**entry, **fault}
-        once = ONCE if i else {k: entry[k] for k in ONCE}
-        first, last = (e[k] or {} for k in ("first_verdict", "isolated"))
-        out.append({k: e[k] for k in (*LANE, *FAULT)} | once | {
-            "delay_s": e["detection_delay_s"],
-            "delay_periods": e["detection_delay_periods"],
-            "first_verdict": first.get("class"),
-            "isolated_class": last.get("class"),
-            "isolated_target": last.get("target"),
-        })  # fmt: skip
+        e = {**entry, **fault, **{k: entry[k] for k in ONCE}}
+        out.append({f.name: _at(e, f.key or f.name) for f in OF_A_LANE} | (ONCE if i else {}))
     return out
+
+
+def _at(entry, key):
+    """Return the value of a key of an entry; behind a point that of a dict in it, None where there is none."""
+    name, _, inner = key.partition(".")
+    return (entry[name] or {}).get(inner) if inner else entry[name]

@@ -11,8 +11,7 @@ BLOCK = 1 << 16  # ticks that are read at once
 
 class Runs:
     """Columns of a trace by runs: run i holds the ticks at[i] <= k < at[i + 1], `runs[c]` are the values (runs,) of
-    column c there.
-    """
+    column c there."""
 
     def __init__(self, trace: Any, columns: Iterable[int], cuts: Iterable[int] = ()):
         """`trace` is (ticks, columns); a run begins at each of the `cuts`, too."""

@@ -9,13 +9,6 @@ from cosim.report.reproduce_page import reproduction_report
 from cosim.report.score_page import score_report, write_score
 
 __all__ = [
-    "comparison_report",
-    "diagnosis_report",
-    "envelope_report",
-    "false_alarms_report",
-    "flight_report",
-    "reproduction_report",
-    "score_report",
-    "write_comparison",
-    "write_score",
-]
+    "comparison_report", "diagnosis_report", "envelope_report", "false_alarms_report", "flight_report",
+    "reproduction_report", "score_report", "write_comparison", "write_score",
+]  # fmt: skip

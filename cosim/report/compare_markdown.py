@@ -18,8 +18,7 @@ FRONT = 4  # rank of the columns of the front page; DETAILS has all
 def write(found: Comparison, path: str | Path) -> None:
     """Write table and picture of a Comparison into the README at `path`, between its markers, and what each level sees
     of which oscillation into cosim/compare/README.md beside it, where there is one. Flights with a detector of both
-    levels fill the table of faults by level instead. Raises OutputError, see `targets`.
-    """
+    levels fill the table of faults by level instead. Raises OutputError, see `targets`."""
     from cosim.report.compare_picture import render
 
     table, picture, *details = targets(path)
@@ -34,7 +33,8 @@ def write(found: Comparison, path: str | Path) -> None:
         if readme.markers("compare")[0] in text:
             text = readme.put(text, "compare", markdown(found).partition("\n\n")[2], page)
         pages[page] = text
-    drawn = render(_one_segment(found.rows), stats.equal_thresholds(found.rows))
+    alone = found.rows["target"].fillna("").str.removeprefix("elevator.").isin(SEGMENTS)
+    drawn = render(found.rows[alone], stats.equal_thresholds(found.rows))
     for page, text in pages.items():
         readme.save(page, text)
     replace_text(picture, drawn)
@@ -42,10 +42,8 @@ def write(found: Comparison, path: str | Path) -> None:
 
 def targets(path: str | Path) -> list[Path]:
     """Return the files that `write` would write: the README at `path`, its picture, and DETAILS where it is there.
-
-    Raises OutputError where one of them lacks its markers, or what stands in the picture's place is
-    a foreign file: neither ours nor shown by the README's table.
-    """
+    Raises OutputError where one of them lacks its markers, or what stands in the picture's place is a foreign file:
+    neither ours nor shown by the README's table."""
     path = Path(path)
     picture, details = path.parent / PICTURE, path.parent / DETAILS
     text = readme.read(path)
@@ -79,8 +77,4 @@ def smallest(found: Comparison) -> str:
     Markdown."""
     what = "mm of rod at which 90 % are seen, its lower bound and a90/95; ?: outside the sizes flown"
     return "\n\n".join(f"{family}: {what}\n\n{made.markdown()}" for family, made in tables.sizes(found.sizes).items())
-
-
-def _one_segment(rows):
-    return rows[rows["target"].fillna("").str.removeprefix("elevator.").isin(SEGMENTS)]
 

@@ -11,6 +11,7 @@ from cosim.compare.metrics import proportion
 from cosim.judge import coverage
 from cosim.judge.lanes import seconds
 from cosim.judge.narrator import listed
+from cosim.scenario.catalog import ACTUATOR_SENSORS
 from cosim.table import number
 
 
@@ -46,6 +47,8 @@ def versus(pairs: Sequence[dict], each: Sequence[dict]) -> list[tuple[str, list]
 
 def _sees(grouped, members):
     out: list[str] = []
+    first = grouped[grouped["seen"]].groupby("run")["group"].agg(["count", "first"])
+    only = first.loc[first["count"] == 1, "first"].value_counts()  # {group: flights in which no other saw the fault}
     for g, own in grouped.groupby("group", sort=False):
         able = own[own["able"]]
         if not len(able):
@@ -54,18 +57,10 @@ def _sees(grouped, members):
         seen = able[able["seen"]]
         late = metrics.delays(able["delay_s"].to_numpy(float)).median
         soon = f", first alarm after {seconds(late)} s (median)" if np.isfinite(late) else ", half of them or fewer"
-        only = _only(grouped, g)
-        alone = f"; alone in {only}" if only else ""
+        alone = f"; alone in {only[g]}" if g in only else ""
         who = f"{g} ({', '.join(members[g])})"
         out.append(who + f": {len(seen)} of the {len(able)} faulty flights that it can see by structure{soon}{alone}")
     return out
-
-
-def _only(grouped, g):
-    """Return in how many flights group `g` was the only one to see the fault."""
-    seen = grouped[grouped["seen"]]
-    counts = seen.groupby("run")["group"].agg(["count", "first"])
-    return int(((counts["count"] == 1) & (counts["first"] == g)).sum())
 
 
 def _oscillations(sized):
@@ -99,9 +94,8 @@ def _needed(d):
 
 
 def _blind(grouped):
-    out, groups = [], list(dict.fromkeys(grouped["group"]))
-    for g in groups:
-        own = grouped[grouped["group"] == g]
+    out = []
+    for g, own in grouped.groupby("group", sort=False):
         blind = [c for c, part in own.groupby("case", sort=False) if not part["able"].any()]
         missed = [c for c, part in own.groupby("case", sort=False) if part["able"].any() and not part["seen"].any()]
         said = []
@@ -130,16 +124,13 @@ def _names(rows, each):
     told = (f"of {seen} detections by detectors designed for the fault {named} named it right, {unsure} called it "
             f"ambiguous, {wrong} gave another name")  # fmt: skip
     own = stats.designed_for(rows[rows["detected"] & (rows["outcome"] == "misnamed")])
-    crossed = own[(own["isolated_class"] == "sensor") != own["case"].map(_is_sensor).astype(bool)]
+    parts = (*ACTUATOR_SENSORS, "jam_liquid")
+    of_sensor = own["case"].map(lambda case: case.startswith("sensor") or case.split(".", 1)[-1] in parts)
+    crossed = own[(own["isolated_class"] == "sensor") != of_sensor.astype(bool)]
     if len(crossed):
         who = ", ".join(f"{n} {k}" for n, k in crossed["id"].value_counts().items())
         told += f"; in {len(crossed)} a sensor fault was called an actuator's, or the reverse ({who})"
     return [told]
-
-
-def _is_sensor(case):
-    kind = case.split(".", 1)[-1]
-    return case.startswith("sensor") or kind in coverage.PARTS or kind == "jam_liquid"
 
 
 def _false(rows, each):
@@ -147,12 +138,8 @@ def _false(rows, each):
     loud = [d for d in each if d["fault_free_alarmed"]]
     if not free:
         return ["no fault-free flight was flown: nothing can be said"]
-    quiet = len(each) - len(loud)
-    high = proportion(0, free).high
-    told = (
-        f"{quiet} of {len(each)} detectors were quiet in all {free} fault-free flights (below {high:.0%} "
-        f"per flight, 95 %)"
-    )
+    told = (f"{len(each) - len(loud)} of {len(each)} detectors were quiet in all {free} fault-free flights (below "
+            f"{proportion(0, free).high:.0%} per flight, 95 %)")  # fmt: skip
     return ["; ".join([told, *(f"{d['id']} alarmed in {d['fault_free_alarmed']}" for d in loud)])]
 
 
@@ -180,9 +167,5 @@ def _care(rows, each):
     dull = [d["id"] for d in each if not d["credible"]]
     if dull:
         out.append(f"{listed(dull)}: alarms all the time and therefore tells nothing; left out of the levels.")
-    out += [
-        f"{d['id']}: {coverage.remark(d['id'])}."
-        for d in each
-        if coverage.remark(d["id"]) and d["id"] not in dull
-    ]
-    return out
+    remarks = {d["id"]: coverage.remark(d["id"]) for d in each if d["id"] not in dull}
+    return out + [f"{name}: {remark}." for name, remark in remarks.items() if remark]

@@ -12,11 +12,9 @@ from cosim.judge.lanes import SHOWN, verdicts
 from cosim.log import open_log
 from cosim.replay.map_signals import in_map
 from cosim.replay.recording import Lane, LoggedFlight, words
-from cosim.report.detector import detector
-from cosim.report.figure import Figure, curve, least
-from cosim.report.flight import panels
+from cosim.report.figure import Figure
+from cosim.report.flight import detectors, panels, timeline
 from cosim.report.page import page, write
-from cosim.report.timeline import timeline
 from cosim.scenario import vocabulary
 from fdi import registry
 
@@ -76,39 +74,24 @@ class Watched:
 
 
 def diagnosis_report(log: str | Path, output: str | Path, *, light: bool = False) -> Path:
-    """Write the page of a diagnosis to the file `output`; returns its Path. Raises LogError, OutputError.
-
-    `light`: figures as SVG, without cursor and zoom, a tenth of the size.
-    """
+    """Write the page of a diagnosis to the file `output`; returns its Path. Raises LogError, OutputError. `light`:
+    figures as SVG, without cursor and zoom, a tenth of the size."""
     watched = Watched(log)
     flown = cast(LoggedFlight, watched)  # for the figures, which read these of its attributes alone
     line, alarms, _ = timeline(flown)
-    ids = list(dict.fromkeys(lane.id for lane in watched.lanes))
-    own = {i: detector(flown, [lane for lane in watched.lanes if lane.id == i]) for i in ids}
-    loud = {lane.id for lane in watched.lanes if lane.entry["alarm"]}
+    own, chips = detectors(flown)
     read = _inputs(watched)
     return write(
         output,
         page(
-            "diagnosis.html",
-            title=watched.log.metadata.get("run", {}).get("title", "Diagnosis"),
+            "diagnosis.html", title=watched.log.metadata.get("run", {}).get("title", "Diagnosis"),
             subtitle=f"{watched.t0:.6g} to {watched.end:.6g} s of the recording, at {1 / watched.dt:.6g} Hz",
-            summary=_summary(watched),
-            line=line,
-            lanes=verdicts(list(watched.verdicts.values())),
-            detectors=[(own[i], f"{i}: {_summary_of(i)}") for i in ids],
-            read=read,
-            caveats=watched.caveats,
-            lacking=watched.lacking,
-            map=watched.map,
-            figures=[line, *own.values(), read],
-            chips=[(i, next(lane.level for lane in watched.lanes if lane.id == i), i in loud) for i in ids],
-            span=[watched.t0, watched.end],
-            start=watched.t0,
-            alarms=alarms,
-            light=light,
+            summary=_summary(watched), line=line, lanes=verdicts(list(watched.verdicts.values())),
+            detectors=[(own[i], f"{i}: {_summary_of(i)}") for i in own], read=read, caveats=watched.caveats,
+            lacking=watched.lacking, map=watched.map, figures=[line, *own.values(), read], chips=chips,
+            span=[watched.t0, watched.end], start=watched.t0, alarms=alarms, light=light,
         ),
-    )
+    )  # fmt: skip
 
 
 def _summary_of(name: str) -> str:
@@ -139,6 +122,6 @@ def _inputs(watched: Watched) -> Figure:
                     height=90 + 150 * -(-len(read) // 2))  # fmt: skip
     panels(cast(LoggedFlight, watched), figure, list(read), [unit for unit, *_ in read.values()], 2, legend=False)
     for i, (name, (_, factor, y)) in enumerate(read.items(), 1):
-        figure.data.append(curve(watched.t0, watched.dt, factor * y, name=name, panel=i, legend=False))
-        least(figure.layout, i, [factor * y], 1e-9)
+        figure.curve(watched.t0, watched.dt, factor * y, name=name, panel=i, legend=False)
+        figure.least(i, [factor * y], 1e-9)
     return figure

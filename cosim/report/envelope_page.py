@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from cosim.campaign.envelope import REASONS, masses
-from cosim.report.figure import Figure, axis, base, grid, place
+from cosim.report.figure import axis, place, still
 from cosim.report.page import page, write
 
 COLUMNS_PX = 175  # of a row of panels
@@ -51,10 +51,8 @@ QUANTITIES = (
 
 
 def envelope_report(trims: pd.DataFrame, found: dict, output: str | Path) -> Path:
-    """Write the page of a trim map and its `envelope.summary` to the file `output`; returns its Path.
-
-    Raises OutputError.
-    """
+    """Write the page of a trim map and its `envelope.summary` to the file `output`; returns its Path. Raises
+    OutputError."""
     return write(output, render(trims, found))
 
 
@@ -64,17 +62,13 @@ def render(trims: pd.DataFrame, found: dict) -> str:
     shown = [q for q in QUANTITIES if len(good) and good[q.column].nunique() > 1]  # no map of one value
     figures = [_figure(trims, q) for q in shown]
     return page(
-        "envelope.html",
-        title="Envelope of the transport",
+        "envelope.html", title="Envelope of the transport",
         subtitle=f"{found['points']} points over mass, CG, altitude and speed; {found['trimmed']} trim in level flight",
-        figures=figures,
-        found=found,
-        why=[f"{n} for {REASON[name][2]}" for name, n in found["reasons"].items()],
+        figures=figures, found=found, why=[f"{n} for {REASON[name][2]}" for name, n in found["reasons"].items()],
         stalls=[(NAMES[technology], _stalls(ways)) for technology, ways in found["stalls"].items()],
         key=[(*REASON[name][:2], REASONS.get(name, name)) for name in found["reasons"]],
-        maps=[(q.heading, _told(q, trims), figure) for q, figure in zip(shown, figures)],
-        masses=masses(found),
-    )
+        maps=[(q.heading, _told(q, trims), figure) for q, figure in zip(shown, figures)], masses=masses(found),
+    )  # fmt: skip
 
 
 def _told(q, trims):
@@ -98,14 +92,11 @@ def _figure(trims, q):
     """Return the panels of one quantity: mass from left to right, CG from top to bottom."""
     masses, cgs = sorted(trims["mass_t"].unique()), sorted(trims["cg_pct"].unique())
     n = len(masses)
-    figure = Figure(q.column, "", 80 + COLUMNS_PX * len(cgs), time=False)
-    figure.layout = base(figure.height, legend=False) | {"hovermode": "closest"}
+    figure = still(q.column, "", 80 + COLUMNS_PX * len(cgs))
     figure.layout["margin"] |= {"r": 78, "l": 52}
     titles = [f"{m:.0f} t, CG {c:.0f} %" for c in cgs for m in masses]
-    grid(figure.layout, titles, ["1000 ft" if i % n == 0 else "" for i in range(len(titles))], n, time=False, gap=0.022)
+    figure.grid(titles, "1000 ft", n, x_title="kt CAS", gap=0.022)
     for i, (cg, mass) in enumerate(((c, m) for c in cgs for m in masses), 1):
-        if i > len(titles) - n:
-            figure.layout[axis("xaxis", i)]["title"]["text"] = "kt CAS"
         if (i - 1) % n:
             figure.layout[axis("yaxis", i)]["showticklabels"] = False
         part = trims[(trims["mass_t"] == mass) & (trims["cg_pct"] == cg)]

@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from cosim.compare import tables
-from cosim.report.figure import Figure, axis, base, grid, points, upright
+from cosim.report.figure import axis, points, still
 from cosim.report.page import page, write
 from cosim.table import number
 
@@ -16,9 +16,7 @@ WAYS = (("counted", "counted", "--blue", "solid"), ("extremes", "extremes", "--r
 
 def false_alarms_report(found: dict, output: str | Path) -> Path:
     """Write the page of what `cosim.compare.false_alarms.false_alarms` found to the file `output`; returns its Path.
-
-    Raises OutputError.
-    """
+    Raises OutputError."""
     return write(output, render(found))
 
 
@@ -26,17 +24,12 @@ def render(found: dict) -> str:
     """Return the page as HTML text."""
     drawn = [({"id": d["id"], "said": _said(d)}, _figure(d)) for d in found["detectors"]]
     return page(
-        "false_alarms.html",
-        title="False alarms per flight hour",
+        "false_alarms.html", title="False alarms per flight hour",
         subtitle=f"{len(found['detectors'])} detectors over {found['hours']:.1f} flight hours of {found['campaign']}",
-        figures=[figure for _, figure in drawn],
-        figures_of=drawn,
-        found=found,
-        certified=sum(d["certified"] for d in found["detectors"]),
-        rates=tables.rates(found["detectors"]),
-        held_out=tables.held_out(found["detectors"]),
-        index=tables.clusters(found["detectors"]),
-    )
+        figures=[figure for _, figure in drawn], figures_of=drawn, found=found,
+        certified=sum(d["certified"] for d in found["detectors"]), rates=tables.rates(found["detectors"]),
+        held_out=tables.held_out(found["detectors"]), index=tables.clusters(found["detectors"]),
+    )  # fmt: skip
 
 
 def _said(d):
@@ -50,11 +43,10 @@ def _said(d):
 
 
 def _figure(d):
-    figure = Figure(f"curve-{d['id']}", "", 330, time=False)
-    figure.layout = base(figure.height) | {"hovermode": "closest"}
+    figure = still(f"curve-{d['id']}", "", 330, True)
     figure.layout["margin"] |= {"t": 56}
     figure.layout["legend"]["y"] = 1.08
-    grid(figure.layout, TITLES, ["per hour", "c", "shape"], 3, time=False, gap=0.07)
+    figure.grid(TITLES, ["per hour", "c", "shape"], 3, x_title="", gap=0.07)
     words = ("c: all thresholds times this", "hours between two", "peaks fitted")
     for panel, (x, y) in enumerate((("log", "log"), ("log", "log"), ("log", "linear")), 1):
         figure.layout[axis("xaxis", panel)] |= {"type": x}
@@ -66,7 +58,7 @@ def _figure(d):
             figure.data += _band(c, d["curve"][key], name, colour, dash)
             figure.data += _band(c, d["curve"][key], name, colour, dash, turned=True) if key == "extremes" else []
     figure.layout["yaxis"]["range"] = [math.log10(LEAST), 2.0]
-    upright(figure.layout, 1, 1, color="--fault", width=1.2, dash="dash")
+    figure.upright(1, 1, color="--fault", width=1.2, dash="dash")
     top, rows = d["highest"], d["stability"]
     figure.data.append(_dots([d["hours"] / (i + 1) for i in range(len(top))], top, "--blue", 2))
     if rows:

@@ -5,6 +5,7 @@ largest value of each interval, so that no peak is lost.
 """
 
 import base64
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -37,6 +38,81 @@ class Figure:
     hint: str = ""  # what the cursor does with it, said where there is one
     svg: str = ""  # what a light page shows instead of `data` and `layout`
 
+    def points(self, panel: int, **about: Any) -> None:
+        """Draw `points`."""
+        self.data.append(points(panel, **about))
+
+    def curve(self, t0: float, dt: float, y: np.ndarray, **about: Any) -> None:
+        """Draw a `curve`."""
+        self.data.append(curve(t0, dt, y, **about))
+
+    def grid(self, titles: Sequence[Any], y_titles: Any, columns: Any, span: Any = None, x_title: str = "time, s",
+             gap: float = 0.085) -> None:  # fmt: skip
+        """Lay out panels row by row with a title each; `y_titles` is a list, or the text left of each row; `x_title`
+        stands below. `span` is the (first, last) time, `gap` the share of the width between two columns."""
+        n, rows = len(titles), -(-len(titles) // columns)
+        if isinstance(y_titles, str):
+            y_titles = ["" if i % columns else y_titles for i in range(n)]
+        gap_x, height = gap if columns > 1 else 0.0, self.layout["height"]
+        inner = height - self.layout["margin"]["t"] - self.layout["margin"]["b"]
+        gap_y = 52 / inner if rows > 1 else 0.0
+        if columns > 3 and any(titles):  # the title of the last panel is wider than a narrow page's panel
+            self.layout["margin"]["r"] = max(self.layout["margin"]["r"], 40)
+        w, h = (1 - gap_x * (columns - 1)) / columns, (1 - gap_y * (rows - 1)) / rows
+        for i in range(n):
+            r, c = divmod(i, columns)
+            x0, y1 = c * (w + gap_x), 1 - r * (h + gap_y)
+            xa = style_axis(x_title if i + columns >= n else "", domain=[x0, x0 + w], anchor=place(i + 1)["yaxis"])
+            if span is not None:
+                xa["range"] = list(span)
+            self.layout[axis("xaxis", i + 1)] = xa
+            up = {"domain": [max(0.0, y1 - h), y1], "anchor": place(i + 1)["xaxis"]}
+            self.layout[axis("yaxis", i + 1)] = style_axis(y_titles[i], **up)
+            if titles[i]:
+                self.label(f"<b>{titles[i]}</b>", x0, y1, xanchor="left", font={"size": 12, "color": "--ink"})
+
+    def label(self, text: str, x: float, y: float, **more: Any) -> None:
+        """Write a text just above the place (x, y) of the drawing, in shares of its size."""
+        at = {"xref": "paper", "yref": "paper", "x": x, "y": y, "yanchor": "bottom", "yshift": 3, "showarrow": False}
+        self.layout["annotations"].append({"text": text, **at, **more})
+
+    def bands(self, intervals: Any, panels: Any) -> None:
+        """Shade [(from, to)] in panels 1..`panels`."""
+        for panel in range(1, panels + 1):
+            at = place(panel)
+            for a, b in intervals:
+                ends = {"xref": at["xaxis"], "yref": at["yaxis"] + " domain", "x0": a, "x1": b, "y0": 0, "y1": 1}
+                look = {"fillcolor": "--fault/0.10", "line": {"width": 0}, "layer": "below"}
+                self.layout["shapes"].append({"type": "rect", **ends, **look})
+
+    def least(self, panel: Any, curves: Any, half: float) -> Any:
+        """Give a panel a vertical range around `curves` of at least +-`half`: noise must not fill it."""
+        ends = [(y.min(where=ok, initial=np.inf), y.max(where=ok, initial=-np.inf))
+                for y in curves for ok in [np.isfinite(y)] if ok.any()] or [(0.0, 0.0)]  # fmt: skip
+        low, high = float(min(a for a, _ in ends)), float(max(b for _, b in ends))
+        middle, spread = (high + low) / 2, max(1.12 * (high - low) / 2, half)
+        self.layout[axis("yaxis", panel)]["range"] = [middle - spread, middle + spread]
+
+    def note(self, panel: Any, text: str) -> None:
+        """Write a remark into the middle of a panel."""
+        at = place(panel)
+        self.layout["annotations"].append({
+            "text": text, "xref": at["xaxis"] + " domain", "yref": at["yaxis"] + " domain", "x": 0.5, "y": 0.5,
+            "showarrow": False, "font": {"size": 12, "color": "--muted"}, "bgcolor": "--page", "borderpad": 3,
+        })  # fmt: skip
+
+    def level(self, panel: int, y: float) -> None:
+        """Draw a horizontal line at `y` through a panel: a threshold."""
+        at, line = place(panel), {"color": "--fault", "width": 1.2, "dash": "dash"}
+        ends = {"xref": at["xaxis"] + " domain", "yref": at["yaxis"], "x0": 0, "x1": 1, "y0": y, "y1": y}
+        self.layout["shapes"].append({"type": "line", **ends, "line": line})
+
+    def upright(self, panel: int, x: float, **line: Any) -> None:
+        """Draw a vertical line at `x` through a panel."""
+        at = place(panel)
+        ends = {"xref": at["xaxis"], "yref": at["yaxis"] + " domain", "x0": x, "x1": x, "y0": 0, "y1": 1}
+        self.layout["shapes"].append({"type": "line", **ends, "line": line})
+
     def plain(self) -> dict:
         """Return what the page's script reads."""
         out = {"id": self.id, "data": self.data, "layout": self.layout, "time": self.time}
@@ -49,10 +125,8 @@ def packed(values: Any) -> dict[str, str]:
 
 
 def envelope(y: np.ndarray, points: int = POINTS) -> tuple[Any, ...]:
-    """Return (values, samples per value): `y` itself, or min and max of each of points/2 intervals in order of time.
-
-    An interval that holds only NaN gives NaN; the last interval may be shorter.
-    """
+    """Return (values, samples per value): `y` itself, or min and max of each of points/2 intervals in order of time. An
+    interval that holds only NaN gives NaN; the last interval may be shorter."""
     step = -(-2 * len(y) // points)  # samples per interval, rounded up
     if len(y) <= points or step < 3:
         return np.asarray(y, float), 1.0
@@ -89,19 +163,9 @@ def _largest(y, step):
 
 
 def curve(
-    t0: float,
-    dt: float,
-    y: np.ndarray,
-    *,
-    name: str = "",
-    colour: str = "--ink",
-    dash: str = "solid",
-    width: float = 1.4,
-    panel: int = 1,
-    legend: bool = True,
-    reduce: Any = envelope,
-    **more: Any,
-) -> dict:
+    t0: float, dt: float, y: np.ndarray, *, name: str = "", colour: str = "--ink", dash: str = "solid",
+    width: float = 1.4, panel: int = 1, legend: bool = True, reduce: Any = envelope, **more: Any,
+) -> dict:  # fmt: skip
     """Return a line trace of the samples y at t0 + k dt in panel number `panel`; `reduce` is as `envelope`."""
     values, every = reduce(y)
     trace = points(
@@ -115,9 +179,7 @@ def curve(
 
 def points(panel: int, *, hover: str = "", mode: str = "markers", detector: str | None = None, **more: Any) -> dict:
     """Return a trace in panel number `panel`, not named in the legend: "markers" or "lines", or of a `type` of its own.
-
-    `hover` is the template of what the cursor shows; with `detector` the trace is hidden with that one.
-    """
+    `hover` is the template of what the cursor shows; with `detector` the trace is hidden with that one."""
     kind = {} if "type" in more else {"type": "scatter", "mode": mode}
     own: dict = {"hovertemplate": hover} if hover else {}
     own |= {"meta": {"detector": detector}} if detector else {}
@@ -161,102 +223,23 @@ def base(height: float, legend: bool = True) -> dict[str, Any]:
     }
 
 
+def still(name: str, caption: str, height: int, legend: bool = False, **layout: Any) -> Figure:
+    """Return a Figure that does not follow time, of the shared layout with `layout` on top."""
+    return Figure(name, caption, height, layout=base(height, legend) | {"hovermode": "closest"} | layout, time=False)
+
+
+def log_axis(low: float, high: float, marks: Sequence[float] = (1,)) -> dict[str, Any]:
+    """Return what makes an axis logarithmic from `low` to `high`, with a label at each of `marks` per decade."""
+    shown = [v * 10.0**e for e in range(-6, 9) for v in marks if low <= v * 10.0**e <= high]
+    about = {"tickvals": shown, "ticktext": [f"{v:g}" for v in shown]}
+    return {"type": "log", "range": [math.log10(low), math.log10(high)], **about}
+
+
 def style_axis(title: str = "", **more: Any) -> dict[str, Any]:
     """Return one axis in the house style."""
     return {
-        "title": {"text": title, "font": {"size": 11, "color": "--muted"}, "standoff": 4},
-        "gridcolor": "--grid",
-        "zeroline": False,
-        "linecolor": "--line",
-        "tickcolor": "--line",
-        "ticks": "outside",
-        "ticklen": 3,
-        "tickfont": {"size": 10.5, "color": "--muted"},
-        "automargin": False,
-        "exponentformat": "power",
-        "separatethousands": True,
-        "minexponent": 6,
-        **more,
-    }
-
-
-def grid(
-    layout: dict,
-    titles: Sequence[Any],
-    y_titles: Any,
-    columns: Any,
-    span: Any = None,
-    time: bool = True,
-    gap: float = 0.085,
-) -> None:
-    """Lay out panels row by row with a title each; `span` is the (first, last) time, `gap` the share of the width
-    between two columns. Changes `layout`.
-    """
-    n, rows = len(titles), -(-len(titles) // columns)
-    gap_x, height = gap if columns > 1 else 0.0, layout["height"]
-    inner = height - layout["margin"]["t"] - layout["margin"]["b"]
-    gap_y = 52 / inner if rows > 1 else 0.0
-    if columns > 3 and any(titles):  # the title of the last panel is wider than a narrow page's panel
-        layout["margin"]["r"] = max(layout["margin"]["r"], 40)
-    w, h = (1 - gap_x * (columns - 1)) / columns, (1 - gap_y * (rows - 1)) / rows
-    for i in range(n):
-        r, c = divmod(i, columns)
-        x0, y1 = c * (w + gap_x), 1 - r * (h + gap_y)
-        below = i + columns >= n
-        xa = style_axis("time, s" if below and time else "", domain=[x0, x0 + w], anchor=place(i + 1)["yaxis"])
-        if span is not None:
-            xa["range"] = list(span)
-        layout[axis("xaxis", i + 1)] = xa
-        layout[axis("yaxis", i + 1)] = style_axis(
-            y_titles[i], domain=[max(0.0, y1 - h), y1], anchor=place(i + 1)["xaxis"]
-        )
-        if titles[i]:
-            label(layout, f"<b>{titles[i]}</b>", x0, y1, xanchor="left", font={"size": 12, "color": "--ink"})
-
-
-def label(layout: dict, text: str, x: float, y: float, **more: Any) -> None:
-    """Write a text just above the place (x, y) of the drawing, in shares of its size. Changes `layout`."""
-    at = {"xref": "paper", "yref": "paper", "x": x, "y": y, "yanchor": "bottom", "yshift": 3, "showarrow": False}
-    layout["annotations"].append({"text": text, **at, **more})
-
-
-def bands(layout: dict, intervals: Any, panels: Any) -> None:
-    """Shade [(from, to)] in panels 1..`panels`. Changes `layout`."""
-    for panel in range(1, panels + 1):
-        at = place(panel)
-        for a, b in intervals:
-            ends = {"xref": at["xaxis"], "yref": at["yaxis"] + " domain", "x0": a, "x1": b, "y0": 0, "y1": 1}
-            look = {"fillcolor": "--fault/0.10", "line": {"width": 0}, "layer": "below"}
-            layout["shapes"].append({"type": "rect", **ends, **look})
-
-
-def least(layout: dict, panel: Any, curves: Any, half: float) -> Any:
-    """Give a panel a vertical range around `curves` of at least +-`half`: noise must not fill it. Changes `layout`."""
-    ends = [(y.min(where=ok, initial=np.inf), y.max(where=ok, initial=-np.inf))
-            for y in curves for ok in [np.isfinite(y)] if ok.any()] or [(0.0, 0.0)]  # fmt: skip
-    low, high = float(min(a for a, _ in ends)), float(max(b for _, b in ends))
-    middle, spread = (high + low) / 2, (high - low) / 2
-    layout[axis("yaxis", panel)]["range"] = [middle - max(1.12 * spread, half), middle + max(1.12 * spread, half)]
-
-
-def note(layout: Any, panel: Any, text: str) -> None:
-    """Write a remark into the middle of a panel. Changes `layout`."""
-    at = place(panel)
-    layout["annotations"].append({
-        "text": text, "xref": at["xaxis"] + " domain", "yref": at["yaxis"] + " domain", "x": 0.5, "y": 0.5,
-        "showarrow": False, "font": {"size": 12, "color": "--muted"}, "bgcolor": "--page", "borderpad": 3,
-    })  # fmt: skip
-
-
-def level(layout: dict, panel: int, y: float) -> None:
-    """Draw a horizontal line at `y` through a panel: a threshold. Changes `layout`."""
-    at, line = place(panel), {"color": "--fault", "width": 1.2, "dash": "dash"}
-    ends = {"xref": at["xaxis"] + " domain", "yref": at["yaxis"], "x0": 0, "x1": 1, "y0": y, "y1": y}
-    layout["shapes"].append({"type": "line", **ends, "line": line})
-
-
-def upright(layout: dict, panel: int, x: float, **line: Any) -> None:
-    """Draw a vertical line at `x` through a panel. Changes `layout`."""
-    at = place(panel)
-    ends = {"xref": at["xaxis"], "yref": at["yaxis"] + " domain", "x0": x, "x1": x, "y0": 0, "y1": 1}
-    layout["shapes"].append({"type": "line", **ends, "line": line})
+        "title": {"text": title, "font": {"size": 11, "color": "--muted"}, "standoff": 4}, "gridcolor": "--grid",
+        "zeroline": False, "linecolor": "--line", "tickcolor": "--line", "ticks": "outside", "ticklen": 3,
+        "tickfont": {"size": 10.5, "color": "--muted"}, "automargin": False, "exponentformat": "power",
+        "separatethousands": True, "minexponent": 6, **more,
+    }  # fmt: skip

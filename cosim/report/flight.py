@@ -1,28 +1,34 @@
-"""Figures of one flight: path, motion, surfaces, and what was injected."""
+"""Figures of one flight: path, motion, surfaces, what was injected, every detector, all alarms on one time line."""
 
+import math
 from typing import Any
 
 import numpy as np
 
 from actuators.constants import DEG_PER_RAD, FT_PER_M, KT_PER_M_S
 from cosim.flight.loop import wiring
-from cosim.replay.recording import LoggedFlight, words
+from cosim.judge.alarms import faulty
+from cosim.judge.detection import name_at_end
+from cosim.judge.lanes import SHOWN
+from cosim.judge.result import concerns
+from cosim.replay.recording import Lane, LoggedFlight, spans, words
 from cosim.report.figure import (
     COLOURS,
     DASHES,
+    POINTS,
     Figure,
     axis,
-    bands,
     base,
     curve,
     envelope,
-    grid,
-    label,
-    least,
     packed,
+    peaks,
     place,
-    points,
+    still,
+    style_axis,
 )
+from fdi import registry
+from fdi.common.verdict import class_name
 
 RATES = (("yaw", "r"), ("roll", "p"), ("pitch", "q"))  # in the order of drawing, and their fields
 EARTH = 6_371_000.0  # mean radius [m]: the track is drawn on a local plane
@@ -33,8 +39,8 @@ def panels(
 ) -> Figure:
     """Lay out time panels over the whole flight with its faults shaded; returns the figure."""
     figure.layout = base(figure.height, legend)
-    grid(figure.layout, titles, units, columns, span=(flown.t0, flown.end))
-    bands(figure.layout, flown.intervals, len(titles))
+    figure.grid(titles, units, columns, span=(flown.t0, flown.end))
+    figure.bands(flown.intervals, len(titles))
     return figure
 
 
@@ -64,7 +70,7 @@ def motion(flown: LoggedFlight) -> Figure:
         for j, (name, y, step) in enumerate(reversed(made)):
             look: dict = {"colour": COLOURS[(0, 4, 2)[j]], "dash": DASHES[(0, 0, 2)[j]], "width": (1.6, 1.1, 1.4)[j]}
             figure.data.insert(0, curve(flown.t0, step, y, name=name, panel=i, legend=False, **look))
-        least(figure.layout, i, [y for _, y, _ in made], half)
+        figure.least(i, [y for _, y, _ in made], half)
         _inline_legend(figure, i)
     return figure
 
@@ -76,7 +82,7 @@ def _inline_legend(figure, panel):
     for k, (line, name) in enumerate(reversed(named)):
         mark = "─" if line["dash"] == "solid" else "┄"
         look: dict = {"xanchor": "right", "xshift": -84 * k, "font": {"size": 11, "color": line["color"]}}
-        label(figure.layout, f"{mark} {name}", **at, **look)
+        figure.label(f"{mark} {name}", **at, **look)
 
 
 def track(flown: LoggedFlight) -> Figure:
@@ -89,19 +95,18 @@ def track(flown: LoggedFlight) -> Figure:
     broken = np.zeros(len(t), bool)
     for a, b in flown.intervals:
         broken |= (t >= a) & (t <= b)
-    figure = Figure("track", "Thick: flown with a fault.", 250, time=False)
+    figure = still("track", "Thick: flown with a fault.", 250)
     figure.hint = "The dot is where the aircraft is at the time cursor."
-    figure.layout = base(figure.height, legend=False) | {"hovermode": "closest"}
     titles = ["Path over ground, seen from above", "Height along the path"]
-    grid(figure.layout, titles, ["north, km", "ft"], 2, time=False)
+    figure.grid(titles, ["north, km", "ft"], 2, x_title="")
     figure.layout["xaxis"]["title"]["text"] = "east, km"
     figure.layout["xaxis2"]["title"]["text"] = "distance from the start, km"
     for i, (x, y) in enumerate(((east, north), (along, height)), 1):
         for mask, colour, width in ((np.ones(len(t), bool), "--blue", 2.0), (broken, "--fault", 3.0)):
             line, xs, ys = {"color": colour, "width": width}, packed(x), packed(np.where(mask, y, np.nan))
-            figure.data.append(points(i, mode="lines", x=xs, y=ys, line=line, hoverinfo="x+y"))
+            figure.points(i, mode="lines", x=xs, y=ys, line=line, hoverinfo="x+y")
     figure.layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
-    least(figure.layout, 2, [height], 200.0)
+    figure.least(2, [height], 200.0)
     figure.track = [
         {"x": np.round(x, 4).tolist(), "y": np.round(y, 4).tolist()}
         for x, y in ((east, north), (along, height))
@@ -141,8 +146,8 @@ def _surface(flown, figure, panel, curves, legend):
     for name, y, step in curves:
         colour, width = look[name]
         shown: dict = {"colour": colour, "width": width, "panel": panel, "showlegend": legend}
-        figure.data.append(curve(flown.t0, step, y, name=name, **shown))
-    least(figure.layout, panel, [y for _, y, _ in curves], 0.5)
+        figure.curve(flown.t0, step, y, name=name, **shown)
+    figure.least(panel, [y for _, y, _ in curves], 0.5)
 
 
 def injected(flown: LoggedFlight) -> Figure | None:
@@ -158,5 +163,224 @@ def injected(flown: LoggedFlight) -> Figure | None:
     )
     panels(flown, figure, [n for n, _, _ in lanes], [u for _, u, _ in lanes], columns, legend=False)
     for i, (name, _, signal) in enumerate(lanes, 1):
-        figure.data.append(curve(flown.t0, flown.dt, signal(), name=name, colour="--fault", panel=i, legend=False))
+        figure.curve(flown.t0, flown.dt, signal(), name=name, colour="--fault", panel=i, legend=False)
     return figure
+
+
+FLOOR = 1e-3  # |r| below this is drawn here: a logarithm has no zero
+
+
+def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure | None:
+    """Return the figure of one detector: statistic of every lane over its threshold; estimate with band and truth. None
+    where it never judged: there is nothing to draw."""
+    if not any((np.abs(lane.fields["r"]) > 0.0).any() for lane in lanes):
+        return None
+    estimates = [n for n in lanes[0].fields if n.startswith("f_hat")]
+    figure = Figure(f"d-{lanes[0].id}", "", 272, detector=lanes[0].id)
+    main = next((lane.truth[0] for lane in lanes if lane.truth), estimates[0] if estimates else None)
+    mine = [lane for lane in lanes if lane.truth] or lanes
+    untold = "It gives no fault estimate." if not estimates else "Its estimate declared no fault in this flight."
+    if not (main and any(((n.fields[main] != 0.0) & (n.fields["valid"] > 0.5)).any() for n in mine)):
+        main = None  # an estimate that is zero throughout has no panel
+    unit, factor = _unit(lanes, main)
+    figure.caption = _of_what(lanes[0].id, main) if main else untold
+    titles = ["Statistic |r|"] + ([f"Estimate {main}"] if main else [])
+    panels(flown, figure, titles, ["|r|, threshold 1", unit][: len(titles)], len(titles))
+    figure.layout["margin"] |= {"t": 58}
+    figure.layout["legend"]["y"] = 1.12  # above the titles: on paper they are as long as it is
+    _statistic(figure, flown, lanes)
+    if main:
+        _estimate(figure, flown, lanes, main, factor)
+    return figure
+
+
+def detectors(flown: LoggedFlight) -> tuple[dict[str, Figure | None], list[tuple[str, str, bool]]]:
+    """Return {id: figure} of every detector that flew, and the page's chips (id, level, whether it alarmed)."""
+    lanes: dict[str, list[Lane]] = {}
+    for lane in flown.lanes:
+        lanes.setdefault(lane.id, []).append(lane)
+    chips = [(i, own[0].level, any(lane.entry["alarm"] for lane in own)) for i, own in lanes.items()]
+    return {i: detector(flown, own) for i, own in lanes.items()}, chips
+
+
+def _of_what(detector, field):
+    """Return what an estimate and its truth are where that is not what was injected into one part, else ""."""
+    own = getattr(registry.find(detector), "estimates", ())
+    said = next((e.of for e in own if e.output == field and e.of.startswith("elevator")), "")
+    side = f"{said.partition('.')[2]} side" if "." in said else "elevator"
+    return f"Estimate and injected truth: mean of the segments of the {side}, not the deflection of one." * bool(said)
+
+
+def _unit(lanes, main):
+    """Return (unit to show, factor) of an estimate: that of the truth, else the one that the log has."""
+    if not main:
+        return "", 1.0
+    known = next((lane.truth[2] for lane in lanes if lane.truth), lanes[0].units.get(main, ""))
+    return SHOWN.get(known, ("share" if known == "-" else known, 1.0))
+
+
+def _statistic(figure, flown, lanes):
+    figure.level(1, 1.0)
+    sizes = [peaks(np.abs(lane.fields["r"])) for lane in lanes]
+    top = max([2.0, *(float(np.nanmax(r)) for r, _ in sizes if np.isfinite(r).any())])
+    figure.layout["yaxis"] |= {
+        "type": "log",
+        "range": [math.log10(FLOOR * 8), math.log10(top * 1.6)],
+        "tickvals": [0.01, 0.1, 1, 10, 100, 1000],
+        "ticktext": ["0.01", "0.1", "1", "10", "100", "1000"],
+    }
+    for i, (lane, (r, every)) in enumerate(zip(lanes, sizes)):
+        figure.curve(
+            flown.t0, flown.dt * lane.every * every, np.maximum(r, FLOOR), name=words(lane.lane),
+            colour=COLOURS[i % 8], width=2.0 if lane.entry["concerned"] else 1.1, panel=1,
+        )  # fmt: skip
+
+
+def _estimate(figure, flown, lanes, main, factor):
+    """Draw the estimate of the lanes that estimate a fault of this flight, of all when none does."""
+    mine = [lane for lane in lanes if lane.truth] or lanes
+    sigma_name = f"f_sigma{main.removeprefix('f_hat')}"
+    first = next(n for n in lanes[0].fields if n.startswith("f_hat"))
+    for i, lane in enumerate(lanes):
+        if lane not in mine:
+            continue
+        step, f, ok = flown.dt * lane.every, lane.fields[main] * factor, lane.fields["valid"] > 0.5
+        sigma = lane.fields.get(sigma_name, lane.fields.get("f_sigma") if main in ("f_hat", first) else None)
+        if sigma is not None and ok.any():
+            _band(figure, flown.t0, step, np.where(ok, f, np.nan), 2.0 * factor * sigma, COLOURS[i % 8])
+        for part, colour, width in ((~ok, "--line", 1.0), (ok, COLOURS[i % 8], 1.4)):
+            if part.any():
+                figure.curve(
+                    flown.t0, step, np.where(part, f, np.nan), name=f"estimate {words(lane.lane)}", colour=colour,
+                    width=width, panel=2, showlegend=False,
+                )  # fmt: skip
+    seen = [envelope(lane.fields[main])[0] * factor for lane in [n for n in mine if n.able] or mine]
+    truth = next((lane.truth[1] for lane in mine if lane.truth), None)
+    if truth is not None:
+        y, every = envelope(truth())
+        seen.append(y * factor)
+        look: dict = {"colour": "--ink", "dash": "dot", "width": 1.6}
+        figure.curve(flown.t0, flown.dt * every, seen[-1], name="injected truth", panel=2, **look)
+    figure.least(2, seen, 1e-6)
+
+
+def _band(figure, t0, step, f, half, colour):
+    """Shade f +- half: the band must not be narrower than its samples, so its edges are the envelopes' extremes."""
+    for y, fill in ((f - half, None), (f + half, "tonexty")):
+        values, every = envelope(y)
+        shade = {"fill": fill, "fillcolor": f"{colour}/0.22"} if fill else {}
+        line, of = {"width": 0, "color": colour}, {"x0": t0, "dx": step * every, "y": packed(values)}
+        figure.points(2, mode="lines", line=line, hoverinfo="skip", **of, **shade)
+
+
+def timeline(flown: LoggedFlight) -> tuple[Figure, list[dict], list[dict]]:
+    """Return all alarms on one time line: a row per lane, thick where it alarms, pale where it cannot judge."""
+    hollow, top = ("; hollow bars: false alarms", " The topmost bars: the faults.") if flown.knows_faults else ("", "")
+    figure = Figure(
+        "timeline",
+        f"Thick bars: alarms, with the last name and when it first came, if later; of close ones the "
+        f"longest is named{hollow}. Thin lines: the detector "
+        f"watches and is quiet; gaps: its estimate is not valid.{top} Click a detector in the bar above to hide it.",
+    )
+    figure.layout = base(300, legend=False) | {"margin": {"l": 190, "r": 14, "t": 8, "b": 40}, "hovermode": "closest"}
+    figure.layout["xaxis"] = style_axis("time, s", range=[flown.t0, flown.end])
+    figure.layout["yaxis"] = style_axis("", type="category", ticklabelstandoff=4) | {
+        "gridcolor": "rgba(0,0,0,0)",
+        "tickfont": {"size": 11.5, "color": "--ink"},
+    }
+    figure.bands(flown.intervals, 1)
+    figure.rows, alarms, faults = [], [], []
+    for f, told in zip(flown.scenario.faults, flown.faults):
+        row, end = f"fault: {words(f.kind)}", min(told["end_s"], flown.end)
+        if row not in [r["name"] for r in figure.rows]:
+            figure.rows.append({"name": row, "detector": ""})
+        _bar(figure, row, f.start_s, end, "--ink", 9, f"{words(f.kind)} on {words(f.target)}")
+        faults.append({"from": f.start_s, "to": end, "text": f"{words(f.kind)} on {words(f.target)}"})
+    for lane in flown.lanes:
+        figure.rows.append({"name": lane.name, "detector": lane.id})
+        alarms += _row(figure, flown, lane)
+    figure.height = 22 * len(figure.rows) + 70
+    figure.layout["height"] = figure.height
+    return figure, alarms, faults
+
+
+def _bar(figure, row, a, b, colour, width, told, who=None):
+    line, hover = {"color": colour, "width": width}, f"{told}<br>%{{x:.3f}} s<extra></extra>"
+    figure.points(1, mode="lines", x=[a, b], y=[row] * 2, line=line, name=told, detector=who, hover=hover)
+
+
+def _row(figure, flown, lane):
+    """Draw one lane; return its alarms for the cursor's line."""
+    step, out = flown.dt * lane.every, []
+    on, verdict, culprit = (lane.fields[n] for n in ("alarm", "verdict", "culprit"))
+    for a, b in _joined(spans(lane.fields["valid"] > 0.5, flown.t0, step), (flown.end - flown.t0) / POINTS):
+        _bar(figure, lane.name, a, b, "--line", 1.5, f"{lane.name}: watching", lane.id)
+    real, labels = _real(flown, lane, step), []
+    found = spans(on > 0.5, flown.t0, step)
+    for a, b in found:
+        k = slice(round((a - flown.t0) / step), round((b - flown.t0) / step))
+        said = _said(lane, verdict[k], culprit[k], a, step)
+        true = real[k.start] if k.start < len(real) else False
+        out.append(
+            {"from": a, "to": b, "text": f"{lane.name} ({said}{'' if true else ', false'})", "detector": lane.id}
+        )
+        told = f"{lane.name}: alarm {a:.3f} to {b:.3f} s, {said}{'' if true else ', false alarm'}"
+        _bar(figure, lane.name, a, b, "--fault" if true else "--gold", 11, told, lane.id)
+        if not true:  # hollow: also without colour it is another thing
+            _bar(figure, lane.name, a, b, "--page", 5, told, lane.id)
+        labels.append((a, b, said))
+    _labels(figure, flown, lane, labels)
+    return out
+
+
+def _joined(found, gap):
+    """Return [(from, to)] with those joined that are less than `gap` [s] apart: a drawing does not show it."""
+    out: list = []
+    for a, b in found:
+        if out and a - out[-1][1] < gap:
+            out[-1] = (out[-1][0], b)
+        else:
+            out.append((a, b))
+    return out
+
+
+def _said(lane, verdict, culprit, start, step):
+    """Return the name at the end of an alarm that begins at `start` [s] and, where it came later, since when."""
+    given = np.flatnonzero(verdict > 0.5)
+    if not len(given):
+        return "alarm, no name"
+    end = name_at_end(verdict[given], culprit[given], given, given + 1, step)
+    if end is None:
+        return "alarm, names in turn"
+    last = given[end]
+    first = given[np.argmax((verdict[given] == verdict[last]) & (culprit[given] == culprit[last]))]
+    blamed = culprit[last]
+    part = lane.culprits[int(blamed)] if 0 <= blamed < len(lane.culprits) else ""
+    since = f" from {start + first * step:.2f} s" if first else ""
+    return f"{words(class_name(verdict[last]))} {words(part)}".strip() + since
+
+
+def _labels(figure, flown, lane, alarms):
+    """Write the verdict beside its bar, of bars without room between them that of the longest; at the left edge on the
+    bar itself."""
+    near: list[list] = []
+    room = (flown.end - flown.t0) / 8
+    for alarm in alarms:
+        if near and alarm[0] - near[-1][0][0] < room:
+            near[-1].append(alarm)
+        else:
+            near.append([alarm])
+    for a, _, said in (max(own, key=lambda alarm: alarm[1] - alarm[0]) for own in near):
+        inside = a - flown.t0 < room
+        side = {"xanchor": "left", "xshift": 12} if inside else {"xanchor": "right", "xshift": -3}
+        look = {"font": {"size": 11, "color": "--ink"}, "bgcolor": "--page", "borderpad": 1}  # watching runs behind it
+        told = {"text": said, "x": a, "y": lane.name, "showarrow": False, "detector": lane.id}
+        figure.layout["annotations"].append({**told, **side, **look})
+
+
+def _real(flown, lane, step):
+    """Return the rows (bool) at which an alarm of the lane would be a true one."""
+    if not flown.knows_faults:
+        return np.ones(len(lane.fields["alarm"]), bool)
+    own = [f for f in flown.faults if concerns(lane, f["targets"])]
+    return faulty(own, len(lane.fields["alarm"]), step, flown.t0)

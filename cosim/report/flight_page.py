@@ -5,59 +5,36 @@ from pathlib import Path
 from cosim.judge import lanes, narrator
 from cosim.replay.recording import LoggedFlight
 from cosim.report import flight
-from cosim.report.detector import detector
 from cosim.report.page import page, write
-from cosim.report.timeline import timeline
 from cosim.table import Cell, Row, Table
 from fdi import registry
 
 
 def flight_report(log: str | Path, output: str | Path, *, light: bool = False) -> Path:
     """Write the report of the log at `log` to the file `output`; returns its Path. Raises LogError, OutputError.
-
-    `light`: figures as SVG, without cursor and zoom, a tenth of the size.
-    """
+    `light`: figures as SVG, without cursor and zoom, a tenth of the size."""
     return write(output, render(LoggedFlight(log), light))
 
 
 def render(flown: LoggedFlight, light: bool = False) -> str:
     """Return the page of a logged flight as HTML text."""
-    line, alarms, faults = timeline(flown)
+    line, alarms, faults = flight.timeline(flown)
     elevators, others = flight.surfaces(flown)
     injected, motion, track = flight.injected(flown), flight.motion(flown), flight.track(flown)
-    ids = list(dict.fromkeys(lane.id for lane in flown.lanes))
-    own = {i: detector(flown, [lane for lane in flown.lanes if lane.id == i]) for i in ids}
-    figures = [line, injected, *own.values(), elevators, others, motion, track]
-    loud = {lane.id for lane in flown.lanes if lane.entry["alarm"]}
-    chips = [(i, next(lane.level for lane in flown.lanes if lane.id == i), i in loud) for i in ids]
+    own, chips = flight.detectors(flown)
     start = flown.intervals[0][0] if flown.intervals else (flown.t0 + flown.end) / 2
     title = flown.scenario.title or "Flight"
     provenance = [Row((k, Cell(v, "code"))) for k, v in flown.provenance.items()]
     return page(
-        "flight.html",
-        title=title,
-        subtitle=narrator.point(flown.scenario),
-        summary=summary(flown),
-        line=line,
-        names_key=lanes.KEY,
-        lanes=lanes.table([lane.entry for lane in flown.lanes], flown.cases),
-        injected=injected,
-        detectors=[(own[i], f"{i}: {getattr(registry.find(i), 'summary', '')}") for i in ids],
-        elevators=elevators,
-        others=others,
-        motion=motion,
-        track=track,
+        "flight.html", title=title, subtitle=narrator.point(flown.scenario), summary=summary(flown), line=line,
+        names_key=lanes.KEY, lanes=lanes.table([lane.entry for lane in flown.lanes], flown.cases), injected=injected,
+        detectors=[(own[i], f"{i}: {getattr(registry.find(i), 'summary', '')}") for i in own], elevators=elevators,
+        others=others, motion=motion, track=track,
         damage=[f"{d.length} bytes at {d.offset}: {d.reason}" for d in flown.log.damage],
-        provenance=Table("", "", "", rows=provenance, kind="", heads=False),
-        toml=flown.toml,
-        figures=figures,
-        chips=chips,
-        span=[flown.t0, flown.end],
-        start=start,
-        faults=faults,
-        alarms=alarms,
-        light=light,
-    )
+        provenance=Table("", "", "", rows=provenance, kind="", heads=False), toml=flown.toml,
+        figures=[line, injected, *own.values(), elevators, others, motion, track], chips=chips,
+        span=[flown.t0, flown.end], start=start, faults=faults, alarms=alarms, light=light,
+    )  # fmt: skip
 
 
 def summary(flown: LoggedFlight) -> list[tuple[str, list]]:

@@ -17,6 +17,7 @@ from cosim.compare import rows as compare_rows
 from cosim.compare.metrics import rate
 from cosim.compare.stats import place_word
 from cosim.report import markdown
+from cosim.table import Row, Table
 from cosim.training.train_joint import NOT_LEARNED
 from fdi import joint as room
 from fdi.joint.places import AIRCRAFT, LOCAL
@@ -56,8 +57,7 @@ def text(folder: str | Path) -> str:
     rows = compare_rows.tidy(frame, tomls, source)
     found = counts(rows, dict(zip(frame["run"], frame["label.part"], strict=True)))
     order = [*compare_rows.FAMILIES, kind(NOT_LEARNED[1], ""), kind(NOT_LEARNED[0], ""), "all"]
-    lines = ["| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)]
-    lines += ["| " + " | ".join((k, *map(str, found[k].values()))) + " |" for k in order if k in found]
+    made = Table("", *HEAD, rows=[Row((k, *found[k].values())) for k in order if k in found])
     falsely = {who: rows[rows["id"].isin(ids) & (rows["false_alarms"] > 0)]["run"].nunique()
                for who, ids in (("joint", ("joint",)), ("any", (*LOCAL, *AIRCRAFT)))}  # fmt: skip
     mine = rows[rows["id"] == "joint"]
@@ -67,7 +67,7 @@ def text(folder: str | Path) -> str:
         f"Without a fault: `joint` alarms in {falsely['joint']} of {rows['run'].nunique()} flights, some detector that "
         f"it reads in {falsely['any']}; {alarms} alarms in {hours:.1f} valid hours, at most {most:.2g} per hour (95 %)."
     )
-    return "\n".join([*lines, "", said])
+    return f"{made.markdown()}\n\n{said}"
 
 
 if __name__ == "__main__":

@@ -34,9 +34,7 @@ def read(path: str | Path) -> str:
 
 def put(text: str, name: str, made: str, path: str | Path) -> str:
     """Return `text`, that of the file at `path`, with `made` between the markers of `name`, in the text's line ends.
-
-    Raises OutputError where the markers are not there once each.
-    """
+    Raises OutputError where the markers are not there once each."""
     begin, end = markers(name)
     if part(text, name) is None:
         raise OutputError("has not the two markers", place=str(path), allowed=f"{begin} and {end}, once each")

@@ -24,31 +24,19 @@ from cosim.report import svg
 def environment() -> Environment:
     """Return the templates' environment: every value is escaped, an unknown name is an error."""
     made = Environment(
-        loader=PackageLoader("cosim.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
+        loader=PackageLoader("cosim.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
-    )
+    )  # fmt: skip
     made.filters["coded"] = lambda text: Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
     made.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
     return made
 
 
 def page(
-    template: str,
-    *,
-    title: str,
-    subtitle: str,
-    figures: list,
-    chips: Sequence[Any] = (),
-    span: list[float] | None = None,
-    start: float = 0.0,
-    faults: Sequence[Any] = (),
-    alarms: Sequence[Any] = (),
-    light: bool = False,
-    **content: Any,
-) -> str:
+    template: str, *, title: str, subtitle: str, figures: list, chips: Sequence[Any] = (),
+    span: list[float] | None = None, start: float = 0.0, faults: Sequence[Any] = (), alarms: Sequence[Any] = (),
+    light: bool = False, **content: Any,
+) -> str:  # fmt: skip
     """Return the page of `template` as HTML text; `content` are the template's own names.
 
     `figures` are the Figures whose places stand in it; `chips` [(detector, level, alarmed)]; `span` the (first, last)

@@ -16,19 +16,14 @@ def markdown(found: Iterable[Row], held: str = "") -> str:
     own = {name: [r for r in found if r.paper == name] for name in dict.fromkeys(r.paper for r in found)}
     _, totals = parsed(held)
     blocks = {name: _block(held, name) for name in totals if name != "all"}
-    blocks |= {name: _folded(name, each) for name, each in own.items()}
+    folded = "<details><summary>{}, row by row</summary>\n\n{}\n\n</details>".format
+    blocks |= {name: folded(name, rows(each).markdown()) for name, each in own.items()}
     totals |= {name: (len(each), *counts(each).values()) for name, each in own.items()}
     totals["all"] = tuple(sum(column) for column in zip(*(totals[name] for name in blocks)))
     made = Table("", "paper", "rows", "agree", "differ, explained", "differ", "ours, no claim", "beyond")
     for name in (*blocks, "all"):
         made.add(name, *totals[name])
     return "\n".join([made.markdown(), *("\n" + block for block in blocks.values())])
-
-
-def _folded(name, found):
-    """Return the rows of a paper, folded."""
-    made = rows(found).markdown()
-    return f"<details><summary>{name}, row by row</summary>\n\n{made}\n\n</details>"
 
 
 def _block(text, name):

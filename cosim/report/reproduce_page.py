@@ -7,7 +7,7 @@ from cosim.files import replace_text
 from cosim.papers import tables
 from cosim.papers.row import Row as PaperRow
 from cosim.report import svg
-from cosim.report.figure import Figure, axis, bands, base, curve, envelope, grid, least, level
+from cosim.report.figure import axis, curve, envelope, still
 from cosim.report.page import PICTURE, page, write
 from cosim.table import Cell, Table
 
@@ -50,15 +50,10 @@ def render(rows: list[PaperRow], drawings: list) -> str:
     words = [word for word, _ in tables.VERDICTS.values()]
     said = (*words[:3], "ours, the paper gives no number", "beyond the paper")
     return page(
-        "reproduce.html",
-        title=f"{_papers(names)}, reproduced",
+        "reproduce.html", title=f"{_papers(names)}, reproduced",
         subtitle="The papers' own experiments: what they say, what we get. Figures, numbers and captions are ours.",
-        figures=figures,
-        total=len(rows),
-        counts=list(zip(_count(rows), said)),
-        papers=papers,
-        meaning=tables.MEANING,
-    )
+        figures=figures, total=len(rows), counts=list(zip(_count(rows), said)), papers=papers, meaning=tables.MEANING,
+    )  # fmt: skip
 
 
 def write_pictures(folder: str | Path, drawings: list) -> list[Path]:
@@ -99,10 +94,9 @@ def _figure(d, name, caption):
     columns = min(d.columns, len(d.panels))
     lines = -(-len(d.panels) // columns)
     height = 84 + d.row_px * lines + 52 * (lines - 1)
-    figure = Figure(name, caption, height, time=False)
-    figure.layout = base(height)
+    figure = still(name, caption, height, True, hovermode="x unified")
     figure.layout["margin"]["t"] = 50
-    grid(figure.layout, [p.title for p in d.panels], [p.unit for p in d.panels], columns, span=d.span)
+    figure.grid([p.title for p in d.panels], [p.unit for p in d.panels], columns, span=d.span)
     figure.layout["legend"]["y"] = 1 + 20 / (height - 84)
     named = set()
     for i, panel in enumerate(d.panels, start=1):
@@ -110,14 +104,14 @@ def _figure(d, name, caption):
             figure.data.append(_curve(c, i, c.name not in named, d.span))
             named.add(c.name)
         for y in panel.levels:
-            level(figure.layout, i, y)
+            figure.level(i, y)
         seen = [c.y[_inside(c, d.span)] for c in panel.curves]
         if panel.limits:
             figure.layout[axis("yaxis", i)]["range"] = list(panel.limits)
         elif panel.least or panel.levels:
-            least(figure.layout, i, seen, max([panel.least, *(1.1 * abs(y) for y in panel.levels)]))
+            figure.least(i, seen, max([panel.least, *(1.1 * abs(y) for y in panel.levels)]))
     if d.onset is not None:
-        bands(figure.layout, [(d.onset, d.span[1])], len(d.panels))
+        figure.bands([(d.onset, d.span[1])], len(d.panels))
     return figure
 
 
@@ -132,13 +126,7 @@ def _inside(c, span):
 def _curve(c, panel, legend, span):
     on = _inside(c, span)
     made = curve(
-        c.t0 + c.dt * (on.start or 0),
-        c.dt,
-        c.y[on],
-        name=c.name,
-        colour=ROLES[c.role],
-        dash=c.dash,
-        panel=panel,
+        c.t0 + c.dt * (on.start or 0), c.dt, c.y[on], name=c.name, colour=ROLES[c.role], dash=c.dash, panel=panel,
         reduce=lambda y: envelope(y, 1000),
-    )
+    )  # fmt: skip
     return made | {"showlegend": legend}

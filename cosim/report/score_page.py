@@ -10,7 +10,7 @@ import pandas as pd
 from cosim.compare import tables
 from cosim.files import columns, marked, replace, replace_text
 from cosim.report import markdown as readme
-from cosim.report.figure import Figure, base, style_axis
+from cosim.report.figure import Figure, log_axis, still, style_axis
 from cosim.report.page import PAGE, page, write
 from cosim.table import DASH, Table, number
 
@@ -19,9 +19,7 @@ SIGNS = {"score.json": marked(b'{\n "benchmark": "'), "score.parquet": columns("
 
 def score_report(found: dict, output: str | Path, beside: Sequence[dict] = ()) -> Path:
     """Write the page of a score, `found` being its JSON, to the file `output`; returns its Path. Raises OutputError.
-
-    `beside` are rows of further detectors on the same recordings, from a stored table.
-    """
+    `beside` are rows of further detectors on the same recordings, from a stored table."""
     return write(output, render(found, beside))
 
 
@@ -31,9 +29,11 @@ def render(found: dict, beside: Sequence[dict] = ()) -> str:
     figure = front(each)
     lost = f"; {found['infeasible']} points do not trim" if found["infeasible"] else ""
     fitted = any(f.get("a90") is not None for d in each for f in d["families"])
+    names = [d["id"] for d in found["detectors"]]
+    some = f"{len(names)} detectors" if len(names) > 3 else ", ".join(names)
     return page(
         "score.html",
-        title=f"Score of {_some(found)} on {found['benchmark']}",
+        title=f"Score of {some} on {found['benchmark']}",
         subtitle=f"{flights(found)} recorded, the same for all{lost}",
         figures=[figure],
         chips=[(d["id"], d["level"], d["detected"] > 0) for d in each],
@@ -59,11 +59,6 @@ def flights(found: dict) -> str:
     return f"{n} flights" if n == whole else f"{n} of the {whole} flights"
 
 
-def _some(found):
-    names = [d["id"] for d in found["detectors"]]
-    return f"{len(names)} detectors" if len(names) > 3 else ", ".join(names)
-
-
 SHARES = (("right name", "named", "--green"), ("ambiguous", "ambiguous", "--gold"), ("wrong name", "misnamed", "--red"),
           ("not valid", "not_valid", "--muted"))  # fmt: skip
 
@@ -72,8 +67,7 @@ def front(each: list[dict]) -> Figure:
     """Return the figure of what a detector says of faults, and beside it what it costs in false alarms; a line each."""
     own = [d for d in each if d["designed"]]
     caption = "Left: share of the faults that it watches; the rest were missed. Right: 95 % bound of what was counted."
-    figure = Figure("front", caption, 90 + 22 * len(own), time=False)
-    figure.layout = base(figure.height) | {"hovermode": "closest", "barmode": "stack", "bargap": 0.35}
+    figure = still("front", caption, 90 + 22 * len(own), True, barmode="stack", bargap=0.35)
     figure.layout["margin"] |= {"l": 150, "b": 44}
     figure.layout["yaxis"] = style_axis(categoryarray=[d["id"] for d in reversed(own)], categoryorder="array")
     figure.layout["xaxis"] = style_axis("faults", domain=[0.0, 0.6], range=[0.0, 1.0], tickformat=".0%")
@@ -81,24 +75,17 @@ def front(each: list[dict]) -> Figure:
     bounds = [math.log10(d["false_alarms_per_hour_high"]) for d in own if d["false_alarms_per_hour_high"]]
     if bounds:
         low, high = min(bounds) - 0.5, max(bounds) + 0.5  # a decade at least: more than one tick
-        steps = (1, 2, 5) if high - low < 2.0 else (1,)
-        shown = [m * 10.0**k for k in range(-6, 9) for m in steps if low <= math.log10(m * 10.0**k) <= high]
-        rate |= {"range": [low, high], "tickvals": shown, "ticktext": [f"{v:g}" for v in shown]}
+        rate |= log_axis(10.0**low, 10.0**high, (1, 2, 5) if high - low < 2.0 else (1,))
     figure.layout["xaxis2"] = style_axis("false alarms per hour, below", **rate)
     for d in own:
-        common = {"y": [d["id"]], "meta": {"detector": d["id"]}}
+        common: dict = {"y": [d["id"]], "detector": d["id"], "yaxis": "y"}
         for name, key, colour in SHARES:
-            figure.data.append({
-                "type": "bar", "orientation": "h", "name": name, "x": [d[key] / d["designed"]], **common,
-                "marker": {"color": colour}, "showlegend": d is own[0],
-                "hovertemplate": f"{d[key]} of {d['designed']} {name}<extra>{d['id']}</extra>",
-            })  # fmt: skip
-        figure.data.append({
-            "type": "scatter", "mode": "markers", "x": [d["false_alarms_per_hour_high"]], "xaxis": "x2", **common,
-            "marker": {"size": 9, "color": "--ink"}, "showlegend": False,
-            "hovertemplate": f"counted {d['false_alarms_per_hour']:.2g}, below %{{x:.2g}} per hour"
-                             f"<extra>{d['id']}</extra>",
-        })  # fmt: skip
+            said = f"{d[key]} of {d['designed']} {name}<extra>{d['id']}</extra>"
+            figure.points(1, type="bar", orientation="h", name=name, x=[d[key] / d["designed"]], hover=said,
+                          marker={"color": colour}, showlegend=d is own[0], **common)  # fmt: skip
+        said = f"counted {d['false_alarms_per_hour']:.2g}, below %{{x:.2g}} per hour<extra>{d['id']}</extra>"
+        at = [d["false_alarms_per_hour_high"]]
+        figure.points(2, x=at, hover=said, marker={"size": 9, "color": "--ink"}, **common)
     return figure
 
 
@@ -131,9 +118,7 @@ def markdown_sizes(found: dict) -> str:
 
 def write_score(found: dict, rows: pd.DataFrame, out: str | Path, beside: Sequence[dict] = ()) -> None:
     """Write a score into folder `out`: score.json, score.html and, of public seeds, score.parquet, the rows behind it.
-
-    Notes the paths in `found`. Raises OutputError.
-    """
+    Notes the paths in `found`. Raises OutputError."""
     out = Path(out)
     # a table to share: without paths
     replace_text(out / "score.json", json.dumps(found, indent=1, allow_nan=False), SIGNS["score.json"])

@@ -26,11 +26,10 @@ def drawn(figure: Figure) -> str:
     panels = {i: _Panel(figure, layout, i) for i in (int(k[5:] or 1) for k in layout if k.startswith("xaxis"))}
     out = [p.frame() for p in panels.values()]
     out += [_shape(panels, s) for s in layout["shapes"] if s.get("layer") == "below"]
-    last = None
+    at = None
     for trace in figure.data:
-        panel = panels[_number(trace)]
-        last = _Drawn(panel, trace, last)
-        out.append(last.text)
+        at, text = _drawn(panels[_number(trace)], trace, at)
+        out.append(text)
     out += [_shape(panels, s) for s in layout["shapes"] if s.get("layer") != "below"]
     out += [_note(panels, layout, a) for a in layout["annotations"]]
     out += _legend(layout, figure.data) if layout.get("showlegend") else []
@@ -156,37 +155,26 @@ class _Panel:
         return "".join([*out, f'<path d="M{x:.1f} {y:.1f}v{h:.1f}h{w:.1f}" fill="none" stroke="var(--line)"/>'])
 
 
-class _Drawn:
-    """A trace as SVG text; `line` is its path, for a band up to it."""
-
-    def __init__(self, panel, trace, before):
-        self.line = self._places(panel, trace)
-        said = self._drawn(trace, before)
-        self.text = f'<g clip-path="url(#c-{panel.id})"{_of((trace.get("meta") or {}).get("detector"))}>{said}</g>'
-
-    def _places(self, panel, trace):
-        y = trace["y"] if panel.y.names is not None else _values(trace["y"])
-        if "x" in trace:
-            x = trace["x"] if panel.x.names is not None else _values(trace["x"])
-        else:
-            most, dx = int(0.75 * panel.box[2]), trace["dx"]
-            y, every = envelope(y, most) if len(y) > 1.2 * most else (y, 1.0)
-            x = trace["x0"] + dx * every * np.arange(len(y))
-        return np.stack([panel.x.at(x), panel.y.at(y)], axis=1)
-
-    def _drawn(self, trace, before):
-        at, out = self.line, ""
-        line = trace["line"]
-        if trace.get("fill") == "tonexty":
-            ring = np.concatenate([before.line, at[::-1]])
-            out = f'<path d="{_path(ring[np.isfinite(ring).all(axis=1)])}" stroke="none" ' \
-                  f'{_colour(trace["fillcolor"], "fill")}/>'  # fmt: skip
-        if line["width"]:
-            dash = DASHED.get(line.get("dash", "solid"), "")
-            dashed = f' stroke-dasharray="{dash}"' if dash else ""
-            look = f'{_colour(line["color"])} stroke-width="{line["width"]:g}"{dashed}'
-            out += f'<path d="{_path(at)}" fill="none" {look}/>'
-        return out
+def _drawn(panel, trace, before):
+    """Return (places of a trace (n, 2), the trace as SVG text); `before` are those of the last one, for a band."""
+    y = trace["y"] if panel.y.names is not None else _values(trace["y"])
+    if "x" in trace:
+        x = trace["x"] if panel.x.names is not None else _values(trace["x"])
+    else:
+        most, every = int(0.75 * panel.box[2]), 1.0
+        if len(y) > 1.2 * most:
+            y, every = envelope(y, most)
+        x = trace["x0"] + trace["dx"] * every * np.arange(len(y))
+    at, line, out = np.stack([panel.x.at(x), panel.y.at(y)], axis=1), trace["line"], ""
+    if trace.get("fill") == "tonexty":
+        ring = np.concatenate([before, at[::-1]])
+        ring = ring[np.isfinite(ring).all(axis=1)]
+        out = f'<path d="{_path(ring)}" stroke="none" {_colour(trace["fillcolor"], "fill")}/>'
+    if line["width"]:
+        dash = DASHED.get(line.get("dash", "solid"), "")
+        dashed = f' stroke-dasharray="{dash}"' if dash else ""
+        out += f'<path d="{_path(at)}" fill="none" {_colour(line["color"])} stroke-width="{line["width"]:g}"{dashed}/>'
+    return at, f'<g clip-path="url(#c-{panel.id})"{_of((trace.get("meta") or {}).get("detector"))}>{out}</g>'
 
 
 def _path(at):

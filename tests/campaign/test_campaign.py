@@ -16,11 +16,10 @@ import pytest
 import worker_calls
 from worker_calls import die_once, flights, killed
 
-from cosim.campaign import manifest
 from cosim.campaign import pool as campaign_pool
 from cosim.campaign.flights import flatten, run_many
 from cosim.campaign.log_selection import choose
-from cosim.campaign.store import FILES, Store, fingerprint, load
+from cosim.campaign.store import FILES, MANIFEST, Store, fingerprint, load
 from cosim.campaign.worker import failed, run_id
 from cosim.errors import CampaignError, OutputError
 from cosim.scenario import load_scenario
@@ -195,19 +194,13 @@ def test_logs_of_the_worst_runs_are_kept_by_rule(tmp_path):
 def test_rules_choose_the_worst_first_per_detector():
     frame = pd.DataFrame(
         {
-            "run": ["a", "b", "c", "d"],
-            "id": ["x", "x", "x", "y"],
-            "status": ["completed", "departed", "completed", "completed"],
-            "concerned": [True, True, True, False],
-            "delay_s": [1.0, 3.0, np.nan, np.nan],
-            "delay_periods": [1.0, 3.0, np.nan, np.nan],
-            "false_alarms": [0, 2, 1, 1],
-            "r_max_before": [0.1, 0.2, 0.3, 0.4],
-            "estimate_rmse": [np.nan] * 4,
-            "amplitude_mm": [1.0, 1.0, 1.0, np.nan],
-            "rod_mm": [1.0, 1.0, 1.0, np.nan],
+            "run": ["a", "b", "c", "d"], "id": ["x", "x", "x", "y"],
+            "status": ["completed", "departed", "completed", "completed"], "concerned": [True, True, True, False],
+            "delay_s": [1.0, 3.0, np.nan, np.nan], "delay_periods": [1.0, 3.0, np.nan, np.nan],
+            "false_alarms": [0, 2, 1, 1], "r_max_before": [0.1, 0.2, 0.3, 0.4], "estimate_rmse": [np.nan] * 4,
+            "amplitude_mm": [1.0, 1.0, 1.0, np.nan], "rod_mm": [1.0, 1.0, 1.0, np.nan],
         }
-    )
+    )  # fmt: skip
     assert choose(frame, {"late": 1}) == {"b": ["late"]}
     assert choose(frame, {"missed": 2}) == {"c": ["missed"]}
     assert choose(frame, {"false_alarm": 1, "departed": 1}) == {"b": ["false_alarm", "departed"], "d": ["false_alarm"]}
@@ -226,7 +219,7 @@ def test_load_reads_a_campaign_finished_or_not(tmp_path, flown):
 
 def test_a_manifest_says_what_was_flown_with_what_and_what_it_took(flown):
     rows, timing = load(flown[1])
-    told = json.loads((flown[1] / manifest.FILE).read_text(encoding="utf-8"))
+    told = json.loads((flown[1] / MANIFEST).read_text(encoding="utf-8"))
     assert (told["runs"], told["rows"]) == (rows["run"].nunique(), len(rows))
     assert told["seeds"] == [rows["seed"].min(), rows["seed"].max()] and told["digest"] == fingerprint()["digest"]
     assert told["sha256"]["runs.parquet"] == hashlib.sha256((flown[1] / "runs.parquet").read_bytes()).hexdigest()

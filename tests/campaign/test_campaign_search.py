@@ -34,6 +34,7 @@ def found(tmp_path_factory):
 def test_search_finds_the_corner_that_random_flights_do_not(found):
     first = found.flights["r"].iloc[:POPULATION]
     assert found.r == found.flights["r"].max() >= first.max() > first.median()
+    assert found.flights["r"].iloc[POPULATION:].median() > first.median()  # it climbs
     assert found.scenario.sensors.setting("surface").bias > 0.9 * 3.14159 / 180
     assert found.scenario.seed >= SEARCH_SEED and len(found.flights) == 2 * POPULATION
 

@@ -17,9 +17,10 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from cosim.campaign import manifest, pool
+from cosim.campaign import pool
 from cosim.campaign.flights import run_many
 from cosim.campaign.run import cluster, run_campaign
+from cosim.campaign.store import MANIFEST
 from cosim.scenario import load_scenario
 
 WORKERS, RUNS, KILLS = 16, 320, 12
@@ -67,7 +68,7 @@ def test_sixteen_workers_killed_at_random_give_the_rows_of_one_process(tmp_path,
     assert not found.frame.duplicated(["run", "lane"]).any() and found.failed == 0
     done = [d for _, d, _ in seen]
     assert done == list(range(1, RUNS + 1)), "progress counts every run once"
-    told = [json.loads((tmp_path / name / manifest.FILE).read_text()) for name in ("far", "here")]
+    told = [json.loads((tmp_path / name / MANIFEST).read_text()) for name in ("far", "here")]
     assert told[0]["sha256"] == told[1]["sha256"] and told[0]["runs"] == RUNS and told[0]["rows"] == 4 * RUNS
     half = RUNS // 2
     begin, middle, end = seen[0][0], seen[half][0], seen[-1][0]
@@ -170,5 +171,5 @@ def test_real_flights_survive_kills_new_workers_and_a_new_scheduler(tmp_path):
     frames = [pq.read_table(tmp_path / name / "runs.parquet").to_pandas() for name in ("far", "here")]
     pd.testing.assert_frame_equal(*frames)
     assert frames[0]["run"].nunique() == MANY == here.done and not frames[0].duplicated(["run", "lane"]).any()
-    sums = [json.loads((tmp_path / name / manifest.FILE).read_text())["sha256"] for name in ("far", "here")]
+    sums = [json.loads((tmp_path / name / MANIFEST).read_text())["sha256"] for name in ("far", "here")]
     assert sums[0] == sums[1]

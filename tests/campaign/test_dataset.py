@@ -10,7 +10,7 @@ import pytest
 
 import cosim
 from cosim.campaign.dataset import make
-from cosim.campaign.dataset.splits import empty, splits
+from cosim.campaign.dataset.metadata import empty, splits
 from cosim.errors import CampaignError, OutputError
 
 CAMPAIGN = """

@@ -2,9 +2,8 @@
 
 import pytest
 
-from cosim.campaign.design_point_search import AGAIN, likeliest
-from cosim.campaign.spec import load_campaign
-from cosim.campaign.unit_cube import Space
+from cosim.campaign.search import AGAIN, likeliest
+from cosim.campaign.spec import Space, load_campaign
 from cosim.campaign.worker import fly, run_id
 from cosim.errors import CosimError
 from cosim.scenario import load_scenario

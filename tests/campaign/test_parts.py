@@ -7,9 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.campaign import parts
-from cosim.campaign.packed import Packed
 from cosim.campaign.store import Store
-from cosim.campaign.worker import failed
+from cosim.campaign.worker import Packed, failed
 from cosim.scenario import load_scenario
 
 FEW = pa.schema([parts.ROWS.field(name) for name in ("run", "lane", "status", "r_max_before")])

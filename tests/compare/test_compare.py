@@ -21,10 +21,9 @@ from cosim.compare import rows as compare_rows
 from cosim.compare.matrix import POINT, matrix
 from cosim.flight.simulate import simulate
 from cosim.report import compared
-from cosim.report.compare_matrices import _cell
-from cosim.report.compare_page import render, write_comparison
+from cosim.report.compare_page import _cell, render, write_comparison
 from cosim.report.compare_words import summary
-from cosim.report.maps import maps
+from cosim.report.compared import maps
 from cosim.scenario import load_scenario, parse
 from cosim.scenario.override import apply
 

@@ -10,7 +10,7 @@ from scipy import stats
 
 from cosim.campaign.fault_free import Moments
 from cosim.compare import extreme_value
-from cosim.compare.rice_rate import crossing, gaussian
+from cosim.compare.extreme_value import crossing, gaussian
 
 RATES = (1e-2, 1e-5, 1e-9)  # per hour
 HOURS, REPLICATES = 100.0, 1000

@@ -1,5 +1,6 @@
 """False alarms per hour: what a flight keeps, what a curve says, what stands against it; a measurement goes on."""
 
+import base64
 import io
 import json
 
@@ -8,8 +9,7 @@ import pytest
 from rich.console import Console
 
 from cosim.campaign.fault_free import FaultFreeFlight, Lane, Moments, fly
-from cosim.campaign.spec import load_campaign
-from cosim.campaign.unit_cube import Space
+from cosim.campaign.spec import Space, load_campaign
 from cosim.cli.false_alarms import shown
 from cosim.compare import false_alarms as work
 from cosim.errors import CosimError
@@ -182,3 +182,20 @@ def test_a_detector_that_flies_on_request_flies_where_it_is_named(tmp_path):
     how = {"hours": 14.0 / 3600.0, "campaign": str(tmp_path / "c.toml"), "workers": 0}
     found = work.false_alarms(**how, detectors=["pitch_moment_glr", "rfafe"])
     assert [d["id"] for d in found["detectors"]] == ["pitch_moment_glr", "rfafe"]
+
+
+PEAKS = base64.b64encode(np.array([0.5, 0.2], "<f4").tobytes()).decode()
+BELOW = base64.b64encode(np.array([0.5, -0.2], "<f4").tobytes()).decode()
+
+
+@pytest.mark.parametrize("key, bad", [
+    ("peaks", 3), ("peaks", "!"), ("peaks", ""), ("peaks", BELOW), ("valid_s", "1.0"), ("valid_s", -1.0),
+    ("alarms", 1.5), ("silent", 2), ("moments", [[1, 2.0]]), ("moments", 3), ("more", 1),
+])  # fmt: skip
+def test_what_no_flight_tells_is_refused(key, bad):
+    lane = {"peaks": PEAKS, "valid_s": 1.0, "alarms": 0, "silent": 0, "moments": [[2, *[0.5] * 7]]}
+    told = {"seconds": 2.0, "dt": 0.1, "status": "completed", "lanes": {"x": lane}}
+    read = FaultFreeFlight.read(told).lanes["x"]
+    assert read.peaks.tolist() == np.array([0.5, 0.2], "f4").tolist() and read.moments[0].n == 2
+    with pytest.raises(ValueError):
+        FaultFreeFlight.read(told | {"lanes": {"x": {**lane, key: bad}}})

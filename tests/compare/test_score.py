@@ -13,17 +13,16 @@ import pytest
 from typer.testing import CliRunner
 
 import cosim
-from cosim.campaign import jobs
+from cosim.campaign import jobs, store
 from cosim.campaign.worker import fly
 from cosim.cli import commands as cli
 from cosim.compare.paired import bootstrap, pair
 from cosim.compare.score import BOARD, board, named, score, stored
 from cosim.compare.score import flights as benchmark
 from cosim.compare.score import rows as score_rows
-from cosim.compare.score.table import differences
+from cosim.compare.score.rows import UNSAID, differences, log_score
 from cosim.errors import CampaignError, LogError, OutputError
 from cosim.flight.plugins import with_detectors
-from cosim.judge.probability import UNSAID, log_score
 from cosim.judge.row import rows
 from cosim.replay import benchmark_recording
 from cosim.report import score_report, write_score
@@ -254,13 +253,8 @@ def test_a_table_or_a_recording_that_is_none_is_one_line(tmp_path):
             stored(path)
     assert stored(BOARD).limit is None and not {"table", "report"} & set(whole)  # no paths of whoever scored it
     about = {
-        "status": "completed",
-        "reason": "",
-        "sim_time_s": 1.0,
-        "achieved": {},
-        "consequences": None,
-        "scenario": "",
-    }
+        "status": "completed", "reason": "", "sim_time_s": 1.0, "achieved": {}, "consequences": None, "scenario": "",
+    }  # fmt: skip
     column = pa.array([0.0, 1.0])
     for told, held in (
         (about | {"achieved": []}, column),
@@ -280,8 +274,8 @@ def test_a_table_or_a_recording_that_is_none_is_one_line(tmp_path):
 
 
 def test_recordings_are_told_from_those_of_other_code_that_flies(monkeypatch):
-    asked, whole = [], benchmark.closure
-    monkeypatch.setattr(benchmark, "closure", lambda path: asked.append(whole(path)) or asked[-1])
+    asked, whole = [], store.closure
+    monkeypatch.setattr(store, "closure", lambda path: asked.append(whole(path)) or asked[-1])
     benchmark.code.__wrapped__()
     root = Path(cosim.__file__).parent
     assert {root / "flight" / "tick.py", root / "flight" / "blocks" / "sensors.py"} <= set().union(*asked)

@@ -57,6 +57,7 @@ def test_hours_of_a_detector_are_the_mean_of_its_lanes_counted_once_and_stand_un
               "frequency_hz": 2.0, "amplitude_mm": 1.0}.items()]  # fmt: skip
     toml = load_scenario("cruise", ["duration_s=10", *given]).expanded_toml()
     found = tidy(pd.DataFrame(lanes), {"a": toml})
+    assert found["lanes"].tolist() == [2, 2]  # each fault's own row of the faulty lane, and the other lane
     assert found["hours"].tolist() == pytest.approx([5.5 / 3600.0, math.nan], nan_ok=True)
     free = found.assign(case=None, false_alarms=[1, 0], word=None)
     (told,) = stats.detectors(free)

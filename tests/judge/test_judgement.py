@@ -152,11 +152,8 @@ def test_error_of_an_estimate_counts_settled_ticks_only():
     watch = Watch("x", "local", "elevator.left_inner", ("",), 0, 0, 0, None, plan)
     entry = judge(watch, history, DT, [FAULT])
     assert (entry["estimate_rmse"], entry["estimate_bias"], entry["estimate_max"], entry["estimate_unit"]) == (
-        0.5,
-        0.5,
-        0.5,
-        "m",
-    )
+        0.5, 0.5, 0.5, "m",
+    )  # fmt: skip
 
     got = [entry[f"estimate_{name}"] for name in ("rmse", "bias", "max", "unit")]
     assert got == [0.5, 0.5, 0.5, "m"]

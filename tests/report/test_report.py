@@ -14,9 +14,9 @@ from cosim.flight.simulate import simulate
 from cosim.judge.lanes import part
 from cosim.replay.recording import LoggedFlight, spans
 from cosim.report import flight_report, svg
-from cosim.report.figure import POINTS, Figure, base, curve, envelope, grid, peaks
+from cosim.report.figure import POINTS, Figure, base, curve, envelope, peaks
+from cosim.report.flight import _joined
 from cosim.report.flight_page import render
-from cosim.report.timeline import _joined
 from cosim.scenario import load_scenario
 
 OFC = ("duration_s=9", "faults.0.start_s=4", "faults.0.amplitude_mm=8")
@@ -86,7 +86,7 @@ def test_the_light_page_draws_the_same_curves_as_svg_in_less_than_500_kb(flight,
 
 def test_a_curve_of_the_light_page_goes_through_its_samples():
     layout = base(160.0, legend=False)
-    grid(layout, ["a"], ["m"], 1, span=(0.0, 4.0))
+    Figure("f", layout=layout).grid(["a"], ["m"], 1, span=(0.0, 4.0))
     layout["yaxis"]["range"] = [0.0, 10.0]
     figure = Figure("f", layout=layout, data=[curve(0.0, 1.0, np.array([0.0, 5.0, np.nan, 10.0, 10.0]))])
     root = ElementTree.fromstring(svg.drawn(figure))
@@ -100,6 +100,8 @@ def test_every_detector_of_the_log_has_a_figure_a_toggle_and_a_row_on_the_time_l
     ids = {d["id"] for d in flight[1].detectors}
     assert {f["detector"] for f in figures(text) if "detector" in f} == ids
     assert set(re.findall(r'data-toggle="(\w+)"', text)) == ids
+    loud = {d["id"] for d in flight[1].detectors if d["alarm"]}
+    assert set(re.findall(r'class="chip \w+ on" data-toggle="(\w+)"', text)) == loud < ids
     line = next(f for f in figures(text) if f["id"] == "timeline")
     assert len([r for r in line["rows"] if r["detector"]]) == len(flight[1].detectors)
 

@@ -19,35 +19,28 @@ import pyarrow as pa
 
 from cosim.campaign import jobs
 from cosim.campaign.dataset import flight
-from cosim.campaign.dataset.columns import chosen, described
-from cosim.campaign.dataset.metadata import croissant, datasheet, provenance
-from cosim.campaign.dataset.splits import empty, splits
+from cosim.campaign.dataset.flight import chosen, described
+from cosim.campaign.dataset.metadata import croissant, datasheet, empty, provenance, splits
 from cosim.campaign.flights import flatten
 from cosim.campaign.parts import write
 from cosim.campaign.spec import load_campaign
+from cosim.campaign.store import user_files
 from cosim.campaign.worker import run_id
 from cosim.errors import OutputError
 from cosim.files import replace_text
 from cosim.scenario import Scenario
 from cosim.scenario.brought import changed
 from cosim.scenario.flight import AIR
-from cosim.scenario.user_file import UserFile
 from cosim.texts import from_json, read
 
 ABOUT = "dataset.json"
 
 
 def make(
-    campaign: str | Path,
-    out: str | Path,
-    *,
-    signals: Sequence[str] = (),
-    rate_hz: float = 50.0,
-    limit: int | None = None,
-    anew: bool = False,
-    workers: int | None = None,
+    campaign: str | Path, out: str | Path, *, signals: Sequence[str] = (), rate_hz: float = 50.0,
+    limit: int | None = None, anew: bool = False, workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> dict[str, Any]:
+) -> dict[str, Any]:  # fmt: skip
     """Fly `campaign` into the data set at `out`; return {folder, flights, failed, samples, bytes, bytes_per_flight,
     notes}: notes are lines about splits that are empty.
 
@@ -77,7 +70,9 @@ def make(
     write(folder / "flights.parquet", index)
     for path in set((folder / "flights").glob("*.parquet")) - {folder / d["file"] for d in done} if anew else ():
         path.unlink()
-    about |= {"command": _command(campaign, signals, rate_hz, limit), **provenance()}
+    more = [f"--signal {name}" for name in signals] + ([f"--limit {limit}"] if limit else [])
+    command = " ".join(["cosim dataset", str(campaign), f"--rate {rate_hz:g}", *more, "-o DIR"])
+    about |= {"command": command, **provenance()}
     columns = described(flown, words)
     replace_text(folder / "croissant.json", croissant(about, index, columns, folder / "flights.parquet"))
     replace_text(folder / "README.md", datasheet(about, rows, columns, made.title))
@@ -88,15 +83,9 @@ def make(
             "notes": empty(rows)}  # fmt: skip
 
 
-def _command(campaign, signals, rate_hz, limit):
-    more = [f"--signal {name}" for name in signals] + ([f"--limit {limit}"] if limit else [])
-    return " ".join(["cosim dataset", str(campaign), f"--rate {rate_hz:g}", *more, "-o DIR"])
-
-
 def _open(folder: Path, wanted: dict[str, Any], anew: bool) -> Path:
     """Return the folder, made where it is not there. Raises OutputError when it holds anything else, or was made with a
-    user's file that has changed, unless it is to be flown `anew`.
-    """
+    user's file that has changed, unless it is to be flown `anew`."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         held = {p.name for p in folder.iterdir()}
@@ -106,7 +95,8 @@ def _open(folder: Path, wanted: dict[str, Any], anew: bool) -> Path:
     if ABOUT in held:
         found = from_json(read(folder / ABOUT, error=OutputError), place=str(folder / ABOUT), error=OutputError)
         found = found if isinstance(found, dict) else {}
-        other = changed(_brought(found, folder), _brought(wanted, folder))
+        brought = (user_files(told.get("user_files", []), folder / ABOUT, OutputError) for told in (found, wanted))
+        other = changed(*brought)
         if other and not anew:
             remedy = "Fly it again with --anew, or choose another place with -o"
             raise OutputError(other, place=str(folder), remedy=remedy)
@@ -120,14 +110,6 @@ def _open(folder: Path, wanted: dict[str, Any], anew: bool) -> Path:
     if ABOUT not in held:
         replace_text(folder / ABOUT, json.dumps(wanted, indent=1) + "\n")
     return folder
-
-
-def _brought(about: dict[str, Any], folder: Path) -> list[tuple[str, UserFile]]:
-    """Return the (key, UserFile) that a data set says it was flown with."""
-    try:
-        return [(str(key), UserFile(str(name), str(sha256))) for key, name, sha256 in about.get("user_files", [])]
-    except (TypeError, ValueError):
-        raise OutputError("is damaged: user_files", place=str(folder / ABOUT)) from None
 
 
 def _row(run: str, scenario: Scenario, label: dict[str, Any], done: dict[str, Any]) -> dict[str, Any]:

@@ -1,7 +1,12 @@
-"""One flight of a data set, in a worker: a scenario in, a Parquet file of signals and labels out."""
+"""One flight of a data set, in a worker: a scenario in, a Parquet file of signals and labels out.
+
+A signal is NaN while its sensor is invalid, and in a flight whose actuator has none. Samples are every n-th tick as it
+was flown, without a filter.
+"""
 
 import hashlib
 import tomllib
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,13 +16,12 @@ import pyarrow as pa
 from pydantic import BaseModel, ConfigDict, Field
 
 import cosim.flight.loop.signals
-from cosim.campaign.dataset.columns import achieved, described
 from cosim.campaign.parts import write
-from cosim.errors import CampaignError, TrimError
+from cosim.errors import CampaignError, TrimError, did_you_mean
 from cosim.flight.faults.conditions import resolved
 from cosim.flight.faults.inject import lanes
 from cosim.scenario import Scenario, parse
-from cosim.scenario.vocabulary import find, words
+from cosim.scenario.vocabulary import Signal, find, words
 
 
 def every(scenario: Scenario, rate_hz: float) -> int:
@@ -39,7 +43,8 @@ def fly(folder: str, run: str, toml: str, signals: list[str], every: int) -> dic
     given = parse(tomllib.loads(toml))
     none = {"file": "", "status": "infeasible", "rows": 0, "bytes": 0, "sha256": ""}
     try:
-        scenario = resolved(given.model_copy(update={"detectors": _quiet(given)}))
+        quiet = given.detectors.model_copy(update={"enabled": ()})  # but those that a servo closes on
+        scenario = resolved(given.model_copy(update={"detectors": quiet}))
         flown = cosim.flight.loop.signals.fly(scenario, _sources(scenario, signals))
         healthy = _healthy(scenario)
     except TrimError as error:
@@ -75,11 +80,6 @@ def whole(folder: Path, done: dict[str, Any]) -> bool:
     """Tell whether the file of a flight that was flown is still what it was."""
     path = folder / done["file"]
     return not done["file"] or (path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == done["sha256"])
-
-
-def _quiet(scenario):
-    """Return the detectors' part of the scenario with none but those that a servo closes on."""
-    return scenario.detectors.model_copy(update={"enabled": ()})
 
 
 def _has(scenario, name):
@@ -150,3 +150,61 @@ def _arrow(table, columns):
               for name, (kind, *_) in columns.items() if name in table]  # fmt: skip
     arrays = [pa.array(table[f.name].to_numpy()).cast(f.type) for f in fields]
     return pa.Table.from_arrays(arrays, schema=pa.schema(fields))
+
+
+Column = tuple[str, str, str]  # type in Croissant, unit, meaning
+
+LABELS: dict[str, Column] = {
+    "faults_active": ("sc:Integer", "-", "number of faults that act at this sample"),
+    "fault_kind": ("sc:Text", "-", "kind of the fault that acts, of several joined by +, empty without one"),
+    "fault_place": ("sc:Text", "-", "its target, and behind @ where it enters"),
+    "fault_injected": ("sc:Float", "of the place", "its signal, where it enters"),
+}
+
+
+def known(scenarios: Iterable[Scenario]) -> dict[str, Signal]:
+    """Return {column: Signal} of what the flights have; a word of an actuator for each segment that has it."""
+    out: dict[str, Signal] = {}
+    technologies: dict[str, set[str]] = {}
+    for scenario in scenarios:
+        for segment, technology in scenario.elevator.technology.items():
+            technologies.setdefault(segment, set()).add(technology)
+    for word, signal in words().items():
+        if not signal.technologies:
+            out[word] = signal
+        else:
+            lanes = (seg for seg, has in technologies.items() if has & set(signal.technologies))
+            out |= {f"{seg}.{word}": signal.at(seg) for seg in lanes}
+    return out
+
+
+def chosen(scenarios: Sequence[Scenario], signals: Sequence[str]) -> list[str]:
+    """Return the columns that `signals` mean, all without any. Raises CampaignError."""
+    if not scenarios:
+        raise CampaignError("no flight is left", place="--limit", allowed="1 or more")
+    there = known(scenarios)
+    out: list[str] = []
+    for name in signals or there:
+        found = [c for c in there if c == name or c.partition(".")[2] == name]
+        if not found:
+            near = did_you_mean(name, [*there, *words()])
+            raise CampaignError("no flight of this campaign has it", place=f"--signal {name}", remedy=near)
+        out += found
+    return sorted(dict.fromkeys(out))
+
+
+def achieved(scenario: Scenario) -> dict[str, str]:
+    """Return {column: bus name} of the elevator deflections whose difference from the healthy flight is a label."""
+    return {f"achieved_{seg}": f"{tech}.{seg}.delta" for seg, tech in scenario.elevator.technology.items()}
+
+
+def described(scenarios: Sequence[Scenario], signals: Sequence[str]) -> dict[str, Column]:
+    """Return {column: (type, unit, meaning)} of a flight's file, in its order."""
+    there = known(scenarios)
+    made = "deflection less that of the same flight without faults, trailing edge down +"
+    return {
+        "t_s": ("sc:Float", "s", "time since the start"),
+        **{name: ("sc:Float", there[name].unit, there[name].meaning) for name in signals},
+        **LABELS,
+        **{name: ("sc:Float", "rad", made) for s in scenarios for name in achieved(s)},
+    }

@@ -16,8 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from cosim.compare import bound
 from cosim.compare.paired import pair
 from cosim.compare.score import flights as benchmark
-from cosim.compare.score.rows import Scored, scored
-from cosim.compare.score.table import detector
+from cosim.compare.score.rows import Scored, detector, scored
 from cosim.errors import CampaignError, did_you_mean
 from cosim.flight.plugins import GuestError, load, loaded
 from cosim.flight.plugins.check import trial
@@ -40,15 +39,10 @@ class Score:
 
 
 def score(
-    detectors: Sequence[str] = (),
-    *,
-    seeds: str | Path | None = None,
-    limit: int | None = None,
-    recordings: str | Path | None = None,
-    workers: int | None = None,
-    flying: Callable[[int, int], None] | None = None,
+    detectors: Sequence[str] = (), *, seeds: str | Path | None = None, limit: int | None = None,
+    recordings: str | Path | None = None, workers: int | None = None, flying: Callable[[int, int], None] | None = None,
     running: Callable[[int, int], None] | None = None,
-) -> Score:
+) -> Score:  # fmt: skip
     """Score `detectors`, ids of those that ship or files (cosim/flight/plugins), by default all that ship and the
     learned ones.
 
@@ -121,9 +115,7 @@ class _Table(BaseModel):
 
 def stored(path: str | Path, detectors: Sequence[str] = (), seeds: str | Path | None = None) -> Stored:
     """Return the table at `path` ("benchmark-1": the one that ships) and its `detectors` (default: those that ship).
-
-    Raises CampaignError where a row is not there, or was flown on a sealed set that is not at hand.
-    """
+    Raises CampaignError where a row is not there, or was flown on a sealed set that is not at hand."""
     path = BOARD if str(path) == benchmark.NAME else path
     table = from_json(read(path, error=CampaignError), place=str(path), error=CampaignError)
     try:

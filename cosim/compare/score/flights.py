@@ -5,7 +5,7 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,11 +13,10 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from actuators.source_hash import closure, private
+from actuators.source_hash import private
 from cosim.campaign.jobs import FILE, keep, own, stored, work
-from cosim.campaign.manifest import about_the_code
 from cosim.campaign.spec import load_campaign
-from cosim.campaign.store import DECIDING
+from cosim.campaign.store import about_the_code, source_digest, versions
 from cosim.campaign.worker import core_s, run_id
 from cosim.errors import CampaignError, CosimError, OutputError, TrimError
 from cosim.files import regular, replace_text
@@ -79,10 +78,8 @@ class Seeds:
 
 
 def seeds_of(path: str | Path | None = None) -> Seeds:
-    """Return the public seeds of the benchmark, or those of a TOML file with `seed` and `first_seed`.
-
-    Raises CampaignError.
-    """
+    """Return the public seeds of the benchmark, or those of a TOML file with `seed` and `first_seed`. Raises
+    CampaignError."""
     made = load_campaign(NAME)
     if path is None:
         return Seeds(made.seed, made.first_seed)
@@ -115,28 +112,17 @@ def chosen(flights: list, limit: int | None) -> list:
 @functools.cache
 def code() -> str:
     """Return the digest of all that decides about a recording: sources of a flight, aircraft, libraries."""
-    from importlib.metadata import version
-
-    root = Path(__file__).resolve().parents[3]
-    files = {p for name in ("actuators", "aircraft") for p in (root / name).rglob("*") if p.suffix in DECIDING}
-    files |= closure(Path(benchmark_recording.__file__))
-    found = hashlib.sha256(json.dumps({n: version(n) for n in ("jsbsim", "numpy", "scipy", "numba")}).encode())
-    for path in sorted(files):
-        found.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    found = source_digest(("actuators", "aircraft"), Path(benchmark_recording.__file__))
+    found.update(json.dumps(versions()).encode())
     return found.hexdigest()[:16]
-
-
-def _roots() -> Iterator[Path]:
-    if os.environ.get("XDG_CACHE_HOME"):
-        yield Path(os.environ["XDG_CACHE_HOME"])
-    with suppress(RuntimeError):  # a user without a home
-        yield Path.home() / ".cache"
 
 
 def cache(seeds: Seeds) -> Path:
     """Return the folder of the recordings in the user's cache, to which nobody else may write. Raises OutputError."""
-    name = f"{NAME}-{seeds.digest}"
-    for root in _roots():
+    name, roots = f"{NAME}-{seeds.digest}", [Path(d) for d in (os.environ.get("XDG_CACHE_HOME"),) if d]
+    with suppress(RuntimeError):  # a user without a home
+        roots.append(Path.home() / ".cache")
+    for root in roots:
         folder = root / "cosim-recordings"
         if private(folder) and private(folder / name) and os.access(folder / name, os.W_OK):
             return folder / name
@@ -144,13 +130,9 @@ def cache(seeds: Seeds) -> Path:
 
 
 def flown(
-    seeds: Seeds,
-    *,
-    limit: int | None = None,
-    folder: str | Path | None = None,
-    workers: int | None = None,
+    seeds: Seeds, *, limit: int | None = None, folder: str | Path | None = None, workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> list[RecordedFlight]:
+) -> list[RecordedFlight]:  # fmt: skip
     """Return the flights, flown where `folder` (default: the user's cache) does not hold them yet.
 
     A killed run goes on where it was; recordings of other code are taken over where they repeat (`adopt`). Raises
@@ -179,9 +161,7 @@ def _own(home):
 
 def adopt(home: Path, flights: Iterable[tuple[str, str, str]]) -> bool | None:
     """Take over the recordings in `home` that other code flew, where one flight of each family repeats to the bit.
-
-    Returns whether they do, None where there is nothing to ask. Those that do not are flown again by `fly_into`.
-    """
+    Returns whether they do, None where there is nothing to ask. Those that do not are flown again by `fly_into`."""
     flown_by, values = stored(home)
     if not values or flown_by == code():
         return None
@@ -200,10 +180,8 @@ def adopt(home: Path, flights: Iterable[tuple[str, str, str]]) -> bool | None:
 
 
 def fly_into(home: Path, flights: Iterable[tuple[str, str, str]], **how: Any) -> list[RecordedFlight]:
-    """Return the Flights (run, family, TOML), recorded in folder `home` where they are not yet.
-
-    `how`: see `cosim.campaign.jobs.work`.
-    """
+    """Return the Flights (run, family, TOML), recorded in folder `home` where they are not yet. `how`: see
+    `cosim.campaign.jobs.work`."""
     todo = list(flights)
     jobs = [(recorded, {"toml_text": text, "name": f"{run}.parquet", "folder": str(home.resolve())})
             for run, _, text in todo]  # fmt: skip
@@ -223,9 +201,7 @@ def recorded(toml_text: str, name: str, folder: str) -> dict:
 
 def manifest(seeds: Seeds, flights: list[RecordedFlight]) -> dict:
     """Return what says which recordings these are: code, commit, seeds (a sealed set's digest), every file's SHA-256.
-
-    `content` is one digest over the values of all flights, whatever the version of the library that wrote the files.
-    """
+    `content` is one digest over the values of all flights, whatever the version of the library that wrote the files."""
     whole = hashlib.sha256("".join(f.told.get("content", "none") for f in flights).encode())
     given = {"digest": seeds.digest} if seeds.sealed else {"seed": seeds.draws, "first_seed": seeds.first}
     return {

@@ -1,10 +1,11 @@
-"""Rows of a score: every detector run on every recording, judged as a flight is, with the columns of a campaign."""
+"""Rows of a score, every detector run on every recording and judged as a flight is, and the table made of them."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 
@@ -13,18 +14,20 @@ from cosim.campaign.parts import TIMING
 from cosim.campaign.pool import finished
 from cosim.campaign.store import Store
 from cosim.campaign.worker import failed
+from cosim.compare import pod, stats
 from cosim.compare import rows as compare_rows
 from cosim.compare.score.flights import RecordedFlight
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.faults.inject import lanes as fault_lanes
 from cosim.judge import coverage
 from cosim.judge import row as judged
-from cosim.judge.probability import log_score
 from cosim.judge.result import SETTLE_S
 from cosim.replay import benchmark_recording
 from cosim.scenario import Scenario, parse
 from cosim.scenario.catalog import TECHNOLOGIES
 from cosim.texts import toml
+from fdi import registry
+from fdi.common.verdict import NAMES
 
 MOST_LANES = 1000  # of a detector: the lanes of a run are numbered through
 LOG = ("run", "id", "lane", "log_fault", "log_none")  # ln p of the fault while it lasts, of "none" before and without
@@ -43,17 +46,11 @@ class Scored:
 
 
 def scored(
-    flights: Sequence[RecordedFlight],
-    ids: Sequence[str],
-    files: Iterable[str | Path] = (),
-    *,
-    workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> Scored:
-    """Run the detectors `ids` that ship and those of `files` on the recordings of `flights`; return the Scored.
-
-    Raises LogError, GuestError, ScenarioError.
-    """
+    flights: Sequence[RecordedFlight], ids: Sequence[str], files: Iterable[str | Path] = (), *,
+    workers: int | None = None, progress: Callable[[int, int], None] | None = None,
+) -> Scored:  # fmt: skip
+    """Run the detectors `ids` that ship and those of `files` on the recordings of `flights`; return the Scored. Raises
+    LogError, GuestError, ScenarioError."""
     files = [str(Path(f).resolve()) if Path(f).is_file() else str(f) for f in files]
     rows: list[dict] = []
     timing: list[dict] = []
@@ -155,3 +152,106 @@ def size(row: dict, scenario: Scenario) -> tuple[float, str]:
     sigma = TECHNOLOGIES[technology].sensors[j.sensor].sigma if technology else TRANSPORT[j.name][1]
     lane = next(lane for lane in fault_lanes(scenario) if lane.fault == j.fault)
     return abs(float(lane.p["amplitude"][0])) / sigma, "sigma"
+
+
+FREE = "no fault"
+OF_THE_CLOCK = ("step_us",)  # never the same twice
+WHOLE = (  # of cosim.compare.stats.detectors: over all flights
+    *("availability", "standing_s", "false_alarms", *stats.PER_HOUR, "hours", "fault_free_runs", "fault_free_alarmed"),
+    *(*stats.PER_FLIGHT, "credible", "step_us"),
+)
+
+
+def detector(found: Scored, name: str, flights: Sequence[RecordedFlight]) -> dict:
+    """Return the row of detector `name`: what it made of all faults that it is not blind to, of each family, its false
+    alarms, cost and log scores.
+
+    A family counts every flight in which it has a lane on the faulty part and is not blind to the fault by its own
+    word; one in which it called itself not valid is not seen, here as in the fitted curve: otherwise a detector would
+    gain by giving up.
+    """
+    own = found.rows[found.rows["id"] == name]
+    faults = own[own["case"].notna() & own["concerned"]]
+    record = registry.find(name)
+    whole = stats.detectors(own, found.timing)[0]
+    families = [f for f in dict.fromkeys(f.family for f in flights) if f != FREE]
+    lines = [_family(faults[faults["part"] == f], f, found.logs, name) for f in families]
+    open_to = faults[faults["word"] != coverage.BLIND]
+    guest = registry.GUESTS.get(name)
+    return {
+        "id": name, "level": whole["level"], "group": stats.draws_on(name, whole["level"]),
+        "inputs": sorted(set(record.inputs.values())) if record else [],
+        "guest": None if guest is None else {"sha256": guest.sha256}, "remark": coverage.remark(name),
+        **(stats.score(open_to) if len(open_to) else {"designed": 0, "detected": 0}),
+        "blind": int(len(faults) - len(open_to)), **{k: whole[k] for k in WHOLE},
+        **_mean(found.logs[found.logs["id"] == name]), "families": lines,
+    }  # fmt: skip
+
+
+def _family(rows, family, logs, name):
+    open_to = rows[rows["word"] != coverage.BLIND]
+    out = {"family": family, "flights": len(rows), "blind": int(len(rows) - len(open_to)),
+           "seen_though_blind": int(rows[rows["word"] == coverage.BLIND]["detected"].sum()),
+           "words": open_to["word"].value_counts().to_dict()}  # fmt: skip
+    if not len(open_to):
+        return {**out, "designed": 0}
+    sized = open_to[open_to["size"] > 0.0]
+    units = sized["unit"].unique()
+    curve = asdict(pod.fit(sized["size"], sized["detected"])) if len(units) == 1 else {"note": "no size"}
+    mine = logs[(logs["id"] == name) & logs["run"].isin(open_to["run"])]
+    physics = open_to["bound_mm"].median() if "bound_mm" in open_to else None
+    return {
+        **out, **stats.score(open_to), "unit": units[0] if len(units) == 1 else "",
+        **{k: curve.get(k) for k in ("a90", "low", "a90_95", "note")}, "bound_mm": physics, **_mean(mine),
+    }  # fmt: skip
+
+
+def _mean(logs: pd.DataFrame) -> dict:
+    """Return mean log scores over flights, None for a detector that gives no probabilities."""
+    out = {}
+    for key in ("log_fault", "log_none"):
+        each = pd.to_numeric(logs[key]).groupby(logs["run"]).mean().dropna()
+        out[key] = float(each.mean()) if len(each) else None
+    return out
+
+
+def differences(table: dict, again: dict, detectors: Sequence[str]) -> list[str]:
+    """Return what differs between a stored table and one made again, a sentence each; clocks are left out."""
+    out = [f"{k}: {table.get(k)} stored, {again[k]} here" for k in ("benchmark", "flights", "seeds", "content")
+           if table.get(k) != again[k]]  # fmt: skip
+    stored, fresh = ({d["id"]: d for d in t["detectors"]} for t in (table, again))
+    for name in detectors:
+        out += [f"{name}: {line}" for line in _differ(stored[name], fresh[name], "")]
+    return out
+
+
+def _differ(a, b, place):
+    if isinstance(a, dict) and isinstance(b, dict):
+        for key in dict.fromkeys((*a, *b)):
+            if key not in OF_THE_CLOCK:
+                yield from _differ(a.get(key), b.get(key), f"{place}.{key}" if place else key)
+    elif isinstance(a, list) and isinstance(b, list) and len(a) == len(b):
+        for i, (x, y) in enumerate(zip(a, b)):
+            yield from _differ(x, y, f"{place}[{i}]")
+    elif a != b and not (isinstance(a, float) and isinstance(b, float) and abs(a - b) <= 1e-9 * max(abs(a), abs(b))):
+        yield f"{place} = {a} stored, {b} here"
+
+
+LEAST = 1e-6  # no answer counts as less: a single certain error would otherwise be endless
+UNSAID = math.log(1.0 / len(NAMES))
+
+
+def log_score(
+    told: Sequence[tuple[int, Mapping[str, float]]], classes: Sequence[str], first: int, last: int
+) -> float | None:
+    """Return the mean of ln p(any of `classes`) over the ticks first <= k < last; None without a tick. `told` is
+    [(tick, {class: probability})] in order of time: an answer holds until the next one, before the first every class is
+    as likely. A proper score [Good 1952]: on average nobody gains by saying anything but what they believe."""
+    if last <= first:
+        return None
+    if not told:
+        return UNSAID
+    at = np.array([k for k, _ in told])
+    p = np.array([sum(said.get(c, 0.0) for c in classes) for _, said in told], float)
+    each = np.concatenate([[UNSAID], np.log(np.clip(p, LEAST, 1.0))])
+    return float(np.mean(each[np.searchsorted(at, np.arange(first, last), side="right")]))
