@@ -33,7 +33,7 @@ from cosim.flight.plant.jsbsim_signals import border, to_si
 from cosim.flight.plant.model_load_check import fatal
 from cosim.flight.plant.point import POINTS, FlightPoint, loading
 from cosim.flight.plant.property_pointers import crossing
-from cosim.flight.plant.trim import EARTH_MERIDIAN
+from cosim.flight.plant.trim import EARTH_MERIDIAN, level, steady
 from cosim.scenario.aircraft import FOLDER
 
 WIND_SHARE = 0.8  # of the airspeed that a steady wind may have: the aircraft moves over the ground
@@ -193,9 +193,6 @@ class Plant:
 
     def trim(self, elevator: float = 0.0) -> Any:
         """Trim the flight point, elevators at `elevator` [rad], and stand ready at time 0: a Trim, or TrimError."""
-        from cosim.flight.plant.steady import steady
-        from cosim.flight.plant.trim import level
-
         trim = level(self, elevator) if self.flight == self.flight.level else steady(self, elevator)
         if not self.flight.windless:
             self._into_the_air(trim)

@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from actuators.constants import M_PER_FT
-
 MULTIPLIERS = (
     "CL_0", "CL_alpha", "CL_q", "CL_de", "CL_ds", "CD_0", "CD_alpha", "CD_beta",
     "Cm_0", "Cm_alpha", "Cm_q", "Cm_alphadot", "Cm_de", "Cm_ds",
@@ -15,8 +13,6 @@ MULTIPLIERS = (
     "Cn_beta", "Cn_p", "Cn_r", "Cn_da", "Cn_dr",
     "Ch_alpha", "Ch_delta",
 )  # fmt: skip
-BYPASS = 5.0  # of the transport's engines
-CONSTANT = {"Cl_dr": 0.0070, "Cn_da": 0.0002}  # stability axes, condition 9 of table IX-8
 
 
 @dataclass(frozen=True)
@@ -40,34 +36,17 @@ class Shape:
     Cn_da: float
 
 
-TRANSPORT = Shape(
-    made_by="tests/helpers/transport_fit.py",
-    chord_ft=27.31,
-    span_ft=195.68,
-    tail_arm_ft=105.3,  # [Roskam] C_m_ih / C_L_ih = -2.70 / 0.70 chords behind the CG at 25 %
-    downwash=0.40,  # assumed (typical of transports)
-    segment_area_ft2=8.0 / M_PER_FT**2,
-    segment_chord_ft=1.4 / M_PER_FT,
-    segment_span_ft={"lo": -26.6, "li": -12.1, "ri": 12.1, "ro": 26.6},  # tail span 72.75 ft: assumed halves
-    Ch_alpha=-0.05,  # balanced elevator: assumed (README)
-    Ch_delta=-0.17,
-    CL_ds=0.70,
-    Cm_ds=-2.70,
-    CD_beta=0.2,
-    Cl_dr=CONSTANT["Cl_dr"],
-    Cn_da=CONSTANT["Cn_da"],
-)
 RHO_SL_P = 2116.22  # psf
 
 
-def multipliers_xml(shape: Shape = TRANSPORT) -> str:
+def multipliers_xml(shape: Shape) -> str:
     """Return the declarations of one multiplier per coefficient."""
     lines = "\n".join(f'  <property value="1"> aero/mult/{name} </property>' for name in MULTIPLIERS)
     note = f"<!-- Written by {shape.made_by}. One multiplier per coefficient: 1 is the fitted value. -->"
     return f'<?xml version="1.0"?>\n{note}\n<system name="multipliers">\n\n{lines}\n\n</system>\n'
 
 
-def engine_xml(thrust: float = 300e3, bypass: float = BYPASS, shape: Shape = TRANSPORT) -> str:
+def engine_xml(thrust: float, bypass: float, shape: Shape) -> str:
     """Return the turbofan of static `thrust` [N]: take-off rating of Bartel and Young (2008) at its `bypass` ratio,
     over Mach and static pressure.
     """
@@ -101,7 +80,7 @@ def engine_xml(thrust: float = 300e3, bypass: float = BYPASS, shape: Shape = TRA
 
 
 def aerodynamics_xml(
-    alpha: float, mach: Any, q_ref: Any, tables: Any, mach_coarse: Any, derivatives: Any, shape: Shape = TRANSPORT
+    alpha: float, mach: Any, q_ref: Any, tables: Any, mach_coarse: Any, derivatives: Any, shape: Shape
 ) -> str:
     """Return the aerodynamics from the (alpha, Mach) tables with their flexibility constants and the tables of
     derivatives.
@@ -290,13 +269,13 @@ def _axes(shape):
     ]
 
 
-def thrust_ratio(mach: Any, pressure_ratio: Any, bypass: Any = None) -> Any:
-    """Return thrust over static sea-level thrust: take-off rating of Bartel and Young (2008), by default at bypass 5.
+def thrust_ratio(mach: Any, pressure_ratio: Any, b: float) -> Any:
+    """Return thrust over static sea-level thrust: take-off rating of Bartel and Young (2008) at bypass ratio `b`.
 
     T/T0 = A - 0.377 (1 + b) / sqrt((1 + 0.82 b) G0) Z x M + (0.23 + 0.19 sqrt(b)) X x M^2, x = p/p0, A, Z, X
     polynomials of x, G0 = 0.0606 b + 0.6337.
     """
-    x, b = pressure_ratio, BYPASS if bypass is None else bypass
+    x = pressure_ratio
     A = -0.4327 * x**2 + 1.3855 * x + 0.0472
     Z = 0.9106 * x**3 - 1.7736 * x**2 + 1.8697 * x
     X = 0.1377 * x**3 - 0.4374 * x**2 + 1.3003 * x
