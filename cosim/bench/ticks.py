@@ -93,8 +93,4 @@ def _row(name, taken, against, times, cases):
     if against is None:
         return row
     low, middle, high = np.percentile(taken / times[:, against], (25, 50, 75))
-    return row | {
-        "against": cases[against][0],
-        "ratio": float(middle),
-        "spread": float((high - low) / middle),
-    }
+    return row | {"against": cases[against][0], "ratio": float(middle), "spread": float((high - low) / middle)}
