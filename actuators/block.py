@@ -195,8 +195,7 @@ class Entry:
             said = "\n".join([step.__qualname__, *(repr(kind.descr) for kind in self.kinds)])
             name = f"{step.__module__}.{hashlib.sha256(said.encode()).hexdigest()[:8]}"
             pointer, whole = ctypes.c_void_p, ctypes.c_int64
-            given = pointer, pointer, pointer, ctypes.c_double, whole, whole, pointer
-            place = f"{step.__module__}:rollout.native"
+            given, place = (pointer,) * 3 + (ctypes.c_double, whole, whole, pointer), f"{step.__module__}:rollout.native"
             self.native = Native(name, step.py_func.__code__.co_filename, given, self._make, place)
 
     def __call__(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: np.ndarray | None = None) -> Any:
@@ -296,9 +295,9 @@ class Entry:
 
         from actuators.numba_intrinsics import wholes
 
-        step, spoil, size = self.step, self.spoil, self.kinds[0].itemsize
+        step, spoil, size, says = self.step, self.spoil, self.kinds[0].itemsize, self.spoil is not None
 
-        def checked(x, u, p, dt, lanes, ticks, log):
+        def rollout(x, u, p, dt, lanes, ticks, log):
             xs, ps = carray(x, lanes), carray(p, lanes)
             us, logs = carray(u, (lanes, ticks)), carray(log, (lanes, ticks))
             kept = logs.ctypes.data != 0
@@ -306,26 +305,17 @@ class Entry:
                 bits = wholes(xs.ctypes.data + i * size)
                 for k in range(ticks):
                     step(xs[i], us[i, k], ps[i], dt)
-                    bad = 0
-                    for j in range(size // 8):
-                        bad |= (bits[j] & EXPONENT) == EXPONENT
-                    if bad:
-                        spoil(xs[i])
-                    if kept:
-                        logs[i, k] = xs[i]
-
-        def rollout(x, u, p, dt, lanes, ticks, log):
-            xs, ps = carray(x, lanes), carray(p, lanes)
-            us, logs = carray(u, (lanes, ticks)), carray(log, (lanes, ticks))
-            kept = logs.ctypes.data != 0
-            for i in range(lanes):
-                for k in range(ticks):
-                    step(xs[i], us[i, k], ps[i], dt)
+                    if says:  # known when it is compiled, and left out then
+                        bad = 0
+                        for j in range(size // 8):
+                            bad |= (bits[j] & EXPONENT) == EXPONENT
+                        if bad:
+                            spoil(xs[i])
                     if kept:
                         logs[i, k] = xs[i]
 
         state, given, fixed = (types.CPointer(from_dtype(kind)) for kind in self.kinds)
-        return checked if spoil else rollout, (state, given, fixed, types.float64, types.int64, types.int64, state)
+        return rollout, (state, given, fixed, types.float64, types.int64, types.int64, state)
 
 
 def _call(call, given, kept):

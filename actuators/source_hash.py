@@ -16,6 +16,7 @@ _ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("actuators", "fdi", "cosim")
 MOST = 600  # sources whose imports are remembered: all of a tree's, and some of their older versions
 TREES = 40  # trees of sources whose tables are kept: those written last
+_DIGEST = 32  # bytes before what is stored: its SHA-256, for LLVM would crash on half a file
 
 
 @functools.cache
@@ -103,13 +104,35 @@ def _write_down():
     """Keep what was remembered for the next process."""
     _new.clear()
     if file := _memory():
+        _put(file, json.dumps(_remembered()).encode())
         with contextlib.suppress(OSError):
-            handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
-            with os.fdopen(handle, "w") as out:
-                json.dump(_remembered(), out)
-            os.replace(beside, file)
             for old in sorted(file.parent.glob("imports-*.json"), key=lambda f: f.stat().st_mtime)[:-TREES]:
                 old.unlink()
+
+
+def read_whole(file: Path | None) -> bytes | None:
+    """Return what `write_whole` put into a file, None where there is none or it is not what was written."""
+    try:
+        held = file.read_bytes() if file else b""
+    except OSError:
+        return None
+    told, data = held[:_DIGEST], held[_DIGEST:]
+    return data if told == hashlib.sha256(data).digest() else None
+
+
+def write_whole(file: Path, data: bytes) -> None:
+    """Put `data` behind its digest there, whole or not at all; a folder that takes no file costs only time."""
+    _put(file, hashlib.sha256(data).digest() + data)
+
+
+def _put(file, data):
+    try:
+        handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
+        with os.fdopen(handle, "wb") as out:
+            out.write(data)
+        os.replace(beside, file)
+    except OSError:
+        pass
 
 
 @functools.cache

@@ -154,5 +154,3 @@ class Technology:
     def own_sensors(self) -> tuple[str, ...]:
         """Return the sensors that may fail."""
         return tuple(name for name, sensor in self.sensors.items() if sensor.may_fail)
-
-

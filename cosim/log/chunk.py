@@ -8,7 +8,7 @@ the number of ticks; the reader compares that part byte for byte.
 
 import ctypes
 import struct
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -147,7 +147,6 @@ class Plan:
             index_size += index[-1].size
         self.size = size
         self._fixed: np.ndarray | None = None
-        self._read: np.ndarray | None = None
         self._about: np.ndarray | None = None
         self._index = np.concatenate(index)
         self._index_times = [
@@ -206,22 +205,10 @@ class Plan:
 
     def values(self, content: np.ndarray, number: int) -> Iterator[tuple[slice, np.ndarray]]:
         """Yield (slice of fields, (row, field) view of float64) of topic `number` in `content`."""
-        block = self.blocks[number]
-        for fields, offset, step in block.runs:
+        block = self.blocks.get(number)  # none where the topic has no row in the chunk
+        for fields, offset, step in block.runs if block else ():
             shape = (block.rows, fields.stop - fields.start)
             yield fields, np.ndarray(shape, "<f8", content, block.start + offset, (block.stride, step))
-
-    def views(self, content: np.ndarray, numbers: Collection[int]) -> dict[int, list[tuple[slice, np.ndarray]]]:
-        """Return {topic number: [(slice of fields, (row, field) view of float64)]} of a copy of those topics.
-
-        The copy is the plan's own and lasts until the next call: making the views anew would cost more than copying.
-        """
-        if self._read is None:
-            self._read = np.empty(self.size, "u1")
-            self._read_slots = {number: list(self.values(self._read, number)) for number in self.blocks}
-        for part in map(self._slice, numbers) if 3 * len(numbers) < len(self.blocks) else [slice(0, self.size)]:
-            self._read[part] = content[part]
-        return self._read_slots
 
     def gather(self, content: np.ndarray, k0: int, wanted: Mapping[int, tuple[int, int, int]], only: bool) -> bool:
         """Put the values of topics where they belong, and return whether all bytes are as they must be.

@@ -145,10 +145,9 @@ class Log:
             return out
         with self._one:  # a plan's views are its own
             for i, (plan, content, _) in zip(read, self._contents(read, few)):
-                views = plan.views(content, numbers)
                 for number, every, array in todo:
                     done, low, high = parts[i][every]
-                    for fields, view in views.get(number, ()):
+                    for fields, view in plan.values(content, number):
                         array[done : done + high - low, fields] = view[low:high]
         return out
 
@@ -169,6 +168,15 @@ class Log:
         if topic not in self.topics:
             raise _Unknown(f"{self.path} has no topic {topic!r}{_near(topic, self.topics)}; log.topics has all")
         return list(self.topics).index(topic)
+
+    def _place(self, topic, field):
+        """Return the column of a field of a topic."""
+        self._number(topic)
+        known = self.topics[topic].fields
+        if field not in known:
+            near = _near(field, known, "fields")
+            raise _Unknown(f"topic {topic} has no field {field!r}{near}; log.topics[{topic!r}].fields has all")
+        return known.index(field)
 
     def ticks(self, topic: str, start: float = 0, stop: Any = None) -> np.ndarray:
         """Return the tick of each row of a topic (rows,) as int64; see `array` for the bounds."""
@@ -244,12 +252,7 @@ class Log:
         """Return fields of a topic as (fields, rows) of `kind`, ticks start <= k < stop; memory is that of the result
         and of a few chunks. Raises KeyError for a topic or field that is not there.
         """
-        self._number(topic)
-        known = self.topics[topic].fields
-        for name in fields:
-            if name not in known:
-                raise _Unknown(f"topic {topic} has no field {name!r}{_near(name, known, 'fields')}")
-        at = [known.index(name) for name in fields]
+        at = [self._place(topic, name) for name in fields]
         out, done = np.empty((len(at), len(self.ticks(topic, start, stop))), kind), 0
         for a, b in self._blocks(start, stop):
             values = self.array(topic, a, b)
@@ -276,10 +279,7 @@ class Log:
                 example = f"{name}.{self.topics[name].fields[0]}" if name in self.topics else "/truth/aircraft.alpha"
                 whole = f"; log.frame({name!r}) gives the whole topic" if name in self.topics else ""
                 raise _Unknown(f"{name!r} names no field, which is '/topic.field', such as {example!r}{whole}")
-            self._number(topic)
-            if field not in self.topics[topic].fields:
-                near = _near(field, self.topics[topic].fields, "fields")
-                raise _Unknown(f"topic {topic} has no field {field!r}{near}; log.topics[{topic!r}].fields has all")
+            self._place(topic, field)
         frames = self.frames(dict.fromkeys(topic for topic, _ in pairs))
         made = pd.concat([frames[topic][field].rename(name) for name, (topic, field) in zip(names, pairs)], axis=1)
         made.attrs["units"] = Units((n, frames[topic].attrs["units"][field]) for n, (topic, field) in zip(names, pairs))
