@@ -195,8 +195,14 @@ class Entry:
             said = "\n".join([step.__qualname__, *(repr(kind.descr) for kind in self.kinds)])
             name = f"{step.__module__}.{hashlib.sha256(said.encode()).hexdigest()[:8]}"
             pointer, whole = ctypes.c_void_p, ctypes.c_int64
-            given, place = (pointer,) * 3 + (ctypes.c_double, whole, whole, pointer), f"{step.__module__}:rollout.native"
+            given = pointer, pointer, pointer, ctypes.c_double, whole, whole, pointer
+            place = f"{step.__module__}:rollout.native"
             self.native = Native(name, step.py_func.__code__.co_filename, given, self._make, place)
+
+    @property
+    def address(self) -> int:
+        """Return what `enter` of a kernel calls: machine code, or this object where nothing is compiled."""
+        return id(self) if PLAIN else self.native.address
 
     def __call__(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: np.ndarray | None = None) -> Any:
         self._check(x, u, p, log)
@@ -223,15 +229,9 @@ class Entry:
         return functools.partial(_call, call, given, (x, u, p))
 
     def sweep(
-        self,
-        x: np.ndarray,
-        u: np.ndarray,
-        p: np.ndarray,
-        dt: float,
-        index: np.ndarray,
-        at: np.ndarray,
+        self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, index: np.ndarray, at: np.ndarray,
         others: np.ndarray,
-    ) -> tuple[np.ndarray, np.ndarray]:
+    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
         """Advance one lane, x and p (1,), through the ticks of u (1, tick); other threads of Python run on meanwhile.
 
         Returns, of the state seen as float64, the values at positions `index` after every tick, (tick, n), and those at
@@ -240,17 +240,9 @@ class Entry:
         self._check(x, u, p, None)
         ticks, states = u.shape[1], x.view(np.float64)
         kept, held = np.empty((ticks, len(index))), np.empty((len(at), len(others)))
-        if PLAIN:
-            rows = {k: i for i, k in enumerate(at.tolist())}
-            for k in range(ticks):
-                self._step(x, u[0, k], p[0], dt, 0)
-                kept[k] = states[index]
-                if k in rows:
-                    held[rows[k]] = states[others]
-            return kept, held
         u, p, step = np.ascontiguousarray(u), np.ascontiguousarray(p), np.array([dt])
         index, others, marks = (np.ascontiguousarray(a, np.int64) for a in (index, others, [*at, -1]))
-        about = [self.native.address, *map(_at, (states, u)), u.itemsize, *map(_at, (p, step)), ticks]
+        about = [self.address, *map(_at, (states, u)), u.itemsize, *map(_at, (p, step)), ticks]
         about += [_at(index), len(index), _at(kept), _at(marks), _at(others), len(others), _at(held)]
         given = np.array(about, np.int64)
         SWEEP.free(_at(given))

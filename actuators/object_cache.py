@@ -63,6 +63,8 @@ class Native:
         return self._bound(ctypes.CFUNCTYPE)
 
     def _bound(self, convention):
+        if PLAIN:
+            return self._make()[0]
         kinds = ctypes.c_void_p, ctypes.c_void_p, *self._kinds
         return functools.partial(convention(ctypes.c_int, *kinds)(self.address), *NOTHING)
 

@@ -1,5 +1,5 @@
-"""Compiled execution of a segment of the schedule; cosim/flight/loop/schedule.py has the same in plain Python, and the
-meanings."""
+"""Execution of a segment of the schedule: what each of its rows means. It is compiled, and the same source runs as
+Python where nothing is."""
 
 from typing import Any
 
@@ -41,7 +41,7 @@ def walk(table: Any, n: int, bus: Any, first: int, stop: int) -> None:
                 if row[4] == 4:
                     out = singles(row[3] + 4 * a * (k % row[5]))
                     for j in range(a):
-                        out[j] = types.float32(v[index[j]])
+                        out[j] = v[index[j]]
                 else:
                     kept = reals(row[3] + 8 * a * (k % row[5]))
                     for j in range(a):
