@@ -75,22 +75,10 @@ def _nozzle():
     K_s = a43 * J_M / lead**2
     J_N = arm**2 * K_s / a21
     return {
-        "arm": arm,
-        "lead": lead,
-        "K_s": K_s,
-        "J_N": J_N,
-        "B_N": a22 * J_N,
-        "J_M": J_M,
-        "B_M": a44 * J_M,
-        "K_T": K_T,
-        "K_B": K_T,
-        "R": share * loop * L,
-        "L": L,
-        "K_ic": (1 - share) * loop * L,
-        "K_gi": drive * L,
-        "a": 45.0,
+        "arm": arm, "lead": lead, "K_s": K_s, "J_N": J_N, "B_N": a22 * J_N, "J_M": J_M, "B_M": a44 * J_M, "K_T": K_T,
+        "K_B": K_T, "R": share * loop * L, "L": L, "K_ic": (1 - share) * loop * L, "K_gi": drive * L, "a": 45.0,
         "b": 257.987,
-    }
+    }  # fmt: skip
 
 
 def _elevator():
@@ -105,22 +93,10 @@ def _elevator():
     ratio = 15.75e3 / 37.8e3
     arm, J_N, J_M = 0.15, 50.0, 0.006 * ratio
     return {
-        "arm": arm,
-        "lead": 0.25e-3,
-        "K_s": 2.4e6 / arm**2,
-        "J_N": J_N,
-        "B_N": 4.61611 * J_N,
-        "J_M": J_M,
-        "B_M": 0.967879 * J_M,
-        "K_T": 0.6,
-        "K_B": 0.6,
-        "R": 0.10 / ratio,
-        "L": 0.5e-3 / ratio,
-        "K_ic": 4.0 / ratio,
-        "K_gi": 4.0 / ratio,
-        "a": 257.987,
-        "b": 257.987,
-    }
+        "arm": arm, "lead": 0.25e-3, "K_s": 2.4e6 / arm**2, "J_N": J_N, "B_N": 4.61611 * J_N, "J_M": J_M,
+        "B_M": 0.967879 * J_M, "K_T": 0.6, "K_B": 0.6, "R": 0.10 / ratio, "L": 0.5e-3 / ratio, "K_ic": 4.0 / ratio,
+        "K_gi": 4.0 / ratio, "a": 257.987, "b": 257.987,
+    }  # fmt: skip
 
 
 # current and voltage limits [A], [V]; the paper gives none for the nozzle

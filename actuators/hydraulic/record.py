@@ -95,13 +95,9 @@ TECHNOLOGY = Technology(
     inlet="valve",
     runaway="valve",
     effects={
-        "jam_solid": Effect("jam"),
-        "free_float": Effect("free_float"),
-        "loss_of_effectiveness": Effect("loss"),
-        "friction": Effect("jam"),
-        "backlash": Effect("backlash_add", "rad"),
-        "supply_pressure_drop": Effect("supply_drop"),
-        "internal_leakage": Effect("leak_add"),
+        "jam_solid": Effect("jam"), "free_float": Effect("free_float"), "loss_of_effectiveness": Effect("loss"),
+        "friction": Effect("jam"), "backlash": Effect("backlash_add", "rad"),
+        "supply_pressure_drop": Effect("supply_drop"), "internal_leakage": Effect("leak_add"),
         "air_in_oil": Effect("air"),
     },
     kinds={

@@ -32,57 +32,51 @@ from actuators.hydraulic import actuator as hydraulic
 from actuators.hydraulic import lu17
 from actuators.hydraulic.servo_gains import error_gains, observer_gains
 
-PARAMS = dtype(
-    [
-        *reference.PARAM_FIELDS,  # unit: m of rod
-        *lu17.FIELDS,  # the servo's model of the actuator
-        ("arm", "f8"),  # linkage arm [m]
-        ("r_lo", "f8"),  # lowest rod command [m]
-        ("r_hi", "f8"),  # highest rod command [m]
-        ("u_max", "f8"),  # limit of the valve command [1]
-        ("k_q", "f8"),  # position error to jerk [1/s^3]
-        ("k_v", "f8"),  # velocity error to jerk [1/s^2]
-        ("k_a", "f8"),  # acceleration error to jerk [1/s]
-        ("K", "f8", (4, 2)),  # observer gain of rod [1] and pressure [m, m/s, 1, N]
-        ("K_rod", "f8", (4,)),  # observer gain of the rod alone
-        ("F_max", "f8"),  # limit of the load estimate [N]
-        ("delay", "f8"),  # age of the measurements [ticks], 0 or 1
-    ]
-)
-INPUTS = dtype(
-    [
-        ("command", "f8"),  # surface command, trailing edge down + [rad]
-        ("f_cmd", "f8"),  # fault: added to the command [rad]
-        ("s_cmd", "f8"),  # fault: share of the command replaced [0..1]
-        ("q_meas", "f8"),  # measured rod position [m]
-        ("q_valid", "f8"),  # 1 where it is valid
-        ("x3_meas", "f8"),  # measured pressure difference over supply [1]
-        ("x3_valid", "f8"),  # 1 where it is valid
-        ("q_fb", "f8"),  # rod position from outside [m]
-        ("q_use", "f8"),  # 1: use it
-        ("qd_fb", "f8"),  # rod velocity from outside [m/s]
-        ("qd_use", "f8"),  # 1: use it
-        ("x3_fb", "f8"),  # pressure difference from outside [1]
-        ("x3_use", "f8"),  # 1: use it
-        ("load_fb", "f8"),  # load on the rod from outside, + extends [N]
-        ("load_use", "f8"),  # 1: use it
-    ]
-)
-STATE = dtype(
-    [
-        ("u", "f8", "-"),  # valve command
-        ("delta_c", "f8", "rad"),  # surface command after faults and limits
-        *reference.state_fields("m"),  # rod reference and derivatives
-        ("q", "f8", "m"),  # rod position that the loop closes on
-        ("qd", "f8", "m/s"),  # rod velocity that it closes on
-        ("x3", "f8", "-"),  # pressure difference that it closes on
-        ("load", "f8", "N"),  # load that it closes on
-        ("q_hat", "f8", "m"),  # observer: rod position
-        ("qd_hat", "f8", "m/s"),  # observer: rod velocity
-        ("x3_hat", "f8", "-"),  # observer: pressure difference
-        ("load_hat", "f8", "N"),  # observer: load
-    ]
-)
+PARAMS = dtype([
+    *reference.PARAM_FIELDS,  # unit: m of rod
+    *lu17.FIELDS,  # the servo's model of the actuator
+    ("arm", "f8"),  # linkage arm [m]
+    ("r_lo", "f8"),  # lowest rod command [m]
+    ("r_hi", "f8"),  # highest rod command [m]
+    ("u_max", "f8"),  # limit of the valve command [1]
+    ("k_q", "f8"),  # position error to jerk [1/s^3]
+    ("k_v", "f8"),  # velocity error to jerk [1/s^2]
+    ("k_a", "f8"),  # acceleration error to jerk [1/s]
+    ("K", "f8", (4, 2)),  # observer gain of rod [1] and pressure [m, m/s, 1, N]
+    ("K_rod", "f8", (4,)),  # observer gain of the rod alone
+    ("F_max", "f8"),  # limit of the load estimate [N]
+    ("delay", "f8"),  # age of the measurements [ticks], 0 or 1
+])
+INPUTS = dtype([
+    ("command", "f8"),  # surface command, trailing edge down + [rad]
+    ("f_cmd", "f8"),  # fault: added to the command [rad]
+    ("s_cmd", "f8"),  # fault: share of the command replaced [0..1]
+    ("q_meas", "f8"),  # measured rod position [m]
+    ("q_valid", "f8"),  # 1 where it is valid
+    ("x3_meas", "f8"),  # measured pressure difference over supply [1]
+    ("x3_valid", "f8"),  # 1 where it is valid
+    ("q_fb", "f8"),  # rod position from outside [m]
+    ("q_use", "f8"),  # 1: use it
+    ("qd_fb", "f8"),  # rod velocity from outside [m/s]
+    ("qd_use", "f8"),  # 1: use it
+    ("x3_fb", "f8"),  # pressure difference from outside [1]
+    ("x3_use", "f8"),  # 1: use it
+    ("load_fb", "f8"),  # load on the rod from outside, + extends [N]
+    ("load_use", "f8"),  # 1: use it
+])
+STATE = dtype([
+    ("u", "f8", "-"),  # valve command
+    ("delta_c", "f8", "rad"),  # surface command after faults and limits
+    *reference.state_fields("m"),  # rod reference and derivatives
+    ("q", "f8", "m"),  # rod position that the loop closes on
+    ("qd", "f8", "m/s"),  # rod velocity that it closes on
+    ("x3", "f8", "-"),  # pressure difference that it closes on
+    ("load", "f8", "N"),  # load that it closes on
+    ("q_hat", "f8", "m"),  # observer: rod position
+    ("qd_hat", "f8", "m/s"),  # observer: rod velocity
+    ("x3_hat", "f8", "-"),  # observer: pressure difference
+    ("load_hat", "f8", "N"),  # observer: load
+])
 OUTPUTS = ("u", "delta_c", "r", "rd", "rdd", "q", "qd", "x3", "load")
 
 ROOT_LEAST = 0.2

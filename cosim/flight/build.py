@@ -123,20 +123,13 @@ def _bus(scenario, plant, law, sensor_lanes, fault_lanes, built, chosen):
     surface = dtype([(name, "f8", "-" if name.startswith("thr") else "rad") for name in plant.border.inputs])
     segments = scenario.aircraft.segments
     sections = [
-        ("clock", CLOCK, ("clock",)),
-        ("truth", plant.border.truth, ("aircraft",)),
-        ("surfaces", surface, ("aircraft",)),
-        ("sensors_in", sensors.INPUTS, sensor_lanes),
-        ("sensors", sensors.STATE, sensor_lanes),
-        ("pilot_in", manoeuvre.INPUTS, ("pilot",)),
-        ("pilot", manoeuvre.STATE, ("pilot",)),
-        ("law_in", law.INPUTS, ("law",)),
-        ("law", law.STATE, ("law",)),
-        ("hinge_model_in", hinge_model.INPUTS, segments),
-        ("hinge_model", hinge_model.STATE, segments),
-        ("faults_in", faults.INPUTS, tuple(fault_lanes)),
-        ("faults", faults.STATE, tuple(fault_lanes)),
-    ]
+        ("clock", CLOCK, ("clock",)), ("truth", plant.border.truth, ("aircraft",)),
+        ("surfaces", surface, ("aircraft",)), ("sensors_in", sensors.INPUTS, sensor_lanes),
+        ("sensors", sensors.STATE, sensor_lanes), ("pilot_in", manoeuvre.INPUTS, ("pilot",)),
+        ("pilot", manoeuvre.STATE, ("pilot",)), ("law_in", law.INPUTS, ("law",)), ("law", law.STATE, ("law",)),
+        ("hinge_model_in", hinge_model.INPUTS, segments), ("hinge_model", hinge_model.STATE, segments),
+        ("faults_in", faults.INPUTS, tuple(fault_lanes)), ("faults", faults.STATE, tuple(fault_lanes)),
+    ]  # fmt: skip
     for name, module, _, _, lanes in built:
         sections += [(name + "_in", module.INPUTS, lanes), (name, module.STATE, lanes)]
     for d in chosen:

@@ -21,13 +21,9 @@ from cosim.scenario.user_file import aside
 
 @told_at_call
 def simulate(
-    scenario: Scenario | str | os.PathLike,
-    *,
-    log: str | os.PathLike | None = None,
-    progress: Callable[[float, float], None] | None = None,
-    achieved: bool = False,
-    timed: bool = True,
-) -> Result:
+    scenario: Scenario | str | os.PathLike, *, log: str | os.PathLike | None = None,
+    progress: Callable[[float, float], None] | None = None, achieved: bool = False, timed: bool = True,
+) -> Result:  # fmt: skip
     """Fly `scenario`, a Scenario or what load_scenario takes, and return a Result.
 
     `log` is the path of the MCAP file to write, or None. `progress(t, duration)` is called now and then. Ctrl-C ends

@@ -31,11 +31,8 @@ _MESSAGES = {
     ),
     "Event": (("start_time", 1, _TIME), ("end_time", 2, _TIME), ("metadata", 3, "KeyValuePair*")),
     "FrameTransform": (
-        ("timestamp", 1, _TIME),
-        ("parent_frame_id", 2, "string"),
-        ("child_frame_id", 3, "string"),
-        ("translation", 4, "Vector3"),
-        ("rotation", 5, "Quaternion"),
+        ("timestamp", 1, _TIME), ("parent_frame_id", 2, "string"), ("child_frame_id", 3, "string"),
+        ("translation", 4, "Vector3"), ("rotation", 5, "Quaternion"),
     ),
     "FrameTransforms": (("transforms", 1, "FrameTransform*"),),
     "LocationFix": (
@@ -51,7 +48,7 @@ _MESSAGES = {
         ("color", 8, "Color"),
         ("metadata", 9, "KeyValuePair*"),
     ),
-}
+}  # fmt: skip
 LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4, "fatal": 5}
 
 

@@ -86,18 +86,10 @@ class Live:
     """
 
     def __init__(
-        self,
-        topics: Sequence[Any],
-        *,
-        dt_ns: int = 5_000_000,
-        pose: Any = None,
-        port: int,
-        name: str = "cosim",
-        context: Any = None,
-        speed: float = 1.0,
-        controls: Mapping[str, Control] | None = None,
+        self, topics: Sequence[Any], *, dt_ns: int = 5_000_000, pose: Any = None, port: int, name: str = "cosim",
+        context: Any = None, speed: float = 1.0, controls: Mapping[str, Control] | None = None,
         more: Mapping[str, Any] | None = None,
-    ):
+    ):  # fmt: skip
         sdk = library()
         context = context or sdk.Context()
         self.shown, self.pace = Shown(topics, pose, dt_ns, context), Pace(dt_ns * 1e-9, speed)

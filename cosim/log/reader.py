@@ -205,13 +205,9 @@ class Log:
         return made
 
     def frame(
-        self,
-        topic: str,
-        *,
-        fields: Sequence[str] | None = None,
-        start_s: float | None = None,
+        self, topic: str, *, fields: Sequence[str] | None = None, start_s: float | None = None,
         end_s: float | None = None,
-    ) -> Any:
+    ) -> Any:  # fmt: skip
         """Return a topic as a DataFrame: a column per field, index `t_s` in float seconds (tick x dt, rounded once).
 
         `fields` chooses columns, `start_s` <= t < `end_s` [s] rows; memory is that of the result and of a few chunks.

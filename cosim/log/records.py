@@ -146,11 +146,6 @@ class _ChunkIndex:
 
 def _attachment_index(offset, length, record):
     return AttachmentIndex(
-        offset=offset,
-        length=length,
-        log_time=record.log_time,
-        create_time=record.create_time,
-        data_size=len(record.data),
-        name=record.name,
-        media_type=record.media_type,
-    )
+        offset=offset, length=length, log_time=record.log_time, create_time=record.create_time,
+        data_size=len(record.data), name=record.name, media_type=record.media_type,
+    )  # fmt: skip

@@ -40,15 +40,9 @@ def recover(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[st
     cut = all(d.offset >= last.offset + last.length + last.index_length for d in found.damage) if last else False
     end = (found.chunks[-1].end_ns + found.dt_ns) / 1e9 if found.chunks else 0.0
     return {
-        "out": os.fspath(out),
-        "chunks": len(found.chunks),
-        "ticks": ticks,
-        "duration_s": end,
-        "complete": result is not None,
-        "parameters_intact": found.trusted,
-        "lost": lost,
-        "cut": cut,
-    }
+        "out": os.fspath(out), "chunks": len(found.chunks), "ticks": ticks, "duration_s": end,
+        "complete": result is not None, "parameters_intact": found.trusted, "lost": lost, "cut": cut,
+    }  # fmt: skip
 
 
 def compact(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[str, Any]:

@@ -76,15 +76,10 @@ def request_schema(aircraft: Aircraft) -> dict[str, Any]:
 
 
 def fly_live(
-    scenario: Scenario,
-    *,
-    port: int,
-    log: str | os.PathLike | None = None,
-    speed: float = 1.0,
-    flightgear: int | None = None,
-    ready: Callable[[Any], None] | None = None,
+    scenario: Scenario, *, port: int, log: str | os.PathLike | None = None, speed: float = 1.0,
+    flightgear: int | None = None, ready: Callable[[Any], None] | None = None,
     progress: Callable[[float, float], None] | None = None,
-) -> tuple[Result, Scenario]:
+) -> tuple[Result, Scenario]:  # fmt: skip
     """Fly `scenario` at `speed` times the clock's, served on `port` of this machine, and return what `simulate` does,
     and the scenario that the flight came to.
 

@@ -77,12 +77,9 @@ class Flight:
 
     @told_at_call
     def __init__(
-        self,
-        scenario: Scenario | str | os.PathLike,
-        *,
-        log: str | os.PathLike | None = None,
+        self, scenario: Scenario | str | os.PathLike, *, log: str | os.PathLike | None = None,
         flightgear: int | None = None,
-    ):
+    ):  # fmt: skip
         self.scenario = resolved(scenario if isinstance(scenario, Scenario) else load_scenario(scenario))
         self.log, self._journal = log, Journal(log)
         self.tick, self.status, self.reason = 0, "flying", ""

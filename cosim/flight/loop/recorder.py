@@ -123,16 +123,13 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
     attachments |= attached.sources(setup.scenario) | ({} if profile == "replay" else viewer_layouts(channels))
     metadata = {
         "run": {
-            "title": setup.scenario.title,
-            "software": f"cosim {cosim.__version__}",
-            "rate_hz": str(setup.scenario.rate_hz),
-            "seed": str(setup.scenario.seed),
-            "ticks": str(setup.ticks),
+            "title": setup.scenario.title, "software": f"cosim {cosim.__version__}",
+            "rate_hz": str(setup.scenario.rate_hz), "seed": str(setup.scenario.seed), "ticks": str(setup.ticks),
             **({"log_profile": profile} if profile else {}),
         },
         "trim": {k: repr(v) for k, v in vars(setup.trim).items() if isinstance(v, float)},
         "libraries": {"jsbsim": _version("jsbsim"), "numpy": np.__version__, "numba": _version("numba")},
-    }
+    }  # fmt: skip
     fits(path, channels, setup.ticks, loop.dt)
     writer = LogWriter(
         path,

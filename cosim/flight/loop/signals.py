@@ -72,12 +72,9 @@ def inputs(
 
 
 def detect(
-    frame: "pd.DataFrame",
-    module: ModuleType,
-    wires: Mapping[str, str] | Sequence[Mapping[str, str]],
-    p: np.ndarray | None = None,
-    fields: Sequence[str] | None = None,
-) -> np.ndarray:
+    frame: "pd.DataFrame", module: ModuleType, wires: Mapping[str, str] | Sequence[Mapping[str, str]],
+    p: np.ndarray | None = None, fields: Sequence[str] | None = None,
+) -> np.ndarray:  # fmt: skip
     """Return what detector `module` makes of a flown table, as in the loop: its STATE after every tick, (ticks,).
 
     `wires` is {input field: signal}, an element of an array as `field[2]`; a list of them stands for lanes, and the

@@ -34,17 +34,9 @@ OUTPUTS = {
     "pdot": "rad/s2", "qdot": "rad/s2", "rdot": "rad/s2",
 }  # fmt: skip
 STEPS = {
-    "tas": 0.5,
-    "alpha": 2e-3,
-    "q": 2e-3,
-    "theta": 2e-3,
-    "h": 5.0,
-    "beta": 2e-3,
-    "p": 2e-3,
-    "r": 2e-3,
-    "phi": 2e-3,
+    "tas": 0.5, "alpha": 2e-3, "q": 2e-3, "theta": 2e-3, "h": 5.0, "beta": 2e-3, "p": 2e-3, "r": 2e-3, "phi": 2e-3,
     "psi": 2e-3,
-}
+}  # fmt: skip
 INPUT_STEP = 2e-3
 LONGITUDINAL, LATERAL = ("tas", "alpha", "q", "theta"), ("beta", "p", "r", "phi")
 
@@ -229,17 +221,9 @@ def _evaluate(plant, x, u):
         q * math.cos(phi) - r * math.sin(phi) + tas / (EARTH_MERIDIAN + h)
     )  # the horizon turns under the aircraft
     x_dot = [
-        tas_dot,
-        alpha_dot,
-        t.qdot,
-        theta_dot,
-        t.hdot,
-        beta_dot,
-        t.pdot,
-        t.rdot,
-        p + math.tan(theta) * turn,
+        tas_dot, alpha_dot, t.qdot, theta_dot, t.hdot, beta_dot, t.pdot, t.rdot, p + math.tan(theta) * turn,
         turn / math.cos(theta),
-    ]
+    ]  # fmt: skip
     return np.array(x_dot), np.array([t[name] for name in OUTPUTS])
 
 

@@ -20,20 +20,10 @@ from cosim.scenario.user_file import opened
 
 
 def window_model(
-    id: str,
-    model: Any,
-    *,
-    inputs: Sequence[str],
-    classes: Sequence[str],
-    technologies: Sequence[str] = (),
-    window_s: float = 1.0,
-    every_s: float = 0.1,
-    sample_s: float = 0.01,
-    threshold: float = 0.5,
-    features: Callable[[np.ndarray], np.ndarray] = np.ravel,
-    designed_for: Sequence[str] = (),
-    near: str | Path = ".",
-) -> type:
+    id: str, model: Any, *, inputs: Sequence[str], classes: Sequence[str], technologies: Sequence[str] = (),
+    window_s: float = 1.0, every_s: float = 0.1, sample_s: float = 0.01, threshold: float = 0.5,
+    features: Callable[[np.ndarray], np.ndarray] = np.ravel, designed_for: Sequence[str] = (), near: str | Path = ".",
+) -> type:  # fmt: skip
     """Return the class of a detector (cosim/flight/plugins/contract.py) that asks `model` about a window.
 
     `model` is a fitted object with predict_proba or predict, a function of (1, features) that returns (1, classes), or
