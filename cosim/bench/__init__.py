@@ -62,19 +62,11 @@ def bench(
         worker = worker_mb() if memory else None
         done(total, total)
     return {
-        "cases": cases,
-        "realtime_factor": rate,
-        "border": "by address" if crossing() else "by Python's calls",
-        "detectors": costs,
-        "startup_s": startup["run_s"],
-        "startup": startup,
-        "peak_mb": peak,
-        "per_flown_second": per_second,
-        "worker_mb": worker,
-        "recorded": recorded,
-        "memory_flight_s": MEMORY_FLIGHT_S,
+        "cases": cases, "realtime_factor": rate, "border": "by address" if crossing() else "by Python's calls",
+        "detectors": costs, "startup_s": startup["run_s"], "startup": startup, "peak_mb": peak,
+        "per_flown_second": per_second, "worker_mb": worker, "recorded": recorded, "memory_flight_s": MEMORY_FLIGHT_S,
         "cores": os.cpu_count(),
-    }
+    }  # fmt: skip
 
 
 def _detectors(scenario):
@@ -155,13 +147,11 @@ def _startup(folder):
     """
     log = str(Path(folder) / "start.mcap")
     cases = {
-        "python": subprocess_env.command("pass"),
-        "import": subprocess_env.command("import cosim"),
-        "help": _command("--help"),
-        "first_tick": [*subprocess_env.command(_FIRST), "-o", log],
+        "python": subprocess_env.command("pass"), "import": subprocess_env.command("import cosim"),
+        "help": _command("--help"), "first_tick": [*subprocess_env.command(_FIRST), "-o", log],
         "run": _command("run", "cruise", "--json", "--set", "duration_s=1", "-o", log),
         "flight": _command("run", "-o", log),
-    }
+    }  # fmt: skip
     env = {name: value for name, value in subprocess_env.surroundings().items() if name != "PYTHONDONTWRITEBYTECODE"}
     env["PYTHONPYCACHEPREFIX"] = str(Path(folder) / "bytecode")
     told: dict[str, Any] = {}

@@ -98,11 +98,9 @@ def _sensor_lanes(scenario, dt):
         p["delay"] = round(late / dt)
         if p["delay"][0] >= sensors.DELAY_MAX:
             raise ScenarioError(
-                f"a delay of {late:g} s is {p['delay'][0]:.0f} ticks",
-                place=f"sensors.{base}.delay_s",
-                allowed=f"below {sensors.DELAY_MAX * dt:g} s at {1 / dt:g} Hz",
-                remedy="Lower delay_s or rate_hz",
-            )
+                f"a delay of {late:g} s is {p['delay'][0]:.0f} ticks", place=f"sensors.{base}.delay_s",
+                allowed=f"below {sensors.DELAY_MAX * dt:g} s at {1 / dt:g} Hz", remedy="Lower delay_s or rate_hz",
+            )  # fmt: skip
         p["quantum"], p["gain"] = s.quantum or 0.0, gain
         names.append(lane)
         rows.append(p)

@@ -54,13 +54,10 @@ def simulate(
             trace, status, reason = fly(setup, *sinks, progress=progress, pause=twin and twin.pause)
         wall = time.perf_counter() - flown
         result = Result(
-            log=str(log) if log else None,
-            status=status,
-            reason=reason,
-            sim_time_s=len(trace) * setup.loop.dt,
+            log=str(log) if log else None, status=status, reason=reason, sim_time_s=len(trace) * setup.loop.dt,
             wall_time_s=wall,
             faults=[{"kind": f.kind, "target": f.target, "start_s": f.start_s} for f in scenario.faults],
-        )
+        )  # fmt: skip
         if timed:
             setup.time_detectors()
         swings = twin.moved(trace) if twin and status != "interrupted" else None

@@ -22,12 +22,9 @@ def _compiled():
 
 
 FOLD = Native(
-    "fold",
-    Path(__file__).with_name("crc_kernel.py"),
-    (ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64),
-    _compiled,
-    f"{__name__}:FOLD",
-)
+    "fold", Path(__file__).with_name("crc_kernel.py"),
+    (ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64), _compiled, f"{__name__}:FOLD",
+)  # fmt: skip
 
 
 @functools.cache

@@ -175,11 +175,9 @@ def schema_data(topic: str, fields: tuple[str, ...]) -> bytes:
 def channel_metadata(topic: Any) -> dict:
     """Return the text that describes a sampled topic in its channel record."""
     return {
-        "every": str(topic.every),
-        "units": json.dumps(list(topic.units)),
-        "group": topic.group,
+        "every": str(topic.every), "units": json.dumps(list(topic.units)), "group": topic.group,
         "description": topic.description,
-    }
+    }  # fmt: skip
 
 
 @functools.lru_cache(KEPT)

@@ -27,12 +27,10 @@ def _compiled():
 
 
 SQUEEZE = Native(
-    "squeeze",
-    Path(__file__).with_name("lz4_rows.py"),
-    (ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p),
-    _compiled,
+    "squeeze", Path(__file__).with_name("lz4_rows.py"),
+    (ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p), _compiled,
     f"{__name__}:SQUEEZE",
-)
+)  # fmt: skip
 
 
 @functools.lru_cache(maxsize=16)

@@ -103,11 +103,9 @@ class _Server(socketserver.ThreadingTCPServer):
 
 
 def _pass_on(
-    client: socket.socket,
-    behind: Callable[[bytes], tuple[str, int] | None],
-    watched: tuple[str, int],
+    client: socket.socket, behind: Callable[[bytes], tuple[str, int] | None], watched: tuple[str, int],
     watching: threading.BoundedSemaphore,
-) -> None:
+) -> None:  # fmt: skip
     """Pass on what may come in; of those that only watch the server `watched`, as many as have a place."""
     head = _head(client)
     inner = behind(head) if head is not None and allowed(_origin(head)) else None

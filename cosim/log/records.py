@@ -117,16 +117,12 @@ def _statistics(schemas, channels, chunks, attachments, metadata):
         for channel, count in chunk.index_counts.items():
             counts[channel] += count
     return Statistics(
-        attachment_count=len(attachments),
-        channel_count=len(channels),
-        channel_message_counts={c: n for c, n in counts.items() if n},
-        chunk_count=len(chunks),
-        message_count=sum(counts.values()),
-        message_end_time=max((c.end_ns for c in chunks), default=0),
-        message_start_time=min((c.start_ns for c in chunks), default=0),
-        metadata_count=len(metadata),
+        attachment_count=len(attachments), channel_count=len(channels),
+        channel_message_counts={c: n for c, n in counts.items() if n}, chunk_count=len(chunks),
+        message_count=sum(counts.values()), message_end_time=max((c.end_ns for c in chunks), default=0),
+        message_start_time=min((c.start_ns for c in chunks), default=0), metadata_count=len(metadata),
         schema_count=len(schemas),
-    )
+    )  # fmt: skip
 
 
 class _ChunkIndex:

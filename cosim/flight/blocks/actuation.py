@@ -18,11 +18,9 @@ def _scaled(technology, own, multipliers):
     for name in multipliers:
         if name not in nominal:
             raise ScenarioError(
-                "no such parameter",
-                place=f"tolerances.{technology.name}.{name}",
-                allowed=", ".join(nominal),
+                "no such parameter", place=f"tolerances.{technology.name}.{name}", allowed=", ".join(nominal),
                 remedy=did_you_mean(name, nominal),
-            )
+            )  # fmt: skip
     return {k: nominal[k] * v for k, v in multipliers.items()}
 
 

@@ -132,15 +132,9 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
     }  # fmt: skip
     fits(path, channels, setup.ticks, loop.dt)
     writer = LogWriter(
-        path,
-        channels,
-        n_values=len(loop.v),
-        dt_ns=round(loop.dt * 1e9),
-        metadata=metadata,
-        attachments=attachments,
-        pose=None if profile == "replay" else pose(loop.bus),
-        compression="zstd-fast" if profile else "lz4",
-    )
+        path, channels, n_values=len(loop.v), dt_ns=round(loop.dt * 1e9), metadata=metadata, attachments=attachments,
+        pose=None if profile == "replay" else pose(loop.bus), compression="zstd-fast" if profile else "lz4",
+    )  # fmt: skip
     for f in setup.scenario.faults if profile != "replay" else ():
         start, end = (None if t is None else round(t * setup.scenario.rate_hz) for t in (f.start_s, f.end_s))
         writer.window(start, start, end, kind=f.kind, target=f.target)
@@ -156,13 +150,11 @@ def result_texts(result: Any) -> dict[str, Any]:
     """Return the result's texts for the log: nothing in them depends on the machine's clock."""
     kept = [{k: v for k, v in d.items() if k != "step_us"} for d in result.to_dict()["detectors"]]
     return {
-        "status": result.status,
-        "reason": result.reason,
-        "sim_time_s": repr(result.sim_time_s),
+        "status": result.status, "reason": result.reason, "sim_time_s": repr(result.sim_time_s),
         "detectors": json.dumps(kept, sort_keys=True),
         "achieved": json.dumps(result.extra.get("achieved"), sort_keys=True),
         **({"notes": json.dumps(result.extra["notes"])} if result.extra.get("notes") else {}),
-    }
+    }  # fmt: skip
 
 
 def _portable(scenario):

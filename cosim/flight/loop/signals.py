@@ -26,11 +26,9 @@ CHUNK = 400  # ticks of whole detector states held at once
 
 @told_at_call
 def fly(
-    scenario: Scenario | str | os.PathLike,
-    signals: Iterable[str] = COMMON,
-    *,
+    scenario: Scenario | str | os.PathLike, signals: Iterable[str] = COMMON, *,
     prepare: Callable[[Any], None] | None = None,
-) -> "pd.DataFrame":
+) -> "pd.DataFrame":  # fmt: skip
     """Fly `scenario` without a log and return the named signals, one row per tick, index in seconds.
 
     `scenario` is what `load_scenario` takes, or gives. `signals` are words of `cosim list signals` (`alpha`,

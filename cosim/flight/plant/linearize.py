@@ -61,11 +61,9 @@ class Mode:
     def to_dict(self) -> dict[str, object]:
         """Return the mode as plain data: name, wn_rad_s, zeta, eigenvalue as [real, imaginary] in 1/s."""
         return {
-            "name": self.name,
-            "wn_rad_s": self.wn,
-            "zeta": self.zeta,
+            "name": self.name, "wn_rad_s": self.wn, "zeta": self.zeta,
             "eigenvalue": [self.eigenvalue.real, self.eigenvalue.imag],
-        }
+        }  # fmt: skip
 
 
 @dataclass(frozen=True)
