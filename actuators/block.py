@@ -226,7 +226,7 @@ class Entry:
         if not all(array.flags.c_contiguous for array in (x, u, p)):
             raise ValueError("bound arrays of a block stand without gaps")
         call, given = self.native.call, (_at(x), _at(u), _at(p), dt, *u.shape, None)
-        return functools.partial(_call, call, given, (x, u, p))
+        return lambda kept=(x, u, p): call(*given)  # the arrays behind the addresses
 
     def sweep(
         self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, index: np.ndarray, at: np.ndarray,
@@ -308,10 +308,6 @@ class Entry:
 
         state, given, fixed = (types.CPointer(from_dtype(kind)) for kind in self.kinds)
         return rollout, (state, given, fixed, types.float64, types.int64, types.int64, state)
-
-
-def _call(call, given, kept):
-    call(*given)  # `kept` are the arrays behind the addresses
 
 
 def _at(array):

@@ -84,13 +84,7 @@ POLE = 25.0  # [rad/s]
 
 
 def params(
-    *,
-    dt: float = 0.005,
-    pole: float = POLE,
-    omega: float = 45.0,
-    zeta: float = 0.8,
-    delay: float = 1.0,
-    **values: Any,
+    *, dt: float = 0.005, pole: float = POLE, omega: float = 45.0, zeta: float = 0.8, delay: float = 1.0, **values: Any
 ) -> np.ndarray:
     """Return PARAMS of shape (1,) for the tick `dt`; `values` replace fields, unknown names raise ValueError.
 

@@ -91,4 +91,3 @@ def _cut_off(writer: LogWriter | None, setup: Setup) -> str:
         cut = Result(log=str(writer.path), status="interrupted", reason=why, sim_time_s=t, wall_time_s=0.0, faults=[])
         writer.close(result=result_texts(cut))
     return f"interrupted {why}"
-

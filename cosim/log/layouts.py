@@ -11,43 +11,31 @@ from xml.etree import ElementTree
 
 # page -> plots (title, group of topics or "" for any, names of fields or their beginnings before "*")
 PAGES = (
-    (
-        "Flight",
-        (
-            ("Angle of attack, pitch [rad]", "truth", ("alpha", "theta")),
-            ("Rates [rad/s]", "truth", ("p", "q", "r")),
-            ("Load factor [-]", "truth", ("nz",)),
-            ("Altitude [m]", "truth", ("h",)),
-            ("Speed [m/s]", "truth", ("tas", "cas")),
-        ),
-    ),
-    (
-        "Elevators",
-        (
-            ("Surfaces [rad]", "truth", ("de_*",)),
-            ("Rods [m]", "actuators", ("q_rod", "q", "x_rod", "rod*")),
-            ("Commands", "actuators", ("u*", "cmd*", "ref*")),
-        ),
-    ),
-    (
-        "Detectors",
-        (
-            ("Test statistic, alarm at 1 [-]", "detectors", ("r",)),
-            ("Alarm [-]", "detectors", ("alarm",)),
-            ("Verdict [code]", "detectors", ("verdict",)),
-            ("Estimated fault", "detectors", ("f_hat*",)),
-            ("Injected fault", "", ("active", "signal", "injected*")),
-        ),
-    ),
-)
-STEERING = (  # beside the services of a live flight
-    "Inject and heal",
-    (
+    ("Flight", (
+        ("Angle of attack, pitch [rad]", "truth", ("alpha", "theta")),
+        ("Rates [rad/s]", "truth", ("p", "q", "r")),
         ("Load factor [-]", "truth", ("nz",)),
+        ("Altitude [m]", "truth", ("h",)),
+        ("Speed [m/s]", "truth", ("tas", "cas")),
+    )),
+    ("Elevators", (
         ("Surfaces [rad]", "truth", ("de_*",)),
+        ("Rods [m]", "actuators", ("q_rod", "q", "x_rod", "rod*")),
+        ("Commands", "actuators", ("u*", "cmd*", "ref*")),
+    )),
+    ("Detectors", (
+        ("Test statistic, alarm at 1 [-]", "detectors", ("r",)),
         ("Alarm [-]", "detectors", ("alarm",)),
-    ),
-)
+        ("Verdict [code]", "detectors", ("verdict",)),
+        ("Estimated fault", "detectors", ("f_hat*",)),
+        ("Injected fault", "", ("active", "signal", "injected*")),
+    )),
+)  # fmt: skip
+STEERING = ("Inject and heal", (  # beside the services of a live flight
+    ("Load factor [-]", "truth", ("nz",)),
+    ("Surfaces [rad]", "truth", ("de_*",)),
+    ("Alarm [-]", "detectors", ("alarm",)),
+))  # fmt: skip
 _COLOURS = ("#1f77b4", "#d62728", "#1ac938", "#ff7f0e", "#f14cc1", "#9467bd", "#17becf", "#bcbd22")
 
 

@@ -5,6 +5,7 @@ import os
 import threading
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from cosim.table import Table
 from . import foxglove
 from .chunk import GATHER
 from .compression import keep_memory
-from .format import Limits, TopicInfo, log_error
+from .format import Limits, log_error
 from .load import drop_damaged_chunks, load_chunk, load_topics
 from .validate import identity, scan
 
@@ -72,7 +73,9 @@ class Log:
         self._runs = _merged(self.spans)
         self._index: dict = {}  # of frames, by rate
         self._one = threading.Lock()  # one thread at a time reads without compiled code
-        self.topics = {name: self._info(t) for name, t in found.topics.items()}
+        rows = {t.every: sum(len(range(-k0 % t.every, n, t.every)) for k0, n in self._runs)
+                for t in found.topics.values()}  # fmt: skip
+        self.topics = {name: replace(t, rows=rows[t.every]) for name, t in found.topics.items()}
 
     def __repr__(self) -> str:
         rows = [f"  {t.name:44}{t.rows:>8} rows, {len(t.fields)} fields" for t in self.topics.values()]
@@ -102,10 +105,6 @@ class Log:
         for axis, unit in zip(reversed(list(figure.select_yaxes())), units.values()):
             axis.update(matches=None, title=unit.strip("-"))
         return figure.update_layout(legend_title_text="", xaxis_title="t, s")
-
-    def _info(self, t):
-        rows = sum(len(range(-k0 % t.every, n, t.every)) for k0, n in self._runs)
-        return TopicInfo(t.name, t.fields, t.units, t.every, rows, t.group, t.description)
 
     def array(self, topic: str, start: float = 0, stop: Any = None) -> Any:
         """Return the values of a topic (rows, fields) as float64, bit for bit as they were logged.

@@ -28,7 +28,8 @@ def resolved(scenario: Scenario) -> Scenario:
     scenario = identified(scenario)
     while any(f.waits for f in scenario.faults):
         waiting = {i: condition(f.when or "") for i, f in enumerate(scenario.faults) if f.waits}
-        setup = build(_without(scenario, waiting))
+        begun = tuple(f for i, f in enumerate(scenario.faults) if i not in waiting)
+        setup = build(scenario.model_copy(update={"faults": begun}))
         names = list(dict.fromkeys(name for c in waiting.values() for name in c.signals()))
         flown = [name for name in names if other_fault(name) is None]
         for name in flown:
@@ -74,9 +75,3 @@ def _of_fault(name, scenario, t):
     ended = t >= (np.inf if fault.end_s is None else fault.end_s) - slack
     value = np.where(ended, 0.0, 1.0) if name.endswith("active") else t - fault.start_s
     return np.where(begun, value, np.nan)
-
-
-def _without(scenario, waiting):
-    """Return the scenario without the faults that still wait."""
-    faults = tuple(f for i, f in enumerate(scenario.faults) if i not in waiting)
-    return scenario.model_copy(update={"faults": faults})

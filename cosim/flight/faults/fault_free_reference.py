@@ -62,7 +62,7 @@ class Twin:
 
     def __init__(self, setup: Setup):
         self._setup, self._segments = setup, faulted(setup.scenario)
-        self._key = _without_faults(setup.scenario) if self._segments else ""
+        self._key = _quiet(setup.scenario).expanded_toml() if self._segments else ""  # of the twin
         self._child, self._first = 0, 0  # its process, and its first tick
         self._rows, self._flown = np.zeros((0, 0), np.float32), np.zeros(1, np.int64)  # what it writes
         self.pause: tuple[int, Any] | None = None
@@ -78,7 +78,7 @@ class Twin:
         self._first, self._child = k, os.fork()
         if not self._child:
             try:
-                _end_with_parent()
+                ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # a copy ends with what it was copied from
                 gc.disable()  # what is not written to is not copied
                 self._flown[:] = _quietly(self._setup, k, self._setup.trace.index[columns], self._rows)
                 os._exit(0)
@@ -115,11 +115,6 @@ class Twin:
             os.kill(self._child, 9)
             os.waitpid(self._child, 0)
             self._child = 0
-
-
-def _end_with_parent():
-    """Let the system end this process, a copy, when the one that it was copied from is gone, killed perhaps."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def _copies():
@@ -168,11 +163,6 @@ def unwatched(scenario: Scenario) -> Scenario:
 def _quiet(scenario):
     """Return the scenario without faults, and without detectors but those in the loop."""
     return unwatched(scenario).model_copy(update={"title": "", "faults": ()})
-
-
-def _without_faults(scenario):
-    """Return the TOML of the twin."""
-    return _quiet(scenario).expanded_toml()
 
 
 def _columns(trace):

@@ -158,9 +158,7 @@ class Flight:
             fault["when"] = f"t > {(self.tick - 0.5) * self.dt:.9g} and ({fault['when']})"
         start = fault.get("start_s", self.time)
         if isinstance(start, int | float) and start < self.time - 0.5 * self.dt:
-            raise ScenarioError(
-                f"{start:g} s has passed", place="start_s", allowed=f"from {self.time:g} s on"
-            )
+            raise ScenarioError(f"{start:g} s has passed", place="start_s", allowed=f"from {self.time:g} s on")
         faults = self._tables()
         self._refly([*faults, fault])
         return len(faults)

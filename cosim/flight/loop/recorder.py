@@ -113,10 +113,7 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
     blocks = loop.detectors if profile == "replay" else blocks
     attachments = {
         "scenario.toml": ("application/toml", _portable(setup.scenario).encode()),
-        "detectors.json": (
-            "application/json",
-            json.dumps(manifest, indent=1, sort_keys=True).encode(),
-        ),
+        "detectors.json": ("application/json", json.dumps(manifest, indent=1, sort_keys=True).encode()),
     }
     for b in blocks:
         attachments |= _array(f"{b.name}.params", b.p) | _array(f"{b.name}.initial", b.x)

@@ -297,11 +297,6 @@ class Plant:
         self.read(out)
         return out
 
-    @property
-    def errors(self) -> Any:
-        """Return what JSBSim reported as an error."""
-        return list(self._logger.errors)
-
 
 _GUST_READ = ("velocities/vt-fps", "attitude/phi-rad", "attitude/theta-rad", "attitude/psi-rad",
               "position/h-sl-ft")  # fmt: skip
@@ -346,16 +341,7 @@ def bare_model(path: Path, dt: float, start: dict[str, float]) -> tuple[Callable
 
 _REFERENCE_LOGGER = _Quiet()  # kept here: JSBSim does not own it
 
-
-def reference_run(dt: float = 0.005) -> Callable[[], bool]:
-    """Return the step function of the B747 that the jsbsim wheel ships, flying at 20,000 ft: yardstick of `cosim
-    bench`.
-    """
-    start = {"ic/h-sl-ft": 20000.0, "ic/vc-kts": 290.0, "ic/gamma-deg": 0.0, "propulsion/set-running": -1}
-    return bare_model(Path("B747"), dt, start)[0]
-
-
-__all__ = ["POINTS", "FlightPoint", "Plant", "Port", "TrimError", "bare_model", "loading", "reference_run"]
+__all__ = ["POINTS", "FlightPoint", "Plant", "Port", "TrimError", "bare_model", "loading"]
 
 
 # FlightGear as a window on a flight: JSBSim's own output in FlightGear's native protocol, by UDP to this machine:

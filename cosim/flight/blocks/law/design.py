@@ -50,9 +50,7 @@ def alpha_limit(plant: Any, trim: Any, share: float = 0.96) -> tuple[float, floa
     angles = np.radians(np.arange(0.0, 25.01, 0.5))
     lift, n_z = [], []
     for alpha in angles:
-        plant.place(
-            tas=trim.tas, alpha=alpha, theta=alpha, altitude=trim.altitude, q=trim.q, surfaces=trim.surfaces
-        )
+        plant.place(tas=trim.tas, alpha=alpha, theta=alpha, altitude=trim.altitude, q=trim.q, surfaces=trim.surfaces)
         t = plant.truth()[0]
         lift.append(t.nz * math.cos(alpha) - t.nx * math.sin(alpha))
         n_z.append(t.nz)

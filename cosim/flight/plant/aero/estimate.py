@@ -190,9 +190,7 @@ def model_xml(n: Any, aircraft: Aircraft) -> str:
     """Return <name>.xml: metrics, masses, engines and tank, from the `numbers` of the aircraft and its record."""
     g, m, station = aircraft.geometry, aircraft.mass, aircraft.geometry.station_in
     weight = m.empty_t * 1e3
-    inertia = "\n".join(
-        f'    <i{k} unit="KG*M2"> {v * weight:.1f} </i{k}>' for k, v in m.gyration2_m2
-    )
+    inertia = "\n".join(f'    <i{k} unit="KG*M2"> {v * weight:.1f} </i{k}>' for k, v in m.gyration2_m2)
     each = (m.mass_t[0] - m.empty_t - m.fuel_t) * 1e3 / 6
     masses = "\n".join(
         f'    <pointmass name="{name}"> <weight unit="KG"> {each:.1f} </weight>'
