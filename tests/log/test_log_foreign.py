@@ -62,15 +62,10 @@ def test_what_cannot_be_read_is_named(tmp_path, table):
     table.drop(columns="time").to_csv(tmp_path / "timeless.csv", index=False)
     (tmp_path / "gap.csv").write_text("t,x\n0,1\n,2\n")
     for name, word in {
-        "empty.csv": "as csv",
-        "bad.parquet": "as parquet",
-        "bad.mcap": "MCAP",
-        "a.xlsx": "unknown kind",
-        "timeless.csv": "no time column",
-        "gap.csv": "holds no time",
-        "none.csv": "cannot read",
+        "empty.csv": "as csv", "bad.parquet": "as parquet", "bad.mcap": "MCAP", "a.xlsx": "unknown kind",
+        "timeless.csv": "no time column", "gap.csv": "holds no time", "none.csv": "cannot read",
         "none.mcap": "cannot read",
-    }.items():
+    }.items():  # fmt: skip
         with pytest.raises(LogError, match=word) as error:
             read_channels(tmp_path / name)
         assert name in str(error.value)
