@@ -148,6 +148,6 @@ def _plain_enter(entry, x, u, p, dt, lanes, log):
 
 
 if PLAIN:  # what the kernels of schedule, log and sweep call; JSBSim is not called by address then
-    enter = _plain_enter
+    enter = _plain_enter  # type: ignore[assignment]
     reals, singles, wholes = map(_plain_pointer, (ctypes.c_double, ctypes.c_float, ctypes.c_int64))
     put, lay_quad, lay_word = map(_plain_layer, (ctypes.c_double, ctypes.c_uint32, ctypes.c_uint64))

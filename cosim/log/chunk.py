@@ -205,8 +205,10 @@ class Plan:
 
     def values(self, content: np.ndarray, number: int) -> Iterator[tuple[slice, np.ndarray]]:
         """Yield (slice of fields, (row, field) view of float64) of topic `number` in `content`."""
-        block = self.blocks.get(number)  # none where the topic has no row in the chunk
-        for fields, offset, step in block.runs if block else ():
+        if number not in self.blocks:  # it has no row in the chunk
+            return
+        block = self.blocks[number]
+        for fields, offset, step in block.runs:
             shape = (block.rows, fields.stop - fields.start)
             yield fields, np.ndarray(shape, "<f8", content, block.start + offset, (block.stride, step))
 

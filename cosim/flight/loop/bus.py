@@ -62,7 +62,7 @@ class Bus:
         for name in kind.names or ():
             if fields is not None and name not in fields:
                 continue
-            sub, offset = (kind.fields or {})[name][:2]
+            sub, offset = kind.fields[name][:2]  # type: ignore[index]
             first = base + offset // 8
             out += [(f"{name}[{i}]" if sub.shape else name, first + i) for i in range(sub.itemsize // 8)]
         return out
