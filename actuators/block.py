@@ -71,8 +71,7 @@ def record(kind: Any, **values: Any) -> np.ndarray:
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile `function` with Numba where it is first called, cached on disk by the digest of every source of ours that
-    it depends on; with NUMBA_DISABLE_JIT=1 it stays as it is.
-    """
+    it depends on; with NUMBA_DISABLE_JIT=1 it stays as it is."""
     return function if PLAIN else Kernel(function)
 
 

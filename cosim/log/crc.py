@@ -37,8 +37,7 @@ def foldable() -> bool:
 
 def crc32(data: Any, value: int = 0) -> int:
     """Return the CRC-32 of bytes that follow others of CRC-32 `value`, as zlib.crc32; where the fast function is not
-    compiled yet zlib does it, for nobody should wait for that.
-    """
+    compiled yet zlib does it, for nobody should wait for that."""
     if len(data) < LEAST or not foldable() or not FOLD.ready():
         return zlib.crc32(data, value)
     held, left = np.frombuffer(data, "u1"), np.zeros(BLOCK, "u1")

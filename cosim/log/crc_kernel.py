@@ -70,6 +70,5 @@ fold_registers: Any = _fold  # Numba gives it the context
 
 def fold(data: int, blocks: int, state: int, before: int) -> None:
     """Put at address `state`, behind zeros, the BLOCK bytes that leave the remainder of `blocks` times BLOCK at address
-    `data`, to whose first bits those of the register `before` (32 bits) are added.
-    """
+    `data`, to whose first bits those of the register `before` (32 bits) are added."""
     fold_registers(data, blocks * (BLOCK // STRIDE), state + BLOCK - STRIDE, before)

@@ -192,8 +192,7 @@ class Pose:
 
 def _quaternion(roll, pitch, yaw):
     """Return the quaternion x, y, z, w of rotations [rad] by yaw (z), pitch (y), roll (x), in that order about moving
-    axes.
-    """
+    axes."""
     if not all(abs(a) < 1e6 for a in (roll, pitch, yaw)):  # a diverged state has no attitude
         return 0.0, 0.0, 0.0, 1.0
     cr, sr, cp, sp, cy, sy = (f(a / 2) for a in (roll, pitch, yaw) for f in (cos, sin))

@@ -70,8 +70,7 @@ class Frame:
 
     def topics(self, file: Any, begin: int, end: int, wanted: Collection[int], content: np.ndarray) -> bool:
         """Put the topics `wanted` of the frame that stands in a file from byte `begin` to `end` where they stand in the
-        content (uint8). Return False where the frame is not one of `pack`.
-        """
+        content (uint8). Return False where the frame is not one of `pack`."""
         file.seek(begin)
         head = file.read(len(_head(1)))
         if head[:_STATED] != _head(1)[:_STATED]:

@@ -47,8 +47,7 @@ def allowed(origin: str | None, origins: Collection[str] = ORIGINS) -> bool:
 
 class Gate:
     """Listen at `host`:`port` and pass what may come in to `inner` (host, port), or with `token` in its address,
-    ws://host:port/?token=..., to `steered`; `close` ends it. Raises OSError.
-    """
+    ws://host:port/?token=..., to `steered`; `close` ends it. Raises OSError."""
 
     def __init__(
         self, host: str, port: int, inner: tuple[str, int], steered: tuple[str, int] | None = None, token: str = ""

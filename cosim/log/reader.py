@@ -225,8 +225,7 @@ class Log:
 
     def frames(self, topics: Any = None) -> Any:
         """Return {topic: DataFrame} of several topics (default: all), each chunk read once; of one topic, given as a
-        string, an iterator over DataFrames of its rows, a few chunks at a time.
-        """
+        string, an iterator over DataFrames of its rows, a few chunks at a time."""
         if isinstance(topics, str):
             self._number(topics)
             return (self._frame(topics, self.array(topics, a, b), None, a, b) for a, b in self._blocks())
@@ -245,8 +244,7 @@ class Log:
         self, topic: str, fields: Sequence[str], kind: Any = np.float64, *, start: int = 0, stop: int | None = None
     ) -> np.ndarray:
         """Return fields of a topic as (fields, rows) of `kind`, ticks start <= k < stop; memory is that of the result
-        and of a few chunks. Raises KeyError for a topic or field that is not there.
-        """
+        and of a few chunks. Raises KeyError for a topic or field that is not there."""
         at = [self._place(topic, name) for name in fields]
         out, done = np.empty((len(at), len(self.ticks(topic, start, stop))), kind), 0
         for a, b in self._blocks(start, stop):

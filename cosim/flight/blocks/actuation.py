@@ -26,8 +26,7 @@ def _scaled(technology, own, multipliers):
 
 def plain(aircraft: Any, kind: str) -> dict[str, float]:
     """Return the parameters of the plain actuator of a `kind` of surface: the travel that trim and law count on, so
-    that it holds whatever trims, rate [rad/s], natural frequency [rad/s].
-    """
+    that it holds whatever trims, rate [rad/s], natural frequency [rad/s]."""
     bounds = dict(zip(("lo", "hi"), aircraft.travels[kind]))
     if kind == "elevator":
         return bounds

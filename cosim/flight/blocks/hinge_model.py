@@ -64,8 +64,7 @@ rollout = entry(step, STATE, INPUTS, PARAMS)
 
 def slopes(plant: Any, trim: Any, names: Any) -> np.ndarray:
     """Return (m_alpha, m_q) of the lanes `names` (suffixes of TRUTH's hinge fields), shape (lanes, 2), by central
-    differences about `trim`; `plant` is moved about.
-    """
+    differences about `trim`; `plant` is moved about."""
     h = 1e-3
 
     def at(d_alpha=0.0, d_q=0.0):

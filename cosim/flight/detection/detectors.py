@@ -142,8 +142,7 @@ class Installed:
 
     def params(self, scenario: Scenario, dt: float) -> np.ndarray:
         """Return the PARAMS of all lanes; the scenario's own values replace fields. Raises ScenarioError for one that
-        is none.
-        """
+        is none."""
         table, options = scenario.detectors.table(self.id), self.record.options
         if self.id not in registry.SHIPPED:
             table = {name: value for name, value in table.items() if name not in plugins.KEYS}
@@ -234,8 +233,7 @@ def left_out(scenario: Scenario) -> dict[str, str]:
 
 def chosen(scenario: Scenario) -> list:
     """Return the Installed detectors of a scenario, in its order; one without an actuator of its technologies, or that
-    its aircraft cannot have, is left out. One that reads another comes after it (`ordered`).
-    """
+    its aircraft cannot have, is left out. One that reads another comes after it (`ordered`)."""
     technology, out, lost = scenario.elevator.technology, [], left_out(scenario)
     for name in scenario.running:
         record = registry.record(name)
@@ -325,8 +323,7 @@ _ESTIMATE |= dict.fromkeys(("q_use", "qd_use", "x3_use"), "valid")
 
 def feedback_wires(scenario: Scenario) -> list:
     """Return the wires by which servos close on a local filter's estimate: where the scenario says so, and on
-    reconfiguration.
-    """
+    reconfiguration."""
     technology, pairs = scenario.elevator.technology, []
     running = {d.id for d in chosen(scenario)}
     for lane, tech in technology.items():

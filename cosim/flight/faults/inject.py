@@ -115,8 +115,7 @@ def _read_by_drive(j, name, amplitude, places, inputs, state):
 
 def own_unit(unit: str, sensor: str, technology: str | None, aircraft: Aircraft) -> float:
     """Return what one SI `unit`, or share of a nominal value, is in what `sensor` of an actuator of `technology` reads;
-    1 for an aircraft's sensor (`technology` is None).
-    """
+    1 for an aircraft's sensor (`technology` is None)."""
     if technology is None or sensor not in TECHNOLOGIES[technology].sensors:
         return 1.0
     design = TECHNOLOGIES[technology].design(aircraft.own(technology))
@@ -189,8 +188,7 @@ def _gain(technology, solid, omega, dt, differs):
 
 def _runaway(j, name, technology, design, own, command, delta):
     """Return the lane of a runaway at `magnitude` rad/s: the valve held open, or the demanded rate; to a limit, and
-    with a servo that knows no rate, the commanded position runs from where the surface is (bus name `delta`).
-    """
+    with a servo that knows no rate, the commanded position runs from where the surface is (bus name `delta`)."""
     if math.isfinite(j.limit):
         bounds = (-math.inf, j.limit) if j.magnitude > 0 else (j.limit, math.inf)
         p = _params(j, f.RUNAWAY, j.magnitude, *bounds)

@@ -44,8 +44,7 @@ class Bus:
 
     def index(self, path: str) -> int:
         """Return the position of `section.lane.field`; an element of an array field is `field[3]`. KeyError names what
-        is missing.
-        """
+        is missing."""
         section, lane, field = path.split(".", 2)
         positions = self._positions.get((section, lane))
         if positions is None:

@@ -26,8 +26,7 @@ LARGE = 1 << 18  # [byte] larger parameters are compressed: tables of a force mo
 
 def _sensor_copies(scenario):
     """Return {topic prefix: (value, flag)}: the observers' copy is logged beside the law's only where a fault can part
-    them.
-    """
+    them."""
     own = any(j.path in ("observers", "monitor") for j in scenario.injections())
     return {"/sensors": ("y", "valid"), **({"/observers": ("y_obs", "valid_obs")} if own else {})}
 

@@ -29,8 +29,7 @@ WALK = Native("walk", Path(__file__).with_name("schedule_kernel.py"), _GIVEN, _w
 
 class Block:
     """A block in the loop: its module's `rollout` on its lanes in the bus; `advance()` steps every lane by one of its
-    ticks, in place.
-    """
+    ticks, in place."""
 
     def __init__(self, bus: Any, name: str, module: Any, p: np.ndarray, x0: np.ndarray, dt: float, every: int = 1):
         self.name, self.module, self.p, self.every, self.dt = name, module, p, every, dt * every

@@ -225,8 +225,7 @@ def _slopes(f, z0, steps):
 
 def modes(A: np.ndarray) -> list:
     """Return short_period, phugoid, dutch_roll, roll and spiral of A in the order of STATES, from the four-state
-    blocks.
-    """
+    blocks."""
     names = list(STATES)
 
     def roots(block):

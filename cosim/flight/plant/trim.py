@@ -181,8 +181,7 @@ def _refuse(plant, trim, margin, what, remedies):
 
 def lift_margin(plant: Any, n: float = 1.0) -> tuple[Any, ...]:
     """Return the lift coefficients that flight at load factor `n` needs and that the aircraft has, and the angle of
-    attack [rad] of the latter; elevator and stabiliser at 0.
-    """
+    attack [rad] of the latter; elevator and stabiliser at 0."""
     best, needs, most = 0.0, 0.0, 0.0
     for alpha in np.radians(np.arange(2.0, 25.0, 0.5)):
         t = _residual(plant, (alpha, 0.0, 0.0), 0.0, full=True)
@@ -243,8 +242,7 @@ class _Path:
 
 def steady(plant: Any, elevator: float = 0.0) -> Trim:
     """Return the Trim of the climb, descent or turn at `plant.flight`, elevators at `elevator` [rad], and leave the
-    plant in it; raise TrimError with the reason.
-    """
+    plant in it; raise TrimError with the reason."""
     f = plant.flight
     gamma = f.gamma or 0.0
     if f.climb is not None:

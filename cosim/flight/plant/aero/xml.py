@@ -48,8 +48,7 @@ def multipliers_xml(shape: Shape) -> str:
 
 def engine_xml(thrust: float, bypass: float, shape: Shape) -> str:
     """Return the turbofan of static `thrust` [N]: take-off rating of Bartel and Young (2008) at its `bypass` ratio,
-    over Mach and static pressure.
-    """
+    over Mach and static pressure."""
     mach = np.arange(0.0, 1.01, 0.1)
     ratio = np.array([0.05, 0.10, 0.15, 0.20, 0.25, 0.30, 0.40, 0.50, 0.60, 0.70, 0.80, 0.90, 1.0, 1.1])
     x, M = ratio[None, :], mach[:, None]
@@ -70,8 +69,7 @@ def aerodynamics_xml(
     alpha: float, mach: Any, q_ref: Any, tables: Any, mach_coarse: Any, derivatives: Any, shape: Shape
 ) -> str:
     """Return the aerodynamics from the (alpha, Mach) tables with their flexibility constants and the tables of
-    derivatives.
-    """
+    derivatives."""
     zero, root = int(np.argmin(abs(alpha))), Element("aerodynamics")
     limits = SubElement(root, "alphalimits", unit="DEG")
     SubElement(limits, "min").text, SubElement(limits, "max").text = " -6.0 ", " 16.0 "
