@@ -30,7 +30,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.object_cache import PLAIN, Native
+from actuators.object_cache import PLAIN, Native, of_wholes
 from actuators.source_hash import cache_dir
 
 SAYS = ("r", "alarm", "verdict", "culprit", "valid")  # outputs of every detector
@@ -166,13 +166,7 @@ def entry(step: Any, STATE: np.dtype, INPUTS: np.dtype, PARAMS: np.dtype) -> "En
     return Entry(step, STATE, INPUTS, PARAMS)
 
 
-def _sweep():
-    from actuators.rollout_kernel import KINDS, sweep
-
-    return sweep, KINDS
-
-
-SWEEP = Native("sweep", Path(__file__).with_name("rollout_kernel.py"), (ctypes.c_void_p,), _sweep, f"{__name__}:SWEEP")
+SWEEP = of_wholes("actuators.rollout_kernel", "sweep", 1, f"{__name__}:SWEEP")
 
 
 class Entry:

@@ -10,12 +10,13 @@ code, so the same bits. The functions follow Numba's convention in C:
 import ctypes
 import functools
 import hashlib
+import importlib
 import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from actuators.source_hash import cache_dir, read_whole, write_whole
+from actuators.source_hash import ROOT, cache_dir, read_whole, write_whole
 
 PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")  # nothing is compiled
 _ENTRY = "entry"
@@ -87,6 +88,19 @@ class Native:
         folder = cache_dir(self._source)
         # not .o: a version that reads no digest before the code would take it for code
         return folder and Path(folder) / f"{self.name}-{processor()}.code"
+
+
+def of_wholes(module: str, name: str, count: int, place: str) -> Native:
+    """Return the function `name` of a module, imported when it is compiled, of `count` whole numbers and addresses."""
+
+    def make():
+        from numba import types
+
+        function = getattr(importlib.import_module(module), name)
+        return getattr(function, "py_func", function), (types.int64,) * count
+
+    source = ROOT.joinpath(*module.split(".")).with_suffix(".py")
+    return Native(name, source, (ctypes.c_int64,) * count, make, place)
 
 
 @functools.cache

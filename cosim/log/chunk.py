@@ -6,34 +6,19 @@ strided view: (message, field) -> the eight bytes of a double. All else is known
 the number of ticks; the reader compares that part byte for byte.
 """
 
-import ctypes
 import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from actuators.object_cache import Native
+from actuators.object_cache import of_wholes
 
 from .frame import Frame
 from .message_layout import HEAD, INDEX_HEAD, SHORT
 
-
-def _compiled():
-    from .chunk_decoder import KINDS, gather
-
-    return gather, KINDS
-
-
-GATHER = Native(
-    "gather",
-    Path(__file__).with_name("chunk_decoder.py"),
-    (ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p),
-    _compiled,
-    f"{__name__}:GATHER",
-)
+GATHER = of_wholes("cosim.log.chunk_decoder", "gather", 6, f"{__name__}:GATHER")
 
 
 def empty_message(count: int) -> tuple[bytes, list[tuple[slice, int, int]]]:

@@ -1,7 +1,6 @@
 """Write a log while a run goes on: a vector per tick, a compressed chunk per second, whole after any end."""
 
 import contextlib
-import ctypes
 import os
 import shutil
 import struct
@@ -10,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.object_cache import PLAIN, Native
+from actuators.object_cache import PLAIN, of_wholes
 
 from . import foxglove
 from .chunk import Layout
@@ -49,16 +48,7 @@ def fits(path: str | os.PathLike, topics: Any, ticks: int, dt_s: float) -> None:
                            remedy="Free some space or choose another place (-o)")  # fmt: skip
 
 
-def _compiled():
-    from .row_writer import KINDS, entry
-
-    return entry, KINDS
-
-
-_STORE = Native(
-    "store", Path(__file__).with_name("row_writer.py"), (ctypes.c_void_p, ctypes.c_void_p), _compiled,
-    f"{__name__}:_STORE",
-)  # fmt: skip
+_STORE = of_wholes("cosim.log.row_writer", "store", 2, f"{__name__}:_STORE")
 
 
 class LogWriter:

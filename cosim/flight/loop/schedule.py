@@ -5,26 +5,16 @@ Python, which gets the tick. `walk` in cosim/flight/loop/schedule_kernel.py does
 means. Every array whose address is in a row is kept by the tape.
 """
 
-import ctypes
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from actuators.block import Entry
-from actuators.object_cache import Native
+from actuators.object_cache import of_wholes
 from cosim.flight.loop.operations import ADD, CLOCK, COPY, GET, KEEP, LOG, NOISE, PUT, SCALE, STEP, TRUTH, WIDTH
 
-
-def _walk():
-    from cosim.flight.loop.schedule_kernel import KINDS, walk
-
-    return walk, KINDS
-
-
-_GIVEN = ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64  # to `walk`
-WALK = Native("walk", Path(__file__).with_name("schedule_kernel.py"), _GIVEN, _walk, "cosim.flight.loop.schedule:WALK")
+WALK = of_wholes("cosim.flight.loop.schedule_kernel", "walk", 5, f"{__name__}:WALK")
 
 
 class Block:

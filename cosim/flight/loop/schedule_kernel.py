@@ -3,15 +3,13 @@ Python where nothing is."""
 
 from typing import Any
 
-from numba import carray, njit, types
+from numba import carray, njit
 
 from actuators import numba_intrinsics
 from actuators.numba_intrinsics import reals, singles, wholes
 from cosim.flight.loop.operations import ADD, CLOCK, COPY, GET, KEEP, LOG, NOISE, PUT, SCALE, STEP, TRUTH, WIDTH
 from cosim.flight.plant.jsbsim_signals import to_si
 from cosim.log.row_writer import store
-
-KINDS = (types.int64,) * 5
 
 enter: Any = numba_intrinsics.enter  # Numba gives them the context
 ask: Any = numba_intrinsics.ask
