@@ -214,13 +214,12 @@ class Plant:
         if not any(f.wind):
             return
         if math.hypot(*f.wind) > WIND_SHARE * trim.tas:
+            blows, flies = math.hypot(*f.wind) / M_S_PER_KT, trim.tas / M_S_PER_KT
             raise ScenarioError(
-                f"the wind is {math.hypot(*f.wind) / M_S_PER_KT:.0f} kt, the aircraft flies at "
-                f"{trim.tas / M_S_PER_KT:.0f} kt",
-                place="flight.wind_kt",
-                allowed=f"at most {WIND_SHARE * trim.tas / M_S_PER_KT:.0f} kt at this flight point",
+                f"the wind is {blows:.0f} kt, the aircraft flies at {flies:.0f} kt", place="flight.wind_kt",
+                allowed=f"at most {WIND_SHARE * flies:.0f} kt at this flight point",
                 remedy="Lower the wind or fly faster",
-            )
+            )  # fmt: skip
         _write(put, air.now)
         (north, east), far = f.wind, EARTH_MERIDIAN + trim.altitude
         cf, sf, ct, st = math.cos(trim.phi), math.sin(trim.phi), math.cos(trim.theta), math.sin(trim.theta)
