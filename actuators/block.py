@@ -256,15 +256,11 @@ class Entry:
     def _plain(self, x, u, p, dt, log):
         for i in range(u.shape[0]):
             for k in range(u.shape[1]):
-                self._step(x, u[i, k], p[i], dt, i)
+                self.step(x[i], u[i, k], p[i], dt)
+                if self.spoil and not np.isfinite(x[i : i + 1].view(np.float64)).all():
+                    self.spoil(x[i])
                 if log is not None:
                     log[i, k] = x[i]
-
-    def _step(self, x, u, p, dt, i):
-        """Advance lane `i` by one tick in plain Python."""
-        self.step(x[i], u, p, dt)
-        if self.spoil and not np.isfinite(x[i : i + 1].view(np.float64)).all():
-            self.spoil(x[i])
 
     def _check(self, x, u, p, log):
         for given, kind in ((x, self.kinds[0]), (u, self.kinds[1]), (p, self.kinds[2]), (log, self.kinds[0])):

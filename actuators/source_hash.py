@@ -64,7 +64,10 @@ def _links(path):
     known = _remembered()
     key = hashlib.sha256(os.fsencode(path.parent) + _digest(path)).hexdigest()
     if key not in known:
-        _remember(key, _imports(path))
+        known[key] = _imports(path)
+        _new.append(key)
+        for old in list(known)[: max(0, len(known) - MOST)]:  # of versions that are gone
+            del known[old]
     found = [file for name in known[key] for file in _files(name)]
     if not path.is_relative_to(ROOT):
         beside = (path.parent.joinpath(*name.split(".")).with_suffix(".py") for name in known[key])
@@ -90,14 +93,6 @@ def _memory():
 
 
 _new: list[str] = []  # what was found since it was written down
-
-
-def _remember(key, names):
-    known = _remembered()
-    known[key] = names
-    _new.append(key)
-    for old in list(known)[: max(0, len(known) - MOST)]:  # of versions that are gone
-        del known[old]
 
 
 def _write_down():

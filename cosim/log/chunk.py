@@ -66,7 +66,7 @@ class Layout:
             head["op"], head["length"], head["channel"] = 5, HEAD.itemsize - 9 + len(body), channel
             self.topics.append((channel, every, np.frombuffer(head.tobytes() + body, "u1"), runs))
         self._rates = sorted({every for _, _, every in topics})
-        self._plan = lru_cache(maxsize=16)(self._make)
+        self._plan = lru_cache(maxsize=16)(lambda n, phases: Plan(self, n, dict(zip(self._rates, phases))))
         self._counts, self._heads = lru_cache(maxsize=64)(self._count), lru_cache(maxsize=64)(self._head)
 
     def _phases(self, k0):
@@ -102,9 +102,6 @@ class Layout:
     def plan(self, k0: int, n: int) -> "Plan":
         """Return the Plan of n ticks from k0; the same object serves every chunk of that length and phase."""
         return self._plan(n, self._phases(k0))
-
-    def _make(self, n, phases):
-        return Plan(self, n, dict(zip(self._rates, phases)))
 
 
 class Plan:
@@ -156,9 +153,13 @@ class Plan:
 
         The array is the plan's own and lasts until the next call: fresh memory would cost more than filling it.
         """
-        stamps = {every: self._stamp(rel + k0) for every, rel in self._rates.items()}
+        stamps = {}
+        for every, rel in self._rates.items():  # sequence = tick, log time = publish time = simulated time [ns]
+            stamps[every] = out = np.empty(len(rel), _STAMP_FIELDS)
+            out["sequence"] = ticks = rel + k0
+            out["log"] = out["publish"] = ticks * self.dt_ns
         for every, view in self._stamps:
-            view[:] = stamps[every]
+            view[:] = stamps[every].view(_STAMP)
         return self.ended(tail)
 
     def ended(self, tail: bytes) -> np.ndarray:
@@ -174,12 +175,6 @@ class Plan:
         for number, block in self.blocks.items():
             begin, size = other.blocks[number].start, block.rows * block.stride
             self.content[block.start :][:size] = other.content[begin:][:size]
-
-    def _stamp(self, ticks):
-        """Return sequence = tick, log time = publish time = simulated time [ns] as they stand in a message."""
-        out = np.empty(len(ticks), _STAMP_FIELDS)
-        out["sequence"], out["log"], out["publish"] = ticks, ticks * self.dt_ns, ticks * self.dt_ns
-        return out.view(_STAMP)
 
     def index(self, k0: int) -> np.ndarray:
         """Return the MessageIndex records (uint8) of the ticks from k0, which last until the next call."""

@@ -83,13 +83,8 @@ def _drawn(topics, pages):
 def _signals(topics, group, names):
     """Return [(topic, field)] of every field that one of the names fits."""
     exact, begin = {n for n in names if "*" not in n}, tuple(n.rstrip("*") for n in names if n.endswith("*"))
-    return [
-        (topic.name, field)
-        for topic in topics
-        if not group or topic.group == group
-        for field in topic.fields
-        if field in exact or (begin and field.startswith(begin))
-    ]
+    return [(topic.name, field) for topic in topics if not group or topic.group == group for field in topic.fields
+            if field in exact or (begin and field.startswith(begin))]  # fmt: skip
 
 
 def _foxglove(pages):
@@ -124,9 +119,8 @@ def _plotjuggler(pages):
         splitter = ElementTree.SubElement(container, "DockSplitter", orientation="-", sizes=sizes, count=count)
         for title, signals in plots:
             area = ElementTree.SubElement(splitter, "DockArea", name=title)
-            plot = ElementTree.SubElement(
-                area, "plot", mode="TimeSeries", style="Lines", flip_x="false", flip_y="false"
-            )
+            drawn = {"mode": "TimeSeries", "style": "Lines", "flip_x": "false", "flip_y": "false"}
+            plot = ElementTree.SubElement(area, "plot", drawn)
             ElementTree.SubElement(plot, "limitY")
             for (topic, field), colour in zip(signals, cycle(_COLOURS)):
                 ElementTree.SubElement(plot, "curve", name=f"{topic}/{field}", color=colour)

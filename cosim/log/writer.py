@@ -209,16 +209,15 @@ class LogWriter:
             self._settle()
             self.flush()
             if self._pending:  # no tick came after them, so no chunk can hold them
-                texts = {str(i): f"tick {k}: {self._told(c, data)}" for i, (k, c, data) in enumerate(self._pending)}
+                log, window = self._sink.ids["/log"], "a window of /events"
+                texts = {str(i): f"tick {k}: {foxglove.text(data) if channel == log else window}"
+                         for i, (k, channel, data) in enumerate(self._pending)}  # fmt: skip
                 self._sink.metadata("late_events", texts)
             if result is not None:
                 self._sink.metadata("result", {**result, "content": content_hash(self._sink.chunks)})
             self._sink.finish()
         finally:
             self._sink.drop()
-
-    def _told(self, channel, data):
-        return foxglove.text(data) if channel == self._sink.ids["/log"] else "a window of /events"
 
     def _settle(self):
         """Go back to the last whole chunk, should Ctrl-C have struck within a flush; keep texts inside the last one."""

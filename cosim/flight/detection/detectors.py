@@ -153,19 +153,15 @@ class Installed:
         stored = _stored(own.own_designs)
         p = np.concatenate([_fit(self, s, own, words, stored) for s in sites])
         for name, value in table.items():
-            self._override(p, name, value, dt)
+            place = f"detectors.{self.id}.{name} = {value}"
+            if isinstance(value, str):
+                raise ScenarioError("is no number", place=place, allowed="a number")
+            assign(self.record, self.module, p, name, float(value), dt, error=ScenarioError, place=place)
         if wrong := table and wrong_parameter(self.record, self.module, p, dt):
             name, value, low, high = wrong
             said, allowed = f"{value:g} does not fit the detector's arrays", f"a whole number from {low:g} to {high:g}"
             raise ScenarioError(said, place=f"detectors.{self.id}.{name}", allowed=allowed)
         return p
-
-    def _override(self, p, name, value, dt):
-        """Set a parameter of every lane; raise ScenarioError for an unknown name, or for a word."""
-        place = f"detectors.{self.id}.{name} = {value}"
-        if isinstance(value, str):
-            raise ScenarioError("is no number", place=place, allowed="a number")
-        assign(self.record, self.module, p, name, float(value), dt, error=ScenarioError, place=place)
 
     def inputs(self, lane: str) -> list:
         """Return the Wires of a lane."""
@@ -181,12 +177,8 @@ class Installed:
     def wires(self, of_detectors: bool | None = None) -> list[Any]:
         """Return [(input, source)] of all lanes, as names of the bus: all of them, or those alone that are outputs of
         other detectors (`of_detectors` True) or are not (False)."""
-        return [
-            (f"{self.id}_in.{lane}.{w.field}", w.source)
-            for lane in self.lanes
-            for w in self.inputs(lane)
-            if of_detectors in (None, w.signal.kind == "detector")
-        ]
+        return [(f"{self.id}_in.{lane}.{w.field}", w.source) for lane in self.lanes for w in self.inputs(lane)
+                if of_detectors in (None, w.signal.kind == "detector")]  # fmt: skip
 
     def target(self, lane: str) -> str:
         """Return the name of what a lane watches."""

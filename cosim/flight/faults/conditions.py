@@ -43,16 +43,11 @@ def resolved(scenario: Scenario) -> Scenario:
         starts = {next_one: onset[next_one]} if next_one is not None else dict.fromkeys(waiting, scenario.duration_s)
         faults = tuple(f.at_time(starts[i]) if i in starts else f for i, f in enumerate(scenario.faults))
         scenario = scenario.model_copy(update={"faults": faults})
-        _possible(scenario)
+        try:  # faults of which one has just begun may not be possible together
+            conflict.check(dict(enumerate(scenario.faults)), scenario.elevator.technology)
+        except ValidationError as wrong:
+            raise explained(wrong, {}, Origin("")) from None
     return scenario
-
-
-def _possible(scenario):
-    """Raise ScenarioError when faults of which one has just begun cannot be together."""
-    try:
-        conflict.check(dict(enumerate(scenario.faults)), scenario.elevator.technology)
-    except ValidationError as wrong:
-        raise explained(wrong, {}, Origin("")) from None
 
 
 def known(bus: Any, name: str) -> None:

@@ -117,10 +117,8 @@ def fly_live(
 
     where = pose(flight.setup.loop.bus)
     about: dict[str, Any] = {"dt_ns": round(flight.dt * 1e9), "pose": where, "name": scenario.title or "cosim"}
-    controls = {
-        name: Control(do, *requests(scenario)[name])
-        for name, do in (("inject", inject), ("heal", heal), ("speed", pace))
-    }
+    calls = {"inject": inject, "heal": heal, "speed": pace}
+    controls = {name: Control(do, *requests(scenario)[name]) for name, do in calls.items()}
     with Live(topics(flight.setup), port=port, speed=speed, controls=controls, **about) as live:
         live.parameters |= {"faults": flight.told(), "answer": ""}
         if ready:

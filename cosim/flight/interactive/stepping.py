@@ -17,7 +17,6 @@ of `cosim run` on `flight.flown()`.
 
 import os
 from collections.abc import Iterator, Mapping
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -179,10 +178,10 @@ class Flight:
     def _tables(self):
         """Return the faults as tables; one whose condition has not come true yet waits on."""
         tables = [f.model_dump(exclude_none=True) for f in self.scenario.faults]
-        return [
-            {k: v for k, v in t.items() if k != "start_s"} if "when" in t and t["start_s"] >= self.time else t
-            for t in tables
-        ]
+        for t in tables:
+            if "when" in t and t["start_s"] >= self.time:
+                del t["start_s"]
+        return tables
 
     def _refly(self, faults):
         """Continue as the flight of the same scenario with `faults`, from the same tick."""
@@ -228,7 +227,5 @@ class Flight:
     def __enter__(self) -> "Flight":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()

@@ -24,13 +24,6 @@ RARE = 5  # of these in a log that a replay reads from its beginning
 LARGE = 1 << 18  # [byte] larger parameters are compressed: tables of a force model
 
 
-def _sensor_copies(scenario):
-    """Return {topic prefix: (value, flag)}: the observers' copy is logged beside the law's only where a fault can part
-    them."""
-    own = any(j.path in ("observers", "monitor") for j in scenario.injections())
-    return {"/sensors": ("y", "valid"), **({"/observers": ("y_obs", "valid_obs")} if own else {})}
-
-
 def topics(setup: Any) -> list:
     """Return the log's topics: everything of a tick, under names that a reader understands."""
     bus, technology, out = setup.loop.bus, setup.scenario.elevator.technology, []
@@ -52,7 +45,10 @@ def topics(setup: Any) -> list:
 
     add(vocabulary.topic("truth", "aircraft"), section("truth", "aircraft"), "truth")
     add(vocabulary.topic("surfaces", "aircraft"), section("surfaces", "aircraft"), "truth")
-    for prefix, copy in _sensor_copies(setup.scenario).items():
+    # the observers' copy is logged beside the law's only where a fault can part them
+    parted = any(j.path in ("observers", "monitor") for j in setup.scenario.injections())
+    copies = {"/sensors": ("y", "valid"), **({"/observers": ("y_obs", "valid_obs")} if parted else {})}
+    for prefix, copy in copies.items():
         add(f"{prefix}/aircraft", measured(sensors.installed(setup.scenario.aircraft), "", *copy), "sensors")
         for seg in technology:
             add(f"{prefix}/{seg}", measured(TECHNOLOGIES[technology[seg]].sensors, seg, *copy), "sensors")

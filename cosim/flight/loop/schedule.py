@@ -95,7 +95,7 @@ class Tape:
         """Advance every lane of a block by one tick, every `block.every` ticks; blocks in Python advance themselves."""
         entry = block.module.rollout if isinstance(block, Block) else None
         if not isinstance(entry, Entry):
-            self.call(_each(block.advance, block.every))
+            self.call(lambda k: block.advance() if k % block.every == 0 else None)
         elif len(block.x):
             self.advance(entry, block.x, block.u, block.p, block.dt, block.every)
 
@@ -147,7 +147,3 @@ class Tape:
             walk, rows, n, v = WALK.free if self._free else WALK.call, self._at(table), len(table), self._at(self.v)
             self._whole = lambda first, stop: walk(rows, n, v, first, stop)
             self.parts.append(lambda k: walk(rows, n, v, k, k + 1))
-
-
-def _each(advance, every):
-    return lambda k: advance() if k % every == 0 else None

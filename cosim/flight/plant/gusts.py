@@ -251,14 +251,10 @@ class Gusts:
         """Tell a tape that begins at tick 0 to read `read`, step and write to `write`, nodes in the order of `next` in
         JSBSim's units, by the addresses of `how` (cosim/flight/plant/property_pointers.py)."""
         raw, put = np.zeros(5), np.zeros(6)
-        tape.first(self._draw)
+        tape.first(lambda k: None if k % self.DRAWS else self._rng.standard_normal(out=self._noise))
         tape.noise(np.arange(4), self._noise, self._in)
         tape.get(how.nodes(read), how.get, raw)
         tape.scale(raw, np.array([M_PER_FT, 1.0, 1.0, 1.0, M_PER_FT]), np.ones(5), self._in[4:])
         tape.advance(rollout, self.x, self._u, self._p, self._dt)
         tape.scale(self._out, np.ones(6), np.array([M_PER_FT] * 3 + [1.0] * 3), put)
         tape.put(how.nodes(write), how.put, put)
-
-    def _draw(self, k):
-        if k % self.DRAWS == 0:
-            self._rng.standard_normal(out=self._noise)

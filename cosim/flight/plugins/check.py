@@ -126,11 +126,6 @@ def _stays(guest, file, u, p, dt, hangs, trace):
         raise _fatal(said, file, "Start it with daemon=True")
 
 
-def _oscillation(kind: str) -> str:
-    at, size = ("command", "amplitude_deg=1.0") if kind == "simple" else ("valve", "amplitude_mm=6.0")
-    return f"target='elevator.left_inner', kind='ofc_liquid', at='{at}', frequency_hz=2.0, {size}"
-
-
 def _scenario(technology: str, fault: str = "") -> Scenario:
     """Return a short flight on elevators of `technology`, with a doublet, light turbulence and a `fault`.
 
@@ -138,7 +133,9 @@ def _scenario(technology: str, fault: str = "") -> Scenario:
     """
     kind = technology or "hydraulic"
     own = "{" + ", ".join(f"{s}='{kind}'" for s in SEGMENTS) + "}"
-    fault = f"{{start_s={FAULT_S}, {fault or _oscillation(kind)}}}"
+    at, size = ("command", "amplitude_deg=1.0") if kind == "simple" else ("valve", "amplitude_mm=6.0")
+    fault = fault or f"target='elevator.left_inner', kind='ofc_liquid', at='{at}', frequency_hz=2.0, {size}"
+    fault = f"{{start_s={FAULT_S}, {fault}}}"
     doublet = "manoeuvre={kind='nz_doublet', start_s=1.0, width_s=1.0, amplitude_g=0.1}"
     return load_scenario("cruise", [f"duration_s={FLIGHT_S}", f"elevator={own}", "flight.turbulence=light", doublet,
                                     "detectors.enabled=[]", f"faults.0={fault}"])  # fmt: skip

@@ -197,18 +197,14 @@ class Runner:
 
     def _why(self, error):
         """Return (status, sentence) of what ended a step."""
-        status, said = NONSENSE if isinstance(error, Nonsense) else RAISED, self._said(error)
+        nonsense, file = isinstance(error, Nonsense), Path(self.guest.file) if self.guest.file else None
+        status, said = NONSENSE if nonsense else RAISED, str(error) if nonsense else where(error, file)
         if isinstance(error, Overdue):
             after = f"{self.limit_s:g} s{said.removeprefix('Overdue')}"
             status, said = SLOW, f"a step was interrupted after {after}, and limit_s is {self._limit:g}"
         if isinstance(error, Overdue | MemoryError):
             self.fatal = f"{self.guest.DETECTOR.id}: {said}"
         return status, said
-
-    def _said(self, error):
-        if isinstance(error, Nonsense):
-            return str(error)
-        return where(error, Path(self.guest.file) if self.guest.file else None)
 
 
 def _number(value, name):

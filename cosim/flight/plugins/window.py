@@ -9,6 +9,7 @@ never about a window with a lost sample in it. What it is asked is `features(win
 """
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -70,16 +71,8 @@ def window_model(
     own.id, own.inputs, own.designed_for = id, tuple(inputs), tuple(designed_for)
     own.level, own.technologies = ("local" if technologies else "aircraft"), tuple(technologies)
     own.culprits = tuple(dict.fromkeys(part for part in parts if part))
-    own.__module__ = _caller()
+    own.__module__ = sys._getframe(1).f_globals["__name__"]  # the class is that of the module that calls
     return own
-
-
-def _caller() -> str:
-    """Return the name of the module that calls `window_model`: the class is that one's."""
-    import inspect
-
-    frame = inspect.stack()[2].frame
-    return frame.f_globals["__name__"]
 
 
 def _asked(model, folder, place):
