@@ -14,8 +14,7 @@ import numpy as np
 
 from cosim.errors import LogError
 from cosim.log import Log, Pose, Topic, open_log
-from cosim.log.live import Live
-from cosim.log.live_channels import library
+from cosim.log.live import Live, library
 from cosim.replay.params import check_start
 
 TRUTH = "/truth/aircraft"
