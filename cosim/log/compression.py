@@ -68,9 +68,9 @@ def decompress(data: Any, size: int, name: str, *, others: bool = False) -> Any:
                 _same(lz4.frame.get_frame_info(data)["content_size"], size)
             frame = lz4.frame.LZ4FrameDecompressor()
             data = frame.decompress(data, max_length=size + 1)
-            _same(len(data), size)
             if not frame.eof or (frame.unused_data and not others):
-                raise FrameError("the chunk cannot be decompressed: it is not one whole frame")
+                said = "its frame is not whole, or not as long as its chunk says"
+                raise FrameError(f"the chunk cannot be decompressed: {said}")
     except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
         raise FrameError(f"the chunk cannot be decompressed: {error}") from error
     _same(len(data), size)
