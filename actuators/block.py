@@ -30,7 +30,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.object_cache import PLAIN, Native
+from actuators.object_cache import PLAIN, Native, of_wholes
 from actuators.source_hash import cache_dir
 
 SAYS = ("r", "alarm", "verdict", "culprit", "valid")  # outputs of every detector
@@ -71,8 +71,7 @@ def record(kind: Any, **values: Any) -> np.ndarray:
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile `function` with Numba where it is first called, cached on disk by the digest of every source of ours that
-    it depends on; with NUMBA_DISABLE_JIT=1 it stays as it is.
-    """
+    it depends on; with NUMBA_DISABLE_JIT=1 it stays as it is."""
     return function if PLAIN else Kernel(function)
 
 
@@ -167,13 +166,7 @@ def entry(step: Any, STATE: np.dtype, INPUTS: np.dtype, PARAMS: np.dtype) -> "En
     return Entry(step, STATE, INPUTS, PARAMS)
 
 
-def _sweep():
-    from actuators.rollout_kernel import KINDS, sweep
-
-    return sweep, KINDS
-
-
-SWEEP = Native("sweep", Path(__file__).with_name("rollout_kernel.py"), (ctypes.c_void_p,), _sweep, f"{__name__}:SWEEP")
+SWEEP = of_wholes("actuators.rollout_kernel", "sweep", 1, f"{__name__}:SWEEP")
 
 
 class Entry:
@@ -199,6 +192,11 @@ class Entry:
             place = f"{step.__module__}:rollout.native"
             self.native = Native(name, step.py_func.__code__.co_filename, given, self._make, place)
 
+    @property
+    def address(self) -> int:
+        """Return what `enter` of a kernel calls: machine code, or this object where nothing is compiled."""
+        return id(self) if PLAIN else self.native.address
+
     def __call__(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: np.ndarray | None = None) -> Any:
         self._check(x, u, p, log)
         if PLAIN:
@@ -221,18 +219,12 @@ class Entry:
         if not all(array.flags.c_contiguous for array in (x, u, p)):
             raise ValueError("bound arrays of a block stand without gaps")
         call, given = self.native.call, (_at(x), _at(u), _at(p), dt, *u.shape, None)
-        return functools.partial(_call, call, given, (x, u, p))
+        return lambda kept=(x, u, p): call(*given)  # the arrays behind the addresses
 
     def sweep(
-        self,
-        x: np.ndarray,
-        u: np.ndarray,
-        p: np.ndarray,
-        dt: float,
-        index: np.ndarray,
-        at: np.ndarray,
+        self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, index: np.ndarray, at: np.ndarray,
         others: np.ndarray,
-    ) -> tuple[np.ndarray, np.ndarray]:
+    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
         """Advance one lane, x and p (1,), through the ticks of u (1, tick); other threads of Python run on meanwhile.
 
         Returns, of the state seen as float64, the values at positions `index` after every tick, (tick, n), and those at
@@ -241,17 +233,9 @@ class Entry:
         self._check(x, u, p, None)
         ticks, states = u.shape[1], x.view(np.float64)
         kept, held = np.empty((ticks, len(index))), np.empty((len(at), len(others)))
-        if PLAIN:
-            rows = {k: i for i, k in enumerate(at.tolist())}
-            for k in range(ticks):
-                self._step(x, u[0, k], p[0], dt, 0)
-                kept[k] = states[index]
-                if k in rows:
-                    held[rows[k]] = states[others]
-            return kept, held
         u, p, step = np.ascontiguousarray(u), np.ascontiguousarray(p), np.array([dt])
         index, others, marks = (np.ascontiguousarray(a, np.int64) for a in (index, others, [*at, -1]))
-        about = [self.native.address, *map(_at, (states, u)), u.itemsize, *map(_at, (p, step)), ticks]
+        about = [self.address, *map(_at, (states, u)), u.itemsize, *map(_at, (p, step)), ticks]
         about += [_at(index), len(index), _at(kept), _at(marks), _at(others), len(others), _at(held)]
         given = np.array(about, np.int64)
         SWEEP.free(_at(given))
@@ -272,15 +256,11 @@ class Entry:
     def _plain(self, x, u, p, dt, log):
         for i in range(u.shape[0]):
             for k in range(u.shape[1]):
-                self._step(x, u[i, k], p[i], dt, i)
+                self.step(x[i], u[i, k], p[i], dt)
+                if self.spoil and not np.isfinite(x[i : i + 1].view(np.float64)).all():
+                    self.spoil(x[i])
                 if log is not None:
                     log[i, k] = x[i]
-
-    def _step(self, x, u, p, dt, i):
-        """Advance lane `i` by one tick in plain Python."""
-        self.step(x[i], u, p, dt)
-        if self.spoil and not np.isfinite(x[i : i + 1].view(np.float64)).all():
-            self.spoil(x[i])
 
     def _check(self, x, u, p, log):
         for given, kind in ((x, self.kinds[0]), (u, self.kinds[1]), (p, self.kinds[2]), (log, self.kinds[0])):
@@ -296,9 +276,9 @@ class Entry:
 
         from actuators.numba_intrinsics import wholes
 
-        step, spoil, size = self.step, self.spoil, self.kinds[0].itemsize
+        step, spoil, size, says = self.step, self.spoil, self.kinds[0].itemsize, self.spoil is not None
 
-        def checked(x, u, p, dt, lanes, ticks, log):
+        def rollout(x, u, p, dt, lanes, ticks, log):
             xs, ps = carray(x, lanes), carray(p, lanes)
             us, logs = carray(u, (lanes, ticks)), carray(log, (lanes, ticks))
             kept = logs.ctypes.data != 0
@@ -306,30 +286,17 @@ class Entry:
                 bits = wholes(xs.ctypes.data + i * size)
                 for k in range(ticks):
                     step(xs[i], us[i, k], ps[i], dt)
-                    bad = 0
-                    for j in range(size // 8):
-                        bad |= (bits[j] & EXPONENT) == EXPONENT
-                    if bad:
-                        spoil(xs[i])
-                    if kept:
-                        logs[i, k] = xs[i]
-
-        def rollout(x, u, p, dt, lanes, ticks, log):
-            xs, ps = carray(x, lanes), carray(p, lanes)
-            us, logs = carray(u, (lanes, ticks)), carray(log, (lanes, ticks))
-            kept = logs.ctypes.data != 0
-            for i in range(lanes):
-                for k in range(ticks):
-                    step(xs[i], us[i, k], ps[i], dt)
+                    if says:  # known when it is compiled, and left out then
+                        bad = 0
+                        for j in range(size // 8):
+                            bad |= (bits[j] & EXPONENT) == EXPONENT
+                        if bad:
+                            spoil(xs[i])
                     if kept:
                         logs[i, k] = xs[i]
 
         state, given, fixed = (types.CPointer(from_dtype(kind)) for kind in self.kinds)
-        return checked if spoil else rollout, (state, given, fixed, types.float64, types.int64, types.int64, state)
-
-
-def _call(call, given, kept):
-    call(*given)  # `kept` are the arrays behind the addresses
+        return rollout, (state, given, fixed, types.float64, types.int64, types.int64, state)
 
 
 def _at(array):

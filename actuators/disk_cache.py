@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from actuators.object_cache import processor, read_whole, write_whole
-from actuators.source_hash import cache_dir, installed
+from actuators.object_cache import processor
+from actuators.source_hash import cache_dir, installed, read_whole, write_whole
 
 LIBRARIES = "OMP_", "OPENBLAS_", "MKL_", "BLIS_", "NPY_"  # variables on which the last bit of a sum depends
 MOST = 100  # of a source's results on disk: a study over thousands of points leaves no more

@@ -27,26 +27,22 @@ from actuators.block import dtype
 from actuators.constants import TO_SI
 
 PARAMS = dtype([("lane", "f8", "-")])  # which instance
-INPUTS = dtype(
-    [
-        ("command", "f8", "rad"),  # angle asked for
-        ("u", "f8", "-"),  # valve command of a servo
-        ("hm0", "f8", "N m"),  # hinge moment at zero angle, + drives trailing edge down
-        ("hmd", "f8", "N m/rad"),  # its slope
-        ("f_cmd", "f8", "rad"),  # fault: added to the command
-        ("s_cmd", "f8", "-"),  # fault: share of the command replaced
-        ("f_u", "f8", "-"),  # fault: added to the valve command
-        ("s_u", "f8", "-"),  # fault: share of the valve command replaced
-    ]
-)
-STATE = dtype(
-    [
-        ("delta", "f8", "rad"),  # surface angle, trailing edge down +
-        ("q_rod", "f8", "m"),  # rod position, + extends; 0 where the FMU gives none
-        ("x3", "f8", "-"),  # pressure difference over supply; 0 where the FMU gives none
-        ("status", "f8", "-"),  # 0 good, 1 an output was not finite: the last one is held
-    ]
-)
+INPUTS = dtype([
+    ("command", "f8", "rad"),  # angle asked for
+    ("u", "f8", "-"),  # valve command of a servo
+    ("hm0", "f8", "N m"),  # hinge moment at zero angle, + drives trailing edge down
+    ("hmd", "f8", "N m/rad"),  # its slope
+    ("f_cmd", "f8", "rad"),  # fault: added to the command
+    ("s_cmd", "f8", "-"),  # fault: share of the command replaced
+    ("f_u", "f8", "-"),  # fault: added to the valve command
+    ("s_u", "f8", "-"),  # fault: share of the valve command replaced
+])
+STATE = dtype([
+    ("delta", "f8", "rad"),  # surface angle, trailing edge down +
+    ("q_rod", "f8", "m"),  # rod position, + extends; 0 where the FMU gives none
+    ("x3", "f8", "-"),  # pressure difference over supply; 0 where the FMU gives none
+    ("status", "f8", "-"),  # 0 good, 1 an output was not finite: the last one is held
+])
 OUTPUTS = ("delta", "q_rod", "x3", "status")
 UNPACKED = 2 << 30  # [byte] of an FMU's files: more fills a disk from a small archive
 FATAL = 4  # status of a call, FMI 2 and 3

@@ -1,12 +1,16 @@
-"""Numba intrinsics for arrays and calls at addresses; only compilation imports them."""
+"""Numba intrinsics for arrays and calls at addresses; only compilation imports them, or kernels that run as Python."""
 
+import ctypes
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.extending import intrinsic
+
+from actuators.object_cache import PLAIN
 
 _WORD, _REAL, _INT = ir.IntType(64), ir.DoubleType(), ir.IntType(32)
 
@@ -121,3 +125,29 @@ def tell(context: Any, function: Callable[..., Any], this: Any, value: Any) -> A
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, types.float64), code
+
+
+def _plain_pointer(kind):
+    return lambda address: ctypes.cast(int(address), ctypes.POINTER(kind))
+
+
+def _plain_layer(kind):
+    def lay(address, value):
+        kind.from_address(int(address)).value = value
+
+    return lay
+
+
+def _plain_enter(entry, x, u, p, dt, lanes, log):
+    def records(address, kind):
+        return np.ndarray((lanes,), kind, (ctypes.c_char * (kind.itemsize * lanes)).from_address(int(address)))
+
+    block = ctypes.cast(int(entry), ctypes.py_object).value  # an `Entry`, by its `address`
+    x, u, p = map(records, (x, u, p), block.kinds)
+    block(x, u.reshape(-1, 1), p, dt)
+
+
+if PLAIN:  # what the kernels of schedule, log and sweep call; JSBSim is not called by address then
+    enter = _plain_enter  # type: ignore[assignment]
+    reals, singles, wholes = map(_plain_pointer, (ctypes.c_double, ctypes.c_float, ctypes.c_int64))
+    put, lay_quad, lay_word = map(_plain_layer, (ctypes.c_double, ctypes.c_uint32, ctypes.c_uint64))

@@ -10,17 +10,16 @@ code, so the same bits. The functions follow Numba's convention in C:
 import ctypes
 import functools
 import hashlib
+import importlib
 import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from actuators.source_hash import cache_dir
+from actuators.source_hash import ROOT, cache_dir, read_whole, write_whole
 
 PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")  # nothing is compiled
 _ENTRY = "entry"
-_DIGEST = 32  # bytes before what is stored: its SHA-256, for LLVM would crash on half a file
 _nothing = ctypes.create_string_buffer(16)  # where a function would put its result and its exception: it has neither
 NOTHING = ctypes.addressof(_nothing), ctypes.addressof(_nothing) + 8
 _FREE = "NRT_MemInfo_call_dtor"  # frees an array of Numba's own: kernels make none, what refers to it is never run
@@ -65,6 +64,8 @@ class Native:
         return self._bound(ctypes.CFUNCTYPE)
 
     def _bound(self, convention):
+        if PLAIN:
+            return self._make()[0]
         kinds = ctypes.c_void_p, ctypes.c_void_p, *self._kinds
         return functools.partial(convention(ctypes.c_int, *kinds)(self.address), *NOTHING)
 
@@ -89,6 +90,19 @@ class Native:
         return folder and Path(folder) / f"{self.name}-{processor()}.code"
 
 
+def of_wholes(module: str, name: str, count: int, place: str) -> Native:
+    """Return the function `name` of a module, imported when it is compiled, of `count` whole numbers and addresses."""
+
+    def make():
+        from numba import types
+
+        function = getattr(importlib.import_module(module), name)
+        return getattr(function, "py_func", function), (types.int64,) * count
+
+    source = ROOT.joinpath(*module.split(".")).with_suffix(".py")
+    return Native(name, source, (ctypes.c_int64,) * count, make, place)
+
+
 @functools.cache
 def processor() -> str:
     """Return a digest of what machine code depends on beside its sources: processor, system, compiler."""
@@ -98,27 +112,6 @@ def processor() -> str:
     features = llvm.get_host_cpu_features().flatten()
     about = llvm.get_process_triple(), llvm.get_host_cpu_name(), features, llvmlite.__version__
     return hashlib.sha256("\n".join(about).encode()).hexdigest()[:12]
-
-
-def read_whole(file: Path | None) -> bytes | None:
-    """Return what `write_whole` put into a file, None where there is none or it is not what was written."""
-    try:
-        held = file.read_bytes() if file else b""
-    except OSError:
-        return None
-    told, data = held[:_DIGEST], held[_DIGEST:]
-    return data if told == hashlib.sha256(data).digest() else None
-
-
-def write_whole(file: Path, data: bytes) -> None:
-    """Put `data` behind its digest there, whole or not at all; a folder that takes no file costs only time."""
-    try:
-        handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
-        with os.fdopen(handle, "wb") as out:
-            out.write(hashlib.sha256(data).digest() + data)
-        os.replace(beside, file)
-    except OSError:
-        pass
 
 
 def _compile(function, kinds):

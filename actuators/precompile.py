@@ -53,17 +53,13 @@ def compile_ahead(wanted: Iterable[Native], progress: Callable[[int, int], None]
             while thread.is_alive():
                 thread.join(0.1)  # without an end, a signal just before the wait would be heard after it
     except BaseException:  # interrupted: nobody waits for the rest
-        _take_all(jobs)
+        with suppress(queue.Empty):
+            while True:
+                jobs.get_nowait()
         for worker in list(running):
             worker.kill()
         raise
     return len(missing)
-
-
-def _take_all(jobs):
-    with suppress(queue.Empty):
-        while True:
-            jobs.get_nowait()
 
 
 def _feed(jobs, running, done, tell, total):

@@ -4,8 +4,4 @@ from actuators.ema.record import TECHNOLOGY as EMA
 from actuators.hydraulic.record import TECHNOLOGY as HYDRAULIC
 from actuators.simple.record import TECHNOLOGY as SIMPLE
 
-SHIPPED = (
-    HYDRAULIC,
-    EMA,
-    SIMPLE,
-)
+SHIPPED = HYDRAULIC, EMA, SIMPLE

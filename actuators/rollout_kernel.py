@@ -3,12 +3,9 @@ a lane alone."""
 
 from typing import Any
 
-from numba import types
-
 from actuators import numba_intrinsics
 from actuators.numba_intrinsics import reals, wholes
 
-KINDS = (types.int64,)
 enter: Any = numba_intrinsics.enter  # Numba gives it the context
 
 

@@ -12,10 +12,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-_ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("actuators", "fdi", "cosim")
 MOST = 600  # sources whose imports are remembered: all of a tree's, and some of their older versions
 TREES = 40  # trees of sources whose tables are kept: those written last
+_DIGEST = 32  # bytes before what is stored: its SHA-256, for LLVM would crash on half a file
 
 
 @functools.cache
@@ -30,7 +31,7 @@ def _digest(path):
 
 def _imports(path):
     """Return the names that the source at `path` imports, wherever it does so; packages of ours that hold them too."""
-    package = path.relative_to(_ROOT).parts[:-1] if path.is_relative_to(_ROOT) else ()
+    package = path.relative_to(ROOT).parts[:-1] if path.is_relative_to(ROOT) else ()
     out = set()
     for node in ast.walk(ast.parse(_source(path))):
         if isinstance(node, ast.Import):
@@ -39,7 +40,7 @@ def _imports(path):
             above = package[: len(package) - node.level + 1] if node.level else ()
             base = ".".join((*above, *([node.module] if node.module else ())))
             out |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
-    outside = not path.is_relative_to(_ROOT)  # a user's block imports its neighbours, too
+    outside = not path.is_relative_to(ROOT)  # a user's block imports its neighbours, too
     return sorted(name for name in out if outside or name.partition(".")[0] in PACKAGES)
 
 
@@ -47,7 +48,7 @@ def _imports(path):
 def _files(name):
     """Return our files that importing `name` runs: its module or package, and the packages around it."""
     parts = name.split(".")
-    stems = [os.path.join(_ROOT, *parts[:i]) for i in range(1, len(parts) + 1)]
+    stems = [os.path.join(ROOT, *parts[:i]) for i in range(1, len(parts) + 1)]
     return tuple(Path(f) for s in stems for f in (f"{s}.py", os.path.join(s, "__init__.py")) if os.path.isfile(f))
 
 
@@ -63,9 +64,12 @@ def _links(path):
     known = _remembered()
     key = hashlib.sha256(os.fsencode(path.parent) + _digest(path)).hexdigest()
     if key not in known:
-        _remember(key, _imports(path))
+        known[key] = _imports(path)
+        _new.append(key)
+        for old in list(known)[: max(0, len(known) - MOST)]:  # of versions that are gone
+            del known[old]
     found = [file for name in known[key] for file in _files(name)]
-    if not path.is_relative_to(_ROOT):
+    if not path.is_relative_to(ROOT):
         beside = (path.parent.joinpath(*name.split(".")).with_suffix(".py") for name in known[key])
         found += [file for file in beside if file.is_file()]
     return tuple(dict.fromkeys(found))
@@ -85,31 +89,45 @@ def _remembered():
 def _memory():
     """Return the file of this tree's table: trees that share one would push each other's sources out."""
     root = cache_root()
-    return root and root / f"imports-{hashlib.sha256(os.fsencode(_ROOT)).hexdigest()[:12]}.json"
+    return root and root / f"imports-{hashlib.sha256(os.fsencode(ROOT)).hexdigest()[:12]}.json"
 
 
 _new: list[str] = []  # what was found since it was written down
-
-
-def _remember(key, names):
-    known = _remembered()
-    known[key] = names
-    _new.append(key)
-    for old in list(known)[: max(0, len(known) - MOST)]:  # of versions that are gone
-        del known[old]
 
 
 def _write_down():
     """Keep what was remembered for the next process."""
     _new.clear()
     if file := _memory():
+        _put(file, json.dumps(_remembered()).encode())
         with contextlib.suppress(OSError):
-            handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
-            with os.fdopen(handle, "w") as out:
-                json.dump(_remembered(), out)
-            os.replace(beside, file)
             for old in sorted(file.parent.glob("imports-*.json"), key=lambda f: f.stat().st_mtime)[:-TREES]:
                 old.unlink()
+
+
+def read_whole(file: Path | None) -> bytes | None:
+    """Return what `write_whole` put into a file, None where there is none or it is not what was written."""
+    try:
+        held = file.read_bytes() if file else b""
+    except OSError:
+        return None
+    told, data = held[:_DIGEST], held[_DIGEST:]
+    return data if told == hashlib.sha256(data).digest() else None
+
+
+def write_whole(file: Path, data: bytes) -> None:
+    """Put `data` behind its digest there, whole or not at all; a folder that takes no file costs only time."""
+    _put(file, hashlib.sha256(data).digest() + data)
+
+
+def _put(file, data):
+    try:
+        handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
+        with os.fdopen(handle, "wb") as out:
+            out.write(data)
+        os.replace(beside, file)
+    except OSError:
+        pass
 
 
 @functools.cache

@@ -44,12 +44,9 @@ class Lost(Exception):
 
 
 def call(
-    function: str,
-    *arguments: Any,
-    patience_s: float,
-    progress: Callable[[float, float], None] | None = None,
+    function: str, *arguments: Any, patience_s: float, progress: Callable[[float, float], None] | None = None,
     logged: bool = True,
-) -> Any:
+) -> Any:  # fmt: skip
     """Return module:function(*arguments, tell=, hangs=, trace=) run in a process of its own; arguments and answer are
     JSON.
 

@@ -91,8 +91,7 @@ class Sensor:
 class Effect:
     """What a kind of fault does to the actuator: its magnitude, or its envelope when it is switched, is added to an
     input field. `unit` "m" or "rad" says in which of the two the field is, where the fault may be given in either;
-    `share` is the field that takes the share of the healthy signal away which the fault stands in place of.
-    """
+    `share` is the field that takes the share of the healthy signal away which the fault stands in place of."""
 
     input: str
     unit: str = ""
@@ -154,5 +153,3 @@ class Technology:
     def own_sensors(self) -> tuple[str, ...]:
         """Return the sensors that may fail."""
         return tuple(name for name, sensor in self.sensors.items() if sensor.may_fail)
-
-

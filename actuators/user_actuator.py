@@ -21,8 +21,7 @@ from actuators.technology import Technology
 
 def from_file(name: str, path: Path, servo: str, load: Callable, error: Callable[[str], Exception]) -> Technology:
     """Return the technology of a block in a file, whose module `load(path, error)` gives; `error(text)` makes what is
-    raised where it is none.
-    """
+    raised where it is none."""
 
     def blocks():
         made = load(path, lambda text: error(f"{path.name}: {text}")).module

@@ -39,80 +39,74 @@ from actuators.common.limits import clip, finite, share, sign
 from actuators.ema import jay
 from actuators.ema.motion import move, spring, steady
 
-PARAMS = dtype(
-    [
-        ("arm", "f8"),  # l, lever arm [m]
-        ("lead", "f8"),  # N, screw [m/rad]
-        ("K_s", "f8"),  # stiffness [N/m]
-        ("J_N", "f8"),  # inertia of the surface [kg m^2]
-        ("B_N", "f8"),  # damping of the surface [N m s/rad]
-        ("J_M", "f8"),  # inertia of the motor [kg m^2]
-        ("B_M", "f8"),  # damping of the motor [N m s/rad]
-        ("K_T", "f8"),  # torque constant [N m/A]
-        ("K_B", "f8"),  # back electromotive force [V s/rad]
-        ("R", "f8"),  # winding resistance [Ohm]
-        ("L", "f8"),  # winding inductance [H]
-        ("K_ic", "f8"),  # current feedback [V/A]
-        ("K_gi", "f8"),  # drive [V per unit of u]
-        ("a", "f8"),  # compensator zero [1/s]
-        ("b", "f8"),  # compensator pole [1/s]
-        ("I_max", "f8"),  # current limit [A]
-        ("V_max", "f8"),  # voltage limit [V]
-        ("R_float", "f8"),  # damping resistor in free float [Ohm]
-        ("T_c", "f8"),  # Coulomb friction at the motor [N m]
-        ("T_s", "f8"),  # friction at rest [N m]
-        ("T_brake", "f8"),  # brake of a full screw jam, at the motor [N m]
-        ("M_brake", "f8"),  # brake of a full surface jam, at the surface [N m]
-        ("backlash", "f8"),  # gap of the screw, whole width [m]
-        ("x3_lo", "f8"),  # end stop, motor angle [rad]
-        ("x3_hi", "f8"),  # end stop [rad]
-        ("substeps", "f8"),  # steps in a tick [1]
-    ]
-)
-INPUTS = dtype(
-    [
-        ("u", "f8", "A"),  # current demand of the servo [A] (elevator set), amplifier input (nozzle)
-        ("hm0", "f8"),  # hinge moment at delta = 0, + drives trailing edge down [N m]
-        ("hmd", "f8"),  # its slope [N m/rad]
-        ("f_u", "f8"),  # fault: added to the demand [unit of u]
-        ("s_u", "f8"),  # fault: share of the demand replaced [0..1]
-        ("jam", "f8"),  # fault: brake on the surface [0..1]
-        ("jam_screw", "f8"),  # fault: brake on the motor [0..1]
-        ("free_float", "f8"),  # fault: amplifier off [0 or 1]
-        ("loss", "f8"),  # fault: current authority lost [0..1]
-        ("r_add", "f8"),  # fault: winding resistance rise, fraction of R
-        ("magnet_loss", "f8"),  # fault: fraction of K_T and K_B lost [0..1]
-        ("friction_add", "f8"),  # fault: Coulomb torque at the motor [N m]
-        ("backlash_add", "f8"),  # fault: gap [m]
-        ("f_i", "f8"),  # fault: bias of the loop's current sensor [A]
-        ("s_i", "f8"),  # fault: share of current that it does not see [1]; -0.25 is a scale of 1.25, 1 a freeze
-    ]
-)
-STATE = dtype(
-    [
-        ("delta", "f8", "rad"),  # x1, surface angle, trailing edge down +
-        ("delta_d", "f8", "rad/s"),  # x2
-        ("motor", "f8", "rad"),  # x3, motor angle; N x3 is what the position sensor sees
-        ("motor_d", "f8", "rad/s"),  # x4, what the velocity sensor sees
-        ("i", "f8", "A"),  # x5, current
-        ("comp", "f8", "-"),  # x6, compensator
-        ("u_eff", "f8", "A"),  # demand after faults
-        ("volts", "f8", "V"),  # winding voltage, quasi-steady, of the last sub-step
-        ("mode", "f8", "-"),  # amplifier: 0 current loop, 1 current limited, 2 voltage limited, 3 off
-        ("status", "f8", "-"),  # 0 good, 1 an input was not finite (taken as zero), 2 the state diverged
-        ("R_now", "f8", "Ohm"),  # R with its fault
-        ("K_now", "f8", "-"),  # share of K_T and K_B left
-        ("K_i", "f8", "V/A"),  # current feedback as the sensor fault leaves it
-        ("V_i", "f8", "V"),  # voltage that the sensor's bias feeds in
-        ("I_now", "f8", "A"),  # current limit left
-        ("T_add", "f8", "N m"),  # torque that the friction and screw-jam faults add
-        ("M_add", "f8", "N m"),  # brake on the surface
-        ("gap", "f8", "m"),  # half the backlash
-        ("g", "f8", "V"),  # mode: drive voltage
-        ("R_g", "f8", "Ohm"),  # mode: resistance
-        ("b_g", "f8"),  # mode: share of K_B that acts (0 while current limited)
-    ]
-)
+PARAMS = dtype([
+    ("arm", "f8"),  # l, lever arm [m]
+    ("lead", "f8"),  # N, screw [m/rad]
+    ("K_s", "f8"),  # stiffness [N/m]
+    ("J_N", "f8"),  # inertia of the surface [kg m^2]
+    ("B_N", "f8"),  # damping of the surface [N m s/rad]
+    ("J_M", "f8"),  # inertia of the motor [kg m^2]
+    ("B_M", "f8"),  # damping of the motor [N m s/rad]
+    ("K_T", "f8"),  # torque constant [N m/A]
+    ("K_B", "f8"),  # back electromotive force [V s/rad]
+    ("R", "f8"),  # winding resistance [Ohm]
+    ("L", "f8"),  # winding inductance [H]
+    ("K_ic", "f8"),  # current feedback [V/A]
+    ("K_gi", "f8"),  # drive [V per unit of u]
+    ("a", "f8"),  # compensator zero [1/s]
+    ("b", "f8"),  # compensator pole [1/s]
+    ("I_max", "f8"),  # current limit [A]
+    ("V_max", "f8"),  # voltage limit [V]
+    ("R_float", "f8"),  # damping resistor in free float [Ohm]
+    ("T_c", "f8"),  # Coulomb friction at the motor [N m]
+    ("T_s", "f8"),  # friction at rest [N m]
+    ("T_brake", "f8"),  # brake of a full screw jam, at the motor [N m]
+    ("M_brake", "f8"),  # brake of a full surface jam, at the surface [N m]
+    ("backlash", "f8"),  # gap of the screw, whole width [m]
+    ("x3_lo", "f8"),  # end stop, motor angle [rad]
+    ("x3_hi", "f8"),  # end stop [rad]
+    ("substeps", "f8"),  # steps in a tick [1]
+])
+INPUTS = dtype([
+    ("u", "f8", "A"),  # current demand of the servo [A] (elevator set), amplifier input (nozzle)
+    ("hm0", "f8"),  # hinge moment at delta = 0, + drives trailing edge down [N m]
+    ("hmd", "f8"),  # its slope [N m/rad]
+    ("f_u", "f8"),  # fault: added to the demand [unit of u]
+    ("s_u", "f8"),  # fault: share of the demand replaced [0..1]
+    ("jam", "f8"),  # fault: brake on the surface [0..1]
+    ("jam_screw", "f8"),  # fault: brake on the motor [0..1]
+    ("free_float", "f8"),  # fault: amplifier off [0 or 1]
+    ("loss", "f8"),  # fault: current authority lost [0..1]
+    ("r_add", "f8"),  # fault: winding resistance rise, fraction of R
+    ("magnet_loss", "f8"),  # fault: fraction of K_T and K_B lost [0..1]
+    ("friction_add", "f8"),  # fault: Coulomb torque at the motor [N m]
+    ("backlash_add", "f8"),  # fault: gap [m]
+    ("f_i", "f8"),  # fault: bias of the loop's current sensor [A]
+    ("s_i", "f8"),  # fault: share of current that it does not see [1]; -0.25 is a scale of 1.25, 1 a freeze
+])
+STATE = dtype([
+    ("delta", "f8", "rad"),  # x1, surface angle, trailing edge down +
+    ("delta_d", "f8", "rad/s"),  # x2
+    ("motor", "f8", "rad"),  # x3, motor angle; N x3 is what the position sensor sees
+    ("motor_d", "f8", "rad/s"),  # x4, what the velocity sensor sees
+    ("i", "f8", "A"),  # x5, current
+    ("comp", "f8", "-"),  # x6, compensator
+    ("u_eff", "f8", "A"),  # demand after faults
+    ("volts", "f8", "V"),  # winding voltage, quasi-steady, of the last sub-step
+    ("mode", "f8", "-"),  # amplifier: 0 current loop, 1 current limited, 2 voltage limited, 3 off
+    ("status", "f8", "-"),  # 0 good, 1 an input was not finite (taken as zero), 2 the state diverged
+    ("R_now", "f8", "Ohm"),  # R with its fault
+    ("K_now", "f8", "-"),  # share of K_T and K_B left
+    ("K_i", "f8", "V/A"),  # current feedback as the sensor fault leaves it
+    ("V_i", "f8", "V"),  # voltage that the sensor's bias feeds in
+    ("I_now", "f8", "A"),  # current limit left
+    ("T_add", "f8", "N m"),  # torque that the friction and screw-jam faults add
+    ("M_add", "f8", "N m"),  # brake on the surface
+    ("gap", "f8", "m"),  # half the backlash
+    ("g", "f8", "V"),  # mode: drive voltage
+    ("R_g", "f8", "Ohm"),  # mode: resistance
+    ("b_g", "f8"),  # mode: share of K_B that acts (0 while current limited)
+])
 OUTPUTS = ("delta", "delta_d", "motor", "motor_d", "i", "comp", "u_eff", "volts", "mode", "status")
 
 UNLIMITED = 1e9  # current, voltage and stops of the nozzle: the paper gives none

@@ -30,16 +30,14 @@ from actuators.deterministic_linalg import rounded
 from actuators.disk_cache import kept
 
 # [Jay] section 4, T = 5 ms, as printed
-PHI = np.array(
-    [
-        [0.8789, 0.00474, 0.0009691, 1.621e-6, 1.109e-7, -0.001675],
-        [-46.97, 0.857, 0.3759, 0.000957, 6.709e-5, -1.285],
-        [4.078, 0.006852, 0.9674, 0.004851, 0.0003481, -9.098],
-        [1577, 4.046, -12.62, 0.9295, 0.06848, -3043],
-        [-17.9, -0.04479, 0.1433, -0.01081, -0.0007965, -501.1],
-        [0, 0, 0, 0, 0, 0.2753],
-    ]
-)
+PHI = np.array([
+    [0.8789, 0.00474, 0.0009691, 1.621e-6, 1.109e-7, -0.001675],
+    [-46.97, 0.857, 0.3759, 0.000957, 6.709e-5, -1.285],
+    [4.078, 0.006852, 0.9674, 0.004851, 0.0003481, -9.098],
+    [1577, 4.046, -12.62, 0.9295, 0.06848, -3043],
+    [-17.9, -0.04479, 0.1433, -0.01081, -0.0007965, -501.1],
+    [0, 0, 0, 0, 0, 0.2753],
+])
 G = np.array([8.223e-6, 0.006389, 0.04617, 16.21, 3.437, 0.002809])
 H = np.array([0, 0, 0, 0.05, 0, 0])
 PERIOD = 0.005  # [s]
@@ -75,22 +73,10 @@ def _nozzle():
     K_s = a43 * J_M / lead**2
     J_N = arm**2 * K_s / a21
     return {
-        "arm": arm,
-        "lead": lead,
-        "K_s": K_s,
-        "J_N": J_N,
-        "B_N": a22 * J_N,
-        "J_M": J_M,
-        "B_M": a44 * J_M,
-        "K_T": K_T,
-        "K_B": K_T,
-        "R": share * loop * L,
-        "L": L,
-        "K_ic": (1 - share) * loop * L,
-        "K_gi": drive * L,
-        "a": 45.0,
+        "arm": arm, "lead": lead, "K_s": K_s, "J_N": J_N, "B_N": a22 * J_N, "J_M": J_M, "B_M": a44 * J_M, "K_T": K_T,
+        "K_B": K_T, "R": share * loop * L, "L": L, "K_ic": (1 - share) * loop * L, "K_gi": drive * L, "a": 45.0,
         "b": 257.987,
-    }
+    }  # fmt: skip
 
 
 def _elevator():
@@ -105,22 +91,10 @@ def _elevator():
     ratio = 15.75e3 / 37.8e3
     arm, J_N, J_M = 0.15, 50.0, 0.006 * ratio
     return {
-        "arm": arm,
-        "lead": 0.25e-3,
-        "K_s": 2.4e6 / arm**2,
-        "J_N": J_N,
-        "B_N": 4.61611 * J_N,
-        "J_M": J_M,
-        "B_M": 0.967879 * J_M,
-        "K_T": 0.6,
-        "K_B": 0.6,
-        "R": 0.10 / ratio,
-        "L": 0.5e-3 / ratio,
-        "K_ic": 4.0 / ratio,
-        "K_gi": 4.0 / ratio,
-        "a": 257.987,
-        "b": 257.987,
-    }
+        "arm": arm, "lead": 0.25e-3, "K_s": 2.4e6 / arm**2, "J_N": J_N, "B_N": 4.61611 * J_N, "J_M": J_M,
+        "B_M": 0.967879 * J_M, "K_T": 0.6, "K_B": 0.6, "R": 0.10 / ratio, "L": 0.5e-3 / ratio, "K_ic": 4.0 / ratio,
+        "K_gi": 4.0 / ratio, "a": 257.987, "b": 257.987,
+    }  # fmt: skip
 
 
 # current and voltage limits [A], [V]; the paper gives none for the nozzle

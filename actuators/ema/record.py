@@ -88,14 +88,9 @@ TECHNOLOGY = Technology(
     sent=("current_command", "current demand held over the last tick, + extends", "A"),
     inlet="drive",
     effects={
-        "jam_solid": Effect("jam"),
-        "free_float": Effect("free_float"),
-        "loss_of_effectiveness": Effect("loss"),
-        "friction": Effect("friction_add"),
-        "backlash": Effect("backlash_add", "m"),
-        "winding_resistance": Effect("r_add"),
-        "magnet_loss": Effect("magnet_loss"),
-        "jam": Effect("jam_screw"),
+        "jam_solid": Effect("jam"), "free_float": Effect("free_float"), "loss_of_effectiveness": Effect("loss"),
+        "friction": Effect("friction_add"), "backlash": Effect("backlash_add", "m"),
+        "winding_resistance": Effect("r_add"), "magnet_loss": Effect("magnet_loss"), "jam": Effect("jam_screw"),
         "hardover": Effect("f_u", share="s_u"),
     },
     kinds={

@@ -30,51 +30,45 @@ from actuators.common.limits import clip
 from actuators.deterministic_linalg import rounded
 from actuators.ema import jay
 
-PARAMS = dtype(
-    [
-        *reference.PARAM_FIELDS,  # unit: rad of surface
-        ("arm", "f8"),  # l [m]
-        ("ratio", "f8"),  # l / N, motor over surface [1]
-        ("r_lo", "f8"),  # lowest command [rad]
-        ("r_hi", "f8"),  # highest command [rad]
-        ("k_p", "f8"),  # position error to acceleration [1/s^2]
-        ("k_v", "f8"),  # rate error to acceleration [1/s]
-        ("k_i", "f8"),  # integral [1/s^3]
-        ("dead", "f8"),  # error that the integrator leaves [rad]
-        ("amps", "f8"),  # current per acceleration, J N / (K_T l) [A s^2/rad]
-        ("v_run", "f8"),  # largest rate of a demand that runs away: the drive's limits are left to end it [rad/s]
-        ("I_max", "f8"),  # current limit [A]
-        ("g_i", "f8"),  # demand per current, (K_ic + R) / K_gi [unit of u/A]
-        ("g_w", "f8"),  # demand per motor rate, K_B / K_gi [unit of u s/rad]
-        ("delay", "f8"),  # age of the measurements [ticks]
-    ]
-)
-INPUTS = dtype(
-    [
-        ("command", "f8"),  # surface command, trailing edge down + [rad]
-        ("f_cmd", "f8"),  # fault: added to the command [rad]
-        ("s_cmd", "f8"),  # fault: share of the command replaced [0..1]
-        ("f_rate", "f8"),  # fault: added to the rate of the position demand [rad/s]
-        ("s_rate", "f8"),  # fault: share of that rate replaced [0..1]
-        ("pos_meas", "f8"),  # position sensor, N x3 [m]
-        ("pos_valid", "f8"),  # 1 where it is valid
-        ("vel_meas", "f8"),  # motor rate [rad/s]
-        ("vel_valid", "f8"),  # 1 where it is valid
-        ("pos_fb", "f8"),  # position from outside [m]
-        ("pos_use", "f8"),  # 1: use it instead of the sensor
-    ]
-)
-STATE = dtype(
-    [
-        ("u", "f8", "A"),  # demand to the amplifier
-        ("delta_c", "f8", "rad"),  # surface command after faults and limits
-        *reference.state_fields("rad"),  # surface reference and derivatives
-        ("theta", "f8", "rad"),  # angle that the loop closes on
-        ("omega", "f8", "rad/s"),  # rate that the loop closes on
-        ("i_d", "f8", "A"),  # demanded current
-        ("z", "f8", "rad/s2"),  # integrator
-    ]
-)
+PARAMS = dtype([
+    *reference.PARAM_FIELDS,  # unit: rad of surface
+    ("arm", "f8"),  # l [m]
+    ("ratio", "f8"),  # l / N, motor over surface [1]
+    ("r_lo", "f8"),  # lowest command [rad]
+    ("r_hi", "f8"),  # highest command [rad]
+    ("k_p", "f8"),  # position error to acceleration [1/s^2]
+    ("k_v", "f8"),  # rate error to acceleration [1/s]
+    ("k_i", "f8"),  # integral [1/s^3]
+    ("dead", "f8"),  # error that the integrator leaves [rad]
+    ("amps", "f8"),  # current per acceleration, J N / (K_T l) [A s^2/rad]
+    ("v_run", "f8"),  # largest rate of a demand that runs away: the drive's limits are left to end it [rad/s]
+    ("I_max", "f8"),  # current limit [A]
+    ("g_i", "f8"),  # demand per current, (K_ic + R) / K_gi [unit of u/A]
+    ("g_w", "f8"),  # demand per motor rate, K_B / K_gi [unit of u s/rad]
+    ("delay", "f8"),  # age of the measurements [ticks]
+])
+INPUTS = dtype([
+    ("command", "f8"),  # surface command, trailing edge down + [rad]
+    ("f_cmd", "f8"),  # fault: added to the command [rad]
+    ("s_cmd", "f8"),  # fault: share of the command replaced [0..1]
+    ("f_rate", "f8"),  # fault: added to the rate of the position demand [rad/s]
+    ("s_rate", "f8"),  # fault: share of that rate replaced [0..1]
+    ("pos_meas", "f8"),  # position sensor, N x3 [m]
+    ("pos_valid", "f8"),  # 1 where it is valid
+    ("vel_meas", "f8"),  # motor rate [rad/s]
+    ("vel_valid", "f8"),  # 1 where it is valid
+    ("pos_fb", "f8"),  # position from outside [m]
+    ("pos_use", "f8"),  # 1: use it instead of the sensor
+])
+STATE = dtype([
+    ("u", "f8", "A"),  # demand to the amplifier
+    ("delta_c", "f8", "rad"),  # surface command after faults and limits
+    *reference.state_fields("rad"),  # surface reference and derivatives
+    ("theta", "f8", "rad"),  # angle that the loop closes on
+    ("omega", "f8", "rad/s"),  # rate that the loop closes on
+    ("i_d", "f8", "A"),  # demanded current
+    ("z", "f8", "rad/s2"),  # integrator
+])
 OUTPUTS = ("u", "delta_c", "r", "rd", "theta", "omega", "i_d", "z")
 
 POLE = 20.0  # [rad/s]

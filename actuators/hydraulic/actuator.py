@@ -38,52 +38,46 @@ from actuators.common import linkage
 from actuators.common.limits import clip, finite, share, sign
 from actuators.hydraulic import lu17
 
-PARAMS = dtype(
-    [
-        *lu17.FIELDS,
-        ("arm", "f8"),  # linkage arm [m]
-        ("q_lo", "f8"),  # stop, rod in [m]
-        ("q_hi", "f8"),  # stop, rod out [m]
-        ("u_max", "f8"),  # spool stop [1]
-        ("F_c", "f8"),  # Coulomb friction [N]
-        ("F_s", "f8"),  # friction at rest [N]
-        ("v_s", "f8"),  # Stribeck velocity [m/s]
-        ("F_brake", "f8"),  # force of a full jam [N]
-        ("L_bypass", "f8"),  # leakage of the bypass in free float [m/s]
-        ("backlash", "f8"),  # gap between rod and surface, whole width [rad]
-        ("c_gap", "f8"),  # damping of the surface inside the gap [N m s/rad]
-        ("substeps", "f8"),  # Runge-Kutta steps in a tick [1]
-    ]
-)
-INPUTS = dtype(
-    [
-        ("u", "f8", "-"),  # valve command of the servo
-        ("hm0", "f8"),  # hinge moment at delta = 0, + drives trailing edge down [N m]
-        ("hmd", "f8"),  # its slope [N m/rad]
-        ("f_u", "f8"),  # fault: added at the valve [1]
-        ("s_u", "f8"),  # fault: share of the valve command replaced [0..1]
-        ("jam", "f8"),  # fault: brake on the rod [0..1]
-        ("free_float", "f8"),  # fault: bypass [0..1]
-        ("loss", "f8"),  # fault: valve flow lost [0..1]
-        ("supply_drop", "f8"),  # fault: supply pressure lost [0..1]
-        ("leak_add", "f8"),  # fault: added normalised leakage [m/s]
-        ("air", "f8"),  # fault: bulk modulus lost [0..1]
-        ("backlash_add", "f8"),  # fault: added gap between rod and surface, whole width [rad]
-    ]
-)
-STATE = dtype(
-    [
-        ("q_rod", "f8", "m"),  # rod position, + extends = trailing edge down
-        ("qd_rod", "f8", "m/s"),  # rod velocity
-        ("x3", "f8", "-"),  # pressure difference over nominal supply, + extends
-        ("delta", "f8", "rad"),  # surface angle, trailing edge down +
-        ("F_d", "f8", "N"),  # hinge load on the rod, + extends
-        ("u_eff", "f8", "-"),  # valve opening that passes oil, faults and limits included
-        ("status", "f8", "-"),  # 0 good, 1 an input was not finite (taken as zero), 2 the state diverged
-        ("contact", "f8"),  # 1 while the surface leans on the rod, 0 inside the backlash
-        *lu17.FIELDS,  # the parameters as the faults leave them
-    ]
-)
+PARAMS = dtype([
+    *lu17.FIELDS,
+    ("arm", "f8"),  # linkage arm [m]
+    ("q_lo", "f8"),  # stop, rod in [m]
+    ("q_hi", "f8"),  # stop, rod out [m]
+    ("u_max", "f8"),  # spool stop [1]
+    ("F_c", "f8"),  # Coulomb friction [N]
+    ("F_s", "f8"),  # friction at rest [N]
+    ("v_s", "f8"),  # Stribeck velocity [m/s]
+    ("F_brake", "f8"),  # force of a full jam [N]
+    ("L_bypass", "f8"),  # leakage of the bypass in free float [m/s]
+    ("backlash", "f8"),  # gap between rod and surface, whole width [rad]
+    ("c_gap", "f8"),  # damping of the surface inside the gap [N m s/rad]
+    ("substeps", "f8"),  # Runge-Kutta steps in a tick [1]
+])
+INPUTS = dtype([
+    ("u", "f8", "-"),  # valve command of the servo
+    ("hm0", "f8"),  # hinge moment at delta = 0, + drives trailing edge down [N m]
+    ("hmd", "f8"),  # its slope [N m/rad]
+    ("f_u", "f8"),  # fault: added at the valve [1]
+    ("s_u", "f8"),  # fault: share of the valve command replaced [0..1]
+    ("jam", "f8"),  # fault: brake on the rod [0..1]
+    ("free_float", "f8"),  # fault: bypass [0..1]
+    ("loss", "f8"),  # fault: valve flow lost [0..1]
+    ("supply_drop", "f8"),  # fault: supply pressure lost [0..1]
+    ("leak_add", "f8"),  # fault: added normalised leakage [m/s]
+    ("air", "f8"),  # fault: bulk modulus lost [0..1]
+    ("backlash_add", "f8"),  # fault: added gap between rod and surface, whole width [rad]
+])
+STATE = dtype([
+    ("q_rod", "f8", "m"),  # rod position, + extends = trailing edge down
+    ("qd_rod", "f8", "m/s"),  # rod velocity
+    ("x3", "f8", "-"),  # pressure difference over nominal supply, + extends
+    ("delta", "f8", "rad"),  # surface angle, trailing edge down +
+    ("F_d", "f8", "N"),  # hinge load on the rod, + extends
+    ("u_eff", "f8", "-"),  # valve opening that passes oil, faults and limits included
+    ("status", "f8", "-"),  # 0 good, 1 an input was not finite (taken as zero), 2 the state diverged
+    ("contact", "f8"),  # 1 while the surface leans on the rod, 0 inside the backlash
+    *lu17.FIELDS,  # the parameters as the faults leave them
+])
 OUTPUTS = ("q_rod", "qd_rod", "x3", "delta", "F_d", "u_eff", "status")
 
 NOMINAL = {

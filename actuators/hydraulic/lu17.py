@@ -40,14 +40,7 @@ FIELDS = [
     ("L", "f8"),  # normalised leakage [m/s]
 ]
 NOMINAL = {
-    "A_p": 0.0025,
-    "B": 52.3,
-    "M": 2000.0,
-    "P_s": 1.4e7,
-    "phi_n": 0.0025,
-    "V_m": 0.001973,
-    "E": 1e9,
-    "L": 0.023,
+    "A_p": 0.0025, "B": 52.3, "M": 2000.0, "P_s": 1.4e7, "phi_n": 0.0025, "V_m": 0.001973, "E": 1e9, "L": 0.023,
 }  # [Lu17] below (6)
 PARAMS = dtype(FIELDS)
 

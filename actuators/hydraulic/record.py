@@ -36,8 +36,7 @@ def _design(own):
 
 def _build(own, truth, believed, trim, travel, dt, age):
     """The servo's model stays nominal but for what it is told, as a real servo's does. It predicts over one tick at
-    most: above 200 Hz its measurements are older than it thinks, at 2 kHz by 4.5 ms.
-    """
+    most: above 200 Hz its measurements are older than it thinks, at 2 kHz by 4.5 ms."""
     import numpy as np
 
     from actuators.hydraulic import lu17
@@ -95,13 +94,9 @@ TECHNOLOGY = Technology(
     inlet="valve",
     runaway="valve",
     effects={
-        "jam_solid": Effect("jam"),
-        "free_float": Effect("free_float"),
-        "loss_of_effectiveness": Effect("loss"),
-        "friction": Effect("jam"),
-        "backlash": Effect("backlash_add", "rad"),
-        "supply_pressure_drop": Effect("supply_drop"),
-        "internal_leakage": Effect("leak_add"),
+        "jam_solid": Effect("jam"), "free_float": Effect("free_float"), "loss_of_effectiveness": Effect("loss"),
+        "friction": Effect("jam"), "backlash": Effect("backlash_add", "rad"),
+        "supply_pressure_drop": Effect("supply_drop"), "internal_leakage": Effect("leak_add"),
         "air_in_oil": Effect("air"),
     },
     kinds={

@@ -19,39 +19,33 @@ from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage
 from actuators.common.limits import clip, flush
 
-PARAMS = dtype(
-    [
-        ("k1", "f8"),  # position error to rate [1/s]
-        ("k2", "f8"),  # rate error to acceleration [1/s]
-        ("v_max", "f8"),  # rate limit [rad/s]
-        ("a_max", "f8"),  # acceleration limit [rad/s^2]
-        ("lo", "f8"),  # stop [rad]
-        ("hi", "f8"),  # stop [rad]
-        ("tau_float", "f8"),  # time constant of the free surface [s]
-    ]
-)
-INPUTS = dtype(
-    [
-        ("command", "f8"),  # commanded angle [rad]
-        ("hm0", "f8"),  # hinge moment at zero, used by free_float [N m]
-        ("hmd", "f8"),  # its slope [N m/rad]
-        ("f_cmd", "f8"),  # fault: added to the command [rad]
-        ("s_cmd", "f8"),  # fault: share of the command replaced [0..1]
-        ("f_rate", "f8"),  # fault: added to the demanded rate [rad/s]
-        ("s_rate", "f8"),  # fault: share of the demanded rate replaced [0..1]
-        ("loss", "f8"),  # fault: deflection lost [0..1]
-        ("jam", "f8"),  # fault: above 0.5 stuck
-        ("free_float", "f8"),  # fault: above 0.5 trailing
-    ]
-)
-STATE = dtype(
-    [
-        ("delta", "f8", "rad"),  # surface angle
-        ("delta_d", "f8", "rad/s"),  # its rate
-        ("delta_c", "f8", "rad"),  # command after faults and limits
-        ("status", "f8", "-"),  # 0 good, 1 the command was not finite (the last good one is held)
-    ]
-)
+PARAMS = dtype([
+    ("k1", "f8"),  # position error to rate [1/s]
+    ("k2", "f8"),  # rate error to acceleration [1/s]
+    ("v_max", "f8"),  # rate limit [rad/s]
+    ("a_max", "f8"),  # acceleration limit [rad/s^2]
+    ("lo", "f8"),  # stop [rad]
+    ("hi", "f8"),  # stop [rad]
+    ("tau_float", "f8"),  # time constant of the free surface [s]
+])
+INPUTS = dtype([
+    ("command", "f8"),  # commanded angle [rad]
+    ("hm0", "f8"),  # hinge moment at zero, used by free_float [N m]
+    ("hmd", "f8"),  # its slope [N m/rad]
+    ("f_cmd", "f8"),  # fault: added to the command [rad]
+    ("s_cmd", "f8"),  # fault: share of the command replaced [0..1]
+    ("f_rate", "f8"),  # fault: added to the demanded rate [rad/s]
+    ("s_rate", "f8"),  # fault: share of the demanded rate replaced [0..1]
+    ("loss", "f8"),  # fault: deflection lost [0..1]
+    ("jam", "f8"),  # fault: above 0.5 stuck
+    ("free_float", "f8"),  # fault: above 0.5 trailing
+])
+STATE = dtype([
+    ("delta", "f8", "rad"),  # surface angle
+    ("delta_d", "f8", "rad/s"),  # its rate
+    ("delta_c", "f8", "rad"),  # command after faults and limits
+    ("status", "f8", "-"),  # 0 good, 1 the command was not finite (the last good one is held)
+])
 OUTPUTS = ("delta", "delta_d", "delta_c", "status")
 
 

@@ -17,34 +17,28 @@ from actuators.common.limits import clip
 
 PAST = 128  # commands kept: a dead time of 0.6 s at 200 Hz
 
-PARAMS = dtype(
-    [
-        ("k1", "f8", "1/s"),  # position error to rate
-        ("k2", "f8", "1/s"),  # rate error to acceleration
-        ("v_max", "f8", "rad/s"),  # rate limit
-        ("dead_band", "f8", "rad"),  # error, to either side, that moves nothing
-        ("delay", "f8", "s"),  # dead time from the command to the motion
-        ("lo", "f8", "rad"),  # stop
-        ("hi", "f8", "rad"),  # stop
-    ]
-)
-INPUTS = dtype(
-    [
-        ("command", "f8", "rad"),
-        ("hm0", "f8", "N m"),  # not used
-        ("hmd", "f8", "N m/rad"),  # not used
-        ("f_cmd", "f8", "rad"),  # fault: added to the command
-        ("s_cmd", "f8", "-"),  # fault: share of the command replaced [0..1]
-    ]
-)
-STATE = dtype(
-    [
-        ("delta", "f8", "rad"),  # surface angle
-        ("delta_d", "f8", "rad/s"),  # its rate
-        ("asked", "f8", "rad"),  # last finite command
-        ("past", "f8", (PAST,), "rad"),  # commands of the last ticks, newest first
-    ]
-)
+PARAMS = dtype([
+    ("k1", "f8", "1/s"),  # position error to rate
+    ("k2", "f8", "1/s"),  # rate error to acceleration
+    ("v_max", "f8", "rad/s"),  # rate limit
+    ("dead_band", "f8", "rad"),  # error, to either side, that moves nothing
+    ("delay", "f8", "s"),  # dead time from the command to the motion
+    ("lo", "f8", "rad"),  # stop
+    ("hi", "f8", "rad"),  # stop
+])
+INPUTS = dtype([
+    ("command", "f8", "rad"),
+    ("hm0", "f8", "N m"),  # not used
+    ("hmd", "f8", "N m/rad"),  # not used
+    ("f_cmd", "f8", "rad"),  # fault: added to the command
+    ("s_cmd", "f8", "-"),  # fault: share of the command replaced [0..1]
+])
+STATE = dtype([
+    ("delta", "f8", "rad"),  # surface angle
+    ("delta_d", "f8", "rad/s"),  # its rate
+    ("asked", "f8", "rad"),  # last finite command
+    ("past", "f8", (PAST,), "rad"),  # commands of the last ticks, newest first
+])
 OUTPUTS = ("delta", "delta_d", "asked")
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from actuators import subprocess_env
-from cosim.bench.log import log_costs
+from cosim.bench.log import log_costs, taken
 from cosim.bench.ticks import measure
 from cosim.flight.loop.compiling import prepare
 from cosim.flight.plant.property_pointers import crossing
@@ -50,31 +50,23 @@ def bench(
         done(rounds + 1, total)
         startup = _startup(folder)
         done(rounds + 2, total)
-        peak = _peak_mb(folder, MEMORY_FLIGHT_S) if memory else None
-        short = _peak_mb(folder, SHORT_S, "short.mcap") if memory else None
         log = Path(folder) / LONG
+        peak = _flight_mb(log, MEMORY_FLIGHT_S) if memory else None
+        short = _flight_mb(Path(folder) / "short.mcap", SHORT_S) if memory else None
         per_second = {
             "log_kb": log.stat().st_size / 1e3 / MEMORY_FLIGHT_S if log.exists() else None,
             "memory_kb": (peak - short) * 1e3 / (MEMORY_FLIGHT_S - SHORT_S) if peak and short else None,
         }
-        recorded = log_costs(Path(folder) / LONG) if memory else None
+        recorded = log_costs(log) if memory else None
         done(rounds + 3, total)
         worker = worker_mb() if memory else None
         done(total, total)
     return {
-        "cases": cases,
-        "realtime_factor": rate,
-        "border": "by address" if crossing() else "by Python's calls",
-        "detectors": costs,
-        "startup_s": startup["run_s"],
-        "startup": startup,
-        "peak_mb": peak,
-        "per_flown_second": per_second,
-        "worker_mb": worker,
-        "recorded": recorded,
-        "memory_flight_s": MEMORY_FLIGHT_S,
+        "cases": cases, "realtime_factor": rate, "border": "by address" if crossing() else "by Python's calls",
+        "detectors": costs, "startup_s": startup["run_s"], "startup": startup, "peak_mb": peak,
+        "per_flown_second": per_second, "worker_mb": worker, "recorded": recorded, "memory_flight_s": MEMORY_FLIGHT_S,
         "cores": os.cpu_count(),
-    }
+    }  # fmt: skip
 
 
 def _detectors(scenario):
@@ -83,24 +75,18 @@ def _detectors(scenario):
     from cosim.flight.tick import tick
     from fdi import registry
 
-    setup = build(
-        load_scenario("liquid-ofc", ["faults.0.start_s=2", f"duration_s={SAMPLE_TICKS / scenario.rate_hz:g}"])
-    )
+    length = f"duration_s={SAMPLE_TICKS / scenario.rate_hz:g}"
+    setup = build(load_scenario("liquid-ofc", ["faults.0.start_s=2", length]))
     found = setup.loop.detectors
     starts = [d.x.copy() for d in found]
     inputs = [np.zeros((len(d.x), SAMPLE_TICKS), d.module.INPUTS) for d in found]
     for k in range(SAMPLE_TICKS):
-        tick(setup.loop, k, _nothing)
+        tick(setup.loop, k)
         for d, u in zip(found, inputs):
             u[:, k] = d.u[:, 0]
     return [
-        {
-            "id": d.name,
-            "level": registry.record(d.name).level,
-            "lanes": len(start),
-            **_step_cost(d, start, u, setup.loop.dt),
-        }
-        for d, start, u in zip(found, starts, inputs)
+        {"id": d.name, "level": registry.record(d.name).level, "lanes": len(x), **_step_cost(d, x, u, setup.loop.dt)}
+        for d, x, u in zip(found, starts, inputs)
     ]
 
 
@@ -129,18 +115,7 @@ def _step_cost(d, start, u, tick):
             now[:] = column
             step()
 
-    return {f"{name}_us": min(_once(call) for _ in range(3)) / u.size * 1e6 for name, call in
-            (("live", live), ("batch", batch))}
-
-
-def _nothing(v):
-    pass
-
-
-def _once(call):
-    begin = time.perf_counter()
-    call()
-    return time.perf_counter() - begin
+    return {f"{call.__name__}_us": min(taken(call)[0] for _ in range(3)) / u.size * 1e6 for call in (live, batch)}
 
 
 def _command(*args):
@@ -172,13 +147,11 @@ def _startup(folder):
     """
     log = str(Path(folder) / "start.mcap")
     cases = {
-        "python": subprocess_env.command("pass"),
-        "import": subprocess_env.command("import cosim"),
-        "help": _command("--help"),
-        "first_tick": [*subprocess_env.command(_FIRST), "-o", log],
+        "python": subprocess_env.command("pass"), "import": subprocess_env.command("import cosim"),
+        "help": _command("--help"), "first_tick": [*subprocess_env.command(_FIRST), "-o", log],
         "run": _command("run", "cruise", "--json", "--set", "duration_s=1", "-o", log),
         "flight": _command("run", "-o", log),
-    }
+    }  # fmt: skip
     env = {name: value for name, value in subprocess_env.surroundings().items() if name != "PYTHONDONTWRITEBYTECODE"}
     env["PYTHONPYCACHEPREFIX"] = str(Path(folder) / "bytecode")
     told: dict[str, Any] = {}
@@ -199,46 +172,41 @@ def _seconds(args, env):
     return time.perf_counter() - begin, busy
 
 
-# of a process that this one starts, its peak would be at least what this one holds when it forks
+# of a process that this one starts the peak would be at least what this one holds: a small one starts it
 _PEAK = """
 import resource, subprocess, sys
 outcome = subprocess.run(sys.argv[1:], stdout=subprocess.PIPE, check=True).stdout
 sys.stdout.buffer.write(outcome)
 print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
 """
-
-
-def _peak_mb(folder, duration_s, name=LONG):
-    """Return the peak resident memory [MB] of a process that flies and logs so long with every detector."""
-    if sys.platform == "win32":
-        return None
-    log = str(Path(folder) / name)
-    args = _command("run", "cruise", "--json", "--set", f"duration_s={duration_s}", "-o", log)
-    call, env = [*subprocess_env.command(_PEAK), *args], subprocess_env.surroundings()
-    told = subprocess.run(call, env=env, stdout=subprocess.PIPE, check=True, text=True).stdout
-    outcome, peak = told.splitlines()
-    if json.loads(outcome)["status"] != "completed":
-        raise RuntimeError(f"the flight of {duration_s} s did not complete")
-    return int(peak) * (1 if sys.platform == "darwin" else 1024) / 1e6
-
-
 _WORKER = """
-import resource, sys
 from cosim.campaign.worker import fly
 from cosim.scenario import load_scenario
 for seed in (1, 2):
     rows, _ = fly("bench", load_scenario("liquid-ofc", [f"seed={seed}"]), True)
     assert rows[0]["status"] == "completed"
-print(max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)))
+print()
 """
-# the peak of a process that this one starts would be at least what this one holds: a small one starts it
-_BETWEEN = "import subprocess, sys; subprocess.run([sys.executable, '-P', '-c', sys.argv[1]], check=True)"
+
+
+def _peak_mb(args):
+    """Return (what a process says, the peak resident memory [MB] of it and of those that it starts)."""
+    call, env = [*subprocess_env.command(_PEAK), *args], subprocess_env.surroundings()
+    told = subprocess.run(call, env=env, stdout=subprocess.PIPE, check=True, text=True).stdout
+    outcome, peak = told.splitlines()
+    return outcome, int(peak) * (1 if sys.platform == "darwin" else 1024) / 1e6
+
+
+def _flight_mb(log, duration_s):
+    """Return the peak resident memory [MB] of a process that flies and logs so long with every detector."""
+    if sys.platform == "win32":
+        return None
+    outcome, peak = _peak_mb(_command("run", "cruise", "--json", "--set", f"duration_s={duration_s}", "-o", str(log)))
+    if json.loads(outcome)["status"] != "completed":
+        raise RuntimeError(f"the flight of {duration_s} s did not complete")
+    return peak
 
 
 def worker_mb() -> float | None:
     """Return the peak resident memory [MB] of a campaign's worker after two flights, None where nobody tells."""
-    if sys.platform == "win32":
-        return None
-    args, env = [*subprocess_env.command(_BETWEEN), _WORKER], subprocess_env.surroundings()
-    told = subprocess.run(args, env=env, stdout=subprocess.PIPE, check=True, text=True).stdout
-    return int(told) * (1 if sys.platform == "darwin" else 1024) / 1e6
+    return None if sys.platform == "win32" else _peak_mb(subprocess_env.command(_WORKER))[1]

@@ -2,6 +2,7 @@
 
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,21 +30,15 @@ def log_costs(path: str | Path) -> dict[str, Any]:
     log = open_log(path)
     duration = log.n_ticks * log.dt_ns / 1e9
     size = sum(t.rows * len(t.fields) for t in log.topics.values()) * 8 / 1e6
-    whole, on_all = min(_taken(lambda: replay(path)) for _ in range(ROUNDS))
+    whole, on_all = min(taken(lambda: replay(path)) for _ in range(ROUNDS))
     steps = _steps(log)
     return {
-        "minutes": duration / 60,
-        "values_mb": size,
-        "open_s": _best(lambda: open_log(path)),
-        "frames_s": _best(log.frames),
-        "topic_s": _best(lambda: log.frame(TOPIC)),
-        "parquet_s": _parquet(log),
-        "replay_s": whole,
-        "replay_cpu_s": on_all,
-        "replay_realtime": duration / whole,
+        "minutes": duration / 60, "values_mb": size, "open_s": _best(lambda: open_log(path)),
+        "frames_s": _best(log.frames), "topic_s": _best(lambda: log.frame(TOPIC)), "parquet_s": _parquet(log),
+        "replay_s": whole, "replay_cpu_s": on_all, "replay_realtime": duration / whole,
         "detectors_realtime": log.dt_ns / 1e3 / sum(sum(costs) for costs in steps.values()),
         "replay_us": {name: float(np.mean(costs)) for name, costs in steps.items()},
-    }
+    }  # fmt: skip
 
 
 def _steps(log):
@@ -73,10 +68,10 @@ def _parquet(log):
 
 def _best(call):
     """Return the least seconds of the processor that a call takes."""
-    return min(_taken(call)[1] for _ in range(ROUNDS))
+    return min(taken(call)[1] for _ in range(ROUNDS))
 
 
-def _taken(call):
+def taken(call: Callable[[], Any]) -> tuple[float, float]:
     """Return (seconds of the clock, seconds of the processor in all threads)."""
     begin, busy = time.perf_counter(), time.process_time()
     call()

@@ -98,11 +98,9 @@ def _sensor_lanes(scenario, dt):
         p["delay"] = round(late / dt)
         if p["delay"][0] >= sensors.DELAY_MAX:
             raise ScenarioError(
-                f"a delay of {late:g} s is {p['delay'][0]:.0f} ticks",
-                place=f"sensors.{base}.delay_s",
-                allowed=f"below {sensors.DELAY_MAX * dt:g} s at {1 / dt:g} Hz",
-                remedy="Lower delay_s or rate_hz",
-            )
+                f"a delay of {late:g} s is {p['delay'][0]:.0f} ticks", place=f"sensors.{base}.delay_s",
+                allowed=f"below {sensors.DELAY_MAX * dt:g} s at {1 / dt:g} Hz", remedy="Lower delay_s or rate_hz",
+            )  # fmt: skip
         p["quantum"], p["gain"] = s.quantum or 0.0, gain
         names.append(lane)
         rows.append(p)
@@ -123,20 +121,13 @@ def _bus(scenario, plant, law, sensor_lanes, fault_lanes, built, chosen):
     surface = dtype([(name, "f8", "-" if name.startswith("thr") else "rad") for name in plant.border.inputs])
     segments = scenario.aircraft.segments
     sections = [
-        ("clock", CLOCK, ("clock",)),
-        ("truth", plant.border.truth, ("aircraft",)),
-        ("surfaces", surface, ("aircraft",)),
-        ("sensors_in", sensors.INPUTS, sensor_lanes),
-        ("sensors", sensors.STATE, sensor_lanes),
-        ("pilot_in", manoeuvre.INPUTS, ("pilot",)),
-        ("pilot", manoeuvre.STATE, ("pilot",)),
-        ("law_in", law.INPUTS, ("law",)),
-        ("law", law.STATE, ("law",)),
-        ("hinge_model_in", hinge_model.INPUTS, segments),
-        ("hinge_model", hinge_model.STATE, segments),
-        ("faults_in", faults.INPUTS, tuple(fault_lanes)),
-        ("faults", faults.STATE, tuple(fault_lanes)),
-    ]
+        ("clock", CLOCK, ("clock",)), ("truth", plant.border.truth, ("aircraft",)),
+        ("surfaces", surface, ("aircraft",)), ("sensors_in", sensors.INPUTS, sensor_lanes),
+        ("sensors", sensors.STATE, sensor_lanes), ("pilot_in", manoeuvre.INPUTS, ("pilot",)),
+        ("pilot", manoeuvre.STATE, ("pilot",)), ("law_in", law.INPUTS, ("law",)), ("law", law.STATE, ("law",)),
+        ("hinge_model_in", hinge_model.INPUTS, segments), ("hinge_model", hinge_model.STATE, segments),
+        ("faults_in", faults.INPUTS, tuple(fault_lanes)), ("faults", faults.STATE, tuple(fault_lanes)),
+    ]  # fmt: skip
     for name, module, _, _, lanes in built:
         sections += [(name + "_in", module.INPUTS, lanes), (name, module.STATE, lanes)]
     for d in chosen:
@@ -183,10 +174,8 @@ def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
     pilot_p = manoeuvre.params(**steps(scenario.manoeuvre, trim))
     law_p, slopes = designed(point, trim, dt)
     law_p, law = user_law.tuned(scenario, law_p), user_law.block(scenario)
-    factors = [
-        1.0 + TECHNOLOGIES[tech].hinge_error * generator(scenario.seed, f"hinge.{seg}").uniform(-1.0, 1.0)
-        for seg, tech in scenario.elevator.technology.items()
-    ]
+    factors = [1.0 + TECHNOLOGIES[tech].hinge_error * generator(scenario.seed, f"hinge.{seg}").uniform(-1.0, 1.0)
+               for seg, tech in scenario.elevator.technology.items()]  # fmt: skip
     hinge_p = hinge_model.design(slopes, trim, t, aircraft.short.values(), factors)
     chosen = detectors.chosen(scenario)
     fault_lanes = inject.lanes(scenario)
@@ -204,29 +193,21 @@ def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
     places = [(to, f"faults.{lane.name}.{source}") for lane in fault_lanes for to, source in lane.places]
     to, source = bus.wires(places)
     loop = Loop(
-        bus=bus,
-        plant=plant,
-        dt=dt,
-        draw=Draw(scenario.seed, [f"noise.{lane}" for lane in sensor_lanes]),
-        wires=wires,
-        places=(np.unique(to), to, source),
-        faults=block(
-            "faults", faults, np.concatenate([np.zeros(0, faults.PARAMS), *(lane.p for lane in fault_lanes)]), 0
-        ),
+        bus=bus, plant=plant, dt=dt, draw=Draw(scenario.seed, [f"noise.{lane}" for lane in sensor_lanes]),
+        wires=wires, places=(np.unique(to), to, source),
+        faults=block("faults", faults, np.concatenate([np.zeros(0, faults.PARAMS), *(f.p for f in fault_lanes)]), 0),
         sensors=block("sensors", sensors, sensor_p, sensors.init(sensor_p)),
         pilot=block("pilot", manoeuvre, pilot_p, manoeuvre.init(pilot_p)),
         law=block("law", law, law_p, law.init(law_p)),
         hinge=block("hinge_model", hinge_model, hinge_p, hinge_model.init(hinge_p)),
-        detectors=[
-            block(d.id, d.module, p, d.module.init(p), d.every)
-            for d, p in ((d, d.params(scenario, dt)) for d in chosen)
-        ],
+        detectors=[block(d.id, d.module, p, d.module.init(p), d.every) for d in chosen
+                   for p in [d.params(scenario, dt)]],
         servos=[b for b in actuator_blocks if b.name not in TECHNOLOGIES],
         actuators=[b for b in actuator_blocks if b.name in TECHNOLOGIES],
         corrections=corrections(scenario, bus),
         read={d.id: bus.wires(own) for d in chosen if (own := d.wires(of_detectors=True))},
         inputs=user_inputs(scenario, bus, trim),
-    )
+    )  # fmt: skip
     # what the actuators were last told: in equilibrium, the servo's holding command
     told, command = wires["actuators"]
     bus.v[told] = bus.v[command]

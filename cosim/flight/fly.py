@@ -114,4 +114,3 @@ def onwards(loop: Loop, tape: Tape, ticks: range, progress: Any = None, n: int =
     except KeyboardInterrupt:
         return whole, "interrupted", f"at {k * loop.dt:.2f} s by the user"
     return whole, "", ""
-

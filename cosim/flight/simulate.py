@@ -21,13 +21,9 @@ from cosim.scenario.user_file import aside
 
 @told_at_call
 def simulate(
-    scenario: Scenario | str | os.PathLike,
-    *,
-    log: str | os.PathLike | None = None,
-    progress: Callable[[float, float], None] | None = None,
-    achieved: bool = False,
-    timed: bool = True,
-) -> Result:
+    scenario: Scenario | str | os.PathLike, *, log: str | os.PathLike | None = None,
+    progress: Callable[[float, float], None] | None = None, achieved: bool = False, timed: bool = True,
+) -> Result:  # fmt: skip
     """Fly `scenario`, a Scenario or what load_scenario takes, and return a Result.
 
     `log` is the path of the MCAP file to write, or None. `progress(t, duration)` is called now and then. Ctrl-C ends
@@ -58,13 +54,10 @@ def simulate(
             trace, status, reason = fly(setup, *sinks, progress=progress, pause=twin and twin.pause)
         wall = time.perf_counter() - flown
         result = Result(
-            log=str(log) if log else None,
-            status=status,
-            reason=reason,
-            sim_time_s=len(trace) * setup.loop.dt,
+            log=str(log) if log else None, status=status, reason=reason, sim_time_s=len(trace) * setup.loop.dt,
             wall_time_s=wall,
             faults=[{"kind": f.kind, "target": f.target, "start_s": f.start_s} for f in scenario.faults],
-        )
+        )  # fmt: skip
         if timed:
             setup.time_detectors()
         swings = twin.moved(trace) if twin and status != "interrupted" else None
@@ -98,4 +91,3 @@ def _cut_off(writer: LogWriter | None, setup: Setup) -> str:
         cut = Result(log=str(writer.path), status="interrupted", reason=why, sim_time_s=t, wall_time_s=0.0, faults=[])
         writer.close(result=result_texts(cut))
     return f"interrupted {why}"
-

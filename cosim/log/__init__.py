@@ -9,17 +9,6 @@ from .recover import compact, recover
 from .writer import LogWriter, fits
 
 __all__ = [
-    "Limits",
-    "Log",
-    "LogError",
-    "LogWriter",
-    "Pose",
-    "Topic",
-    "TopicInfo",
-    "compact",
-    "fingerprint",
-    "fits",
-    "open_log",
-    "recover",
-    "viewer_layouts",
-]
+    "Limits", "Log", "LogError", "LogWriter", "Pose", "Topic", "TopicInfo", "compact", "fingerprint", "fits",
+    "open_log", "recover", "viewer_layouts",
+]  # fmt: skip

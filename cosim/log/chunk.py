@@ -6,34 +6,19 @@ strided view: (message, field) -> the eight bytes of a double. All else is known
 the number of ticks; the reader compares that part byte for byte.
 """
 
-import ctypes
 import struct
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from actuators.object_cache import Native
+from actuators.object_cache import of_wholes
 
 from .frame import Frame
 from .message_layout import HEAD, INDEX_HEAD, SHORT
 
-
-def _compiled():
-    from .chunk_decoder import KINDS, gather
-
-    return gather, KINDS
-
-
-GATHER = Native(
-    "gather",
-    Path(__file__).with_name("chunk_decoder.py"),
-    (ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p),
-    _compiled,
-    f"{__name__}:GATHER",
-)
+GATHER = of_wholes("cosim.log.chunk_decoder", "gather", 6, f"{__name__}:GATHER")
 
 
 def empty_message(count: int) -> tuple[bytes, list[tuple[slice, int, int]]]:
@@ -81,7 +66,7 @@ class Layout:
             head["op"], head["length"], head["channel"] = 5, HEAD.itemsize - 9 + len(body), channel
             self.topics.append((channel, every, np.frombuffer(head.tobytes() + body, "u1"), runs))
         self._rates = sorted({every for _, _, every in topics})
-        self._plan = lru_cache(maxsize=16)(self._make)
+        self._plan = lru_cache(maxsize=16)(lambda n, phases: Plan(self, n, dict(zip(self._rates, phases))))
         self._counts, self._heads = lru_cache(maxsize=64)(self._count), lru_cache(maxsize=64)(self._head)
 
     def _phases(self, k0):
@@ -118,9 +103,6 @@ class Layout:
         """Return the Plan of n ticks from k0; the same object serves every chunk of that length and phase."""
         return self._plan(n, self._phases(k0))
 
-    def _make(self, n, phases):
-        return Plan(self, n, dict(zip(self._rates, phases)))
-
 
 class Plan:
     """Hold the constant bytes and the views of a chunk of n ticks; its first sample of a rate is at first[rate]."""
@@ -147,7 +129,6 @@ class Plan:
             index_size += index[-1].size
         self.size = size
         self._fixed: np.ndarray | None = None
-        self._read: np.ndarray | None = None
         self._about: np.ndarray | None = None
         self._index = np.concatenate(index)
         self._index_times = [
@@ -172,9 +153,13 @@ class Plan:
 
         The array is the plan's own and lasts until the next call: fresh memory would cost more than filling it.
         """
-        stamps = {every: self._stamp(rel + k0) for every, rel in self._rates.items()}
+        stamps = {}
+        for every, rel in self._rates.items():  # sequence = tick, log time = publish time = simulated time [ns]
+            stamps[every] = out = np.empty(len(rel), _STAMP_FIELDS)
+            out["sequence"] = ticks = rel + k0
+            out["log"] = out["publish"] = ticks * self.dt_ns
         for every, view in self._stamps:
-            view[:] = stamps[every]
+            view[:] = stamps[every].view(_STAMP)
         return self.ended(tail)
 
     def ended(self, tail: bytes) -> np.ndarray:
@@ -191,12 +176,6 @@ class Plan:
             begin, size = other.blocks[number].start, block.rows * block.stride
             self.content[block.start :][:size] = other.content[begin:][:size]
 
-    def _stamp(self, ticks):
-        """Return sequence = tick, log time = publish time = simulated time [ns] as they stand in a message."""
-        out = np.empty(len(ticks), _STAMP_FIELDS)
-        out["sequence"], out["log"], out["publish"] = ticks, ticks * self.dt_ns, ticks * self.dt_ns
-        return out.view(_STAMP)
-
     def index(self, k0: int) -> np.ndarray:
         """Return the MessageIndex records (uint8) of the ticks from k0, which last until the next call."""
         times = {every: (rel + k0) * self.dt_ns for every, rel in self._rates.items()}
@@ -206,22 +185,12 @@ class Plan:
 
     def values(self, content: np.ndarray, number: int) -> Iterator[tuple[slice, np.ndarray]]:
         """Yield (slice of fields, (row, field) view of float64) of topic `number` in `content`."""
+        if number not in self.blocks:  # it has no row in the chunk
+            return
         block = self.blocks[number]
         for fields, offset, step in block.runs:
             shape = (block.rows, fields.stop - fields.start)
             yield fields, np.ndarray(shape, "<f8", content, block.start + offset, (block.stride, step))
-
-    def views(self, content: np.ndarray, numbers: Collection[int]) -> dict[int, list[tuple[slice, np.ndarray]]]:
-        """Return {topic number: [(slice of fields, (row, field) view of float64)]} of a copy of those topics.
-
-        The copy is the plan's own and lasts until the next call: making the views anew would cost more than copying.
-        """
-        if self._read is None:
-            self._read = np.empty(self.size, "u1")
-            self._read_slots = {number: list(self.values(self._read, number)) for number in self.blocks}
-        for part in map(self._slice, numbers) if 3 * len(numbers) < len(self.blocks) else [slice(0, self.size)]:
-            self._read[part] = content[part]
-        return self._read_slots
 
     def gather(self, content: np.ndarray, k0: int, wanted: Mapping[int, tuple[int, int, int]], only: bool) -> bool:
         """Put the values of topics where they belong, and return whether all bytes are as they must be.

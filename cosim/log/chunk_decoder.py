@@ -4,13 +4,12 @@ cosim/log/chunk.py lays out the `table` that this reads.
 
 from typing import Any
 
-from numba import njit, types
+from numba import njit
 
 from actuators import numba_intrinsics
 from actuators.numba_intrinsics import reals, wholes
 from cosim.log.message_layout import ABOUT, HEAD, SHORT
 
-KINDS = (types.int64,) * 6
 HEAD_BYTES = HEAD.itemsize
 byte: Any = numba_intrinsics.byte  # Numba gives them the context
 pair: Any = numba_intrinsics.pair

@@ -52,24 +52,28 @@ def compressor(name: str) -> Any:
     raise ValueError(f"compression {name!r}; there is {', '.join(map(repr, (*COMPRESSIONS, 'zstd-fast')))}")
 
 
-def decompress(data: Any, size: int, name: str) -> Any:
-    """Return the content of one frame, which must state and have `size` bytes; no more memory than that is taken.
+def decompress(data: Any, size: int, name: str, *, others: bool = False) -> Any:
+    """Return the content of one frame, which must have `size` bytes; no more memory than that is taken.
 
-    Raises FrameError.
+    The frame states its size, and nothing follows it; those of `others` need not. Raises FrameError.
     """
     try:
         if name == "zstd":
-            _same(zstandard.get_frame_parameters(data).content_size, size)
-            return zstandard.ZstdDecompressor(max_window_size=1 << 27).decompress(data, allow_extra_data=False)
-        if name == "lz4":
-            _same(lz4.frame.get_frame_info(data)["content_size"], size)
+            stated = zstandard.get_frame_parameters(data).content_size
+            _same(size if others and stated == zstandard.CONTENTSIZE_UNKNOWN else stated, size)
+            frame = zstandard.ZstdDecompressor(max_window_size=1 << 27)
+            data = frame.decompress(data, max_output_size=size, allow_extra_data=others)
+        elif name == "lz4":
+            if not others:
+                _same(lz4.frame.get_frame_info(data)["content_size"], size)
             frame = lz4.frame.LZ4FrameDecompressor()
-            content = frame.decompress(data, max_length=size + 1)
-            if not frame.eof or frame.unused_data:
-                raise FrameError("the chunk cannot be decompressed: it is not one whole frame")
-            return content
+            data = frame.decompress(data, max_length=size + 1)
+            if not frame.eof or (frame.unused_data and not others):
+                said = "its frame is not whole, or not as long as its chunk says"
+                raise FrameError(f"the chunk cannot be decompressed: {said}")
     except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
         raise FrameError(f"the chunk cannot be decompressed: {error}") from error
+    _same(len(data), size)
     return data
 
 

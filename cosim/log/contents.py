@@ -17,12 +17,9 @@ from .format import LIBRARY, ChunkRef, Damage, Limits, log_error, parse_topic
 from .records import MAGIC
 
 _KINDS = {
-    Opcode.HEADER: Header,
-    Opcode.SCHEMA: Schema,
-    Opcode.CHANNEL: Channel,
-    Opcode.METADATA: Metadata,
+    Opcode.HEADER: Header, Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel, Opcode.METADATA: Metadata,
     Opcode.ATTACHMENT: Attachment,
-}
+}  # fmt: skip
 
 
 LARGE = (Opcode.CHUNK, Opcode.MESSAGE_INDEX)  # records of which only the head is taken here

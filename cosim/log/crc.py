@@ -1,33 +1,17 @@
 """CRC-32 of large blocks: zlib's number, several times as fast where the processor multiplies without carries."""
 
-import ctypes
 import functools
 import zlib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from actuators.object_cache import PLAIN, Native
+from actuators.object_cache import PLAIN, of_wholes
 
 BLOCK = 256  # [byte] in which the compiled function counts, and how many it leaves
 LEAST = 1 << 15  # [byte]; what is smaller zlib has done before the call is made
 _ALL = 0xFFFFFFFF
-
-
-def _compiled():
-    from .crc_kernel import KINDS, fold
-
-    return fold, KINDS
-
-
-FOLD = Native(
-    "fold",
-    Path(__file__).with_name("crc_kernel.py"),
-    (ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64),
-    _compiled,
-    f"{__name__}:FOLD",
-)
+FOLD = of_wholes("cosim.log.crc_kernel", "fold", 4, f"{__name__}:FOLD")
 
 
 @functools.cache
@@ -40,8 +24,7 @@ def foldable() -> bool:
 
 def crc32(data: Any, value: int = 0) -> int:
     """Return the CRC-32 of bytes that follow others of CRC-32 `value`, as zlib.crc32; where the fast function is not
-    compiled yet zlib does it, for nobody should wait for that.
-    """
+    compiled yet zlib does it, for nobody should wait for that."""
     if len(data) < LEAST or not foldable() or not FOLD.ready():
         return zlib.crc32(data, value)
     held, left = np.frombuffer(data, "u1"), np.zeros(BLOCK, "u1")

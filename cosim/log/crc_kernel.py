@@ -11,7 +11,6 @@ from numba import types
 from numba.core import cgutils
 from numba.core.extending import intrinsic
 
-KINDS = (types.int64,) * 4
 SUMS = 4  # registers that are folded side by side: a product takes four cycles and more
 _FEATURES = binding.get_host_cpu_features()
 WIDE = all(_FEATURES.get(name) for name in ("vpclmulqdq", "avx512f"))
@@ -62,7 +61,7 @@ def _fold(context, data, blocks, state, before):
             builder.store(builder.load(held), builder.inttoptr(place, _REGISTER.as_pointer()), align=1)
         return context.get_dummy_value()
 
-    return types.void(*KINDS), code
+    return types.void(*(types.int64,) * 4), code
 
 
 fold_registers: Any = _fold  # Numba gives it the context
@@ -70,6 +69,5 @@ fold_registers: Any = _fold  # Numba gives it the context
 
 def fold(data: int, blocks: int, state: int, before: int) -> None:
     """Put at address `state`, behind zeros, the BLOCK bytes that leave the remainder of `blocks` times BLOCK at address
-    `data`, to whose first bits those of the register `before` (32 bits) are added.
-    """
+    `data`, to whose first bits those of the register `before` (32 bits) are added."""
     fold_registers(data, blocks * (BLOCK // STRIDE), state + BLOCK - STRIDE, before)

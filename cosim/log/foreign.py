@@ -1,5 +1,6 @@
 """Read MCAP files that others wrote: protobuf or JSON messages, any writer, any order, as one table per channel."""
 
+import contextlib
 import io
 import json
 import math
@@ -10,9 +11,7 @@ from array import array
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import lz4.frame
 import numpy as np
-import zstandard
 from google.protobuf import descriptor_pb2, descriptor_pool, json_format, message_factory
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import UnsupportedCompressionError
@@ -24,19 +23,15 @@ from numpy.typing import NDArray
 from cosim.errors import LogError
 from cosim.files import regular
 
+from .compression import COMPRESSIONS, decompress
 from .format import Limits, log_error
 from .validate import BAD
 
 _F = descriptor_pb2.FieldDescriptorProto
-_NUMBERS = set(range(_F.TYPE_DOUBLE, _F.TYPE_SINT64 + 1)) - {
-    _F.TYPE_STRING,
-    _F.TYPE_BYTES,
-    _F.TYPE_GROUP,
-    _F.TYPE_MESSAGE,
-    _F.TYPE_ENUM,
-}
+_NOT_NUMBERS = {_F.TYPE_STRING, _F.TYPE_BYTES, _F.TYPE_GROUP, _F.TYPE_MESSAGE, _F.TYPE_ENUM}
+_NUMBERS = set(range(_F.TYPE_DOUBLE, _F.TYPE_SINT64 + 1)) - _NOT_NUMBERS
 _HEAD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")
-_BAD = (*BAD, RuntimeError, zstandard.ZstdError)
+_BAD = (*BAD, RuntimeError)
 
 
 class _Capped:
@@ -154,23 +149,14 @@ def _records(file, limits) -> Iterator[Any]:
         total += record.uncompressed_size
         if record.uncompressed_size > limits.record_bytes or total > limits.total_bytes:
             raise ValueError(f"chunks of {total} bytes are beyond the reader's limits")
-        if record.compression not in ("", "zstd", "lz4"):
+        if record.compression not in COMPRESSIONS:
             raise ValueError(f"unknown compression {record.compression!r}")
-        if record.compression == "zstd":
-            size = zstandard.get_frame_parameters(record.data).content_size
-            if size not in (record.uncompressed_size, zstandard.CONTENTSIZE_UNKNOWN):
-                raise ValueError("a compressed frame is not as long as its chunk says")
-            record.data = _unzip(record.data, record.uncompressed_size)
-            record.compression = ""
-        elif record.compression == "lz4":
-            record.data = _unlz4(record.data, record.uncompressed_size)
-            record.compression = ""
         yield from _contents(record)
 
 
 def _contents(chunk) -> Iterator[Any]:
     """Yield what stands in a chunk: schemas, channels, and messages as (channel, log time, data), undecoded."""
-    data = memoryview(chunk.data)
+    data = memoryview(decompress(chunk.data, chunk.uncompressed_size, chunk.compression, others=True))
     if chunk.uncompressed_crc and chunk.uncompressed_crc != zlib.crc32(data):
         raise ValueError("a chunk is damaged (CRC)")
     at = 0
@@ -186,24 +172,6 @@ def _contents(chunk) -> Iterator[Any]:
             kind = Schema if opcode == Opcode.SCHEMA else Channel
             yield kind.read(ReadDataStream(io.BytesIO(body)))
         at += 9 + length
-
-
-def _unzip(data, size):
-    """Return the content of a zstd frame, which must be `size` bytes; no more are ever made."""
-    with zstandard.ZstdDecompressor().stream_reader(io.BytesIO(data)) as reader:
-        content = reader.read(size) if size else b""
-        if len(content) != size or reader.read(1):
-            raise ValueError("a compressed frame is not as long as its chunk says")
-    return content
-
-
-def _unlz4(data, size):
-    """Return the content of an lz4 frame, as `_unzip` does."""
-    frame = lz4.frame.LZ4FrameDecompressor()
-    content = frame.decompress(data, max_length=size + 1)
-    if len(content) != size or not frame.eof:
-        raise ValueError("a compressed frame is not as long as its chunk says")
-    return content
 
 
 def _decoder(channel, schema):
@@ -250,7 +218,5 @@ def _flat(value, name=""):
     elif isinstance(value, int | float):
         yield name, float(value)
     elif isinstance(value, str):
-        try:
+        with contextlib.suppress(ValueError):
             yield name, float(value)
-        except ValueError:
-            return

@@ -49,9 +49,9 @@ class Topic:
     description: str = ""
 
     def __post_init__(self):
-        object.__setattr__(self, "fields", tuple(self.fields))
-        object.__setattr__(self, "units", tuple(self.units))
-        object.__setattr__(self, "index", np.asarray(self.index, dtype=np.intp).copy())
+        made = {"fields": tuple(self.fields), "units": tuple(self.units), "index": np.array(self.index, np.intp)}
+        for name, value in made.items():
+            object.__setattr__(self, name, value)
         check_topic(self.name, self.fields, self.units, self.every)
         if self.index.shape != (len(self.fields),):
             raise ValueError(f"topic {self.name}: {len(self.fields)} fields, but positions of shape {self.index.shape}")
@@ -162,24 +162,16 @@ def schema_data(topic: str, fields: tuple[str, ...]) -> bytes:
     file = files.file.add(name=f"cosim{topic}.proto", package="cosim", syntax="proto3")
     message = file.message_type.add(name=schema_name(topic).removeprefix("cosim."))
     for number, name in enumerate(fields, 1):
-        message.field.add(
-            name=name,
-            json_name=name,  # the default, camel case, would make q_1 and q1 collide
-            number=number,
-            type=FieldDescriptorProto.TYPE_DOUBLE,
-            label=FieldDescriptorProto.LABEL_OPTIONAL,
-        )
+        kind = {"type": FieldDescriptorProto.TYPE_DOUBLE, "label": FieldDescriptorProto.LABEL_OPTIONAL}
+        # the default JSON name, camel case, would make q_1 and q1 collide
+        message.field.add(name=name, json_name=name, number=number, **kind)
     return files.SerializeToString(deterministic=True)
 
 
 def channel_metadata(topic: Any) -> dict:
     """Return the text that describes a sampled topic in its channel record."""
-    return {
-        "every": str(topic.every),
-        "units": json.dumps(list(topic.units)),
-        "group": topic.group,
-        "description": topic.description,
-    }
+    about = {"group": topic.group, "description": topic.description}
+    return {"every": str(topic.every), "units": json.dumps(list(topic.units)), **about}
 
 
 @functools.lru_cache(KEPT)

@@ -5,7 +5,7 @@ the core does not need that package. These messages are for viewers: replay read
 """
 
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from math import cos, pi, sin
 from typing import Any
 
@@ -22,36 +22,24 @@ _MESSAGES = {
     "Color": (("r", 1, "double"), ("g", 2, "double"), ("b", 3, "double"), ("a", 4, "double")),
     "KeyValuePair": (("key", 1, "string"), ("value", 2, "string")),
     "Log": (
-        ("timestamp", 1, _TIME),
-        ("level", 2, "enum Level UNKNOWN DEBUG INFO WARNING ERROR FATAL"),
-        ("message", 3, "string"),
-        ("name", 4, "string"),
-        ("file", 5, "string"),
-        ("line", 6, "fixed32"),
+        ("timestamp", 1, _TIME), ("level", 2, "enum Level UNKNOWN DEBUG INFO WARNING ERROR FATAL"),
+        ("message", 3, "string"), ("name", 4, "string"), ("file", 5, "string"), ("line", 6, "fixed32"),
     ),
     "Event": (("start_time", 1, _TIME), ("end_time", 2, _TIME), ("metadata", 3, "KeyValuePair*")),
     "FrameTransform": (
-        ("timestamp", 1, _TIME),
-        ("parent_frame_id", 2, "string"),
-        ("child_frame_id", 3, "string"),
-        ("translation", 4, "Vector3"),
-        ("rotation", 5, "Quaternion"),
+        ("timestamp", 1, _TIME), ("parent_frame_id", 2, "string"), ("child_frame_id", 3, "string"),
+        ("translation", 4, "Vector3"), ("rotation", 5, "Quaternion"),
     ),
     "FrameTransforms": (("transforms", 1, "FrameTransform*"),),
     "LocationFix": (
-        ("timestamp", 6, _TIME),
-        ("frame_id", 7, "string"),
-        ("latitude", 1, "double"),
-        ("longitude", 2, "double"),
-        ("altitude", 3, "double"),
+        ("timestamp", 6, _TIME), ("frame_id", 7, "string"),
+        ("latitude", 1, "double"), ("longitude", 2, "double"), ("altitude", 3, "double"),
         ("position_covariance", 4, "double*"),
         ("position_covariance_type", 5, "enum PositionCovarianceType UNKNOWN APPROXIMATED DIAGONAL_KNOWN KNOWN"),
-        ("heading", 10, "double"),
-        ("velocity", 11, "Vector3"),
-        ("color", 8, "Color"),
+        ("heading", 10, "double"), ("velocity", 11, "Vector3"), ("color", 8, "Color"),
         ("metadata", 9, "KeyValuePair*"),
     ),
-}
+}  # fmt: skip
 LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4, "fatal": 5}
 
 
@@ -111,12 +99,8 @@ def message(name: str) -> Any:
 
 
 # channels that every log has, so that viewers and scripts find them even when empty
-TOPICS = {
-    "/log": ("foxglove.Log", lambda: schema("Log")),
-    "/events": ("foxglove.Event", lambda: schema("Event")),
-    "/tf": ("foxglove.FrameTransforms", lambda: schema("FrameTransforms")),
-    "/fix": ("foxglove.LocationFix", lambda: schema("LocationFix")),
-}
+TOPICS = {topic: (f"foxglove.{name}", partial(schema, name)) for topic, name in (
+    ("/log", "Log"), ("/events", "Event"), ("/tf", "FrameTransforms"), ("/fix", "LocationFix"))}  # fmt: skip
 
 
 def _time(ns):
@@ -195,8 +179,7 @@ class Pose:
 
 def _quaternion(roll, pitch, yaw):
     """Return the quaternion x, y, z, w of rotations [rad] by yaw (z), pitch (y), roll (x), in that order about moving
-    axes.
-    """
+    axes."""
     if not all(abs(a) < 1e6 for a in (roll, pitch, yaw)):  # a diverged state has no attitude
         return 0.0, 0.0, 0.0, 1.0
     cr, sr, cp, sp, cy, sy = (f(a / 2) for a in (roll, pitch, yaw) for f in (cos, sin))

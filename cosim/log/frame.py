@@ -1,38 +1,22 @@
 """Make one LZ4 frame of the content of a chunk, with a block for each topic, and take single topics out of a frame."""
 
-import ctypes
 import functools
 import struct
 from collections.abc import Collection, Mapping
-from pathlib import Path
 from typing import Any
 
 import lz4.block
 import lz4.frame
 import numpy as np
 
-from actuators.object_cache import Native
+from actuators.object_cache import of_wholes
 
 MOST = 1 << 18  # [byte] of a block before it is compressed
 _KIND: dict[str, Any] = {"block_size": lz4.frame.BLOCKSIZE_MAX256KB, "block_linked": False}
 _STATED = 6  # bytes of a frame's head that say its kind; the size of the content and a checksum follow
 _SIZE = struct.Struct("<I")
 _RAW = 1 << 31  # of a block's size: it is not compressed
-
-
-def _compiled():
-    from .lz4_rows import KINDS, squeeze
-
-    return squeeze, KINDS
-
-
-SQUEEZE = Native(
-    "squeeze",
-    Path(__file__).with_name("lz4_rows.py"),
-    (ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p),
-    _compiled,
-    f"{__name__}:SQUEEZE",
-)
+SQUEEZE = of_wholes("cosim.log.lz4_rows", "squeeze", 5, f"{__name__}:SQUEEZE")
 
 
 @functools.lru_cache(maxsize=16)
@@ -72,8 +56,7 @@ class Frame:
 
     def topics(self, file: Any, begin: int, end: int, wanted: Collection[int], content: np.ndarray) -> bool:
         """Put the topics `wanted` of the frame that stands in a file from byte `begin` to `end` where they stand in the
-        content (uint8). Return False where the frame is not one of `pack`.
-        """
+        content (uint8). Return False where the frame is not one of `pack`."""
         file.seek(begin)
         head = file.read(len(_head(1)))
         if head[:_STATED] != _head(1)[:_STATED]:

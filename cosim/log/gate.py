@@ -47,8 +47,7 @@ def allowed(origin: str | None, origins: Collection[str] = ORIGINS) -> bool:
 
 class Gate:
     """Listen at `host`:`port` and pass what may come in to `inner` (host, port), or with `token` in its address,
-    ws://host:port/?token=..., to `steered`; `close` ends it. Raises OSError.
-    """
+    ws://host:port/?token=..., to `steered`; `close` ends it. Raises OSError."""
 
     def __init__(
         self, host: str, port: int, inner: tuple[str, int], steered: tuple[str, int] | None = None, token: str = ""
@@ -80,34 +79,26 @@ class _Server(socketserver.ThreadingTCPServer):
     request_queue_size = 2 * MOST  # of 5 places, the system's choice, a caller beyond waits for seconds to try again
 
     def __init__(self, *about: Any):
-        self._free = threading.BoundedSemaphore(MOST)
+        self._held: set[Any] = set()
         super().__init__(*about)
 
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Give a connection a thread of its own while there is a place, and close it where there is none."""
-        if not self._free.acquire(blocking=False):  # before the thread is made: a flood makes none beyond MOST
-            self.shutdown_request(request)
-            return
-        try:
-            super().process_request(request, client_address)
-        except BaseException:  # the system gives no thread
-            self._free.release()
-            raise
+    def verify_request(self, request: Any, client_address: Any) -> bool:
+        """Tell whether there is a place for a connection: before its thread is made, a flood makes none beyond MOST."""
+        if len(self._held) >= MOST:
+            return False
+        self._held.add(request)
+        return True
 
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Handle a connection, and give its place back."""
-        try:
-            super().process_request_thread(request, client_address)
-        finally:
-            self._free.release()
+    def shutdown_request(self, request: Any) -> None:
+        """Give the place of a connection back."""
+        self._held.discard(request)
+        super().shutdown_request(request)
 
 
 def _pass_on(
-    client: socket.socket,
-    behind: Callable[[bytes], tuple[str, int] | None],
-    watched: tuple[str, int],
+    client: socket.socket, behind: Callable[[bytes], tuple[str, int] | None], watched: tuple[str, int],
     watching: threading.BoundedSemaphore,
-) -> None:
+) -> None:  # fmt: skip
     """Pass on what may come in; of those that only watch the server `watched`, as many as have a place."""
     head = _head(client)
     inner = behind(head) if head is not None and allowed(_origin(head)) else None

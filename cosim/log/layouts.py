@@ -11,43 +11,31 @@ from xml.etree import ElementTree
 
 # page -> plots (title, group of topics or "" for any, names of fields or their beginnings before "*")
 PAGES = (
-    (
-        "Flight",
-        (
-            ("Angle of attack, pitch [rad]", "truth", ("alpha", "theta")),
-            ("Rates [rad/s]", "truth", ("p", "q", "r")),
-            ("Load factor [-]", "truth", ("nz",)),
-            ("Altitude [m]", "truth", ("h",)),
-            ("Speed [m/s]", "truth", ("tas", "cas")),
-        ),
-    ),
-    (
-        "Elevators",
-        (
-            ("Surfaces [rad]", "truth", ("de_*",)),
-            ("Rods [m]", "actuators", ("q_rod", "q", "x_rod", "rod*")),
-            ("Commands", "actuators", ("u*", "cmd*", "ref*")),
-        ),
-    ),
-    (
-        "Detectors",
-        (
-            ("Test statistic, alarm at 1 [-]", "detectors", ("r",)),
-            ("Alarm [-]", "detectors", ("alarm",)),
-            ("Verdict [code]", "detectors", ("verdict",)),
-            ("Estimated fault", "detectors", ("f_hat*",)),
-            ("Injected fault", "", ("active", "signal", "injected*")),
-        ),
-    ),
-)
-STEERING = (  # beside the services of a live flight
-    "Inject and heal",
-    (
+    ("Flight", (
+        ("Angle of attack, pitch [rad]", "truth", ("alpha", "theta")),
+        ("Rates [rad/s]", "truth", ("p", "q", "r")),
         ("Load factor [-]", "truth", ("nz",)),
+        ("Altitude [m]", "truth", ("h",)),
+        ("Speed [m/s]", "truth", ("tas", "cas")),
+    )),
+    ("Elevators", (
         ("Surfaces [rad]", "truth", ("de_*",)),
+        ("Rods [m]", "actuators", ("q_rod", "q", "x_rod", "rod*")),
+        ("Commands", "actuators", ("u*", "cmd*", "ref*")),
+    )),
+    ("Detectors", (
+        ("Test statistic, alarm at 1 [-]", "detectors", ("r",)),
         ("Alarm [-]", "detectors", ("alarm",)),
-    ),
-)
+        ("Verdict [code]", "detectors", ("verdict",)),
+        ("Estimated fault", "detectors", ("f_hat*",)),
+        ("Injected fault", "", ("active", "signal", "injected*")),
+    )),
+)  # fmt: skip
+STEERING = ("Inject and heal", (  # beside the services of a live flight
+    ("Load factor [-]", "truth", ("nz",)),
+    ("Surfaces [rad]", "truth", ("de_*",)),
+    ("Alarm [-]", "detectors", ("alarm",)),
+))  # fmt: skip
 _COLOURS = ("#1f77b4", "#d62728", "#1ac938", "#ff7f0e", "#f14cc1", "#9467bd", "#17becf", "#bcbd22")
 
 
@@ -95,13 +83,8 @@ def _drawn(topics, pages):
 def _signals(topics, group, names):
     """Return [(topic, field)] of every field that one of the names fits."""
     exact, begin = {n for n in names if "*" not in n}, tuple(n.rstrip("*") for n in names if n.endswith("*"))
-    return [
-        (topic.name, field)
-        for topic in topics
-        if not group or topic.group == group
-        for field in topic.fields
-        if field in exact or (begin and field.startswith(begin))
-    ]
+    return [(topic.name, field) for topic in topics if not group or topic.group == group for field in topic.fields
+            if field in exact or (begin and field.startswith(begin))]  # fmt: skip
 
 
 def _foxglove(pages):
@@ -136,9 +119,8 @@ def _plotjuggler(pages):
         splitter = ElementTree.SubElement(container, "DockSplitter", orientation="-", sizes=sizes, count=count)
         for title, signals in plots:
             area = ElementTree.SubElement(splitter, "DockArea", name=title)
-            plot = ElementTree.SubElement(
-                area, "plot", mode="TimeSeries", style="Lines", flip_x="false", flip_y="false"
-            )
+            drawn = {"mode": "TimeSeries", "style": "Lines", "flip_x": "false", "flip_y": "false"}
+            plot = ElementTree.SubElement(area, "plot", drawn)
             ElementTree.SubElement(plot, "limitY")
             for (topic, field), colour in zip(signals, cycle(_COLOURS)):
                 ElementTree.SubElement(plot, "curve", name=f"{topic}/{field}", color=colour)

@@ -38,7 +38,10 @@ def load_chunk(
     returns whether they are as they must be.
     """
     file.seek(chunk.data_offset)
-    content = _decompress(found, file.read(chunk.data_size), chunk)
+    try:
+        content = decompress(file.read(chunk.data_size), chunk.size, chunk.compression)
+    except FrameError as error:
+        raise log_error(str(error), found.path, chunk.offset) from error
     if len(content) != chunk.size or crc32(content) != chunk.crc:
         raise log_error("the chunk is damaged (CRC)", found.path, chunk.offset)
     k0, n = found.ticks(chunk)
@@ -86,11 +89,3 @@ def _tail(found, data, chunk):
     if not found.tolerant and counts != {c: n for c, n in chunk.index_counts.items() if c in irregular}:
         raise log_error("the message indexes do not count what the chunk holds", found.path, chunk.offset)
     return tail
-
-
-def _decompress(found, data, chunk):
-    """Return the content; a frame that does not state the chunk's own size is refused before memory is taken."""
-    try:
-        return decompress(data, chunk.size, chunk.compression)
-    except FrameError as error:
-        raise log_error(str(error), found.path, chunk.offset) from error

@@ -9,13 +9,12 @@ literal bytes, two bytes of how far back the reference is; a block ends with lit
 
 from typing import Any
 
-from numba import njit, types
+from numba import njit
 
 from actuators import numba_intrinsics
 from actuators.numba_intrinsics import wholes
 from cosim.log.message_layout import HEAD, LOG_TIME, SEQUENCE, SHORT
 
-KINDS = (types.int64,) * 5
 LEAST = 5
 MATCH, LAST = 4, 12  # of the format: a reference is to four bytes or more, and to none of the last twelve
 RAW = 1 << 31  # of the format of a frame: the block that follows is not compressed

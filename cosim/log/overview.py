@@ -23,29 +23,17 @@ def log_info(path: str | Path) -> dict[str, Any]:
     ticks = sum(log.spans[-1]) if log.spans else 0
     scenario = log.attachments.get(SCENARIO, b"").decode("utf-8", "replace")
     return {
-        "log": str(path),
-        "complete": log.complete,
-        "problem": problem,
-        "recovered": "recovered" in log.metadata,
-        "title": _title(scenario),
-        "status": (log.result or {}).get("status", ""),
-        "duration_s": ticks * log.dt_ns / 1e9,
-        "rate_hz": 1e9 / log.dt_ns,
-        "ticks": log.n_ticks,
-        "gaps": ticks - log.n_ticks,
-        "size_mb": round(os.path.getsize(path) / 1e6, 2),
-        "versions": {
-            **{k: v for k, v in log.metadata.get("run", {}).items() if k == "software"},
-            **log.metadata.get("libraries", {}),
-        },
+        "log": str(path), "complete": log.complete, "problem": problem, "recovered": "recovered" in log.metadata,
+        "title": _title(scenario), "status": (log.result or {}).get("status", ""),
+        "duration_s": ticks * log.dt_ns / 1e9, "rate_hz": 1e9 / log.dt_ns, "ticks": log.n_ticks,
+        "gaps": ticks - log.n_ticks, "size_mb": round(os.path.getsize(path) / 1e6, 2),
+        "versions": {**{k: v for k, v in log.metadata.get("run", {}).items() if k == "software"},
+                     **log.metadata.get("libraries", {})},
         "result": dict(log.result or {}),
-        "topics": [
-            {"name": t.name, "rows": t.rows, "every": t.every, "fields": list(t.fields), "units": list(t.units)}
-            for t in log.topics.values()
-        ],
-        "attachments": list(log.attachments),
-        "scenario": scenario,
-    }
+        "topics": [{"name": t.name, "rows": t.rows, "every": t.every, "fields": list(t.fields),
+                    "units": list(t.units)} for t in log.topics.values()],
+        "attachments": list(log.attachments), "scenario": scenario,
+    }  # fmt: skip
 
 
 def _title(scenario):

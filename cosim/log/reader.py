@@ -5,6 +5,7 @@ import os
 import threading
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from cosim.table import Table
 from . import foxglove
 from .chunk import GATHER
 from .compression import keep_memory
-from .format import Limits, TopicInfo, log_error
+from .format import Limits, log_error
 from .load import drop_damaged_chunks, load_chunk, load_topics
 from .validate import identity, scan
 
@@ -72,7 +73,9 @@ class Log:
         self._runs = _merged(self.spans)
         self._index: dict = {}  # of frames, by rate
         self._one = threading.Lock()  # one thread at a time reads without compiled code
-        self.topics = {name: self._info(t) for name, t in found.topics.items()}
+        rows = {t.every: sum(len(range(-k0 % t.every, n, t.every)) for k0, n in self._runs)
+                for t in found.topics.values()}  # fmt: skip
+        self.topics = {name: replace(t, rows=rows[t.every]) for name, t in found.topics.items()}
 
     def __repr__(self) -> str:
         rows = [f"  {t.name:44}{t.rows:>8} rows, {len(t.fields)} fields" for t in self.topics.values()]
@@ -102,10 +105,6 @@ class Log:
         for axis, unit in zip(reversed(list(figure.select_yaxes())), units.values()):
             axis.update(matches=None, title=unit.strip("-"))
         return figure.update_layout(legend_title_text="", xaxis_title="t, s")
-
-    def _info(self, t):
-        rows = sum(len(range(-k0 % t.every, n, t.every)) for k0, n in self._runs)
-        return TopicInfo(t.name, t.fields, t.units, t.every, rows, t.group, t.description)
 
     def array(self, topic: str, start: float = 0, stop: Any = None) -> Any:
         """Return the values of a topic (rows, fields) as float64, bit for bit as they were logged.
@@ -145,10 +144,9 @@ class Log:
             return out
         with self._one:  # a plan's views are its own
             for i, (plan, content, _) in zip(read, self._contents(read, few)):
-                views = plan.views(content, numbers)
                 for number, every, array in todo:
                     done, low, high = parts[i][every]
-                    for fields, view in views.get(number, ()):
+                    for fields, view in plan.values(content, number):
                         array[done : done + high - low, fields] = view[low:high]
         return out
 
@@ -169,6 +167,15 @@ class Log:
         if topic not in self.topics:
             raise _Unknown(f"{self.path} has no topic {topic!r}{_near(topic, self.topics)}; log.topics has all")
         return list(self.topics).index(topic)
+
+    def _place(self, topic, field):
+        """Return the column of a field of a topic."""
+        self._number(topic)
+        known = self.topics[topic].fields
+        if field not in known:
+            near = _near(field, known, "fields")
+            raise _Unknown(f"topic {topic} has no field {field!r}{near}; log.topics[{topic!r}].fields has all")
+        return known.index(field)
 
     def ticks(self, topic: str, start: float = 0, stop: Any = None) -> np.ndarray:
         """Return the tick of each row of a topic (rows,) as int64; see `array` for the bounds."""
@@ -197,13 +204,9 @@ class Log:
         return made
 
     def frame(
-        self,
-        topic: str,
-        *,
-        fields: Sequence[str] | None = None,
-        start_s: float | None = None,
+        self, topic: str, *, fields: Sequence[str] | None = None, start_s: float | None = None,
         end_s: float | None = None,
-    ) -> Any:
+    ) -> Any:  # fmt: skip
         """Return a topic as a DataFrame: a column per field, index `t_s` in float seconds (tick x dt, rounded once).
 
         `fields` chooses columns, `start_s` <= t < `end_s` [s] rows; memory is that of the result and of a few chunks.
@@ -222,8 +225,7 @@ class Log:
 
     def frames(self, topics: Any = None) -> Any:
         """Return {topic: DataFrame} of several topics (default: all), each chunk read once; of one topic, given as a
-        string, an iterator over DataFrames of its rows, a few chunks at a time.
-        """
+        string, an iterator over DataFrames of its rows, a few chunks at a time."""
         if isinstance(topics, str):
             self._number(topics)
             return (self._frame(topics, self.array(topics, a, b), None, a, b) for a, b in self._blocks())
@@ -242,14 +244,8 @@ class Log:
         self, topic: str, fields: Sequence[str], kind: Any = np.float64, *, start: int = 0, stop: int | None = None
     ) -> np.ndarray:
         """Return fields of a topic as (fields, rows) of `kind`, ticks start <= k < stop; memory is that of the result
-        and of a few chunks. Raises KeyError for a topic or field that is not there.
-        """
-        self._number(topic)
-        known = self.topics[topic].fields
-        for name in fields:
-            if name not in known:
-                raise _Unknown(f"topic {topic} has no field {name!r}{_near(name, known, 'fields')}")
-        at = [known.index(name) for name in fields]
+        and of a few chunks. Raises KeyError for a topic or field that is not there."""
+        at = [self._place(topic, name) for name in fields]
         out, done = np.empty((len(at), len(self.ticks(topic, start, stop))), kind), 0
         for a, b in self._blocks(start, stop):
             values = self.array(topic, a, b)
@@ -276,10 +272,7 @@ class Log:
                 example = f"{name}.{self.topics[name].fields[0]}" if name in self.topics else "/truth/aircraft.alpha"
                 whole = f"; log.frame({name!r}) gives the whole topic" if name in self.topics else ""
                 raise _Unknown(f"{name!r} names no field, which is '/topic.field', such as {example!r}{whole}")
-            self._number(topic)
-            if field not in self.topics[topic].fields:
-                near = _near(field, self.topics[topic].fields, "fields")
-                raise _Unknown(f"topic {topic} has no field {field!r}{near}; log.topics[{topic!r}].fields has all")
+            self._place(topic, field)
         frames = self.frames(dict.fromkeys(topic for topic, _ in pairs))
         made = pd.concat([frames[topic][field].rename(name) for name, (topic, field) in zip(names, pairs)], axis=1)
         made.attrs["units"] = Units((n, frames[topic].attrs["units"][field]) for n, (topic, field) in zip(names, pairs))

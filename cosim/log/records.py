@@ -8,14 +8,7 @@ from typing import Any
 import numpy as np
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import (
-    AttachmentIndex,
-    DataEnd,
-    Footer,
-    MetadataIndex,
-    Statistics,
-    SummaryOffset,
-)
+from mcap.records import AttachmentIndex, DataEnd, Footer, MetadataIndex, Statistics, SummaryOffset
 
 from .crc import crc32
 from .format import ChunkRef
@@ -33,6 +26,7 @@ def closing(
     `chunks` are ChunkRefs; `attachments` and `metadata` are lists of (offset, length, record). A reader builds the same
     bytes from what it found in the data section and compares.
     """
+
     def encoded(record):
         record.write(builder)
         return builder.end()
@@ -47,7 +41,8 @@ def closing(
         (Opcode.CHANNEL, channels),
         (Opcode.STATISTICS, [_statistics(schemas, channels, chunks, attachments, metadata)]),
         (Opcode.CHUNK_INDEX, map(_ChunkIndex, chunks)),
-        (Opcode.ATTACHMENT_INDEX, [_attachment_index(*a) for a in attachments]),
+        (Opcode.ATTACHMENT_INDEX, [AttachmentIndex(at, length, r.log_time, r.create_time, len(r.data), r.name,
+                                                   r.media_type) for at, length, r in attachments]),
         (Opcode.METADATA_INDEX, [MetadataIndex(at, length, record.name) for at, length, record in metadata]),
     )
     offsets = []
@@ -83,8 +78,10 @@ def pack_chunk(
     {channel id: [(time, offset), ...]}.
     """
     start, end, size, crc = k0 * layout.dt_ns, (k0 + n - 1) * layout.dt_ns, len(content), crc32(content.data)
-    held = sum(map(len, data))
-    head = _chunk_head(start, end, size, crc, compression, held)
+    held, name = sum(map(len, data)), compression.encode()
+    # the library's own would copy the data three times
+    head = struct.pack("<BQQQQII", Opcode.CHUNK, 40 + len(name) + held, start, end, size, crc, len(name))
+    head += name + struct.pack("<Q", held)
     plan, length = layout.plan(k0, n), len(head) + held
     index = plan.index(k0)
     begin, more = offset + length, b""
@@ -95,13 +92,6 @@ def pack_chunk(
     place, shared = (offset, length, offset + len(head), held), (plan.index_offsets, layout.counts(k0, n)[0])
     ref = ChunkRef(*place, compression, size, crc, start, end, *shared, others, len(index) + len(more))
     return [head, *data, index, more], ref
-
-
-def _chunk_head(start, end, size, crc, compression, data_size):
-    """Return a chunk record up to its data (the library's own would copy the data three times)."""
-    name = compression.encode()
-    head = struct.pack("<BQQQQII", Opcode.CHUNK, 40 + len(name) + data_size, start, end, size, crc, len(name))
-    return head + name + struct.pack("<Q", data_size)
 
 
 def _message_index(channel, entries):
@@ -117,16 +107,12 @@ def _statistics(schemas, channels, chunks, attachments, metadata):
         for channel, count in chunk.index_counts.items():
             counts[channel] += count
     return Statistics(
-        attachment_count=len(attachments),
-        channel_count=len(channels),
-        channel_message_counts={c: n for c, n in counts.items() if n},
-        chunk_count=len(chunks),
-        message_count=sum(counts.values()),
-        message_end_time=max((c.end_ns for c in chunks), default=0),
-        message_start_time=min((c.start_ns for c in chunks), default=0),
-        metadata_count=len(metadata),
+        attachment_count=len(attachments), channel_count=len(channels),
+        channel_message_counts={c: n for c, n in counts.items() if n}, chunk_count=len(chunks),
+        message_count=sum(counts.values()), message_end_time=max((c.end_ns for c in chunks), default=0),
+        message_start_time=min((c.start_ns for c in chunks), default=0), metadata_count=len(metadata),
         schema_count=len(schemas),
-    )
+    )  # fmt: skip
 
 
 class _ChunkIndex:
@@ -142,15 +128,3 @@ class _ChunkIndex:
         body += struct.pack("<QI", chunk.index_length, len(name)) + name
         body += struct.pack("<QQ", chunk.data_size, chunk.size)
         builder.write(struct.pack("<BQ", Opcode.CHUNK_INDEX, len(body)) + body)
-
-
-def _attachment_index(offset, length, record):
-    return AttachmentIndex(
-        offset=offset,
-        length=length,
-        log_time=record.log_time,
-        create_time=record.create_time,
-        data_size=len(record.data),
-        name=record.name,
-        media_type=record.media_type,
-    )

@@ -37,18 +37,12 @@ def recover(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[st
     texts |= {f"lost {i}": f"{d.length} bytes at {d.offset}: {d.reason}" for i, d in enumerate(found.damage)}
     _rewrite(found, out, {**metadata, "recovered": texts}, result)
     last = found.chunks[-1] if found.chunks else None
-    cut = all(d.offset >= last.offset + last.length + last.index_length for d in found.damage) if last else False
-    end = (found.chunks[-1].end_ns + found.dt_ns) / 1e9 if found.chunks else 0.0
+    cut = last is not None and all(d.offset >= last.offset + last.length + last.index_length for d in found.damage)
+    end = (last.end_ns + found.dt_ns) / 1e9 if last else 0.0
     return {
-        "out": os.fspath(out),
-        "chunks": len(found.chunks),
-        "ticks": ticks,
-        "duration_s": end,
-        "complete": result is not None,
-        "parameters_intact": found.trusted,
-        "lost": lost,
-        "cut": cut,
-    }
+        "out": os.fspath(out), "chunks": len(found.chunks), "ticks": ticks, "duration_s": end,
+        "complete": result is not None, "parameters_intact": found.trusted, "lost": lost, "cut": cut,
+    }  # fmt: skip
 
 
 def compact(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[str, Any]:

@@ -3,13 +3,12 @@ reads."""
 
 from typing import Any
 
-from numba import njit, types
+from numba import njit
 
 from actuators import numba_intrinsics
 from actuators.numba_intrinsics import reals, wholes
 from cosim.log.message_layout import HEAD, LOG_TIME, PUBLISH_TIME, SEQUENCE, SHORT, STORE_HEAD, STORE_TARGET
 
-KINDS = (types.int64, types.int64)
 HEAD_BYTES = HEAD.itemsize
 put: Any = numba_intrinsics.put  # Numba gives them the context
 lay_quad: Any = numba_intrinsics.lay_quad
@@ -47,8 +46,3 @@ def store(address: Any, bus: Any) -> None:
                 here += 10
             taken += fields
     head[0] = row + 1
-
-
-def entry(address: Any, bus: Any) -> None:
-    """Call `store`."""
-    store(address, bus)

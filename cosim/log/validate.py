@@ -27,16 +27,8 @@ _DATA_END = 9 + 4
 _RECOVER = "`cosim recover` makes a readable log of what is whole."
 # what a record's parser may raise on bytes that are not what they should be
 BAD = (
-    McapError,
-    DecodeError,
-    struct.error,
-    ValueError,
-    KeyError,
-    TypeError,
-    OverflowError,
-    MemoryError,
-    RecursionError,
-)
+    McapError, DecodeError, struct.error, ValueError, KeyError, TypeError, OverflowError, MemoryError, RecursionError,
+)  # fmt: skip
 _VITAL = (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL)  # without each of them no chunk can be read
 
 

@@ -1,7 +1,6 @@
 """Write a log while a run goes on: a vector per tick, a compressed chunk per second, whole after any end."""
 
 import contextlib
-import ctypes
 import os
 import shutil
 import struct
@@ -10,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from actuators.object_cache import PLAIN, Native
+from actuators.object_cache import PLAIN, of_wholes
 
 from . import foxglove
 from .chunk import Layout
 from .compression import compressor, keep_memory
 from .format import Limits, LogError, channel_metadata, check_texts, schema_data, schema_name
-from .message_layout import HEAD, LOG_TIME, PUBLISH_TIME, SEQUENCE, SHORT, STORE_HEAD, STORE_TARGET
+from .message_layout import HEAD, SHORT, STORE_HEAD, STORE_TARGET
 from .record_writer import Sink
 from .records import content_hash, pack_chunk
 
@@ -49,19 +48,7 @@ def fits(path: str | os.PathLike, topics: Any, ticks: int, dt_s: float) -> None:
                            remedy="Free some space or choose another place (-o)")  # fmt: skip
 
 
-def _compiled():
-    from .row_writer import KINDS, entry
-
-    return entry, KINDS
-
-
-_STORE = Native(
-    "store",
-    Path(__file__).with_name("row_writer.py"),
-    (ctypes.c_void_p, ctypes.c_void_p),
-    _compiled,
-    f"{__name__}:_STORE",
-)
+_STORE = of_wholes("cosim.log.row_writer", "store", 2, f"{__name__}:_STORE")
 
 
 class LogWriter:
@@ -77,19 +64,10 @@ class LogWriter:
     """
 
     def __init__(
-        self,
-        path: str | os.PathLike,
-        topics: Any,
-        *,
-        n_values: Any,
-        dt_ns: Any = 5_000_000,
-        metadata: dict | None = None,
-        attachments: dict | None = None,
-        rows_per_chunk: Any = ROWS,
-        compression: str = "lz4",
-        pose: Any = None,
-        kept: bool = True,
-    ):
+        self, path: str | os.PathLike, topics: Any, *, n_values: Any, dt_ns: Any = 5_000_000,
+        metadata: dict | None = None, attachments: dict | None = None, rows_per_chunk: Any = ROWS,
+        compression: str = "lz4", pose: Any = None, kept: bool = True,
+    ):  # fmt: skip
         self.dt_ns, self._topics, self._pose = int(dt_ns), list(topics), pose
         _check(self._topics, n_values, self.dt_ns, metadata or {}, rows_per_chunk)
         self._shape, self._rows = (n_values,), rows_per_chunk
@@ -162,42 +140,18 @@ class LogWriter:
         self._room()
         if v.shape != self._shape:
             raise ValueError(f"a vector of shape {v.shape}; the log takes {self._shape}")
-        self._store(np.ascontiguousarray(v, float))
+        v = np.ascontiguousarray(v, float)
+        _STORE.call(_address(self._head), _address(v))
 
     def _room(self):
         """Write the chunk when it is full."""
         if self._count[0] == self._rows:
             self.flush()
 
-    def _store(self, v):
-        if PLAIN:
-            self._plainly(v)
-        else:
-            _STORE.call(_address(self._head), _address(v))
-
-    def _plainly(self, v):
-        """Store a row as cosim/log/row_writer.py does."""
-        row, tick = int(self._head[0]), int(self._head[1] + self._head[0])
-        stamp, ns = struct.pack("<I", tick & 0xFFFFFFFF), struct.pack("<Q", tick * self.dt_ns)
-        for about in self._head[STORE_HEAD:].reshape(-1, STORE_TARGET).tolist():
-            every, first, count, take_at, base, topics, table = about
-            if row < first or (row - first) % every:
-                continue
-            below, values = (row - first) // every, v[_wholes(take_at, count)].view("V8")
-            places = [base + 8 * (below * count + i) for i in range(0 if topics else count)]
-            for start, stride, fields in _wholes(table, 3 * topics).reshape(-1, 3).tolist():
-                here = base + start + below * stride
-                for at, data in ((SEQUENCE, stamp), (LOG_TIME, ns), (PUBLISH_TIME, ns)):
-                    ctypes.memmove(here + at, data, len(data))
-                places += [here + HEAD.itemsize + 9 * i + 1 + max(0, i + 1 - SHORT) for i in range(fields)]
-            for here, value in zip(places, values):
-                ctypes.memmove(here, value.tobytes(), 8)
-        self._head[0] = row + 1
-
     def tell(self, tape: Any) -> None:
         """Tell a tape to log the bus."""
         tape.first(lambda k: self._room())
-        tape.log(self._head, self._store)
+        tape.log(self._head)
 
     def event(self, k: int, message: str, level: str = "info") -> None:
         """Log a text at tick k on /log (foxglove.Log); level is debug, info, warning, error or fatal."""
@@ -255,16 +209,15 @@ class LogWriter:
             self._settle()
             self.flush()
             if self._pending:  # no tick came after them, so no chunk can hold them
-                texts = {str(i): f"tick {k}: {self._told(c, data)}" for i, (k, c, data) in enumerate(self._pending)}
+                log, window = self._sink.ids["/log"], "a window of /events"
+                texts = {str(i): f"tick {k}: {foxglove.text(data) if channel == log else window}"
+                         for i, (k, channel, data) in enumerate(self._pending)}  # fmt: skip
                 self._sink.metadata("late_events", texts)
             if result is not None:
                 self._sink.metadata("result", {**result, "content": content_hash(self._sink.chunks)})
             self._sink.finish()
         finally:
             self._sink.drop()
-
-    def _told(self, channel, data):
-        return foxglove.text(data) if channel == self._sink.ids["/log"] else "a window of /events"
 
     def _settle(self):
         """Go back to the last whole chunk, should Ctrl-C have struck within a flush; keep texts inside the last one."""
@@ -309,11 +262,6 @@ def _targets(topics):
         (every, np.concatenate([t.index for t in topics if t.every == every]).astype(np.int64))
         for every in sorted({t.every for t in topics})
     ]
-
-
-def _wholes(address, count):
-    """Return the whole numbers at an address."""
-    return np.ctypeslib.as_array((ctypes.c_int64 * count).from_address(address))
 
 
 def _address(array):

@@ -14,8 +14,7 @@ import numpy as np
 
 from cosim.errors import LogError
 from cosim.log import Log, open_log
-from cosim.log.live import Live
-from cosim.log.live_channels import library
+from cosim.log.live import Live, library
 from cosim.replay.log_schema import check_start
 from cosim.replay.write import pose_of, stacked
 

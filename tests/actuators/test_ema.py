@@ -150,20 +150,12 @@ def healthy():
 @pytest.mark.parametrize(
     "fault, least",
     [
-        ({"jam": 1.0}, 1.0),
-        ({"jam_screw": 1.0}, 1.0),
-        ({"free_float": 1.0}, 1.0),
-        ({"loss": 0.5}, 0.05),
-        ({"friction_add": 8.0}, 0.05),
-        ({"backlash_add": 0.001}, 0.02),
-        ({"magnet_loss": 0.4}, 0.05),
-        ({"f_u": 3.0}, 0.05),
-        ({"s_u": 1.0, "f_u": 3.0}, 1.0),
-        ({"f_i": 3.0}, 0.05),
-        ({"s_i": 1.0}, 0.1),
+        ({"jam": 1.0}, 1.0), ({"jam_screw": 1.0}, 1.0), ({"free_float": 1.0}, 1.0), ({"loss": 0.5}, 0.05),
+        ({"friction_add": 8.0}, 0.05), ({"backlash_add": 0.001}, 0.02), ({"magnet_loss": 0.4}, 0.05),
+        ({"f_u": 3.0}, 0.05), ({"s_u": 1.0, "f_u": 3.0}, 1.0), ({"f_i": 3.0}, 0.05), ({"s_i": 1.0}, 0.1),
     ],
     ids=lambda f: "+".join(f) if isinstance(f, dict) else "",
-)
+)  # fmt: skip
 def test_every_fault_shows_and_heals(fault, least, healthy):
     log = fly_ema(COMMAND, **LOAD, faults=between(**fault))[0]
     difference = np.degrees(np.abs(log["delta"] - healthy["delta"]))

@@ -107,17 +107,11 @@ def healthy():
 @pytest.mark.parametrize(
     "fault",
     [
-        {"jam": 1.0},
-        {"free_float": 1.0},
-        {"loss": 0.6},
-        {"supply_drop": 0.7},
-        {"leak_add": 0.3},
-        {"air": 0.9},
-        {"f_u": 0.02},
-        {"s_u": 1.0, "f_u": 0.01},
+        {"jam": 1.0}, {"free_float": 1.0}, {"loss": 0.6}, {"supply_drop": 0.7}, {"leak_add": 0.3}, {"air": 0.9},
+        {"f_u": 0.02}, {"s_u": 1.0, "f_u": 0.01},
     ],
     ids=lambda f: "+".join(f),
-)
+)  # fmt: skip
 def test_every_fault_shows_and_heals(fault, healthy):
     log = fly_hydraulic(COMMAND, **LOAD, faults=between(**fault))[0]
     difference = np.degrees(np.abs(log["delta"] - healthy["delta"]))

@@ -18,29 +18,13 @@ BLOCKS = shipped()
 LANES, TICKS, DT = 3, 60, 0.005
 # what a healthy input is about; everything else is about zero, within SMALL
 ABOUT = {
-    "hm0": -1000.0,
-    "hmd": -15e3,
-    "tas": 180.0,
-    "cas": 150.0,
-    "V": 150.0,
-    "mach": 0.6,
-    "h": 6000.0,
-    "alt": 6000.0,
-    "mass": 3e5,
-    "rho": 0.65,
-    "qbar": 1e4,
-    "nz": 1.0,
-    "cg": 0.3,
-    "truth": 1.0,
-}
+    "hm0": -1000.0, "hmd": -15e3, "tas": 180.0, "cas": 150.0, "V": 150.0, "mach": 0.6, "h": 6000.0, "alt": 6000.0,
+    "mass": 3e5, "rho": 0.65, "qbar": 1e4, "nz": 1.0, "cg": 0.3, "truth": 1.0,
+}  # fmt: skip
 SIZE = {
-    ("actuators.ema.actuator", "u"): 10.0,
-    "vel_meas": 50.0,
-    "load_fb": 3e3,
-    "omega": 50.0,
-    "current": 10.0,
+    ("actuators.ema.actuator", "u"): 10.0, "vel_meas": 50.0, "load_fb": 3e3, "omega": 50.0, "current": 10.0,
     "friction_add": 1.0,
-}
+}  # fmt: skip
 SMALL = 0.05
 
 
@@ -93,18 +77,9 @@ def inputs(module):
 
 
 FAULTS = {
-    "jam",
-    "jam_screw",
-    "free_float",
-    "loss",
-    "supply_drop",
-    "leak_add",
-    "air",
-    "r_add",
-    "magnet_loss",
-    "friction_add",
-    "backlash_add",
-}
+    "jam", "jam_screw", "free_float", "loss", "supply_drop", "leak_add", "air", "r_add", "magnet_loss",
+    "friction_add", "backlash_add",
+}  # fmt: skip
 
 
 def batch(module):

@@ -28,14 +28,13 @@ def test_bus_names_every_element_of_every_lane_once():
 
 
 def test_routes_copy_and_add():
-    for plain in (False, True):
-        copies, adds = (Tape(np.arange(6.0), 0.005, plain=plain) for _ in range(2))
-        copies.copy(np.array([0, 1]), np.array([4, 5]))
-        copies.run(0)
-        np.testing.assert_array_equal(copies.v, [4, 5, 2, 3, 4, 5])
-        adds.add(np.array([0, 2]), np.array([0, 0, 2]), np.array([3, 4, 5]))
-        adds.run(0)
-        np.testing.assert_array_equal(adds.v, [7, 1, 5, 3, 4, 5])
+    copies, adds = (Tape(np.arange(6.0), 0.005) for _ in range(2))
+    copies.copy(np.array([0, 1]), np.array([4, 5]))
+    copies.run(0)
+    np.testing.assert_array_equal(copies.v, [4, 5, 2, 3, 4, 5])
+    adds.add(np.array([0, 2]), np.array([0, 0, 2]), np.array([3, 4, 5]))
+    adds.run(0)
+    np.testing.assert_array_equal(adds.v, [7, 1, 5, 3, 4, 5])
 
 
 def measure(truth, noise=None, p=None, **fields):

@@ -74,12 +74,16 @@ LATERAL = {
 }
 
 
+BYPASS = 5.0  # of the engines
+
+
 def thrust_speed_slope(key: Any) -> Any:
     """Return V dT/dV / T of our engine at fixed throttle and altitude."""
     c = FLIGHT_CONDITIONS[key]
     x = c.qbar_psf / (0.7 * c.mach**2 * 2116.22)
     d = 1e-4
-    return (thrust_ratio(c.mach * (1 + d), x) - thrust_ratio(c.mach * (1 - d), x)) / (2 * d) / thrust_ratio(c.mach, x)
+    slower, here, faster = (thrust_ratio(c.mach * (1 + e), x, BYPASS) for e in (-d, 0.0, d))
+    return (faster - slower) / (2 * d) / here
 
 
 def derivatives(key: Any) -> Any:

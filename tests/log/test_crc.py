@@ -41,13 +41,13 @@ def test_one_bit_changes_it_and_parts_give_the_whole(folding):
 
 
 def test_a_processor_without_wide_registers_finds_the_same(folding, monkeypatch):
-    from actuators.object_cache import Native
+    from actuators.object_cache import of_wholes
     from cosim.log import crc_kernel as kernel
 
     for name, value in (("WIDE", False), ("LANES", 1), ("STRIDE", 16 * kernel.SUMS)):
         monkeypatch.setattr(kernel, name, value)
     monkeypatch.setattr(kernel, "_REGISTER", kernel.ir.VectorType(kernel.ir.IntType(64), 2))
-    narrow = Native("narrow", "nowhere.py", crc.FOLD._kinds, lambda: (kernel.fold, kernel.KINDS), "")
+    narrow = of_wholes("cosim.log.crc_kernel", "fold", 4, "")
     monkeypatch.setattr(narrow, "_file", lambda: None)  # it is not kept
     monkeypatch.setattr(crc, "FOLD", narrow)
     assert narrow.address

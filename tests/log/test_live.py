@@ -75,13 +75,9 @@ HELLO = (
     "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: foxglove.sdk.v1\r\n{origin}\r\n"
 )
 STRANGE = (
-    "https://evil.example",
-    "null",
-    "",
-    "http://[",
-    "https://app.foxglove.dev.evil.example",
+    "https://evil.example", "null", "", "http://[", "https://app.foxglove.dev.evil.example",
     "http://localhost.evil.example",
-)
+)  # fmt: skip
 
 
 def _answer(url, origin):

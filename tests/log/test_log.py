@@ -223,13 +223,9 @@ def test_places_that_cannot_be_written_or_read_are_one_clear_error(tmp_path):
 def test_topics_that_cannot_be_logged_are_refused_before_a_file_is_made(path):
     good = TOPICS[0]
     for name, fields, units, every in (
-        ("/a b", ("x",), ("m",), 1),
-        ("/a", ("x y",), ("m",), 1),
-        ("/a", ("x", "x"), ("m", "m"), 1),
-        ("/a", ("x",), (), 1),
-        ("/a", (), (), 1),
-        ("/a", ("x",), ("m",), 0),
-    ):
+        ("/a b", ("x",), ("m",), 1), ("/a", ("x y",), ("m",), 1), ("/a", ("x", "x"), ("m", "m"), 1),
+        ("/a", ("x",), (), 1), ("/a", (), (), 1), ("/a", ("x",), ("m",), 0),
+    ):  # fmt: skip
         with pytest.raises(ValueError, match=f"topic {name!r}:|topic {name}:"):
             Topic(name, fields, units, np.arange(len(fields)), every)
     for topics in ([good, good], [Topic("/log", ("x",), ("m",), [0])], [Topic("/s", ("x",), ("m",), [0], every=2)]):

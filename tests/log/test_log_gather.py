@@ -21,7 +21,7 @@ def compiled():
 def test_both_ways_of_reading_give_the_same_bits(tmp_path, monkeypatch, topics, start, stop):
     write(tmp_path / "a.mcap", pose=True)
     log, counted = open_log(tmp_path / "a.mcap"), []
-    monkeypatch.setattr("cosim.log.chunk.Plan.views", lambda *_: pytest.fail("numpy read it"))
+    monkeypatch.setattr("cosim.log.chunk.Plan.values", lambda *_: pytest.fail("numpy read it"))
     one = log.arrays(topics, start, stop)
     monkeypatch.undo()
     monkeypatch.setattr(reader, "PLAIN", True)

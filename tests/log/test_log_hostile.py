@@ -46,11 +46,8 @@ class Forge(Sink):
         blobs, ref = pack_chunk(self.layout, content, [data], compression, k0, self.n, {}, self.offset)
         head = bytearray(blobs[0])
         for name, (at, kind) in {
-            "length": (1, "<Q"),
-            "start": (9, "<Q"),
-            "end": (17, "<Q"),
-            "size": (25, "<Q"),
-        }.items():
+            "length": (1, "<Q"), "start": (9, "<Q"), "end": (17, "<Q"), "size": (25, "<Q"),
+        }.items():  # fmt: skip
             if name in changes:
                 struct.pack_into(kind, head, at, changes[name])
         if "data_size" in changes:

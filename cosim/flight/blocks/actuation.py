@@ -18,18 +18,15 @@ def _scaled(technology, own, multipliers):
     for name in multipliers:
         if name not in nominal:
             raise ScenarioError(
-                "no such parameter",
-                place=f"tolerances.{technology.name}.{name}",
-                allowed=", ".join(nominal),
+                "no such parameter", place=f"tolerances.{technology.name}.{name}", allowed=", ".join(nominal),
                 remedy=did_you_mean(name, nominal),
-            )
+            )  # fmt: skip
     return {k: nominal[k] * v for k, v in multipliers.items()}
 
 
 def plain(aircraft: Any, kind: str) -> dict[str, float]:
     """Return the parameters of the plain actuator of a `kind` of surface: the travel that trim and law count on, so
-    that it holds whatever trims, rate [rad/s], natural frequency [rad/s].
-    """
+    that it holds whatever trims, rate [rad/s], natural frequency [rad/s]."""
     bounds = dict(zip(("lo", "hi"), aircraft.travels[kind]))
     if kind == "elevator":
         return bounds

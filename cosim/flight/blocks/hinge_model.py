@@ -14,36 +14,26 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel
 
-PARAMS = dtype(
-    [
-        ("k", "f8", "-"),  # model over truth
-        ("m_0", "f8", "N m"),  # hinge moment at zero angle, at trim
-        ("m_alpha", "f8", "N m/rad"),  # its slope over angle of attack
-        ("m_q", "f8", "N m s/rad"),  # over pitch rate
-        ("m_d", "f8", "N m/rad"),  # over the segment's own angle
-        ("alpha_0", "f8", "rad"),
-        ("cas_0", "f8", "m/s"),
-    ]
-)
-INPUTS = dtype(
-    [
-        ("alpha", "f8", "rad"),
-        ("alpha_valid", "f8", "-"),
-        ("q", "f8", "rad/s"),
-        ("q_valid", "f8", "-"),
-        ("cas", "f8", "m/s"),
-        ("cas_valid", "f8", "-"),
-    ]
-)
-STATE = dtype(
-    [
-        ("hm0", "f8", "N m"),
-        ("hmd", "f8", "N m/rad"),
-        ("alpha", "f8", "rad"),
-        ("q", "f8", "rad/s"),
-        ("cas", "f8", "m/s"),  # last valid measurements
-    ]
-)
+PARAMS = dtype([
+    ("k", "f8", "-"),  # model over truth
+    ("m_0", "f8", "N m"),  # hinge moment at zero angle, at trim
+    ("m_alpha", "f8", "N m/rad"),  # its slope over angle of attack
+    ("m_q", "f8", "N m s/rad"),  # over pitch rate
+    ("m_d", "f8", "N m/rad"),  # over the segment's own angle
+    ("alpha_0", "f8", "rad"),
+    ("cas_0", "f8", "m/s"),
+])
+INPUTS = dtype([
+    ("alpha", "f8", "rad"), ("alpha_valid", "f8", "-"), ("q", "f8", "rad/s"), ("q_valid", "f8", "-"),
+    ("cas", "f8", "m/s"), ("cas_valid", "f8", "-"),
+])  # fmt: skip
+STATE = dtype([
+    ("hm0", "f8", "N m"),
+    ("hmd", "f8", "N m/rad"),
+    ("alpha", "f8", "rad"),
+    ("q", "f8", "rad/s"),
+    ("cas", "f8", "m/s"),  # last valid measurements
+])
 OUTPUTS = ("hm0", "hmd")
 
 
@@ -74,19 +64,14 @@ rollout = entry(step, STATE, INPUTS, PARAMS)
 
 def slopes(plant: Any, trim: Any, names: Any) -> np.ndarray:
     """Return (m_alpha, m_q) of the lanes `names` (suffixes of TRUTH's hinge fields), shape (lanes, 2), by central
-    differences about `trim`; `plant` is moved about.
-    """
+    differences about `trim`; `plant` is moved about."""
     h = 1e-3
 
     def at(d_alpha=0.0, d_q=0.0):
         plant.place(
-            tas=trim.tas,
-            alpha=trim.alpha + d_alpha,
-            theta=trim.theta,
-            altitude=trim.altitude,
-            q=trim.q + d_q,
+            tas=trim.tas, alpha=trim.alpha + d_alpha, theta=trim.theta, altitude=trim.altitude, q=trim.q + d_q,
             surfaces=trim.surfaces,
-        )
+        )  # fmt: skip
         return plant.truth()[0]
 
     up, down, fast, slow = at(h), at(-h), at(0.0, h), at(0.0, -h)

@@ -43,14 +43,9 @@ PSI_RATE = math.radians(10.0)  # [rad/s] a hand on the heading knob
 
 
 def params(
-    steps: Any,
-    *,
-    hold_psi: bool = False,
-    hold_h: bool = False,
-    hold_v: bool = False,
-    nz_rate: Any = NZ_RATE,
+    steps: Any, *, hold_psi: bool = False, hold_h: bool = False, hold_v: bool = False, nz_rate: Any = NZ_RATE,
     phi_0: float = 0.0,
-) -> np.ndarray:
+) -> np.ndarray:  # fmt: skip
     """Build the table from `steps`, a list of (time [s], {channel: value}), for a flight that starts at bank `phi_0`.
 
     A channel keeps its value where a step does not name it. Raises ValueError when there are more than 15 steps.

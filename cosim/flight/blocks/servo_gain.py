@@ -23,8 +23,7 @@ def sensor_age(dt: float) -> float:
 @functools.cache
 def liquid_gain(technology: str, omega: float, dt: float, own: Own = ()) -> float:
     """Return position amplitude [m] per unit added at the valve [1] or drive [A], servo closed, no load, no friction:
-    by flying it at `omega` [rad/s]. `own` is what an aircraft's actuators differ in.
-    """
+    by flying it at `omega` [rad/s]. `own` is what an aircraft's actuators differ in."""
     given = technology, float(omega), float(dt), tuple(own)
     source = inspect.getfile(TECHNOLOGIES[technology].build)  # type: ignore[arg-type]
     return float(kept(given, float, lambda: np.array([_flown(*given)]), __file__, source)[0])

@@ -38,12 +38,9 @@ def aircraft(own: Aircraft) -> About:
 
 
 def site(
-    dt: float,
-    lane: str = "",
-    technologies: dict | None = None,
-    own: Aircraft | None = None,
+    dt: float, lane: str = "", technologies: dict | None = None, own: Aircraft | None = None,
     believed: dict | None = None,
-) -> Site:
+) -> Site:  # fmt: skip
     """Return the Site of a detector with tick `dt` [s] on elevator segment `lane` ("" at aircraft level).
 
     `technologies` is {segment: technology}, `own` the aircraft, by default the bundled one;

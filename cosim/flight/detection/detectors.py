@@ -8,7 +8,6 @@ import functools
 import math
 import os
 import time
-from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -88,8 +87,6 @@ ENGINES = load_aircraft().engines
 N1 = tuple(f"n1_{name}" for name in load_aircraft().engine_names)
 _FITS: dict[tuple, np.ndarray] = {}  # of shipped detectors, by all that their designs depend on
 MOST_FITS = 256
-MOST_CHOSEN = 16
-_CHOSEN: OrderedDict[tuple, tuple[list, list]] = OrderedDict()  # flights of a campaign have the same detectors
 _SITE = Path(__file__).with_name("detector_context.py")
 
 
@@ -145,8 +142,7 @@ class Installed:
 
     def params(self, scenario: Scenario, dt: float) -> np.ndarray:
         """Return the PARAMS of all lanes; the scenario's own values replace fields. Raises ScenarioError for one that
-        is none.
-        """
+        is none."""
         table, options = scenario.detectors.table(self.id), self.record.options
         if self.id not in registry.SHIPPED:
             table = {name: value for name, value in table.items() if name not in plugins.KEYS}
@@ -157,22 +153,15 @@ class Installed:
         stored = _stored(own.own_designs)
         p = np.concatenate([_fit(self, s, own, words, stored) for s in sites])
         for name, value in table.items():
-            self._override(p, name, value, dt)
+            place = f"detectors.{self.id}.{name} = {value}"
+            if isinstance(value, str):
+                raise ScenarioError("is no number", place=place, allowed="a number")
+            assign(self.record, self.module, p, name, float(value), dt, error=ScenarioError, place=place)
         if wrong := table and wrong_parameter(self.record, self.module, p, dt):
             name, value, low, high = wrong
-            raise ScenarioError(
-                f"{value:g} does not fit the detector's arrays",
-                place=f"detectors.{self.id}.{name}",
-                allowed=f"a whole number from {low:g} to {high:g}",
-            )
+            said, allowed = f"{value:g} does not fit the detector's arrays", f"a whole number from {low:g} to {high:g}"
+            raise ScenarioError(said, place=f"detectors.{self.id}.{name}", allowed=allowed)
         return p
-
-    def _override(self, p, name, value, dt):
-        """Set a parameter of every lane; raise ScenarioError for an unknown name, or for a word."""
-        place = f"detectors.{self.id}.{name} = {value}"
-        if isinstance(value, str):
-            raise ScenarioError("is no number", place=place, allowed="a number")
-        assign(self.record, self.module, p, name, float(value), dt, error=ScenarioError, place=place)
 
     def inputs(self, lane: str) -> list:
         """Return the Wires of a lane."""
@@ -188,12 +177,8 @@ class Installed:
     def wires(self, of_detectors: bool | None = None) -> list[Any]:
         """Return [(input, source)] of all lanes, as names of the bus: all of them, or those alone that are outputs of
         other detectors (`of_detectors` True) or are not (False)."""
-        return [
-            (f"{self.id}_in.{lane}.{w.field}", w.source)
-            for lane in self.lanes
-            for w in self.inputs(lane)
-            if of_detectors in (None, w.signal.kind == "detector")
-        ]
+        return [(f"{self.id}_in.{lane}.{w.field}", w.source) for lane in self.lanes for w in self.inputs(lane)
+                if of_detectors in (None, w.signal.kind == "detector")]  # fmt: skip
 
     def target(self, lane: str) -> str:
         """Return the name of what a lane watches."""
@@ -203,12 +188,8 @@ class Installed:
 def _word(detector, name, value, allowed):
     """Return `value` when it is one of the words `allowed`; else raise ScenarioError."""
     if value not in allowed:
-        raise ScenarioError(
-            f"{value!r} is no choice",
-            place=f"detectors.{detector}.{name}",
-            allowed=", ".join(allowed),
-            remedy=did_you_mean(str(value), allowed),
-        )
+        raise ScenarioError(f"{value!r} is no choice", place=f"detectors.{detector}.{name}",
+                            allowed=", ".join(allowed), remedy=did_you_mean(str(value), allowed))  # fmt: skip
     return value
 
 
@@ -244,8 +225,7 @@ def left_out(scenario: Scenario) -> dict[str, str]:
 
 def chosen(scenario: Scenario) -> list:
     """Return the Installed detectors of a scenario, in its order; one without an actuator of its technologies, or that
-    its aircraft cannot have, is left out. One that reads another comes after it (`ordered`).
-    """
+    its aircraft cannot have, is left out. One that reads another comes after it (`ordered`)."""
     technology, out, lost = scenario.elevator.technology, [], left_out(scenario)
     for name in scenario.running:
         record = registry.record(name)
@@ -253,13 +233,7 @@ def chosen(scenario: Scenario) -> list:
         lanes = own if record.level == "local" else ("aircraft",)
         if lanes and name not in lost:
             out.append(Installed(record, registry.module(name), lanes, scenario.aircraft))
-    key = tuple((id(d.record), id(d.module), d.lanes, id(d.aircraft)) for d in out)
-    if key not in _CHOSEN:
-        made = ordered(out)
-        while len(_CHOSEN) >= MOST_CHOSEN:
-            _CHOSEN.popitem(last=False)
-        _CHOSEN[key] = out, made  # the first keeps what the key names alive
-    return _CHOSEN[key][1]
+    return ordered(out)
 
 
 def ordered(found: list[Installed]) -> list[Installed]:
@@ -286,11 +260,9 @@ def _cycle(reads, left):
     while way.count(way[-1]) < 2:
         way.append(min(reads[way[-1]] & left.keys()))
     way = way[way.index(way[-1]) :]
-    return ScenarioError(
-        f"detectors wait for each other: {' reads '.join(way)}",
-        place=f"detectors.{way[0]}",
-        remedy="A detector may read only those that do not read it",
-    )
+    said = f"detectors wait for each other: {' reads '.join(way)}"
+    remedy = "A detector may read only those that do not read it"
+    return ScenarioError(said, place=f"detectors.{way[0]}", remedy=remedy)
 
 
 def _connected(d, others):
@@ -300,11 +272,8 @@ def _connected(d, others):
         name, lane, output = w.source.split(".")
         source, place = others.get(name), f"detectors.{d.id}: its input {w.source!r}"
         if source is not None and d.every % source.every:
-            raise ScenarioError(
-                f"{name} steps every {source.every} ticks, {d.id} every {d.every}",
-                place=place,
-                remedy=f"every = {source.every} in {d.id}, or a multiple of it",
-            )
+            said = f"{name} steps every {source.every} ticks, {d.id} every {d.every}"
+            raise ScenarioError(said, place=place, remedy=f"every = {source.every} in {d.id}, or a multiple of it")
         there = () if source is None else vocabulary.outputs(source.module)
         if source is not None and lane in source.lanes and output in there:
             continue
@@ -313,10 +282,9 @@ def _connected(d, others):
             continue
         if source is None:
             known = registry.known(name)
-            said, allowed = f"{name} does not fly" if known else f"{name!r} is no detector", ", ".join(others)
-            near = did_you_mean(name, others)
-            remedy = f"Add {name!r} to detectors.enabled" if known else near
-            raise ScenarioError(said, place=place, allowed=allowed, remedy=remedy)
+            said = f"{name} does not fly" if known else f"{name!r} is no detector"
+            remedy = f"Add {name!r} to detectors.enabled" if known else did_you_mean(name, others)
+            raise ScenarioError(said, place=place, allowed=", ".join(others), remedy=remedy)
         if lane not in source.lanes:
             raise ScenarioError(f"{name} has no lane {lane!r}", place=place, allowed=", ".join(source.lanes))
         near = did_you_mean(output, there)
@@ -347,19 +315,16 @@ _ESTIMATE |= dict.fromkeys(("q_use", "qd_use", "x3_use"), "valid")
 
 def feedback_wires(scenario: Scenario) -> list:
     """Return the wires by which servos close on a local filter's estimate: where the scenario says so, and on
-    reconfiguration.
-    """
+    reconfiguration."""
     technology, pairs = scenario.elevator.technology, []
     running = {d.id for d in chosen(scenario)}
     for lane, tech in technology.items():
         source = scenario.elevator.feedback[lane]
         if tech == "hydraulic" and source != "measured":
             if source not in running:
-                raise ScenarioError(
-                    f"the servo of {lane} closes on {source}, which is not enabled",
-                    place="elevator.feedback",
-                    remedy=f"Add {source!r} to detectors.enabled, or set the feedback to 'measured'",
-                )
+                said = f"the servo of {lane} closes on {source}, which is not enabled"
+                remedy = f"Add {source!r} to detectors.enabled, or set the feedback to 'measured'"
+                raise ScenarioError(said, place="elevator.feedback", remedy=remedy)
             pairs += [(f"servo_in.{lane}.{to}", f"{source}.{lane}.{field}") for to, field in _ESTIMATE.items()]
         if tech == "hydraulic" and source == "measured" and scenario.elevator.reconfigure:
             # `blame` is 0 while neither position sensor, or none for sure, is wrong
@@ -367,10 +332,8 @@ def feedback_wires(scenario: Scenario) -> list:
                       for to, field in _ESTIMATE.items()]
         own = scenario.elevator.ema_estimate
         if tech == "ema" and scenario.elevator.reconfigure and own in running:
-            pairs += [
-                (f"ema_servo_in.{lane}.pos_fb", f"{own}.{lane}.pos_hat"),
-                (f"ema_servo_in.{lane}.pos_use", f"{own}.{lane}.reconf"),
-            ]
+            pairs += [(f"ema_servo_in.{lane}.pos_fb", f"{own}.{lane}.pos_hat"),
+                      (f"ema_servo_in.{lane}.pos_use", f"{own}.{lane}.reconf")]  # fmt: skip
     return pairs
 
 

@@ -29,7 +29,8 @@ def resolved(scenario: Scenario) -> Scenario:
     scenario = identified(scenario)
     while any(f.waits for f in scenario.faults):
         waiting = {i: condition(f.when or "") for i, f in enumerate(scenario.faults) if f.waits}
-        setup = build(_without(scenario, waiting))
+        begun = tuple(f for i, f in enumerate(scenario.faults) if i not in waiting)
+        setup = build(scenario.model_copy(update={"faults": begun}))
         names = list(dict.fromkeys(name for c in waiting.values() for name in c.signals()))
         flown = [name for name in names if other_fault(name) is None]
         for name in flown:
@@ -43,16 +44,11 @@ def resolved(scenario: Scenario) -> Scenario:
         starts = {next_one: onset[next_one]} if next_one is not None else dict.fromkeys(waiting, scenario.duration_s)
         faults = tuple(f.at_time(starts[i]) if i in starts else f for i, f in enumerate(scenario.faults))
         scenario = scenario.model_copy(update={"faults": faults})
-        _possible(scenario)
+        try:  # faults of which one has just begun may not be possible together
+            check_together(dict(enumerate(scenario.faults)), scenario.elevator.technology)
+        except ValidationError as wrong:
+            raise explained(wrong, {}, Origin("")) from None
     return scenario
-
-
-def _possible(scenario):
-    """Raise ScenarioError when faults of which one has just begun cannot be together."""
-    try:
-        check_together(dict(enumerate(scenario.faults)), scenario.elevator.technology)
-    except ValidationError as wrong:
-        raise explained(wrong, {}, Origin("")) from None
 
 
 def known(bus: Any, name: str) -> None:
@@ -75,9 +71,3 @@ def _of_fault(name, scenario, t):
     ended = t >= (np.inf if fault.end_s is None else fault.end_s) - slack
     value = np.where(ended, 0.0, 1.0) if name.endswith("active") else t - fault.start_s
     return np.where(begun, value, np.nan)
-
-
-def _without(scenario, waiting):
-    """Return the scenario without the faults that still wait."""
-    faults = tuple(f for i, f in enumerate(scenario.faults) if i not in waiting)
-    return scenario.model_copy(update={"faults": faults})

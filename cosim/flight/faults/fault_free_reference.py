@@ -10,6 +10,7 @@ What is measured of the difference stands in cosim/judge/fault_effect.py.
 import ctypes
 import functools
 import gc
+import math
 import mmap
 import os
 import signal
@@ -62,7 +63,7 @@ class Twin:
 
     def __init__(self, setup: Setup):
         self._setup, self._segments = setup, faulted(setup.scenario)
-        self._key = _without_faults(setup.scenario) if self._segments else ""
+        self._key = _quiet(setup.scenario).expanded_toml() if self._segments else ""  # of the twin
         self._child, self._first = 0, 0  # its process, and its first tick
         self._rows, self._flown = np.zeros((0, 0), np.float32), np.zeros(1, np.int64)  # what it writes
         self.pause: tuple[int, Any] | None = None
@@ -78,7 +79,7 @@ class Twin:
         self._first, self._child = k, os.fork()
         if not self._child:
             try:
-                _end_with_parent()
+                ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # a copy ends with what it was copied from
                 gc.disable()  # what is not written to is not copied
                 self._flown[:] = _quietly(self._setup, k, self._setup.trace.index[columns], self._rows)
                 os._exit(0)
@@ -115,11 +116,6 @@ class Twin:
             os.kill(self._child, 9)
             os.waitpid(self._child, 0)
             self._child = 0
-
-
-def _end_with_parent():
-    """Let the system end this process, a copy, when the one that it was copied from is gone, killed perhaps."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def _copies():
@@ -170,14 +166,20 @@ def _quiet(scenario):
     return unwatched(scenario).model_copy(update={"title": "", "faults": ()})
 
 
-def _without_faults(scenario):
-    """Return the TOML of the twin."""
-    return _quiet(scenario).expanded_toml()
+def _places(trace):
+    """Return (column of the trace, its m or rad) of each segment's rod and surface; None where it has no rod."""
+    rods = [trace.rod.get(segment, (None, math.nan)) for segment in trace.surface]
+    return [place for rod, column in zip(rods, trace.surface.values()) for place in (rod, (column, 1.0))]
 
 
 def _columns(trace):
-    """Return the columns of the trace that `_pair` takes: of each segment its rod, where it has one, and surface."""
-    return [c for seg in trace.surface for c in (*trace.rod.get(seg, ())[:1], trace.surface[seg])]
+    """Return the columns of the trace that `_stored` takes."""
+    return [column for column, _ in _places(trace) if column is not None]
+
+
+def _read(rows, column, gain):
+    """Return one of the places (ticks,) in single precision, NaN without a column."""
+    return np.full(len(rows), np.nan, np.float32) if column is None else np.asarray(gain * rows[:, column], np.float32)
 
 
 def _stored(trace, *parts):
@@ -185,26 +187,11 @@ def _stored(trace, *parts):
     out = ColumnStore()
     for part in parts:
         for a in range(0, len(part), SPAN):
-            out.append(np.concatenate([_pair(trace, part[a : a + SPAN], seg) for seg in trace.surface], axis=1))
+            out.append(np.stack([_read(part[a : a + SPAN], *place) for place in _places(trace)], axis=1))
     return out
 
 
-def _pair(trace, rows, segment):
-    """Return (ticks, 2) float32: rod [m], NaN where there is none, and surface [rad]."""
-    return np.stack([_position(trace, rows, segment, c) for c in (0, 1)], axis=1)
-
-
-def _position(trace, rows, segment, c):
-    """Return one column of `_pair` (ticks,)."""
-    if c:
-        return rows[:, trace.surface[segment]]
-    if segment not in trace.rod:
-        return np.full(len(rows), np.nan, np.float32)
-    column, gain = trace.rod[segment]
-    return np.asarray(gain * rows[:, column], np.float32)
-
-
 def _apart(trace, rows, twin, segment, c, first, stop):
-    """Return the difference of a flight and its twin in one column of `_pair` at the ticks first <= k < stop."""
-    own = _position(trace, rows[first:stop], segment, c).astype(float)
-    return own - twin[first:stop, 2 * list(trace.surface).index(segment) + c]
+    """Return the difference of a flight and its twin in the rod [m] (c = 0) or the surface [rad] (1) of a segment."""
+    i = 2 * list(trace.surface).index(segment) + c
+    return _read(rows[first:stop], *_places(trace)[i]).astype(float) - twin[first:stop, i]

@@ -71,11 +71,9 @@ def _lane(j, scenario):
     if j.place == "surface":
         surface, most = j.name.replace(".", "_"), getattr(scenario.aircraft.surfaces, j.name.split(".")[0]).rate
         if j.kind == "runaway" and abs(j.magnitude) > most:
-            raise ScenarioError(
-                f"its actuator moves at {math.degrees(most):g} deg/s at most",
-                place=f"faults.{j.fault}.rate_deg_s = {math.degrees(j.magnitude):g}",
-                allowed=f"-{math.degrees(most):g} to {math.degrees(most):g}",
-            )
+            rate, most = math.degrees(j.magnitude), math.degrees(most)
+            raise ScenarioError(f"its actuator moves at {most:g} deg/s at most", allowed=f"-{most:g} to {most:g}",
+                                place=f"faults.{j.fault}.rate_deg_s = {rate:g}")  # fmt: skip
         return _moving(j, name, TECHNOLOGIES["simple"], surface, scenario)
     return _moving(j, name, TECHNOLOGIES[technology], j.name, scenario)
 
@@ -115,8 +113,7 @@ def _read_by_drive(j, name, amplitude, places, inputs, state):
 
 def own_unit(unit: str, sensor: str, technology: str | None, aircraft: Aircraft) -> float:
     """Return what one SI `unit`, or share of a nominal value, is in what `sensor` of an actuator of `technology` reads;
-    1 for an aircraft's sensor (`technology` is None).
-    """
+    1 for an aircraft's sensor (`technology` is None)."""
     if technology is None or sensor not in TECHNOLOGIES[technology].sensors:
         return 1.0
     design = TECHNOLOGIES[technology].design(aircraft.own(technology))
@@ -168,29 +165,23 @@ def _inner_amplitude(j, technology, solid, scenario):
     design = technology.design(differs)
     if j.unit == "u":
         return j.magnitude * design.drive
-    gain = _gain(technology, solid, j.omega, scenario.dt, differs)
-    if design.limited and j.magnitude > gain * design.drive:
-        raise ScenarioError(
-            f"{j.magnitude * 1e3:g} mm at {j.omega / (2 * math.pi):g} Hz take {j.magnitude / gain:.0f} A at the drive "
-            f"of {j.name}, whose limit is {design.drive:g} A",
-            place=f"faults.{j.fault}.amplitude_mm",
-            allowed=f"up to {gain * design.drive * 1e3:.2g} mm at this frequency",
-            remedy="For more, set at = 'command'",
-        )
-    return j.magnitude / gain
-
-
-def _gain(technology, solid, omega, dt, differs):
-    """Return position amplitude [m] per unit at the valve [1] or drive [A]."""
     if solid:
-        return technology.solid_gain(omega, differs)
-    return liquid_gain(technology.gain_of or technology.name, omega, dt, differs)
+        gain = technology.solid_gain(j.omega, differs)
+    else:
+        gain = liquid_gain(technology.gain_of or technology.name, j.omega, scenario.dt, differs)
+    if design.limited and j.magnitude > gain * design.drive:
+        asked = f"{j.magnitude * 1e3:g} mm at {j.omega / (2 * math.pi):g} Hz take {j.magnitude / gain:.0f} A"
+        raise ScenarioError(
+            f"{asked} at the drive of {j.name}, whose limit is {design.drive:g} A",
+            place=f"faults.{j.fault}.amplitude_mm", remedy="For more, set at = 'command'",
+            allowed=f"up to {gain * design.drive * 1e3:.2g} mm at this frequency",
+        )  # fmt: skip
+    return j.magnitude / gain
 
 
 def _runaway(j, name, technology, design, own, command, delta):
     """Return the lane of a runaway at `magnitude` rad/s: the valve held open, or the demanded rate; to a limit, and
-    with a servo that knows no rate, the commanded position runs from where the surface is (bus name `delta`).
-    """
+    with a servo that knows no rate, the commanded position runs from where the surface is (bus name `delta`)."""
     if math.isfinite(j.limit):
         bounds = (-math.inf, j.limit) if j.magnitude > 0 else (j.limit, math.inf)
         p = _params(j, f.RUNAWAY, j.magnitude, *bounds)

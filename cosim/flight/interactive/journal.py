@@ -8,7 +8,7 @@ more and writes the log that the flight would have written.
 import os
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -63,22 +63,16 @@ class Journal:
         if self._path is None or (not now and time.monotonic() - self._last < EVERY_S):
             return
         text = HEAD.format(log=self._path.name.removesuffix(".flown.toml")) + flown().expanded_toml()
-        if self._last < 0.0:
+        first = self._last < 0.0
+        if first:
             absent(str(self._path).removesuffix(".flown.toml"))  # another flight may have begun since
+        self._release()
+        with nullcontext() if first else suppress(CosimError, OSError):  # a disk that is full by now: it flies on
             replace_text(self._path, text)
-            self._hold()
-        else:
-            self._release()
-            with suppress(CosimError, OSError):  # a disk that is full by now: the flight goes on
-                replace_text(self._path, text)
-            self._hold()
-        self._last = time.monotonic()
-
-    def _hold(self):
-        """Lock the file, which is another one after each writing, and goes free with the process."""
-        with suppress(OSError):
+        with suppress(OSError):  # a lock on the file, another one after each writing, that goes free with the process
             self._lock = open(str(self._path), "rb")
             locked(self._lock)
+        self._last = time.monotonic()
 
     def __del__(self):
         self._release()

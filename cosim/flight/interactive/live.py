@@ -76,15 +76,10 @@ def request_schema(aircraft: Aircraft) -> dict[str, Any]:
 
 
 def fly_live(
-    scenario: Scenario,
-    *,
-    port: int,
-    log: str | os.PathLike | None = None,
-    speed: float = 1.0,
-    flightgear: int | None = None,
-    ready: Callable[[Any], None] | None = None,
+    scenario: Scenario, *, port: int, log: str | os.PathLike | None = None, speed: float = 1.0,
+    flightgear: int | None = None, ready: Callable[[Any], None] | None = None,
     progress: Callable[[float, float], None] | None = None,
-) -> tuple[Result, Scenario]:
+) -> tuple[Result, Scenario]:  # fmt: skip
     """Fly `scenario` at `speed` times the clock's, served on `port` of this machine, and return what `simulate` does,
     and the scenario that the flight came to.
 
@@ -122,10 +117,8 @@ def fly_live(
 
     where = pose(flight.setup.loop.bus)
     about: dict[str, Any] = {"dt_ns": round(flight.dt * 1e9), "pose": where, "name": scenario.title or "cosim"}
-    controls = {
-        name: Control(do, *requests(scenario)[name])
-        for name, do in (("inject", inject), ("heal", heal), ("speed", pace))
-    }
+    calls = {"inject": inject, "heal": heal, "speed": pace}
+    controls = {name: Control(do, *requests(scenario)[name]) for name, do in calls.items()}
     with Live(topics(flight.setup), port=port, speed=speed, controls=controls, **about) as live:
         live.parameters |= {"faults": flight.told(), "answer": ""}
         if ready:

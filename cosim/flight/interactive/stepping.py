@@ -17,7 +17,6 @@ of `cosim run` on `flight.flown()`.
 
 import os
 from collections.abc import Iterator, Mapping
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -77,12 +76,9 @@ class Flight:
 
     @told_at_call
     def __init__(
-        self,
-        scenario: Scenario | str | os.PathLike,
-        *,
-        log: str | os.PathLike | None = None,
+        self, scenario: Scenario | str | os.PathLike, *, log: str | os.PathLike | None = None,
         flightgear: int | None = None,
-    ):
+    ):  # fmt: skip
         self.scenario = resolved(scenario if isinstance(scenario, Scenario) else load_scenario(scenario))
         self.log, self._journal = log, Journal(log)
         self.tick, self.status, self.reason = 0, "flying", ""
@@ -161,9 +157,7 @@ class Flight:
             fault["when"] = f"t > {(self.tick - 0.5) * self.dt:.9g} and ({fault['when']})"
         start = fault.get("start_s", self.time)
         if isinstance(start, int | float) and start < self.time - 0.5 * self.dt:
-            raise ScenarioError(
-                f"{start:g} s has passed", place="start_s", allowed=f"from {self.time:g} s on"
-            )
+            raise ScenarioError(f"{start:g} s has passed", place="start_s", allowed=f"from {self.time:g} s on")
         faults = self._tables()
         self._refly([*faults, fault])
         return len(faults)
@@ -184,10 +178,10 @@ class Flight:
     def _tables(self):
         """Return the faults as tables; one whose condition has not come true yet waits on."""
         tables = [f.model_dump(exclude_none=True) for f in self.scenario.faults]
-        return [
-            {k: v for k, v in t.items() if k != "start_s"} if "when" in t and t["start_s"] >= self.time else t
-            for t in tables
-        ]
+        for t in tables:
+            if "when" in t and t["start_s"] >= self.time:
+                del t["start_s"]
+        return tables
 
     def _refly(self, faults):
         """Continue as the flight of the same scenario with `faults`, from the same tick."""
@@ -233,7 +227,5 @@ class Flight:
     def __enter__(self) -> "Flight":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()

@@ -17,10 +17,6 @@ def _positions(sections: tuple) -> dict[tuple[str, str], dict[str, int]]:
     return {}
 
 
-def _fields(kind):
-    return kind.fields or {}
-
-
 class Bus:
     """Lay sections out in one vector; give views, positions and wires by name.
 
@@ -48,8 +44,7 @@ class Bus:
 
     def index(self, path: str) -> int:
         """Return the position of `section.lane.field`; an element of an array field is `field[3]`. KeyError names what
-        is missing.
-        """
+        is missing."""
         section, lane, field = path.split(".", 2)
         positions = self._positions.get((section, lane))
         if positions is None:
@@ -66,13 +61,9 @@ class Bus:
         for name in kind.names or ():
             if fields is not None and name not in fields:
                 continue
-            sub, offset = _fields(kind)[name][:2]
-            count = sub.itemsize // 8
+            sub, offset = kind.fields[name][:2]  # type: ignore[index]
             first = base + offset // 8
-            if sub.shape == ():
-                out.append((name, first))
-            else:
-                out += [(f"{name}[{i}]", first + i) for i in range(count)]
+            out += [(f"{name}[{i}]" if sub.shape else name, first + i) for i in range(sub.itemsize // 8)]
         return out
 
     def wires(self, pairs: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:

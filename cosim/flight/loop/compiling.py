@@ -37,8 +37,7 @@ def _blocks(modules):
 
 def functions(scenario: Scenario) -> dict[str, Native]:
     """Return {module: its compiled function} of every block that a flight of `scenario` steps, of its tape, and of
-    what writes and reads its log and replays it; none where nothing is compiled (NUMBA_DISABLE_JIT=1).
-    """
+    what writes and reads its log and replays it; none where nothing is compiled (NUMBA_DISABLE_JIT=1)."""
     if PLAIN:
         return {}
     used = dict.fromkeys((*scenario.elevator.technology.values(), "simple"))

@@ -24,14 +24,6 @@ RARE = 5  # of these in a log that a replay reads from its beginning
 LARGE = 1 << 18  # [byte] larger parameters are compressed: tables of a force model
 
 
-def _sensor_copies(scenario):
-    """Return {topic prefix: (value, flag)}: the observers' copy is logged beside the law's only where a fault can part
-    them.
-    """
-    own = any(j.path in ("observers", "monitor") for j in scenario.injections())
-    return {"/sensors": ("y", "valid"), **({"/observers": ("y_obs", "valid_obs")} if own else {})}
-
-
 def topics(setup: Any) -> list:
     """Return the log's topics: everything of a tick, under names that a reader understands."""
     bus, technology, out = setup.loop.bus, setup.scenario.elevator.technology, []
@@ -53,7 +45,10 @@ def topics(setup: Any) -> list:
 
     add(vocabulary.topic("truth", "aircraft"), section("truth", "aircraft"), "truth")
     add(vocabulary.topic("surfaces", "aircraft"), section("surfaces", "aircraft"), "truth")
-    for prefix, copy in _sensor_copies(setup.scenario).items():
+    # the observers' copy is logged beside the law's only where a fault can part them
+    parted = any(j.path in ("observers", "monitor") for j in setup.scenario.injections())
+    copies = {"/sensors": ("y", "valid"), **({"/observers": ("y_obs", "valid_obs")} if parted else {})}
+    for prefix, copy in copies.items():
         add(f"{prefix}/aircraft", measured(sensors.installed(setup.scenario.aircraft), "", *copy), "sensors")
         for seg in technology:
             add(f"{prefix}/{seg}", measured(TECHNOLOGIES[technology[seg]].sensors, seg, *copy), "sensors")
@@ -113,37 +108,25 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
     blocks = loop.detectors if profile == "replay" else blocks
     attachments = {
         "scenario.toml": ("application/toml", _portable(setup.scenario).encode()),
-        "detectors.json": (
-            "application/json",
-            json.dumps(manifest, indent=1, sort_keys=True).encode(),
-        ),
+        "detectors.json": ("application/json", json.dumps(manifest, indent=1, sort_keys=True).encode()),
     }
     for b in blocks:
         attachments |= _array(f"{b.name}.params", b.p) | _array(f"{b.name}.initial", b.x)
     attachments |= brought.sources(setup.scenario) | ({} if profile == "replay" else viewer_layouts(channels))
     metadata = {
         "run": {
-            "title": setup.scenario.title,
-            "software": f"cosim {cosim.__version__}",
-            "rate_hz": str(setup.scenario.rate_hz),
-            "seed": str(setup.scenario.seed),
-            "ticks": str(setup.ticks),
+            "title": setup.scenario.title, "software": f"cosim {cosim.__version__}",
+            "rate_hz": str(setup.scenario.rate_hz), "seed": str(setup.scenario.seed), "ticks": str(setup.ticks),
             **({"log_profile": profile} if profile else {}),
         },
         "trim": {k: repr(v) for k, v in vars(setup.trim).items() if isinstance(v, float)},
         "libraries": {"jsbsim": _version("jsbsim"), "numpy": np.__version__, "numba": _version("numba")},
-    }
+    }  # fmt: skip
     fits(path, channels, setup.ticks, loop.dt)
     writer = LogWriter(
-        path,
-        channels,
-        n_values=len(loop.v),
-        dt_ns=round(loop.dt * 1e9),
-        metadata=metadata,
-        attachments=attachments,
-        pose=None if profile == "replay" else pose(loop.bus),
-        compression="zstd-fast" if profile else "lz4",
-    )
+        path, channels, n_values=len(loop.v), dt_ns=round(loop.dt * 1e9), metadata=metadata, attachments=attachments,
+        pose=None if profile == "replay" else pose(loop.bus), compression="zstd-fast" if profile else "lz4",
+    )  # fmt: skip
     for f in setup.scenario.faults if profile != "replay" else ():
         start, end = (None if t is None else round(t * setup.scenario.rate_hz) for t in (f.start_s, f.end_s))
         writer.window(start, start, end, kind=f.kind, target=f.target)
@@ -159,13 +142,11 @@ def result_texts(result: Any) -> dict[str, Any]:
     """Return the result's texts for the log: nothing in them depends on the machine's clock."""
     kept = [{k: v for k, v in d.items() if k != "step_us"} for d in result.to_dict()["detectors"]]
     return {
-        "status": result.status,
-        "reason": result.reason,
-        "sim_time_s": repr(result.sim_time_s),
+        "status": result.status, "reason": result.reason, "sim_time_s": repr(result.sim_time_s),
         "detectors": json.dumps(kept, sort_keys=True),
         "achieved": json.dumps(result.extra.get("achieved"), sort_keys=True),
         **({"notes": json.dumps(result.extra["notes"])} if result.extra.get("notes") else {}),
-    }
+    }  # fmt: skip
 
 
 def _portable(scenario):

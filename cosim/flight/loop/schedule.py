@@ -1,38 +1,25 @@
 """Schedule of a tick: a table of steps that one compiled function executes.
 
 A part of a tick is either a segment, rows of eight whole numbers that say what to do at which addresses, or a call of
-Python, which gets the tick. The same rows are walked by `walk` in cosim/flight/loop/schedule_kernel.py, compiled, and
-by `plainly` below, which serves without a compiler and says what each row means. Every array whose address is in a row
-is kept by the tape.
+Python, which gets the tick. `walk` in cosim/flight/loop/schedule_kernel.py does the rows and says what each of them
+means. Every array whose address is in a row is kept by the tape.
 """
 
-import ctypes
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from actuators.block import Entry
-from actuators.object_cache import PLAIN, Native
+from actuators.object_cache import of_wholes
 from cosim.flight.loop.operations import ADD, CLOCK, COPY, GET, KEEP, LOG, NOISE, PUT, SCALE, STEP, TRUTH, WIDTH
-from cosim.flight.plant.jsbsim_signals import to_si
 
-
-def _walk():
-    from cosim.flight.loop.schedule_kernel import KINDS, walk
-
-    return walk, KINDS
-
-
-_GIVEN = ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64  # to `walk`
-WALK = Native("walk", Path(__file__).with_name("schedule_kernel.py"), _GIVEN, _walk, "cosim.flight.loop.schedule:WALK")
+WALK = of_wholes("cosim.flight.loop.schedule_kernel", "walk", 5, f"{__name__}:WALK")
 
 
 class Block:
     """A block in the loop: its module's `rollout` on its lanes in the bus; `advance()` steps every lane by one of its
-    ticks, in place.
-    """
+    ticks, in place."""
 
     def __init__(self, bus: Any, name: str, module: Any, p: np.ndarray, x0: np.ndarray, dt: float, every: int = 1):
         self.name, self.module, self.p, self.every, self.dt = name, module, p, every, dt * every
@@ -47,11 +34,10 @@ class Block:
 class Tape:
     """Record what a tick does to the bus vector `v` (n,), then `run` it tick by tick."""
 
-    def __init__(self, v: np.ndarray, dt: float, *, plain: bool = PLAIN, free: bool = False):
-        """`plain` walks the table in Python, as NUMBA_DISABLE_JIT=1 does; `free` lets other threads run meanwhile."""
-        self.v, self.dt, self._plain, self._free = v, dt, plain, free
-        self._kept = [v]  # every array that a row points to
-        self._entries: dict[int, Any] = {}  # address, or number without a compiler, -> entry of a block, store of a log
+    def __init__(self, v: np.ndarray, dt: float, *, free: bool = False):
+        """`free` lets other threads run while a segment is walked."""
+        self.v, self.dt, self._free = v, dt, free
+        self._kept: list[Any] = [v]  # every array, and every block, that a row points to
         self._rows: list[tuple[int, ...]] = []
         self.parts: list[Callable[[int], Any]] = []  # of a tick: callables that take k
         self._whole: Callable[[int, int], Any] | None = None  # the last segment over many ticks
@@ -109,25 +95,22 @@ class Tape:
         """Advance every lane of a block by one tick, every `block.every` ticks; blocks in Python advance themselves."""
         entry = block.module.rollout if isinstance(block, Block) else None
         if not isinstance(entry, Entry):
-            self.call(_each(block.advance, block.every))
+            self.call(lambda k: block.advance() if k % block.every == 0 else None)
         elif len(block.x):
             self.advance(entry, block.x, block.u, block.p, block.dt, block.every)
 
     def advance(self, entry: Entry, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, every: int = 1) -> None:
         """Advance the lanes of these arrays by one tick of `dt` [s] every `every` ticks."""
-        address = len(self._entries) if PLAIN else entry.native.address
-        self._entries[address] = entry
-        self._row(STEP, address, *map(self._at, (x, u, p, np.array([dt]))), len(x), every)
+        self._kept.append(entry)
+        self._row(STEP, entry.address, *map(self._at, (x, u, p, np.array([dt]))), len(x), every)
 
     def keep(self, index: np.ndarray, rows: Any) -> None:
         """rows[k % len(rows)] = v[index], in the precision of `rows` (some ticks, n)."""
         self._row(KEEP, len(index), self._at(index), self._at(rows), rows.itemsize, max(1, len(rows)))
 
-    def log(self, head: np.ndarray, store: Callable) -> None:
-        """Log v: `store(v)` does it, or compiled code by what `head` says (cosim/log/writer.py)."""
-        address = self._at(head)
-        self._entries[address] = store
-        self._row(LOG, address)
+    def log(self, head: np.ndarray) -> None:
+        """Log v as `head` says (cosim/log/writer.py)."""
+        self._row(LOG, self._at(head))
 
     def run(self, k: Any) -> Any:
         """Do all of tick `k`."""
@@ -161,60 +144,6 @@ class Tape:
         if self._rows:
             table = np.array(self._rows, np.int64)
             self._rows = []
-            self.parts.append(self._plainly(table) if self._plain else self._compiled(table))
-
-    def _compiled(self, table):
-        walk, rows, n, v = WALK.free if self._free else WALK.call, self._at(table), len(table), self._at(self.v)
-        self._whole = lambda first, stop: walk(rows, n, v, first, stop)
-        return lambda k: walk(rows, n, v, k, k + 1)
-
-    def _plainly(self, table):
-        return lambda k: plainly(table.tolist(), self.v, k, self._entries)
-
-
-def plainly(table: Any, v: np.ndarray, k: int, entries: Any) -> None:
-    """Walk the rows of a segment in plain Python: what each of them means, and a reference for `walk`."""
-    for operation, a, b, c, d, e, f, g in table:
-        if operation == CLOCK:
-            v[a] = k * _array(b, 1)[0]
-        elif operation == COPY:
-            for to, source in zip(_array(b, a, np.int64).tolist(), _array(c, a, np.int64).tolist()):
-                v[to] = v[source]
-        elif operation == ADD:
-            v[_array(b, a, np.int64)] = 0.0
-            for to, source in zip(_array(d, c, np.int64).tolist(), _array(e, c, np.int64).tolist()):
-                v[to] += v[source]
-        elif operation == TRUTH:
-            to_si(_array(b, a), _array(c, a), v[d : d + a], *_array(e, 3))
-        elif operation == NOISE:
-            to = _array(b, a, np.int64)
-            _array(e, int(to.max()) + 1)[to] = _array(c + 8 * a * (k % d), a)
-        elif operation == SCALE:
-            _array(e, a)[:] = _array(b, a) * _array(c, a) / _array(d, a)
-        elif operation == STEP:
-            if k % g == 0:
-                state, given, fixed = entries[a].kinds
-                x, u, p = _array(b, f, state), _array(c, f, given).reshape(-1, 1), _array(d, f, fixed)
-                entries[a](x, u, p, _array(e, 1)[0])
-        elif operation == KEEP:
-            kind = np.float32 if d == 4 else np.float64
-            _array(c + d * a * (k % e), a, kind)[:] = v[_array(b, a, np.int64)]
-        elif operation == LOG:
-            entries[a](v)
-        elif operation == GET:
-            get = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_void_p)(c)
-            _array(d, a)[:] = [get(node) for node in _array(b, a, np.int64).tolist()]
-        elif operation == PUT:
-            put = ctypes.PYFUNCTYPE(ctypes.c_bool, ctypes.c_void_p, ctypes.c_double)(c)
-            for node, value in zip(_array(b, a, np.int64).tolist(), _array(d, a).tolist()):
-                put(node, value)
-
-
-def _array(address, n, kind=np.float64):
-    """Return the array of n elements at an address."""
-    kind = np.dtype(kind)
-    return np.ndarray((n,), kind, (ctypes.c_char * (kind.itemsize * n)).from_address(address))
-
-
-def _each(advance, every):
-    return lambda k: advance() if k % every == 0 else None
+            walk, rows, n, v = WALK.free if self._free else WALK.call, self._at(table), len(table), self._at(self.v)
+            self._whole = lambda first, stop: walk(rows, n, v, first, stop)
+            self.parts.append(lambda k: walk(rows, n, v, k, k + 1))

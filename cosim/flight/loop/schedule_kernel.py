@@ -1,17 +1,15 @@
-"""Compiled execution of a segment of the schedule; cosim/flight/loop/schedule.py has the same in plain Python, and the
-meanings."""
+"""Execution of a segment of the schedule: what each of its rows means. It is compiled, and the same source runs as
+Python where nothing is."""
 
 from typing import Any
 
-from numba import carray, njit, types
+from numba import carray, njit
 
 from actuators import numba_intrinsics
 from actuators.numba_intrinsics import reals, singles, wholes
 from cosim.flight.loop.operations import ADD, CLOCK, COPY, GET, KEEP, LOG, NOISE, PUT, SCALE, STEP, TRUTH, WIDTH
 from cosim.flight.plant.jsbsim_signals import to_si
 from cosim.log.row_writer import store
-
-KINDS = (types.int64,) * 5
 
 enter: Any = numba_intrinsics.enter  # Numba gives them the context
 ask: Any = numba_intrinsics.ask
@@ -41,7 +39,7 @@ def walk(table: Any, n: int, bus: Any, first: int, stop: int) -> None:
                 if row[4] == 4:
                     out = singles(row[3] + 4 * a * (k % row[5]))
                     for j in range(a):
-                        out[j] = types.float32(v[index[j]])
+                        out[j] = v[index[j]]
                 else:
                     kept = reals(row[3] + 8 * a * (k % row[5]))
                     for j in range(a):

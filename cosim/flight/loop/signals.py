@@ -26,11 +26,9 @@ CHUNK = 400  # ticks of whole detector states held at once
 
 @told_at_call
 def fly(
-    scenario: Scenario | str | os.PathLike,
-    signals: Iterable[str] = COMMON,
-    *,
+    scenario: Scenario | str | os.PathLike, signals: Iterable[str] = COMMON, *,
     prepare: Callable[[Any], None] | None = None,
-) -> "pd.DataFrame":
+) -> "pd.DataFrame":  # fmt: skip
     """Fly `scenario` without a log and return the named signals, one row per tick, index in seconds.
 
     `scenario` is what `load_scenario` takes, or gives. `signals` are words of `cosim list signals` (`alpha`,
@@ -72,12 +70,9 @@ def inputs(
 
 
 def detect(
-    frame: "pd.DataFrame",
-    module: ModuleType,
-    wires: Mapping[str, str] | Sequence[Mapping[str, str]],
-    p: np.ndarray | None = None,
-    fields: Sequence[str] | None = None,
-) -> np.ndarray:
+    frame: "pd.DataFrame", module: ModuleType, wires: Mapping[str, str] | Sequence[Mapping[str, str]],
+    p: np.ndarray | None = None, fields: Sequence[str] | None = None,
+) -> np.ndarray:  # fmt: skip
     """Return what detector `module` makes of a flown table, as in the loop: its STATE after every tick, (ticks,).
 
     `wires` is {input field: signal}, an element of an array as `field[2]`; a list of them stands for lanes, and the

@@ -59,11 +59,8 @@ class Trace:
             estimate = plan(scenario, name, lane, columns)
             self._watches.append(watch_of(name, level, target, culprits, at, estimate=estimate))
         self.surface = {seg: columns(f"truth.aircraft.de_{s}") for seg, s in scenario.aircraft.short.items()}
-        self.rod = {
-            seg: _rod(columns, seg, TECHNOLOGIES[t], scenario.aircraft)
-            for seg, t in technology.items()
-            if t in LOOP_SENSOR
-        }
+        self.rod = {seg: _rod(columns, seg, TECHNOLOGIES[t], scenario.aircraft)
+                    for seg, t in technology.items() if t in LOOP_SENSOR}  # fmt: skip
         self.motion = {name: columns(f"truth.aircraft.{name}") for name in MOTION}
         short = scenario.aircraft.short.values()
         self.hinge = [[columns(f"truth.aircraft.{f}_{s}") for f in ("hm0", "hmd", "de")] for s in short]

@@ -42,12 +42,9 @@ def demand_wires() -> list[tuple[str, str]]:
 
 def hinge_wires(technology: dict) -> list[tuple[str, str]]:
     """Return the wires of measured air data to the detectors' model of the hinge moment."""
-    return [
-        (f"hinge_model_in.{seg}.{name}{tail}", f"sensors.{name}.{source}")
-        for seg in technology
-        for name in ("alpha", "q", "cas")
-        for tail, source in (("", "y_obs"), ("_valid", "valid_obs"))
-    ]
+    ends = (("", "y_obs"), ("_valid", "valid_obs"))
+    return [(f"hinge_model_in.{seg}.{name}{tail}", f"sensors.{name}.{source}")
+            for seg in technology for name in ("alpha", "q", "cas") for tail, source in ends]  # fmt: skip
 
 
 def servo_wires(technology: dict) -> list:

@@ -36,70 +36,57 @@ KNOTS = 2 * CHANGES + 1
 AXES = ("longitudinal", "lateral", "vertical")
 SHAPES = ("1-cosine", "ramp")
 
-PARAMS = dtype(
-    [
-        ("time", "f8", (KNOTS,), "s"),  # of the flight, rising from 0, inf where unused
-        ("sigma", "f8", (KNOTS,)),  # rms of each component at those times, between them on a line [m/s]
-        ("length", "f8"),  # scale length [m]
-        ("span", "f8"),  # [m]
-        ("tail_arm", "f8"),  # from the CG aft to tail and fin [m]
-        ("downwash", "f8"),  # d epsilon / d alpha [-]
-        ("stride", "f8"),  # ticks between two samples of the line
-        ("wind", "f8", (2,)),  # steady wind to north and east at h_0 [m/s]
-        ("shear", "f8", (2,)),  # its growth with altitude [1/s]
-        ("h_0", "f8", "m"),
-        ("start", "f8", (DISCRETE,), "s"),  # when each discrete gust is entered, inf where unused
-        ("speed", "f8", (DISCRETE, 3)),  # its speed along AXES, + raises airspeed, sideslip, angle of attack [m/s]
-        ("gradient", "f8", (DISCRETE,)),  # way flown from its beginning to its full speed [m]
-        ("stays", "f8", (DISCRETE,)),  # 1: a ramp
-    ]
-)
-INPUTS = dtype(
-    [
-        ("noise", "f8", (4,)),  # standard normal draws for u, v, w, p
-        ("tas", "f8"),  # [m/s]
-        ("phi", "f8"),  # [rad]
-        ("theta", "f8"),
-        ("psi", "f8"),
-        ("h", "f8", "m"),
-    ]
-)
-STATE = dtype(
-    [
-        ("north", "f8"),  # gust over the ground [m/s]
-        ("east", "f8"),
-        ("down", "f8"),
-        ("p", "f8"),  # its gradients as body rates [rad/s]
-        ("q", "f8"),
-        ("r", "f8"),
-        ("u", "f8"),  # body components over sigma [-]
-        ("v", "f8", (2,)),
-        ("w", "f8", (2,)),
-        ("v_line", "f8", (LINE,)),  # the past of the body components, a ring [m/s]
-        ("w_line", "f8", (LINE,)),
-        ("head", "f8"),  # of the newest sample
-        ("since", "f8"),  # ticks since it was taken
-        ("ticks", "f8", "-"),  # of the flight
-        ("knot", "f8", "-"),  # of the turbulence's changes, the last that has come
-        ("way", "f8", (DISCRETE,)),  # flown into each discrete gust [m]
-    ]
-)
+PARAMS = dtype([
+    ("time", "f8", (KNOTS,), "s"),  # of the flight, rising from 0, inf where unused
+    ("sigma", "f8", (KNOTS,)),  # rms of each component at those times, between them on a line [m/s]
+    ("length", "f8"),  # scale length [m]
+    ("span", "f8"),  # [m]
+    ("tail_arm", "f8"),  # from the CG aft to tail and fin [m]
+    ("downwash", "f8"),  # d epsilon / d alpha [-]
+    ("stride", "f8"),  # ticks between two samples of the line
+    ("wind", "f8", (2,)),  # steady wind to north and east at h_0 [m/s]
+    ("shear", "f8", (2,)),  # its growth with altitude [1/s]
+    ("h_0", "f8", "m"),
+    ("start", "f8", (DISCRETE,), "s"),  # when each discrete gust is entered, inf where unused
+    ("speed", "f8", (DISCRETE, 3)),  # its speed along AXES, + raises airspeed, sideslip, angle of attack [m/s]
+    ("gradient", "f8", (DISCRETE,)),  # way flown from its beginning to its full speed [m]
+    ("stays", "f8", (DISCRETE,)),  # 1: a ramp
+])
+INPUTS = dtype([
+    ("noise", "f8", (4,)),  # standard normal draws for u, v, w, p
+    ("tas", "f8"),  # [m/s]
+    ("phi", "f8"),  # [rad]
+    ("theta", "f8"),
+    ("psi", "f8"),
+    ("h", "f8", "m"),
+])
+STATE = dtype([
+    ("north", "f8"),  # gust over the ground [m/s]
+    ("east", "f8"),
+    ("down", "f8"),
+    ("p", "f8"),  # its gradients as body rates [rad/s]
+    ("q", "f8"),
+    ("r", "f8"),
+    ("u", "f8"),  # body components over sigma [-]
+    ("v", "f8", (2,)),
+    ("w", "f8", (2,)),
+    ("v_line", "f8", (LINE,)),  # the past of the body components, a ring [m/s]
+    ("w_line", "f8", (LINE,)),
+    ("head", "f8"),  # of the newest sample
+    ("since", "f8"),  # ticks since it was taken
+    ("ticks", "f8", "-"),  # of the flight
+    ("knot", "f8", "-"),  # of the turbulence's changes, the last that has come
+    ("way", "f8", (DISCRETE,)),  # flown into each discrete gust [m]
+])
 OUTPUTS = ("north", "east", "down", "p", "q", "r")
 
 
 def params(
-    intensity: str,
-    dt: float,
-    *,
-    span: float,
-    tail_arm: float,
-    downwash: float,
-    changes: Sequence[tuple[float, str, float]] = (),
-    wind: tuple[float, float] = (0.0, 0.0),
-    shear: tuple[float, float] = (0.0, 0.0),
-    altitude: float = 0.0,
+    intensity: str, dt: float, *, span: float, tail_arm: float, downwash: float,
+    changes: Sequence[tuple[float, str, float]] = (), wind: tuple[float, float] = (0.0, 0.0),
+    shear: tuple[float, float] = (0.0, 0.0), altitude: float = 0.0,
     gusts: Sequence[tuple[float, str, float, float, str]] = (),
-) -> np.ndarray:
+) -> np.ndarray:  # fmt: skip
     """Return PARAMS for "none", "light", "moderate" or "severe"; lengths in m. KeyError for another word.
 
     `changes` are (start [s], word, time until it is reached [s]), one after the other; `wind` and `shear` to north and
@@ -262,17 +249,12 @@ class Gusts:
 
     def tell(self, tape: Any, how: Any, read: list, write: list) -> None:
         """Tell a tape that begins at tick 0 to read `read`, step and write to `write`, nodes in the order of `next` in
-        JSBSim's units, by the addresses of `how` (cosim/flight/plant/property_pointers.py).
-        """
+        JSBSim's units, by the addresses of `how` (cosim/flight/plant/property_pointers.py)."""
         raw, put = np.zeros(5), np.zeros(6)
-        tape.first(self._draw)
+        tape.first(lambda k: None if k % self.DRAWS else self._rng.standard_normal(out=self._noise))
         tape.noise(np.arange(4), self._noise, self._in)
         tape.get(how.nodes(read), how.get, raw)
         tape.scale(raw, np.array([M_PER_FT, 1.0, 1.0, 1.0, M_PER_FT]), np.ones(5), self._in[4:])
         tape.advance(rollout, self.x, self._u, self._p, self._dt)
         tape.scale(self._out, np.ones(6), np.array([M_PER_FT] * 3 + [1.0] * 3), put)
         tape.put(how.nodes(write), how.put, put)
-
-    def _draw(self, k):
-        if k % self.DRAWS == 0:
-            self._rng.standard_normal(out=self._noise)

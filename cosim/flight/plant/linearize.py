@@ -33,19 +33,8 @@ OUTPUTS = {
     "ny": "1", "beta": "rad", "p": "rad/s", "r": "rad/s", "phi": "rad", "psi": "rad", "cas": "m/s", "gamma": "rad",
     "pdot": "rad/s2", "qdot": "rad/s2", "rdot": "rad/s2",
 }  # fmt: skip
-STEPS = {
-    "tas": 0.5,
-    "alpha": 2e-3,
-    "q": 2e-3,
-    "theta": 2e-3,
-    "h": 5.0,
-    "beta": 2e-3,
-    "p": 2e-3,
-    "r": 2e-3,
-    "phi": 2e-3,
-    "psi": 2e-3,
-}
 INPUT_STEP = 2e-3
+STEPS = dict.fromkeys(STATES, 2e-3) | {"tas": 0.5, "h": 5.0}
 LONGITUDINAL, LATERAL = ("tas", "alpha", "q", "theta"), ("beta", "p", "r", "phi")
 
 
@@ -68,12 +57,8 @@ class Mode:
 
     def to_dict(self) -> dict[str, object]:
         """Return the mode as plain data: name, wn_rad_s, zeta, eigenvalue as [real, imaginary] in 1/s."""
-        return {
-            "name": self.name,
-            "wn_rad_s": self.wn,
-            "zeta": self.zeta,
-            "eigenvalue": [self.eigenvalue.real, self.eigenvalue.imag],
-        }
+        root = [self.eigenvalue.real, self.eigenvalue.imag]
+        return {"name": self.name, "wn_rad_s": self.wn, "zeta": self.zeta, "eigenvalue": root}
 
 
 @dataclass(frozen=True)
@@ -202,12 +187,9 @@ def linearize(flight: FlightPoint | Scenario | str, elevator: float = 0.0) -> Li
     trim = plant.trim(elevator)
     inputs = input_units(plant.border)
     u0 = trim.surfaces[plant.border.column(tuple(inputs))]
-    x0 = np.array(
-        [trim.tas, trim.alpha, trim.q, trim.theta, trim.altitude, 0.0, trim.p, trim.r, trim.phi, 0.0]
-    )  # fmt: skip
-    A, C = _slopes(lambda x: _evaluate(plant, x, u0), x0, np.array([STEPS[n] for n in STATES]))
-    steps = np.full(len(inputs), INPUT_STEP)
-    B, D = _slopes(lambda u: _evaluate(plant, x0, u), u0, steps)
+    x0 = np.array([trim.tas, trim.alpha, trim.q, trim.theta, trim.altitude, 0.0, trim.p, trim.r, trim.phi, 0.0])
+    A, C = _slopes(lambda x: _evaluate(plant, x, u0), x0, np.array(list(STEPS.values())))
+    B, D = _slopes(lambda u: _evaluate(plant, x0, u), u0, np.full(len(inputs), INPUT_STEP))
     _, y0 = _evaluate(plant, x0, u0)
     return LinearModel(trim, STATES, inputs, OUTPUTS, A, B, C, D, x0, u0, y0, modes(A))
 
@@ -225,60 +207,40 @@ def _evaluate(plant, x, u):
     alpha_dot = (t.u * t.wdot - t.w * t.udot) / (t.u**2 + t.w**2)
     beta_dot = (tas * t.vdot - t.v * tas_dot) / (tas**2 * math.cos(beta))
     turn = q * math.sin(phi) + r * math.cos(phi)
-    theta_dot = (
-        q * math.cos(phi) - r * math.sin(phi) + tas / (EARTH_MERIDIAN + h)
-    )  # the horizon turns under the aircraft
+    # the horizon turns under the aircraft
+    theta_dot = q * math.cos(phi) - r * math.sin(phi) + tas / (EARTH_MERIDIAN + h)
     x_dot = [
-        tas_dot,
-        alpha_dot,
-        t.qdot,
-        theta_dot,
-        t.hdot,
-        beta_dot,
-        t.pdot,
-        t.rdot,
-        p + math.tan(theta) * turn,
+        tas_dot, alpha_dot, t.qdot, theta_dot, t.hdot, beta_dot, t.pdot, t.rdot, p + math.tan(theta) * turn,
         turn / math.cos(theta),
-    ]
+    ]  # fmt: skip
     return np.array(x_dot), np.array([t[name] for name in OUTPUTS])
 
 
 def _slopes(f, z0, steps):
     columns = []
-    for i, step in enumerate(steps):
-        d = np.zeros_like(z0)
-        d[i] = step
-        up, down = f(z0 + d), f(z0 - d)
-        columns.append([(a - b) / (2 * step) for a, b in zip(up, down)])
-    return tuple(np.column_stack([c[k] for c in columns]) for k in range(2))
+    for step, d in zip(steps, np.diag(steps)):
+        columns.append([(up - down) / (2 * step) for up, down in zip(f(z0 + d), f(z0 - d))])
+    return tuple(np.column_stack(column) for column in zip(*columns))
 
 
 def modes(A: np.ndarray) -> list:
     """Return short_period, phugoid, dutch_roll, roll and spiral of A in the order of STATES, from the four-state
-    blocks.
-    """
+    blocks."""
     names = list(STATES)
 
     def roots(block):
         i = [names.index(s) for s in block]
         return np.linalg.eigvals(A[np.ix_(i, i)])
 
-    fast, slow = _pairs(roots(LONGITUDINAL))
-    lateral = roots(LATERAL)
-    swing = sorted(lateral[lateral.imag > 1e-9], key=abs)
-    out = [_mode("short_period", *fast), _mode("phugoid", *slow)]
-    if swing:
-        dutch = swing[-1]
-        rest = sorted((v for v in lateral if abs(v - dutch) > 1e-9 and abs(v - dutch.conjugate()) > 1e-9), key=abs)
-        return [*out, _mode("dutch_roll", dutch, dutch.conjugate()), _mode("roll", rest[-1]), _mode("spiral", rest[0])]
-    rest = sorted(lateral, key=abs)
-    return [*out, _mode("dutch_roll", rest[3], rest[2]), _mode("roll", rest[1]), _mode("spiral", rest[0])]
-
-
-def _pairs(values):
-    """Return two pairs of roots, the faster first; real roots are paired by size."""
-    order = sorted(values, key=lambda v: (abs(v), v.imag))
-    return (order[3], order[2]), (order[1], order[0])
+    slow = sorted(roots(LONGITUDINAL), key=lambda v: (abs(v), v.imag))  # real roots are paired by size
+    *rest, b, a = sorted(roots(LATERAL), key=abs)
+    if swing := [v for v in (*rest, b, a) if v.imag > 1e-9]:
+        dutch = swing[-1], swing[-1].conjugate()
+        rest = [v for v in (*rest, b, a) if all(abs(v - root) > 1e-9 for root in dutch)]
+    else:
+        dutch = a, b
+    return [_mode("short_period", slow[3], slow[2]), _mode("phugoid", slow[1], slow[0]),
+            _mode("dutch_roll", *dutch), _mode("roll", rest[-1]), _mode("spiral", rest[0])]  # fmt: skip
 
 
 def _mode(name, a, b=None):

@@ -33,7 +33,7 @@ from cosim.flight.plant.jsbsim_signals import border, to_si
 from cosim.flight.plant.model_load_check import fatal
 from cosim.flight.plant.point import POINTS, FlightPoint, loading
 from cosim.flight.plant.property_pointers import crossing
-from cosim.flight.plant.trim import EARTH_MERIDIAN
+from cosim.flight.plant.trim import EARTH_MERIDIAN, level, steady
 from cosim.scenario.aircraft import FOLDER
 
 WIND_SHARE = 0.8  # of the airspeed that a steady wind may have: the aircraft moves over the ground
@@ -193,9 +193,6 @@ class Plant:
 
     def trim(self, elevator: float = 0.0) -> Any:
         """Trim the flight point, elevators at `elevator` [rad], and stand ready at time 0: a Trim, or TrimError."""
-        from cosim.flight.plant.steady import steady
-        from cosim.flight.plant.trim import level
-
         trim = level(self, elevator) if self.flight == self.flight.level else steady(self, elevator)
         if not self.flight.windless:
             self._into_the_air(trim)
@@ -217,13 +214,12 @@ class Plant:
         if not any(f.wind):
             return
         if math.hypot(*f.wind) > WIND_SHARE * trim.tas:
+            blows, flies = math.hypot(*f.wind) / M_S_PER_KT, trim.tas / M_S_PER_KT
             raise ScenarioError(
-                f"the wind is {math.hypot(*f.wind) / M_S_PER_KT:.0f} kt, the aircraft flies at "
-                f"{trim.tas / M_S_PER_KT:.0f} kt",
-                place="flight.wind_kt",
-                allowed=f"at most {WIND_SHARE * trim.tas / M_S_PER_KT:.0f} kt at this flight point",
+                f"the wind is {blows:.0f} kt, the aircraft flies at {flies:.0f} kt", place="flight.wind_kt",
+                allowed=f"at most {WIND_SHARE * flies:.0f} kt at this flight point",
                 remedy="Lower the wind or fly faster",
-            )
+            )  # fmt: skip
         _write(put, air.now)
         (north, east), far = f.wind, EARTH_MERIDIAN + trim.altitude
         cf, sf, ct, st = math.cos(trim.phi), math.sin(trim.phi), math.cos(trim.theta), math.sin(trim.theta)
@@ -300,11 +296,6 @@ class Plant:
         self.read(out)
         return out
 
-    @property
-    def errors(self) -> Any:
-        """Return what JSBSim reported as an error."""
-        return list(self._logger.errors)
-
 
 _GUST_READ = ("velocities/vt-fps", "attitude/phi-rad", "attitude/theta-rad", "attitude/psi-rad",
               "position/h-sl-ft")  # fmt: skip
@@ -349,16 +340,7 @@ def bare_model(path: Path, dt: float, start: dict[str, float]) -> tuple[Callable
 
 _REFERENCE_LOGGER = _Quiet()  # kept here: JSBSim does not own it
 
-
-def reference_run(dt: float = 0.005) -> Callable[[], bool]:
-    """Return the step function of the B747 that the jsbsim wheel ships, flying at 20,000 ft: yardstick of `cosim
-    bench`.
-    """
-    start = {"ic/h-sl-ft": 20000.0, "ic/vc-kts": 290.0, "ic/gamma-deg": 0.0, "propulsion/set-running": -1}
-    return bare_model(Path("B747"), dt, start)[0]
-
-
-__all__ = ["POINTS", "FlightPoint", "Plant", "Port", "TrimError", "bare_model", "loading", "reference_run"]
+__all__ = ["POINTS", "FlightPoint", "Plant", "Port", "TrimError", "bare_model", "loading"]
 
 
 # FlightGear as a window on a flight: JSBSim's own output in FlightGear's native protocol, by UDP to this machine:

@@ -56,16 +56,9 @@ class FlightPoint:
 
     @classmethod
     def at(
-        cls,
-        mass_t: float,
-        cg_pct: Any,
-        altitude_ft: float,
-        *,
-        cas_kt: float | None = None,
-        mach: float | None = None,
-        tas_kt: Any = None,
-        **rest: Any,
-    ) -> Any:
+        cls, mass_t: float, cg_pct: Any, altitude_ft: float, *, cas_kt: float | None = None,
+        mach: float | None = None, tas_kt: Any = None, **rest: Any,
+    ) -> Any:  # fmt: skip
         """Build a flight point from the units of the scenario file; exactly one speed must be given (ValueError)."""
         given = [(k, v) for k, v in (("cas", cas_kt), ("mach", mach), ("tas", tas_kt)) if v is not None]
         if len(given) != 1:

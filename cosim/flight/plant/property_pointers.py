@@ -56,7 +56,9 @@ def crossing() -> Crossing | None:
     file, library = _memory(), jsbsim_library()
     if file is None or library is None:
         return None
-    verdict = _remembered(file)
+    verdict = None
+    with contextlib.suppress(OSError):
+        verdict = _verdict(file.read_bytes())
     if verdict is None:
         verdict = _tried()
         if verdict is None:
@@ -64,14 +66,6 @@ def crossing() -> Crossing | None:
         with contextlib.suppress(OSError, CosimError):  # it is tried again where it cannot be written
             replace_text(file, json.dumps(verdict) + "\n")
     return found(library, int(verdict["offset"])) if verdict["equal"] else None
-
-
-def _remembered(file):
-    """Return the verdict of a file, None when it holds none."""
-    try:
-        return _verdict(file.read_bytes())
-    except OSError:
-        return None
 
 
 def _verdict(text):

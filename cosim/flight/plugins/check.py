@@ -40,10 +40,7 @@ SLOW_US = 1000.0  # of a step: from here on it decides how fast a flight is
 
 
 def check(
-    file: str | os.PathLike,
-    *,
-    progress: Callable[[float, float], None] | None = None,
-    patience_s: float = PATIENCE_S,
+    file: str | os.PathLike, *, progress: Callable[[float, float], None] | None = None, patience_s: float = PATIENCE_S
 ) -> dict[str, Any]:
     """Return {id, file, keeps, checks: [{question, result, answer}]} of a detector's file or a control law's; result is
     good, bad or note.
@@ -129,11 +126,6 @@ def _stays(guest, file, u, p, dt, hangs, trace):
         raise _fatal(said, file, "Start it with daemon=True")
 
 
-def _oscillation(kind: str) -> str:
-    at, size = ("command", "amplitude_deg=1.0") if kind == "simple" else ("valve", "amplitude_mm=6.0")
-    return f"target='elevator.left_inner', kind='ofc_liquid', at='{at}', frequency_hz=2.0, {size}"
-
-
 def _scenario(technology: str, fault: str = "") -> Scenario:
     """Return a short flight on elevators of `technology`, with a doublet, light turbulence and a `fault`.
 
@@ -141,7 +133,9 @@ def _scenario(technology: str, fault: str = "") -> Scenario:
     """
     kind = technology or "hydraulic"
     own = "{" + ", ".join(f"{s}='{kind}'" for s in SEGMENTS) + "}"
-    fault = f"{{start_s={FAULT_S}, {fault or _oscillation(kind)}}}"
+    at, size = ("command", "amplitude_deg=1.0") if kind == "simple" else ("valve", "amplitude_mm=6.0")
+    fault = fault or f"target='elevator.left_inner', kind='ofc_liquid', at='{at}', frequency_hz=2.0, {size}"
+    fault = f"{{start_s={FAULT_S}, {fault}}}"
     doublet = "manoeuvre={kind='nz_doublet', start_s=1.0, width_s=1.0, amplitude_g=0.1}"
     return load_scenario("cruise", [f"duration_s={FLIGHT_S}", f"elevator={own}", "flight.turbulence=light", doublet,
                                     "detectors.enabled=[]", f"faults.0={fault}"])  # fmt: skip
@@ -155,9 +149,8 @@ def _flown(guest, fault=""):
     read = {w.field: w.source for w in wires(own, lane, guest)}
     above = with_sources([own.id])[:-1]  # detectors that it reads
     if above:
-        scenario = scenario.model_copy(
-            update={"detectors": scenario.detectors.model_copy(update={"enabled": tuple(above)})}
-        )
+        own_detectors = scenario.detectors.model_copy(update={"enabled": tuple(above)})
+        scenario = scenario.model_copy(update={"detectors": own_detectors})
     frame = fly(scenario, [*read.values()])
     u = inputs(frame, guest, read)
     p = own.fit(site(scenario.dt * own.every, lane, scenario.elevator.technology))
@@ -250,11 +243,7 @@ def _one_by_one(guest, u, p, dt):
 def _apart(guest, u, p, dt):
     """Two lanes side by side, the second on other measurements: the first must not notice."""
     both = np.concatenate([u, u[:, ::-1]])
-    rollout = guest.runner() if isinstance(guest, PlainDetector) else guest.rollout
-    two = np.repeat(p, 2)
-    x, log = guest.init(two), np.zeros(both.shape, guest.STATE)
-    rollout(x, np.ascontiguousarray(both), two, dt, log)
-    at = _differ(_run(guest, u, p, dt)[0], _outputs(guest, log))
+    at = _differ(_run(guest, u, p, dt)[0], _run(guest, both, np.repeat(p, 2), dt)[0])
     said = "lanes do not touch each other" if at is None else "one lane changes another: something is shared"
     return _line("one object per lane", at is None, said)
 
@@ -266,7 +255,7 @@ def _restarts(guest, u, p, dt):
     rollout = guest.runner() if isinstance(guest, PlainDetector) else guest.rollout
     rollout(x, u[:, :half], p, dt, log[:, :half])
     try:
-        again, x = (copy.deepcopy(rollout), x.copy()) if isinstance(guest, PlainDetector) else (rollout, x.copy())
+        again, x = copy.deepcopy(rollout) if isinstance(guest, PlainDetector) else rollout, x.copy()
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # whatever user code raises

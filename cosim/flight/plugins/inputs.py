@@ -33,8 +33,7 @@ COMMANDS = {
 
 def rows(manoeuvre: Inputs, names: Any, ticks: int, dt: float) -> NDArray[np.float64]:
     """Return what the table says at every tick (ticks, columns), in its own units: before its first row and after its
-    last those rows hold.
-    """
+    last those rows hold."""
     t, times = np.arange(ticks) * dt, np.array(manoeuvre.time_s)
     if manoeuvre.between == "hold":  # half a tick of slack: a row acts at the tick nearest to its time
         at = np.maximum(np.searchsorted(times, t + 0.5 * dt, side="left") - 1, 0)
@@ -44,8 +43,7 @@ def rows(manoeuvre: Inputs, names: Any, ticks: int, dt: float) -> NDArray[np.flo
 
 def user_inputs(scenario: Scenario, bus: Bus, trim: Any) -> dict[str, tuple[NDArray, NDArray]]:
     """Return {stage of the tick: (positions in the bus, their values at every tick (ticks, n))}, stages "pilot" and
-    "law"; {} where the scenario has no table. Raises ScenarioError where a change leads beyond a stop.
-    """
+    "law"; {} where the scenario has no table. Raises ScenarioError where a change leads beyond a stop."""
     table = scenario.manoeuvre
     if not isinstance(table, Inputs):
         return {}

@@ -4,6 +4,7 @@ Whatever a guest does, the flight goes on: a lane that raises, answers nonsense 
 step is dropped, its outputs say so, and nothing else is touched.
 """
 
+import functools
 import math
 import time
 from collections import namedtuple
@@ -101,14 +102,7 @@ class Runner:
     def bound(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float) -> Any:
         """Return a call without arguments that advances every lane by one tick."""
         self._start(p, dt)
-        rows, given = x.view(np.float64).reshape(len(x), -1), u.view(np.float64).reshape(len(x), -1)
-
-        def advance():
-            for i, row in enumerate(rows):
-                self._step(i, row, given[i].tolist(), dt)
-            self.steps += 1
-
-        return advance
+        return functools.partial(self, x, u, p, dt)
 
     def busy_s(self) -> float:
         """Return for how long the step under way has been [s], below 0 while there is none."""
@@ -203,18 +197,14 @@ class Runner:
 
     def _why(self, error):
         """Return (status, sentence) of what ended a step."""
-        status, said = NONSENSE if isinstance(error, Nonsense) else RAISED, self._said(error)
+        nonsense, file = isinstance(error, Nonsense), Path(self.guest.file) if self.guest.file else None
+        status, said = NONSENSE if nonsense else RAISED, str(error) if nonsense else where(error, file)
         if isinstance(error, Overdue):
             after = f"{self.limit_s:g} s{said.removeprefix('Overdue')}"
             status, said = SLOW, f"a step was interrupted after {after}, and limit_s is {self._limit:g}"
         if isinstance(error, Overdue | MemoryError):
             self.fatal = f"{self.guest.DETECTOR.id}: {said}"
         return status, said
-
-    def _said(self, error):
-        if isinstance(error, Nonsense):
-            return str(error)
-        return where(error, Path(self.guest.file) if self.guest.file else None)
 
 
 def _number(value, name):

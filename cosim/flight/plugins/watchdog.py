@@ -81,8 +81,7 @@ def watched(runners: Sequence[Any], *, lost: Callable[[Any, str], Any] = _tell, 
 @contextlib.contextmanager
 def ended_by_force(close: Callable[[], str]) -> Iterator[None]:
     """Within it Ctrl-C ends the process with 130 even where it hangs in compiled code, after `close()`, whose text is
-    told on standard error. Does nothing outside the main thread, which alone hears of signals.
-    """
+    told on standard error. Does nothing outside the main thread, which alone hears of signals."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -9,6 +9,7 @@ never about a window with a lost sample in it. What it is asked is `features(win
 """
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,20 +21,10 @@ from cosim.scenario.user_file import opened
 
 
 def window_model(
-    id: str,
-    model: Any,
-    *,
-    inputs: Sequence[str],
-    classes: Sequence[str],
-    technologies: Sequence[str] = (),
-    window_s: float = 1.0,
-    every_s: float = 0.1,
-    sample_s: float = 0.01,
-    threshold: float = 0.5,
-    features: Callable[[np.ndarray], np.ndarray] = np.ravel,
-    designed_for: Sequence[str] = (),
-    near: str | Path = ".",
-) -> type:
+    id: str, model: Any, *, inputs: Sequence[str], classes: Sequence[str], technologies: Sequence[str] = (),
+    window_s: float = 1.0, every_s: float = 0.1, sample_s: float = 0.01, threshold: float = 0.5,
+    features: Callable[[np.ndarray], np.ndarray] = np.ravel, designed_for: Sequence[str] = (), near: str | Path = ".",
+) -> type:  # fmt: skip
     """Return the class of a detector (cosim/flight/plugins/contract.py) that asks `model` about a window.
 
     `model` is a fitted object with predict_proba or predict, a function of (1, features) that returns (1, classes), or
@@ -80,16 +71,8 @@ def window_model(
     own.id, own.inputs, own.designed_for = id, tuple(inputs), tuple(designed_for)
     own.level, own.technologies = ("local" if technologies else "aircraft"), tuple(technologies)
     own.culprits = tuple(dict.fromkeys(part for part in parts if part))
-    own.__module__ = _caller()
+    own.__module__ = sys._getframe(1).f_globals["__name__"]  # the class is that of the module that calls
     return own
-
-
-def _caller() -> str:
-    """Return the name of the module that calls `window_model`: the class is that one's."""
-    import inspect
-
-    frame = inspect.stack()[2].frame
-    return frame.f_globals["__name__"]
 
 
 def _asked(model, folder, place):

@@ -50,9 +50,7 @@ def alpha_limit(plant: Any, trim: Any, share: float = 0.96) -> tuple[float, floa
     angles = np.radians(np.arange(0.0, 25.01, 0.5))
     lift, n_z = [], []
     for alpha in angles:
-        plant.place(
-            tas=trim.tas, alpha=alpha, theta=alpha, altitude=trim.altitude, q=trim.q, surfaces=trim.surfaces
-        )
+        plant.place(tas=trim.tas, alpha=alpha, theta=alpha, altitude=trim.altitude, q=trim.q, surfaces=trim.surfaces)
         t = plant.truth()[0]
         lift.append(t.nz * math.cos(alpha) - t.nx * math.sin(alpha))
         n_z.append(t.nz)
@@ -85,7 +83,9 @@ def design(model: Any, stall: Any, aircraft: Aircraft, start: Any = None) -> np.
         "cas_0": model.y0[list(model.outputs).index("cas")], "stab_0": t.stabilizer, "throttle_0": t.throttle,
         "de_0": t.elevator, "phi_0": t.phi, "hdot_0": t.climb, "da_0": t.aileron, "dr_0": t.rudder,
     }  # fmt: skip
-    gains = {**_pitch(model), **_lateral(model, stops["aileron"][1]), **_speed(model)}
+    T_V = model.block(("tas",), model.named("throttle_"))[1].sum()  # [m/s2] per throttle
+    speed = {"k_v": 0.2 / T_V, "k_vi": 0.2 * 0.07 / T_V}
+    gains = {**_pitch(model), **_lateral(model, stops["aileron"][1]), **speed}
     p = record(PARAMS, **limits, **trim, **{name: rounded(k, 7) for name, k in gains.items()})
     if start is not None:
         _holds(p[0], start)
@@ -146,8 +146,3 @@ def _lateral(model, most_aileron):
         "k_cross": L_da / L_beta, "beta_max": math.radians(4.0),
         "w_psi": 0.12, "phi_hold": math.radians(25.0), "psi_0": 0.0,
     }  # fmt: skip
-
-
-def _speed(model):
-    T_V = model.block(("tas",), model.named("throttle_"))[1].sum()  # [m/s2] per throttle
-    return {"k_v": 0.2 / T_V, "k_vi": 0.2 * 0.07 / T_V}

@@ -45,8 +45,7 @@ def numbers(folder: Path) -> SimpleNamespace:
 
 def stalled(lift: Any, top: Any) -> Any:
     """Bend lift over smoothly from 0.80 to 1 of `top`, flat top, then 10 % down: C_L(x) = j + r tanh(x), x = (C_L -
-    j) / r.
-    """
+    j) / r."""
     join = 0.80 * top
     x = np.maximum(lift - join, 0.0) / (top - join)
     return np.where(
@@ -78,8 +77,7 @@ def effectiveness(chord: float) -> float:
 
 def coefficients(n: Any, mach: Any) -> dict:
     """Return the coefficients at `mach` by the names of the XML's functions; a pair is the value at zero lift and its
-    slope over lift.
-    """
+    slope over lift."""
     w, f = n.wing, n.fuselage
     S, b, c = w.area_m2, w.span_m, w.chord_m
     aspect, slope = b**2 / S, math.tan(math.radians(w.sweep_deg))
@@ -190,9 +188,7 @@ def model_xml(n: Any, aircraft: Aircraft) -> str:
     """Return <name>.xml: metrics, masses, engines and tank, from the `numbers` of the aircraft and its record."""
     g, m, station = aircraft.geometry, aircraft.mass, aircraft.geometry.station_in
     weight = m.empty_t * 1e3
-    inertia = "\n".join(
-        f'    <i{k} unit="KG*M2"> {v * weight:.1f} </i{k}>' for k, v in m.gyration2_m2
-    )
+    inertia = "\n".join(f'    <i{k} unit="KG*M2"> {v * weight:.1f} </i{k}>' for k, v in m.gyration2_m2)
     each = (m.mass_t[0] - m.empty_t - m.fuel_t) * 1e3 / 6
     masses = "\n".join(
         f'    <pointmass name="{name}"> <weight unit="KG"> {each:.1f} </weight>'

@@ -1,12 +1,12 @@
-"""Write an aircraft's JSBSim files from tables and constants: the form that `force_model` reads again."""
+"""JSBSim's files of an aircraft from tables and constants: the form that `force_model` reads again."""
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
-
-from actuators.constants import M_PER_FT
 
 MULTIPLIERS = (
     "CL_0", "CL_alpha", "CL_q", "CL_de", "CL_ds", "CD_0", "CD_alpha", "CD_beta",
@@ -15,8 +15,7 @@ MULTIPLIERS = (
     "Cn_beta", "Cn_p", "Cn_r", "Cn_da", "Cn_dr",
     "Ch_alpha", "Ch_delta",
 )  # fmt: skip
-BYPASS = 5.0  # of the transport's engines
-CONSTANT = {"Cl_dr": 0.0070, "Cn_da": 0.0002}  # stability axes, condition 9 of table IX-8
+RHO_SL_P = 2116.22  # psf
 
 
 @dataclass(frozen=True)
@@ -40,309 +39,209 @@ class Shape:
     Cn_da: float
 
 
-TRANSPORT = Shape(
-    made_by="tests/helpers/transport_fit.py",
-    chord_ft=27.31,
-    span_ft=195.68,
-    tail_arm_ft=105.3,  # [Roskam] C_m_ih / C_L_ih = -2.70 / 0.70 chords behind the CG at 25 %
-    downwash=0.40,  # assumed (typical of transports)
-    segment_area_ft2=8.0 / M_PER_FT**2,
-    segment_chord_ft=1.4 / M_PER_FT,
-    segment_span_ft={"lo": -26.6, "li": -12.1, "ri": 12.1, "ro": 26.6},  # tail span 72.75 ft: assumed halves
-    Ch_alpha=-0.05,  # balanced elevator: assumed (README)
-    Ch_delta=-0.17,
-    CL_ds=0.70,
-    Cm_ds=-2.70,
-    CD_beta=0.2,
-    Cl_dr=CONSTANT["Cl_dr"],
-    Cn_da=CONSTANT["Cn_da"],
-)
-RHO_SL_P = 2116.22  # psf
-
-
-def multipliers_xml(shape: Shape = TRANSPORT) -> str:
+def multipliers_xml(shape: Shape) -> str:
     """Return the declarations of one multiplier per coefficient."""
     lines = "\n".join(f'  <property value="1"> aero/mult/{name} </property>' for name in MULTIPLIERS)
     note = f"<!-- Written by {shape.made_by}. One multiplier per coefficient: 1 is the fitted value. -->"
     return f'<?xml version="1.0"?>\n{note}\n<system name="multipliers">\n\n{lines}\n\n</system>\n'
 
 
-def engine_xml(thrust: float = 300e3, bypass: float = BYPASS, shape: Shape = TRANSPORT) -> str:
+def engine_xml(thrust: float, bypass: float, shape: Shape) -> str:
     """Return the turbofan of static `thrust` [N]: take-off rating of Bartel and Young (2008) at its `bypass` ratio,
-    over Mach and static pressure.
-    """
+    over Mach and static pressure."""
     mach = np.arange(0.0, 1.01, 0.1)
     ratio = np.array([0.05, 0.10, 0.15, 0.20, 0.25, 0.30, 0.40, 0.50, 0.60, 0.70, 0.80, 0.90, 1.0, 1.1])
     x, M = ratio[None, :], mach[:, None]
-    mil = thrust_ratio(M, x, bypass)
+    root = Element("turbine_engine", name="turbofan")
+    SubElement(root, "milthrust", unit="LBS").text = f" {thrust / 4.4482216:.1f} "
+    for name, value in (("bypassratio", f"{bypass:.1f}"), ("tsfc", "0.60"), ("bleed", "0.0"), ("idlen1", "25.0"),
+                        ("idlen2", "60.0"), ("maxn1", "100.0"), ("maxn2", "100.0"), ("augmented", "0"),
+                        ("injected", "0")):  # fmt: skip
+        SubElement(root, name).text = f" {value} "
     idle = 0.05 * x * np.maximum(1.0 - 1.5 * M, 0.0)
-    lookups = ("velocities/mach", "atmosphere/P-psf")
-    return f"""<?xml version="1.0"?>
-<!-- Written by {shape.made_by}. Sources: README.md in this aircraft's folder -->
-<turbine_engine name="turbofan">
-  <milthrust unit="LBS"> {thrust / 4.4482216:.1f} </milthrust>
-  <bypassratio> {bypass:.1f} </bypassratio>
-  <tsfc> 0.60 </tsfc>
-  <bleed> 0.0 </bleed>
-  <idlen1> 25.0 </idlen1>
-  <idlen2> 60.0 </idlen2>
-  <maxn1> 100.0 </maxn1>
-  <maxn2> 100.0 </maxn2>
-  <augmented> 0 </augmented>
-  <injected> 0 </injected>
-  <function name="IdleThrust">
-{table(lookups, mach, ratio * RHO_SL_P, idle, 4)}
-  </function>
-  <function name="MilThrust">
-{table(lookups, mach, ratio * RHO_SL_P, mil, 4)}
-  </function>
-</turbine_engine>
-"""
+    for name, values in (("IdleThrust", idle), ("MilThrust", thrust_ratio(M, x, bypass))):
+        lookups = ("velocities/mach", "atmosphere/P-psf")
+        root.append(function(name, table(lookups, mach, ratio * RHO_SL_P, values)))
+    return _text(root, f"Written by {shape.made_by}. Sources: README.md in this aircraft's folder")
 
 
 def aerodynamics_xml(
-    alpha: float, mach: Any, q_ref: Any, tables: Any, mach_coarse: Any, derivatives: Any, shape: Shape = TRANSPORT
+    alpha: float, mach: Any, q_ref: Any, tables: Any, mach_coarse: Any, derivatives: Any, shape: Shape
 ) -> str:
     """Return the aerodynamics from the (alpha, Mach) tables with their flexibility constants and the tables of
-    derivatives.
-    """
-    zero = int(np.argmin(abs(alpha)))
-    parts = [_common(shape)]
+    derivatives."""
+    zero, root = int(np.argmin(abs(alpha))), Element("aerodynamics")
+    limits = SubElement(root, "alphalimits", unit="DEG")
+    SubElement(limits, "min").text, SubElement(limits, "max").text = " -6.0 ", " 16.0 "
+    root.extend(_common(shape))
     for name, (grid, (t0, t1)) in tables.items():
         grid = np.round(grid, 6)
-        base = total(table(("velocities/mach",), mach, None, grid[zero]), product(t0, _flex(q_ref), indent=8))
+        base = total(table(("velocities/mach",), mach, None, grid[zero]), product(t0, _flex(q_ref)))
         slope = total(
             table(("aero/alpha-rad", "velocities/mach"), alpha, mach, grid - grid[zero][None, :]),
-            product(t1, _flex(q_ref), "aero/alpha-rad", indent=8),
+            product(t1, _flex(q_ref), "aero/alpha-rad"),
         )
         for part, body in (("0", base), ("alpha", slope)):
-            parts.append(function(f"aero/{name}_{part}", product(f"aero/mult/{name}_{part}", body)))
+            root.append(function(f"aero/{name}_{part}", product(f"aero/mult/{name}_{part}", body)))
     for name, (second, grid, values) in derivatives.items():
         column = {"alpha": "aero/alpha-rad", "qbar": "aero/qbar-psf"}[second]
         body = table(("velocities/mach", column), mach_coarse, grid, values)
-        parts.append(function(f"aero/{name}", product(f"aero/mult/{name}", body)))
-    return "\n".join(
-        [_HEAD.format(shape.made_by), *parts, *_sums(shape), *_hinges(shape), *_axes(shape), "</aerodynamics>\n"]
-    )
+        root.append(function(f"aero/{name}", product(f"aero/mult/{name}", body)))
+    root.extend([*_sums(shape), *_hinges(shape), *_axes(shape)])
+    return _text(root, f"Written by {shape.made_by}. Sources, assumptions and the fit: README.md")
+
+
+def _text(root, note):
+    indent(root)
+    return f'<?xml version="1.0"?>\n<!-- {note} -->\n{tostring(root, encoding="unicode")}\n'
+
+
+def operation(kind: str, *parts: Any) -> Element:
+    """Return an operation on properties (names), numbers (in eight digits, or as a text has them) and elements."""
+    out = Element(kind)
+    for part in parts:
+        if not isinstance(part, Element):
+            text = part if isinstance(part, str) else f"{part:.8g}"
+            part = Element("v" if text.lstrip("-")[0].isdigit() else "p")
+            part.text = f" {text} "
+        out.append(part)
+    return out
+
+
+product, total, difference, quotient = (partial(operation, k) for k in ("product", "sum", "difference", "quotient"))
+sine, cosine = partial(operation, "sin"), partial(operation, "cos")
+
+
+def function(name: str, body: Element, comment: str = "") -> Element:
+    """Return a named function element around `body`."""
+    out = Element("function", name=name)
+    if comment:
+        SubElement(out, "description").text = f" {comment} "
+    out.append(body)
+    return out
+
+
+def table(lookups: Any, rows: Any, columns: Any, values: Any) -> Element:
+    """Return a JSBSim table element; one-dimensional when columns is None."""
+    out = Element("table")
+    for role, name in zip(("row", "column"), lookups):
+        SubElement(out, "independentVar", lookup=role).text = f" {name} "
+    if columns is None:
+        lines = [f"{r:10.6f}{v:14.6f}" for r, v in zip(rows, values)]
+    else:
+        lines = [" " * 10 + "".join(f"{c:12.5f}" for c in columns)]
+        lines += [f"{r:10.6f}" + "".join(f"{v:12.6f}" for v in row) for r, row in zip(rows, values)]
+    SubElement(out, "tableData").text = "\n" + "\n".join(lines) + "\n"
+    return out
 
 
 def _flex(q_ref):
-    return f"        <difference> <p> aero/qbar-psf </p> <v> {q_ref:.6g} </v> </difference>"
+    return difference("aero/qbar-psf", f"{q_ref:.6g}")
 
 
-_HEAD = """<?xml version="1.0"?>
-<!-- Written by {}. Sources, assumptions and the fit: README.md -->
-<aerodynamics>
-
-    <alphalimits unit="DEG"> <min> -6.0 </min> <max> 16.0 </max> </alphalimits>
-"""
-
-
-def _half_time(length):
-    """Return length / 2V."""
-    speed = "<max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max>"
-    return f"      <quotient> <v> {length / 2} </v> {speed} </quotient>"
+def _speed():
+    return operation("max", "velocities/vt-fps", "10.0")
 
 
 def _common(shape):
-    mean = (
-        f"      <product> <v> {1.0 / len(shape.segment_span_ft)} </v> <sum> "
-        + " ".join(f"<p> fcs/elevator-{s}-pos-rad </p>" for s in shape.segment_span_ft)
-        + " </sum> </product>"
-    )
-    elevator = function("aero/elevator-mean-rad", mean)
-    qS = function("aero/qS-lbs", product("aero/qbar-psf", "metrics/Sw-sqft"))
-    chord = function("aero/chord-time-sec", _half_time(shape.chord_ft), "c / 2V")
-    span = function("aero/span-time-sec", _half_time(shape.span_ft), "b / 2V")
-    cosine, sine = "<cos> <p> aero/alpha-rad </p> </cos>", "<sin> <p> aero/alpha-rad </p> </sin>"
-    p, r = "<p> aero/p-rad_sec </p>", "<p> aero/r-rad_sec </p>"
-    roll = function(
-        "aero/p-stability-rad_sec",
-        f"      <sum> <product> {p} {cosine} </product> <product> {r} {sine} </product> </sum>",
-    )
-    yaw = function(
-        "aero/r-stability-rad_sec",
-        f"      <difference> <product> {r} {cosine} </product> <product> {p} {sine} </product> </difference>",
-    )
-    rates = [
-        function(f"aero/{x}-rad_sec", total(f"velocities/{x}-aero-rad_sec", f"ext/gust-{x}-rad_sec"), "against the air")
-        for x in "pqr"
-    ]
-    return "\n".join([elevator, qS, chord, span, *rates, roll, yaw])
+    def turned(join, one, other):
+        """Return the sum or difference of two body rates, turned by the angle of attack."""
+        return join(product(f"aero/{one}-rad_sec", cosine("aero/alpha-rad")),
+                    product(f"aero/{other}-rad_sec", sine("aero/alpha-rad")))  # fmt: skip
+
+    segments = shape.segment_span_ft
+    mean = product(str(1.0 / len(segments)), total(*(f"fcs/elevator-{s}-pos-rad" for s in segments)))
+    yield function("aero/elevator-mean-rad", mean)
+    yield function("aero/qS-lbs", product("aero/qbar-psf", "metrics/Sw-sqft"))
+    yield function("aero/chord-time-sec", quotient(str(shape.chord_ft / 2), _speed()), "c / 2V")
+    yield function("aero/span-time-sec", quotient(str(shape.span_ft / 2), _speed()), "b / 2V")
+    for x in "pqr":
+        rate = total(f"velocities/{x}-aero-rad_sec", f"ext/gust-{x}-rad_sec")
+        yield function(f"aero/{x}-rad_sec", rate, "against the air")
+    yield function("aero/p-stability-rad_sec", turned(total, "p", "r"))
+    yield function("aero/r-stability-rad_sec", turned(difference, "r", "p"))
 
 
 def _sums(shape):
     lift = total(
-        "aero/CL_0",
-        "aero/CL_alpha",
-        product("aero/CL_q", "aero/chord-time-sec", "aero/q-rad_sec"),
+        "aero/CL_0", "aero/CL_alpha", product("aero/CL_q", "aero/chord-time-sec", "aero/q-rad_sec"),
         product("aero/CL_de", "aero/elevator-mean-rad"),
         product("aero/mult/CL_ds", shape.CL_ds, "fcs/stabilizer-pos-rad"),
-    )
+    )  # fmt: skip
+    yield function("aero/CL", lift)
     # alphadot from the forces of this frame (no lag): q + (g cos(theta) cos(phi) - q̄S CL / m) / V
-    alphadot = """      <sum>
-        <p> velocities/q-aero-rad_sec </p>
-        <quotient>
-          <difference>
-            <product>
-              <v> 32.174 </v> <cos> <p> attitude/theta-rad </p> </cos> <cos> <p> attitude/phi-rad </p> </cos>
-            </product>
-            <quotient>
-              <product> <p> aero/qS-lbs </p> <p> aero/CL </p> </product>
-              <p> inertia/mass-slugs </p>
-            </quotient>
-          </difference>
-          <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max>
-        </quotient>
-      </sum>"""
-    return [function("aero/CL", lift), function("aero/alphadot-from-forces", alphadot)]
+    weight = product("32.174", cosine("attitude/theta-rad"), cosine("attitude/phi-rad"))
+    path = difference(weight, quotient(product("aero/qS-lbs", "aero/CL"), "inertia/mass-slugs"))
+    yield function("aero/alphadot-from-forces", total("velocities/q-aero-rad_sec", quotient(path, _speed())))
 
 
 def _over_speed(arm, rate):
     """Return the local angle that a body rate makes at an arm [ft]: arm rate / V."""
-    turn = f"<product> <v> {arm} </v> <p> aero/{rate}-rad_sec </p> </product>"
-    return f"        <quotient> {turn} <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>"
+    return quotient(product(str(arm), f"aero/{rate}-rad_sec"), _speed())
 
 
 def _hinges(shape):
-    """Return HM0 (per segment) and HM_delta (common), lbf ft: q̄ S_e c_e Ch_alpha alpha_t and q̄ S_e c_e
-    Ch_delta.
-    """
+    """Yield HM0 (per segment) and HM_delta (common), lbf ft: q̄ S_e c_e Ch_alpha alpha_t and q̄ S_e c_e Ch_delta."""
     size = shape.segment_area_ft2 * shape.segment_chord_ft
-    out = [
-        function(
-            "aero/hinge-delta-lbsft_rad",
-            product("aero/mult/Ch_delta", shape.Ch_delta * size, "aero/qbar-psf"),
-            "hinge moment per elevator angle, trailing edge down +",
-        ),
-        function(
-            "aero/tail-alpha-rad",
-            total(
-                product(1.0 - shape.downwash, "aero/alpha-rad"),
-                "fcs/stabilizer-pos-rad",
-                _over_speed(shape.tail_arm_ft, "q"),
-            ),
-            "local angle of attack of the tail: downwash, stabiliser, pitch rate",
-        ),
-    ]
+    slope = product("aero/mult/Ch_delta", shape.Ch_delta * size, "aero/qbar-psf")
+    yield function("aero/hinge-delta-lbsft_rad", slope, "hinge moment per elevator angle, trailing edge down +")
+    local = total(product(1.0 - shape.downwash, "aero/alpha-rad"), "fcs/stabilizer-pos-rad",
+                  _over_speed(shape.tail_arm_ft, "q"))  # fmt: skip
+    yield function("aero/tail-alpha-rad", local, "local angle of attack of the tail: downwash, stabiliser, pitch rate")
     for segment, span in shape.segment_span_ft.items():
-        angle = total("aero/tail-alpha-rad", _over_speed(span, "p"), indent=8)
+        angle = total("aero/tail-alpha-rad", _over_speed(span, "p"))
         moment = product(size, "aero/qbar-psf", "aero/mult/Ch_alpha", shape.Ch_alpha, angle)
-        out.append(function(f"aero/hinge-0-{segment}-lbsft", moment))
-    return out
+        yield function(f"aero/hinge-0-{segment}-lbsft", moment)
 
 
 def _axes(shape):
-    qS = "aero/qS-lbs"
-    sideforce = total(product("aero/CY_beta", "aero/beta-rad"), product("aero/CY_dr", "fcs/rudder-applied-rad"))
+    p, r, n = "aero/p-stability-rad_sec", "aero/r-stability-rad_sec", len(shape.segment_span_ft)
+
+    def aileron():
+        return product(0.5, total("fcs/aileron-left-pos-rad", "fcs/aileron-right-pos-rad"))
+
+    def of_rates(axis):
+        rates = total(product(f"aero/{axis}_p", p), product(f"aero/{axis}_r", r))
+        return product("aero/span-time-sec", rates)
+
+    side = total(product("aero/CY_beta", "aero/beta-rad"), product("aero/CY_dr", "fcs/rudder-applied-rad"))
     sideslip = product("aero/mult/CD_beta", shape.CD_beta, "aero/beta-rad", "aero/beta-rad")
-    drag = total("aero/CD_0", "aero/CD_alpha", sideslip)
+    damping = total(product("aero/Cm_q", "aero/q-rad_sec"), product("aero/Cm_alphadot", "aero/alphadot-from-forces"))
     pitch = total(
-        "aero/Cm_0",
-        "aero/Cm_alpha",
-        product("aero/Cm_de", "aero/elevator-mean-rad"),
-        product("aero/mult/Cm_ds", shape.Cm_ds, "fcs/stabilizer-pos-rad"),
-        product(
-            "aero/chord-time-sec",
-            total(
-                product("aero/Cm_q", "aero/q-rad_sec"),
-                product("aero/Cm_alphadot", "aero/alphadot-from-forces"),
-            ),
-        ),
-    )
-    aileron = total("fcs/aileron-left-pos-rad", "fcs/aileron-right-pos-rad", indent=8)
-    aileron = product(0.5, aileron, indent=6)
+        "aero/Cm_0", "aero/Cm_alpha", product("aero/Cm_de", "aero/elevator-mean-rad"),
+        product("aero/mult/Cm_ds", shape.Cm_ds, "fcs/stabilizer-pos-rad"), product("aero/chord-time-sec", damping),
+    )  # fmt: skip
     # a left segment down lifts the left tail: rolls right; each segment carries its share of CL_de
-    n = len(shape.segment_span_ft)
-    tail = (
-        "        <sum> "
-        + " ".join(
-            f"<product> <v> {-y / n / shape.span_ft:.6g} </v> <p> fcs/elevator-{s}-pos-rad </p> </product>"
-            for s, y in shape.segment_span_ft.items()
-        )
-        + " </sum>"
-    )
-    p, r = "aero/p-stability-rad_sec", "aero/r-stability-rad_sec"
+    tail = total(*(product(f"{-y / n / shape.span_ft:.6g}", f"fcs/elevator-{s}-pos-rad")
+                   for s, y in shape.segment_span_ft.items()))  # fmt: skip
     roll = total(
-        product("aero/Cl_beta", "aero/beta-rad"),
-        product("aero/span-time-sec", total(product("aero/Cl_p", p), product("aero/Cl_r", r))),
-        product("aero/Cl_da", aileron),
+        product("aero/Cl_beta", "aero/beta-rad"), of_rates("Cl"), product("aero/Cl_da", aileron()),
         product("aero/mult/Cl_dr", shape.Cl_dr, "fcs/rudder-applied-rad"),
         product("aero/mult/Cl_de", "aero/CL_de", tail),
-    )
+    )  # fmt: skip
     yaw = total(
-        product("aero/Cn_beta", "aero/beta-rad"),
-        product("aero/span-time-sec", total(product("aero/Cn_p", p), product("aero/Cn_r", r))),
-        product("aero/mult/Cn_da", shape.Cn_da, aileron),
-        product("aero/Cn_dr", "fcs/rudder-applied-rad"),
-    )
-    axes = (
-        ("LIFT", "", "force/lift", product(qS, "aero/CL")),
-        ("DRAG", "", "force/drag", product(qS, drag)),
-        ("SIDE", "", "force/side", product(qS, sideforce)),
-        ("ROLL", ' frame="STABILITY"', "moment/roll", product(qS, "metrics/bw-ft", roll)),
-        ("PITCH", ' frame="STABILITY"', "moment/pitch", product(qS, "metrics/cbarw-ft", pitch)),
-        ("YAW", ' frame="STABILITY"', "moment/yaw", product(qS, "metrics/bw-ft", yaw)),
-    )
-    return [
-        f'\n    <axis name="{name}"{frame}>\n{function("aero/" + label, body)}\n    </axis>'
-        for name, frame, label, body in axes
-    ]
+        product("aero/Cn_beta", "aero/beta-rad"), of_rates("Cn"),
+        product("aero/mult/Cn_da", shape.Cn_da, aileron()), product("aero/Cn_dr", "fcs/rudder-applied-rad"),
+    )  # fmt: skip
+    for name, label, *factors in (
+        ("LIFT", "force/lift", "aero/CL"), ("DRAG", "force/drag", total("aero/CD_0", "aero/CD_alpha", sideslip)),
+        ("SIDE", "force/side", side), ("ROLL", "moment/roll", "metrics/bw-ft", roll),
+        ("PITCH", "moment/pitch", "metrics/cbarw-ft", pitch), ("YAW", "moment/yaw", "metrics/bw-ft", yaw),
+    ):  # fmt: skip
+        axis = Element("axis", {"name": name, **({"frame": "STABILITY"} if "moment" in label else {})})
+        axis.append(function(f"aero/{label}", product("aero/qS-lbs", *factors)))
+        yield axis
 
 
-def thrust_ratio(mach: Any, pressure_ratio: Any, bypass: Any = None) -> Any:
-    """Return thrust over static sea-level thrust: take-off rating of Bartel and Young (2008), by default at bypass 5.
+def thrust_ratio(mach: Any, pressure_ratio: Any, b: float) -> Any:
+    """Return thrust over static sea-level thrust: take-off rating of Bartel and Young (2008) at bypass ratio `b`.
 
     T/T0 = A - 0.377 (1 + b) / sqrt((1 + 0.82 b) G0) Z x M + (0.23 + 0.19 sqrt(b)) X x M^2, x = p/p0, A, Z, X
     polynomials of x, G0 = 0.0606 b + 0.6337.
     """
-    x, b = pressure_ratio, BYPASS if bypass is None else bypass
+    x = pressure_ratio
     A = -0.4327 * x**2 + 1.3855 * x + 0.0472
     Z = 0.9106 * x**3 - 1.7736 * x**2 + 1.8697 * x
     X = 0.1377 * x**3 - 0.4374 * x**2 + 1.3003 * x
     slope = 0.377 * (1 + b) / math.sqrt((1 + 0.82 * b) * (0.0606 * b + 0.6337))
     return A - slope * Z * x * mach + (0.23 + 0.19 * math.sqrt(b)) * X * x * mach**2
-
-
-def table(lookups: Any, rows: Any, columns: Any, values: Any, indent: int = 8) -> Any:
-    """Return a JSBSim table element; one-dimensional when columns is None."""
-    pad = " " * indent
-    lines = [f"{pad}<table>"]
-    for role, name in zip(("row", "column"), lookups):
-        lines.append(f'{pad}  <independentVar lookup="{role}"> {name} </independentVar>')
-    lines.append(f"{pad}  <tableData>")
-    if columns is not None:
-        lines.append(pad + " " * 14 + "".join(f"{c:12.5f}" for c in columns))
-        lines += [f"{pad}    {r:10.6f}" + "".join(f"{v:12.6f}" for v in row) for r, row in zip(rows, values)]
-    else:
-        lines += [f"{pad}    {r:10.6f}{v:14.6f}" for r, v in zip(rows, values)]
-    return "\n".join([*lines, f"{pad}  </tableData>", f"{pad}</table>"])
-
-
-def function(name: str, body: Any, comment: str | None = None) -> str:
-    """Return a named function element around `body`."""
-    note = f"\n      <description> {comment} </description>" if comment else ""
-    return f'    <function name="{name}">{note}\n{body}\n    </function>'
-
-
-def product(*parts: Any, indent: int = 6) -> str:
-    """Return a product of properties (str), numbers and ready elements."""
-    return _operation("product", parts, indent)
-
-
-def total(*parts: Any, indent: int = 6) -> str:
-    """Return a sum of properties (str), numbers and ready elements."""
-    return _operation("sum", parts, indent)
-
-
-def _operation(kind, parts, indent):
-    pad = " " * indent
-    lines = []
-    for part in parts:
-        if isinstance(part, str) and "<" in part:
-            lines.append(part)
-        elif isinstance(part, str):
-            lines.append(f"{pad}  <p> {part} </p>")
-        else:
-            lines.append(f"{pad}  <v> {part:.8g} </v>")
-    return "\n".join([f"{pad}<{kind}>", *lines, f"{pad}</{kind}>"])
