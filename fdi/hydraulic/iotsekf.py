@@ -296,7 +296,6 @@ def decide(x, u, p, dt):
         x.rigging, slack = decision.lever_at(x, x.h_hat[0])
     motion = model_velocity(x, p)
     decision.pair_test(x, u.y_rod + bulk, rod, y_surface, surface, motion, x.x_hat[3], slack, known, p, dt)
-    hypotheses.swings_apart(x, rod > 0.5 and surface > 0.5, dt)
     pressure = usable(u.y_dp, u.y_dp_valid) if p.load == 2.0 else 0.0
     e_rod = u.y_rod - p.arm * u.y_surface - x.rigging - x.pair_d if surface > 0.5 else x.gamma_rod
     d = min(int(p.delay), two_stage.HISTORY - 2)
@@ -335,8 +334,6 @@ def decide(x, u, p, dt):
     ran_before = x.run
     x.run_timer, x.run = confirm(x.run_timer, x.run, ran, weighed, p.run_confirm, p.t_release)
     x.step_age += dt
-    if x.run > ran_before:
-        pressure_test.take_back(x)
     if x.run < 0.5:
         x.run_side, x.swings = 0.0, 0.0
     elif ran:

@@ -26,7 +26,6 @@ HELD_S, HELD_WEAK_S = 0.1, 1.0  # a name must stand so long; a loss, whose comma
 OUTSIDE = 3.0  # standard deviations of the tolerances
 RELEASE_S = 1.0  # an alarm outlives its evidence by this [s]
 PART = 0.75  # of its period that an oscillation has lasted: before, it is a step
-MOVED, TURNED = 1e-3, 0.25  # rod travel that tells a way [m], share of it that is a way back
 STILL = 1.2e-3  # rod travel of a jam [m]
 RUBS_MOST, HOLDS_S = 0.6, 2.0  # friction holds no more of the stall force, seldom a rod for longer [s]
 JAM_S = 10.0  # so long a jam outlives its last evidence while the rod is still [s]
@@ -57,7 +56,6 @@ STATE = [
     ("likely_fault", "f8"),  # hypothesis
     ("rod_low", "f8", "m"),  # travel since the onset
     ("rod_high", "f8", "m"),
-    ("turned", "f8", "-"),  # 1 once the rod has turned round since the onset
     ("rod_slow", "f8", "m"),
     ("at_stop", "f8", "-"),  # 1 while the rod is at a stop
     ("same", "f8", (3,)),  # equal samples in a row
@@ -201,22 +199,14 @@ def follow(x, u, own, dt):
     if u.y_rod_valid > 0.5 and math.isfinite(u.y_rod):
         x.rod_slow += min(dt / 0.02, 1.0) * (u.y_rod - x.rod_slow)
     if not alarm:
-        x.likely = x.candidate = x.candidate_s = x.emptied = x.turned = 0.0
+        x.likely = x.candidate = x.candidate_s = x.emptied = 0.0
         x.rod_low = x.rod_high = x.rod_slow
         x.likely_hz = 0.0
         return
-    low, high = x.rod_slow - x.rod_low, x.rod_high - x.rod_slow
-    if high + low > MOVED and min(low, high) > TURNED * (low + high):
-        x.turned = 1.0
     x.rod_low, x.rod_high = min(x.rod_low, x.rod_slow), max(x.rod_high, x.rod_slow)
     if x.candidate < 0.5:
         return
     x.candidate_s += dt
-    # a runaway drives one way, an oscillation turns round
-    if x.likely == OPENED and x.turned < 0.5:
-        x.candidate_s = 0.0
-    if x.candidate == OPENED and (x.turned > 0.5 or x.rod_high - x.rod_low < MOVED):
-        x.candidate_s = 0.0
     if x.candidate == LET_GO and x.likely > 0.5:
         x.candidate_s = 0.0
     if x.likely == OF_LOAD and x.rod_high - x.rod_low < STILL:
