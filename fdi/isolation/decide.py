@@ -10,7 +10,7 @@ import math
 from actuators.block import kernel
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, SENSOR
 from fdi.isolation import evidence as ev
-from fdi.isolation import joined
+from fdi.isolation import joined, loose, sums
 from fdi.isolation.filter import N
 from fdi.isolation.sums import OCTAVES
 
@@ -46,6 +46,7 @@ STATE = [
     ("speaks", "f8", "-"),  # 1 while evidence stands for a fault
     ("speaking_s", "f8", "s"),  # time for which an alarm has stood
     ("ended", "f8"),  # 1 in the tick in which the evidence says that a fault of the actuator has healed
+    ("of_sensor", "f8"),  # 1 where what swings is the pressure sensor, by the last window that tells it from the valve
     ("emptied", "f8"),  # 1 once the windows were emptied at this alarm's onset
     ("candidate", "f8"),
     ("candidate_hz", "f8", "Hz"),  # of an oscillation, else 0
@@ -63,6 +64,7 @@ STATE = [
     ("step_last", "f8", (3,)),
     ("last_y", "f8", (3,)),
     *joined.STATE,
+    *loose.STATE,
     ("jam_most", "f8", "-"),  # largest load beyond the model since a jam is declared
     ("jam_s", "f8", "s"),  # since then
     ("likely_hz", "f8", "Hz"),  # of the oscillation that is named
@@ -97,9 +99,11 @@ def class_of(x, h):
 
 @kernel
 def told(x, h):
-    """Return the evidence of hypothesis `h`, of an oscillation perhaps in the parts of the window."""
+    """Return the evidence of hypothesis `h`, of an oscillation perhaps in the parts of the window, in any air."""
     if h == ev.ADDED or h == ev.IN_PLACE:
         return x.ev_told[h]
+    if h == ev.SWING_LOAD:
+        return x.ev[h] + x.ev_air
     return x.ev_told[2] if h == ev.SWING_PRESSURE else x.ev[h]
 
 
@@ -111,6 +115,9 @@ def hear(x, p, o):
         ratio = max(ratio, x.ev[h] / p.limit[h])
         if told(x, h) > told(x, at_best):
             at_best = h
+    more = told(x, ev.SWING_PRESSURE) - max(told(x, ev.ADDED), told(x, ev.IN_PLACE))
+    if math.fabs(more) > SURE:
+        x.of_sensor = 1.0 if more > 0.0 else 0.0
     mine, best = class_of(x, at_best), told(x, at_best)
     second = 0.0
     for h in range(ev.HYPOTHESES):
@@ -118,7 +125,7 @@ def hear(x, p, o):
             second = max(second, told(x, h))
     x.own[o], x.own_ratio[o], x.own_class[o], x.own_fault[o] = best, ratio, mine, at_best
     x.own_lead[o] = best - second
-    if best > x.ev[at_best]:
+    if at_best != ev.SWING_LOAD and best > x.ev[at_best]:
         x.own_hz[o], x.own_fits[o] = x.own_hz[o - 1], x.own_fits[o - 1]
         return
     n, Q, Q0 = x.ev_n, x.ev_Q[at_best], x.ev_Q[ev.HYPOTHESES]
@@ -160,7 +167,7 @@ def healed(x, p, o, dt):
     loss = x.likely == WEAK or x.likely == LET_GO  # shows only while the valve is told something
     if x.loud[o] < 1.0 or (loss and x.ev[h] > AGAINST):
         return False
-    apart = p.block * dt * (1 << min(o + 1, OCTAVES - 1))  # from one evaluation to the next (sums.octave)
+    apart = p.block * dt * sums.apart(o)
     x.silent[o] += apart
     swings = x.likely > 0.5 and h <= ev.SWING_LOAD
     least = SILENT_PART / max(x.likely_hz, 0.05) if swings else (0.0 if x.likely > 0.5 else SILENT_S)
@@ -201,7 +208,7 @@ def follow(x, u, own, dt):
     if not alarm:
         x.likely = x.candidate = x.candidate_s = x.emptied = 0.0
         x.rod_low = x.rod_high = x.rod_slow
-        x.likely_hz = 0.0
+        x.likely_hz = x.of_sensor = 0.0
         return
     x.rod_low, x.rod_high = min(x.rod_low, x.rod_slow), max(x.rod_high, x.rod_slow)
     if x.candidate < 0.5:
@@ -233,12 +240,12 @@ def merge(x, freeze):
     swings = x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID
     if x.verdict == NONE:
         x.verdict = AMBIGUOUS
-    if x.joined > 0.5 and x.sensor < 0.5 and x.jam < 0.5:
+    if x.loose > 0.5 or (x.joined > 0.5 and x.sensor < 0.5 and x.jam < 0.5):
         x.verdict, x.culprit = EFFECTIVENESS, 0.0
         return
     if x.likely == OF_PRESSURE and (swings or x.verdict == AMBIGUOUS) and x.sensor < 0.5:
         x.verdict, x.culprit = SENSOR, 3.0
-    elif swings and x.candidate == OF_PRESSURE and x.likely != LIQUID and x.likely != SOLID:
+    elif swings and x.of_sensor > 0.5 and x.likely != LIQUID and x.likely != SOLID:
         x.verdict = AMBIGUOUS
     elif x.verdict == JAM_SOLID and (x.likely == WEAK or x.likely == OF_LOAD) and x.rod_high - x.rod_low >= STILL:
         x.verdict = EFFECTIVENESS
