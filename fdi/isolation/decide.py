@@ -245,7 +245,7 @@ def merge(x, freeze):
         return
     if x.likely == OF_PRESSURE and (swings or x.verdict == AMBIGUOUS) and x.sensor < 0.5:
         x.verdict, x.culprit = SENSOR, 3.0
-    elif swings and x.of_sensor > 0.5 and x.likely != LIQUID and x.likely != SOLID:
+    elif swings and x.of_sensor > 0.5 and x.sensor < 0.5 and x.likely != LIQUID and x.likely != SOLID:
         x.verdict = AMBIGUOUS
     elif x.verdict == JAM_SOLID and (x.likely == WEAK or x.likely == OF_LOAD) and x.rod_high - x.rod_low >= STILL:
         x.verdict = EFFECTIVENESS
