@@ -40,7 +40,6 @@ PURE_SURE = 0.16  # share that an oscillation added leaves where the valve is kn
 PURE, FAIR = 0.08, 0.5  # share that a hypothesis leaves where it explains, where it may
 NOISY = 1.3  # and so many times what noise leaves
 DOUBT = 2.0  # proof to the contrary that forbids a name
-CLEARLY, DRIVEN = 1.25, 2.0  # times threshold and share of the command: what shows although noise has more energy
 LEAD = 12.0  # the next best hypothesis leaves so many variances more (twice the logarithm of the likelihoods' ratio)
 TAUGHT = 0.5  # of what the gain may be off by, where names are compared: one sigma, not the limit of an alarm
 PERIODS, SWITCH = 3.0, 5.0  # periods for which a name must be the best; ... where another has been given
@@ -56,9 +55,6 @@ STAYS, SAME_LEAST = 0.7, 0.6  # an oscillation found stays: least fit over its t
 SAME_HZ = 0.12  # votes agree on the frequency
 SHORT_HZ = 7.0  # above it any jolt fills the short window [Hz]
 SHORT_RATIO = 1.5  # the short window takes so many thresholds
-# what of rod - surface is faster than T_STEADY, its mean square over T_APART: noise leaves 0.05 mm rms, a sensor's
-# oscillation of 0.5 mm at 10 Hz, too fast for the pair test behind its lag, 0.16 mm
-T_STEADY, T_APART, APART = 0.1, 0.3, 1e-4  # [s], [s], [m]
 
 STATE = [
     ("slow_ratio", "f8", (SLOW_K,)),  # amplitude over its threshold
@@ -66,7 +62,6 @@ STATE = [
     ("sure", "f8", (2,)),  # of added and in place: periods of agreement
     ("clock", "f8"),  # time [s]
     ("declared", "f8"),  # 1 while one of the tests of `iotsekf` declares a fault
-    ("whole", "f8"),  # time for which all sensors have been used, undisturbed [s]
     ("rose", "f8"),  # when the alarm rose [s]
     ("vote_hz", "f8", (2,)),  # frequency of the last vote, added and in place [Hz]
     ("vote_first", "f8", (2,)),  # since when votes have agreed [s]
@@ -80,8 +75,6 @@ STATE = [
     ("opens", "f8"),  # 1 where the valve stands open since a jump
     ("run_side", "f8"),  # sign of the input fault when it was last large
     ("swings", "f8"),  # how often it has been large on the other side since: from twice on it oscillates
-    ("pair_steady", "f8"),  # rod - surface, lagged by T_STEADY [m]
-    ("pair_swing", "f8"),  # mean square of what is faster [m^2]
 ]
 
 
@@ -99,14 +92,6 @@ def forget(x, slow):
     for i in range(2):
         x.sure[i] = 0.0
         x.left[i] = 1.0
-
-
-@kernel
-def swings_apart(x, both, dt):
-    """Take a tick's filtered rod - surface, where `both` are measured: one that swings is a sensor's oscillation."""
-    x.pair_steady += dt / T_STEADY * (x.pair_d - x.pair_steady)
-    swing = x.pair_d - x.pair_steady if both else 0.0
-    x.pair_swing += dt / T_APART * (swing * swing - x.pair_swing)
 
 
 @kernel
@@ -242,12 +227,10 @@ def compare(x, p, H, L, W, S, B, n, h, variance, hz_L, hz_S, plain, stands, bonu
 
 
 @kernel
-def look(x, p, j, period, hz, h, r, b, clear):
+def look(x, p, j, period, hz, h, r, b):
     """Try both windows of an oscillation at `hz`; return (whether one shows, frequency [Hz], amplitude, kind).
 
     `period` is that of one period in samples of `h` seconds; `r` its amplitude in f over its threshold, `b` in w.
-    Where `r` is `clear` of it, a sine that leaves no more than noise in the long window shows, however little it is
-    beside that noise: of all frequencies together, which one frequency's amplitude does not feel.
     """
     seen = int(x.slow_seen if j == SLOW else x.bank_seen[j])
     found, at, amplitude = False, 0.0, 0.0
@@ -264,13 +247,12 @@ def look(x, p, j, period, hz, h, r, b, clear):
                 found, at = True, at_w
             continue
         H, L, W, S, allowed, at_L, at_S, a, B = oscillates(x, p, j, n, 6.283185307179586 / period)
-        small = clear and length == LONG and L <= NOISY * allowed
-        if H < BESIDE * allowed and not small:
+        if H < BESIDE * allowed:
             continue
         part = 0.25 if j == SLOW else 0.5
         now = windows.recent(x, j, max(int(part * period + 0.5), 2)) * n / H
         least_r = 1.0 if length == LONG else SHORT_RATIO
-        plain = r >= least_r and (L <= FAIR * H or small) and now > 0.1
+        plain = r >= least_r and L <= FAIR * H and now > 0.1
         stands = b >= 1.0 and S <= FAIR * W and S <= FAIR * B and now > 0.03
         if plain or stands:
             found = True
@@ -293,7 +275,6 @@ def search(x, p, renewed, fresh, blocked, teach, other, dt):
     looked for as well.
     """
     x.clock += dt
-    x.whole = 0.0 if blocked or x.form != 1.0 else x.whole + dt
     x.ofc_timer = max(x.ofc_timer - dt, 0.0)
     suspected = other or x.ofc_timer > 0.0
     if renewed > 0.5:
@@ -312,7 +293,7 @@ def search(x, p, renewed, fresh, blocked, teach, other, dt):
                 continue
             x.slow_ratio[k] = r
             x.r_ofc = max(x.r_ofc, r)
-            found, _at, amplitude = look(x, p, SLOW, period, p.slow_hz[k], SLOW_S, r, 1.0 if suspected else 0.0, False)
+            found, _at, amplitude = look(x, p, SLOW, period, p.slow_hz[k], SLOW_S, r, 1.0 if suspected else 0.0)
             x.slow_hit[k] = x.slow_hit[k] + 1.0 if found else 0.0
             if x.slow_hit[k] >= p.hits:
                 x.ofc_timer = p.t_release
@@ -349,11 +330,7 @@ def bank_search(x, p, blocked, teach, suspected, dt):
         j = int(p.bank_level[k])
         h = p.bank_block[j] * dt
         b = math.sqrt(bank.mixed(x, k, 1.0, 1.0)) / (x.coarse * p.sum_threshold[k]) if suspected else 0.0
-        drive = part * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
-        noise = x.coarse * p.bank_threshold[k]
-        clear = x.ratio[k] * (noise + drive) >= CLEARLY * noise + DRIVEN * drive
-        clear = clear and p.load == 2.0 and x.whole * p.bank_hz[k] > LONG
-        found, at, amplitude = look(x, p, j, 1.0 / (p.bank_hz[k] * h), p.bank_hz[k], h, x.ratio[k], b, clear)
+        found, at, amplitude = look(x, p, j, 1.0 / (p.bank_hz[k] * h), p.bank_hz[k], h, x.ratio[k], b)
         x.hit[k] = x.hit[k] + 1.0 if found else 0.0
         if x.hit[k] >= p.hits:
             x.ofc_timer = p.t_release
@@ -385,8 +362,7 @@ def conclude(x, jam, run):
     """Write `declared`, `verdict` and `culprit` of a hydraulic lane: the name that stands, else the sensor's pair.
 
     A name is given once, when it is sure; another takes its place only when that has been sure for long, or when the
-    valve has been asked and says otherwise; an oscillation has none while rod and surface swing apart. A jam takes the
-    place of any but a runaway.
+    valve has been asked and says otherwise. A jam takes the place of any but a runaway.
     """
     x.declared = 1.0 if x.sensor > 0.5 or jam or run or x.ofc_timer > 0.0 else 0.0
     if x.declared < 0.5:
@@ -397,17 +373,14 @@ def conclude(x, jam, run):
         return
     if (x.named == OFC_LIQUID and obeys.refuses(x)) or (x.named == OFC_SOLID and obeys.obeys(x)):
         x.named = NONE
-    apart = x.pair_swing > APART * APART
-    if apart and (x.named == OFC_LIQUID or x.named == OFC_SOLID):
-        x.named = NONE
     need = PERIODS if x.named == NONE or x.named == RUNAWAY else PERIODS + SWITCH
     if jam and x.named != RUNAWAY:
         x.named = JAM_SOLID
     elif x.named == NONE and run and x.opens > 0.5:
         x.named = RUNAWAY
-    elif x.sure[0] >= need and not apart:
+    elif x.sure[0] >= need:
         x.named = OFC_LIQUID
-    elif x.sure[1] >= need and not apart:
+    elif x.sure[1] >= need:
         x.named = OFC_SOLID
     x.verdict, x.culprit = AMBIGUOUS, 0.0
     if x.named != NONE:  # beside a sensor that is wrong, too: the filter goes on without it

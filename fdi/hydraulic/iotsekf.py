@@ -34,7 +34,7 @@ from fdi.common.verdict import NONE, RUNAWAY, SENSOR
 from fdi.hydraulic import hypotheses, noise, obeys, opened, pressure_test, windows
 from fdi.hydraulic import separate_bias as two_stage
 from fdi.isolation import decide as by_evidence
-from fdi.isolation import filter, joined, likelihood
+from fdi.isolation import filter, joined, likelihood, loose
 from fdi.isolation.evidence import HYPOTHESES
 
 CULPRITS = ("", "rod", "surface", "pressure")
@@ -296,7 +296,6 @@ def decide(x, u, p, dt):
         x.rigging, slack = decision.lever_at(x, x.h_hat[0])
     motion = model_velocity(x, p)
     decision.pair_test(x, u.y_rod + bulk, rod, y_surface, surface, motion, x.x_hat[3], slack, known, p, dt)
-    hypotheses.swings_apart(x, rod > 0.5 and surface > 0.5, dt)
     pressure = usable(u.y_dp, u.y_dp_valid) if p.load == 2.0 else 0.0
     e_rod = u.y_rod - p.arm * u.y_surface - x.rigging - x.pair_d if surface > 0.5 else x.gamma_rod
     d = min(int(p.delay), two_stage.HISTORY - 2)
@@ -335,8 +334,6 @@ def decide(x, u, p, dt):
     ran_before = x.run
     x.run_timer, x.run = confirm(x.run_timer, x.run, ran, weighed, p.run_confirm, p.t_release)
     x.step_age += dt
-    if x.run > ran_before:
-        pressure_test.take_back(x)
     if x.run < 0.5:
         x.run_side, x.swings = 0.0, 0.0
     elif ran:
@@ -396,6 +393,7 @@ def step(x, u, p, dt):
     if x.ended > 0.5:  # what the rings hold is of the fault that has healed
         hypotheses.forget(x, True)
     joined.ask(x, u, p, dt)
+    loose.ask(x, x.x_hat[0], dt)
     by_evidence.follow(x, u, x.declared > 0.5, dt)
     x.alarm = x.declared
     by_evidence.merge(x, by_evidence.frozen(x, u, dt))

@@ -29,8 +29,6 @@ from fdi.common.decision import usable
 # The crest of an oscillation is as flat, but begins before: by more than STEP_BEFORE of it in the sample before. A
 # pulse of the valve of one tick that is not obeyed is as sudden and stays: up to STEP_VALVE of it is the valve's
 STEP_SIGMA, STEP_LEAST, STEP_WAIT, STEP_STAYS, STEP_BEFORE, STEP_VALVE = 6.0, 0.045, 5, 0.3, 0.5, 1.5
-# An input fault declared within STEP_DOUBT of taking a jump made it: the jump is taken back [s]
-STEP_DOUBT = 1.0
 # An offset is dropped when the load beyond the model has for DROP_TIME moved by it, to the shares DROP, from its mean
 # over about USUAL_TAU before it was taken: a false offset moves the load by itself, a real one does not. The servo
 # answers the estimate that has moved, faster than a filter of slow ticks foresees: no jump within SETTLES [s]
@@ -52,7 +50,6 @@ PARAMS = [
 ]
 STATE = [
     ("dp_offset", "f8", "-"),  # bias that the pressure sensor was found to have
-    ("step_taken", "f8", "-"),  # what the last jump added to it
     ("step_age", "f8", "s"),  # since then
     ("step_count", "f8", "-"),  # samples since a jump of the pressure
     ("dp_nis", "f8", "-"),  # squared innovation over its variance, lagged: noise beside what the filter assumes
@@ -134,17 +131,9 @@ def judge(x, y, p):
         after = before + 0.5 * (e + x.step_dp)
         # a step back to less than a step that could be seen is a sensor that is right again
         x.dp_offset = 0.0 if before != 0.0 and math.fabs(after) < STEP_LEAST else after
-        x.step_taken, x.step_age = x.dp_offset - before, 0.0
-        return y - x.step_taken, True
+        x.step_age = 0.0
+        return y - (x.dp_offset - before), True
     return y, True
-
-
-@kernel
-def take_back(x):
-    """Take back a jump that was just taken for the sensor's, where an input fault is declared: it is the valve's."""
-    if x.step_age < STEP_DOUBT:
-        x.dp_offset -= x.step_taken
-    x.step_taken = 0.0
 
 
 @kernel
@@ -162,7 +151,7 @@ def keep(x, other, dt):
         x.x_bar[2] += x.dp_offset
         x.x_bar[3] -= x.dp_offset
         x.excess -= x.dp_offset
-        x.dp_offset = x.step_taken = x.drop_timer = x.step_age = 0.0
+        x.dp_offset = x.drop_timer = x.step_age = 0.0
 
 
 @kernel

@@ -10,7 +10,7 @@ import math
 from actuators.block import kernel
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, SENSOR
 from fdi.isolation import evidence as ev
-from fdi.isolation import joined
+from fdi.isolation import joined, loose, sums
 from fdi.isolation.filter import N
 from fdi.isolation.sums import OCTAVES
 
@@ -26,7 +26,6 @@ HELD_S, HELD_WEAK_S = 0.1, 1.0  # a name must stand so long; a loss, whose comma
 OUTSIDE = 3.0  # standard deviations of the tolerances
 RELEASE_S = 1.0  # an alarm outlives its evidence by this [s]
 PART = 0.75  # of its period that an oscillation has lasted: before, it is a step
-MOVED, TURNED = 1e-3, 0.25  # rod travel that tells a way [m], share of it that is a way back
 STILL = 1.2e-3  # rod travel of a jam [m]
 RUBS_MOST, HOLDS_S = 0.6, 2.0  # friction holds no more of the stall force, seldom a rod for longer [s]
 JAM_S = 10.0  # so long a jam outlives its last evidence while the rod is still [s]
@@ -47,6 +46,7 @@ STATE = [
     ("speaks", "f8", "-"),  # 1 while evidence stands for a fault
     ("speaking_s", "f8", "s"),  # time for which an alarm has stood
     ("ended", "f8"),  # 1 in the tick in which the evidence says that a fault of the actuator has healed
+    ("of_sensor", "f8"),  # 1 where what swings is the pressure sensor, by the last window that tells it from the valve
     ("emptied", "f8"),  # 1 once the windows were emptied at this alarm's onset
     ("candidate", "f8"),
     ("candidate_hz", "f8", "Hz"),  # of an oscillation, else 0
@@ -57,7 +57,6 @@ STATE = [
     ("likely_fault", "f8"),  # hypothesis
     ("rod_low", "f8", "m"),  # travel since the onset
     ("rod_high", "f8", "m"),
-    ("turned", "f8", "-"),  # 1 once the rod has turned round since the onset
     ("rod_slow", "f8", "m"),
     ("at_stop", "f8", "-"),  # 1 while the rod is at a stop
     ("same", "f8", (3,)),  # equal samples in a row
@@ -65,6 +64,7 @@ STATE = [
     ("step_last", "f8", (3,)),
     ("last_y", "f8", (3,)),
     *joined.STATE,
+    *loose.STATE,
     ("jam_most", "f8", "-"),  # largest load beyond the model since a jam is declared
     ("jam_s", "f8", "s"),  # since then
     ("likely_hz", "f8", "Hz"),  # of the oscillation that is named
@@ -99,9 +99,11 @@ def class_of(x, h):
 
 @kernel
 def told(x, h):
-    """Return the evidence of hypothesis `h`, of an oscillation perhaps in the parts of the window."""
+    """Return the evidence of hypothesis `h`, of an oscillation perhaps in the parts of the window, in any air."""
     if h == ev.ADDED or h == ev.IN_PLACE:
         return x.ev_told[h]
+    if h == ev.SWING_LOAD:
+        return x.ev[h] + x.ev_air
     return x.ev_told[2] if h == ev.SWING_PRESSURE else x.ev[h]
 
 
@@ -113,6 +115,9 @@ def hear(x, p, o):
         ratio = max(ratio, x.ev[h] / p.limit[h])
         if told(x, h) > told(x, at_best):
             at_best = h
+    more = told(x, ev.SWING_PRESSURE) - max(told(x, ev.ADDED), told(x, ev.IN_PLACE))
+    if math.fabs(more) > SURE:
+        x.of_sensor = 1.0 if more > 0.0 else 0.0
     mine, best = class_of(x, at_best), told(x, at_best)
     second = 0.0
     for h in range(ev.HYPOTHESES):
@@ -120,7 +125,7 @@ def hear(x, p, o):
             second = max(second, told(x, h))
     x.own[o], x.own_ratio[o], x.own_class[o], x.own_fault[o] = best, ratio, mine, at_best
     x.own_lead[o] = best - second
-    if best > x.ev[at_best]:
+    if at_best != ev.SWING_LOAD and best > x.ev[at_best]:
         x.own_hz[o], x.own_fits[o] = x.own_hz[o - 1], x.own_fits[o - 1]
         return
     n, Q, Q0 = x.ev_n, x.ev_Q[at_best], x.ev_Q[ev.HYPOTHESES]
@@ -162,7 +167,7 @@ def healed(x, p, o, dt):
     loss = x.likely == WEAK or x.likely == LET_GO  # shows only while the valve is told something
     if x.loud[o] < 1.0 or (loss and x.ev[h] > AGAINST):
         return False
-    apart = p.block * dt * (1 << min(o + 1, OCTAVES - 1))  # from one evaluation to the next (sums.octave)
+    apart = p.block * dt * sums.apart(o)
     x.silent[o] += apart
     swings = x.likely > 0.5 and h <= ev.SWING_LOAD
     least = SILENT_PART / max(x.likely_hz, 0.05) if swings else (0.0 if x.likely > 0.5 else SILENT_S)
@@ -201,22 +206,14 @@ def follow(x, u, own, dt):
     if u.y_rod_valid > 0.5 and math.isfinite(u.y_rod):
         x.rod_slow += min(dt / 0.02, 1.0) * (u.y_rod - x.rod_slow)
     if not alarm:
-        x.likely = x.candidate = x.candidate_s = x.emptied = x.turned = 0.0
+        x.likely = x.candidate = x.candidate_s = x.emptied = 0.0
         x.rod_low = x.rod_high = x.rod_slow
-        x.likely_hz = 0.0
+        x.likely_hz = x.of_sensor = 0.0
         return
-    low, high = x.rod_slow - x.rod_low, x.rod_high - x.rod_slow
-    if high + low > MOVED and min(low, high) > TURNED * (low + high):
-        x.turned = 1.0
     x.rod_low, x.rod_high = min(x.rod_low, x.rod_slow), max(x.rod_high, x.rod_slow)
     if x.candidate < 0.5:
         return
     x.candidate_s += dt
-    # a runaway drives one way, an oscillation turns round
-    if x.likely == OPENED and x.turned < 0.5:
-        x.candidate_s = 0.0
-    if x.candidate == OPENED and (x.turned > 0.5 or x.rod_high - x.rod_low < MOVED):
-        x.candidate_s = 0.0
     if x.candidate == LET_GO and x.likely > 0.5:
         x.candidate_s = 0.0
     if x.likely == OF_LOAD and x.rod_high - x.rod_low < STILL:
@@ -243,12 +240,12 @@ def merge(x, freeze):
     swings = x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID
     if x.verdict == NONE:
         x.verdict = AMBIGUOUS
-    if x.joined > 0.5 and x.sensor < 0.5 and x.jam < 0.5:
+    if x.loose > 0.5 or (x.joined > 0.5 and x.sensor < 0.5 and x.jam < 0.5):
         x.verdict, x.culprit = EFFECTIVENESS, 0.0
         return
     if x.likely == OF_PRESSURE and (swings or x.verdict == AMBIGUOUS) and x.sensor < 0.5:
         x.verdict, x.culprit = SENSOR, 3.0
-    elif swings and x.candidate == OF_PRESSURE and x.likely != LIQUID and x.likely != SOLID:
+    elif swings and x.of_sensor > 0.5 and x.sensor < 0.5 and x.likely != LIQUID and x.likely != SOLID:
         x.verdict = AMBIGUOUS
     elif x.verdict == JAM_SOLID and (x.likely == WEAK or x.likely == OF_LOAD) and x.rod_high - x.rod_low >= STILL:
         x.verdict = EFFECTIVENESS

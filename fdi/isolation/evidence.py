@@ -11,16 +11,16 @@ import math
 
 from actuators.block import kernel
 from fdi.common.decision import lever_variance
-from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SCALE, SENSORS, SETTLES_S, SOFT, SUPPLY, N
-from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, PAIRS, PARTED, WAVES, gather
+from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SCALE, SENSORS, SOFT, SUPPLY, N
+from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, OCTAVES, PAIRS, PARTED, WAVES, gather
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
 LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, FREE = range(6, 13)
 NOISE_ROD, NOISE_SURFACE, NOISE_PRESSURE, PAIR, OFF_PRESSURE, SCALED_PRESSURE, DRIVEN = range(13, 20)
 HYPOTHESES = 20
 NU = 50.0
-NOISE_LEAST = 0.05  # of the sensors' variance: one that reports no noise at all is not that good
 APART = 0.1  # least share of the gain's column that no oscillation explains: responses are those of rest
+GUST = 2.0  # times what the load of this air usually swings by, that it may swing by
 WHITE = 0.1  # noise is not correlated more from tick to tick
 LEAST = 3.0  # Q is no less than noise leaves, by so many sigma
 
@@ -70,6 +70,9 @@ STATE = [
     ("ev_base", "f8"),  # logarithm of the likelihood of health
     ("ev_told", "f8", (PARTED,)),  # evidence of oscillations, perhaps in the parts of the window
     ("ev_hz", "f8", (6,), "Hz"),
+    ("ev_air", "f8"),  # evidence that a load swings no more than it usually does in this air
+    ("ev_load2", "f8"),  # mean square of the amplitudes of a load that swings
+    ("air_load2", "f8", (OCTAVES,)),  # what that usually is in this air, by octave
 ]
 
 
@@ -352,10 +355,8 @@ def evaluate(x, p, o):
     x.prior[1, FLOW] = p.open_sd
     logdet = first + factor(x, LEAK)
     give(x, OPEN, left(x), logdet, n, base)
-    # let go: the valve is cut off, the chambers are joined
-    health(x)
-    x.prior[0, GAIN], x.prior[1, GAIN] = gone, p.gone_sd
-    x.prior[0, FAST], x.prior[1, FAST] = -1.0 - x.mu[FAST], p.gone_sd
+    # let go: the valve passes nothing, the chambers are joined
+    x.prior[1, FLOW] = x.sd[FLOW]
     x.prior[0, LEAK], x.prior[1, LEAK] = p.bypass, 0.3 * p.bypass
     logdet = first + factor(x, LEAK)
     give(x, FREE, left(x), logdet, n, base)
@@ -402,48 +403,13 @@ def evaluate(x, p, o):
             Q, more = beside(x, Q_gone, r_gone, pivot2_gone)
             give(x, IN_PLACE, Q, logdet_gone + logdet + more, n, base)
             heard(x, p, o, IN_PLACE)
-
-
-@kernel
-def teach(x, p, dt):
-    """Take the lesson of the shortest window: the columns, and each sensor's noise."""
-    span = p.length[0] * p.block * dt
-    keep = math.exp(-span / p.memory)
-    J = x.window_J[0]
-    for a in range(N):
-        lesson = x.window_b[0, a]
-        for b in range(N):
-            lesson += J[at(a, b)] * x.mu[b]
-        x.lesson_b[a] = keep * x.lesson_b[a] + lesson
-    for i in range(PAIRS):
-        x.lesson_J[i] = keep * x.lesson_J[i] + J[i]
-    share = span / min(p.memory, max(x.h_clock - SETTLES_S, span))
-    for j in range(SENSORS):
-        n = x.window_t[0, NUMBER, j]
-        if n > 0.0:
-            ratio = min(x.window_t[0, ENERGY, j] / n, 2.0)
-            x.noise[j] = max(x.noise[j] * (1.0 + share * (ratio - 1.0)), NOISE_LEAST)
-
-
-@kernel
-def solve(x, p):
-    """Solve for the learned errors and their standard deviations."""
-    L = x.LL
-    for i in range(N):
-        x.prior[1, i] = p.prior_sd[i]
-    for i in range(PAIRS):
-        x.JJ[i] = x.lesson_J[i]
-    factor(x, 0)
-    for a in range(N):
-        i = a * (a + 1) // 2
-        v = x.lesson_b[a] + p.prior_mean[a] / (p.prior_sd[a] * p.prior_sd[a])
-        for k in range(a):
-            v -= L[i + k] * x.yy[k]
-        x.yy[a] = v / L[i + a]
-    for a in range(N - 1, -1, -1):
-        v = x.yy[a]
-        for k in range(a + 1, N):
-            v -= L[k * (k + 1) // 2 + a] * x.mu[k]
-        x.mu[a] = v / L[a * (a + 3) // 2]
-    for i in range(N):
-        x.sd[i] = math.sqrt(inverse(x, i) + p.floor * p.floor * p.prior_sd[i] * p.prior_sd[i])
+    x.ev_load2 = 0.0
+    for a in range(WAVES):
+        x.ev_load2 += x.ca[a] * x.ca[a] / WAVES
+    usual, x.ev_air = GUST * math.sqrt(x.air_load2[o]), 0.0
+    if usual > 0.0 and x.ev[SWING_LOAD] > 0.0:
+        columns(x, p, o, ears, 4)
+        logdet = factor_columns(x, usual)
+        Q, more = beside(x, E, r, pivot2_health)
+        x.ev_air = max(logarithm(Q, n) - 0.5 * (logdet_health + logdet + more) - base, 0.0)
+        x.ev[SWING_LOAD] -= x.ev_air

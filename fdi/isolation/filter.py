@@ -70,7 +70,6 @@ STATE = [
     ("h_S", "f8", (SENSORS, N)),  # signatures of this tick
     *LEVER_STATE,
     ("h_z", "f8", "-"),  # pressure by the model alone: what flow and force make of it, slowly drawn to the load's
-    ("fresh", "f8", (N,)),  # what it has not
     ("fed", "f8", (N,)),  # learned errors that the prediction has taken up, lagged by FEED_TAU
     ("h_e", "f8", (SENSORS,)),  # innovations, less what the learned errors explain
     ("h_s", "f8", (SENSORS,)),  # their variances; 0: no sample
@@ -126,7 +125,7 @@ def start(x, q, dp, u, p):
 
 
 @kernel
-def measure(x, j, y, p):
+def measure(x, j, y, mu, p):
     """Take sensor `j`; write its cleaned innovation, its variance and the signatures."""
     row = 2 if j == 2 else 0
     P = x.h_P
@@ -146,8 +145,8 @@ def measure(x, j, y, p):
         S[SCALE] += x.h_z  # the estimate of z has the noise of the innovations before this one
     even, odd = 0.0, 0.0  # two sums side by side: each waits for its own last term only
     for c in range(0, N, 2):
-        even += x.fresh[c] * S[c]
-        odd += x.fresh[c + 1] * S[c + 1]
+        even += (mu[c] - x.fed[c]) * S[c]
+        odd += (mu[c + 1] - x.fed[c + 1]) * S[c + 1]
     for c in range(N):
         V[0, c] -= k0 * S[c]
     for c in range(N):
@@ -168,25 +167,23 @@ def measure(x, j, y, p):
 @kernel
 def measurement_update(x, u, mu, p, dt):
     """Take what is valid of rod, surface and pressure."""
-    for c in range(N):
-        x.fresh[c] = mu[c] - x.fed[c]
     for j in range(SENSORS):
         x.h_s[j] = 0.0
         x.h_lost[j] += dt
     rod = u.y_rod_valid > 0.5 and math.isfinite(u.y_rod)
     surface = u.y_surface_valid > 0.5 and math.isfinite(u.y_surface)
     if rod:
-        measure(x, ROD, u.y_rod, p)
+        measure(x, ROD, u.y_rod, mu, p)
         x.h_lost[ROD] = 0.0
     if surface:
         y = p.arm * u.y_surface
         if rod and x.sensor < 0.5 and math.fabs(x.pair_d) < APART * x.pair_limit:
             learn_lever(x, u.y_rod - y, x.h_hat[0], p.h_r[ROD] + p.h_r[SURFACE], dt)
         if x.lever_P[0] < RIGGING_SD * RIGGING_SD:
-            measure(x, SURFACE, y + x.lever_offset + x.lever * x.h_hat[0], p)
+            measure(x, SURFACE, y + x.lever_offset + x.lever * x.h_hat[0], mu, p)
             x.h_lost[SURFACE] = 0.0
     if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp):
-        measure(x, PRESSURE, u.y_dp, p)
+        measure(x, PRESSURE, u.y_dp, mu, p)
         x.h_lost[PRESSURE] = 0.0
 
 

@@ -213,3 +213,9 @@ def octave(blocks):
         n //= 2
         o += 1
     return o
+
+
+@kernel
+def apart(o):
+    """Return how many blocks apart octave `o` is evaluated where every block asks."""
+    return 1 << min(o + 1, OCTAVES - 1)

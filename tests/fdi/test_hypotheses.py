@@ -161,30 +161,6 @@ def test_a_name_that_the_valve_contradicts_is_taken_back(name, proof, deaf):
     assert x["verdict"] == verdict.AMBIGUOUS and x["declared"] == 1.0
 
 
-@pytest.mark.parametrize("name", [verdict.OFC_LIQUID, verdict.OFC_SOLID])
-def test_an_oscillation_has_no_name_while_rod_and_surface_swing_apart(name):
-    sure = (9.0, 0.0) if name == verdict.OFC_LIQUID else (0.0, 9.0)
-    x = concluded(sure=sure, pair_swing=0.5 * hypotheses.APART**2)
-    assert x.verdict == name
-    x.pair_swing = 2.0 * hypotheses.APART**2
-    hypotheses.conclude(x, False, False)
-    assert x.verdict == verdict.AMBIGUOUS and x.declared == 1.0
-
-
-def test_a_sensors_oscillation_swings_apart_and_a_gap_does_not():
-    dt, rng = 0.005, np.random.default_rng(7)
-    for size, hz, apart in ((5e-4, 10.0, True), (5e-4, 5.0, True), (3e-3, 0.0, False), (0.0, 1.0, False)):
-        x = state()
-        for k in range(800):
-            d = size * np.cos(2.0 * np.pi * hz * k * dt) + 1.7e-4 * rng.standard_normal()
-            x.pair_d += (1.0 - np.exp(-dt / 0.03)) * (d - x.pair_d)
-            hypotheses.swings_apart(x, True, dt)
-        assert (x.pair_swing > hypotheses.APART**2) == apart
-        for _ in range(800):
-            hypotheses.swings_apart(x, False, dt)
-        assert x.pair_swing < hypotheses.APART**2
-
-
 @pytest.mark.parametrize("times", [1.0, 2.0, 6.0])
 def test_a_rods_noise_is_heard_and_its_motion_is_not(times):
     rng, dt = np.random.default_rng(5), 0.005
@@ -246,13 +222,3 @@ def test_a_manoeuvre_does_not_end_the_alarm_of_a_small_oscillation():
     rose = int(np.argmax(on))
     assert 12.0 < rose * 0.005 < 15.0 and on[rose:].all()
     assert set(log["verdict"][rose:]) <= {verdict.AMBIGUOUS, verdict.OFC_LIQUID}
-
-
-def test_a_sine_that_is_little_beside_the_noise_of_all_frequencies_shows_by_its_own():
-    """0.3 mm at 2.4 Hz in still air: less than half of the window's energy, and twice what its frequency has."""
-    keys = {"duration_s": 14.5, "faults.0.start_s": 12, "faults.0.frequency_hz": 2.4, "faults.0.amplitude_mm": 0.3,
-            "detectors.enabled": '["iotsekf"]'}  # fmt: skip
-    inputs = wires(iotsekf, "left_inner")
-    frame = fly(load_scenario("liquid-ofc", [f"{k}={v}" for k, v in keys.items()]), inputs.values())
-    on = watch(frame, iotsekf, iotsekf.params(), ("alarm",), ("left_inner",))[0]["alarm"] > 0.5
-    assert 12.0 < int(np.argmax(on)) * 0.005 <= 12.0 + 3.0 / 2.4

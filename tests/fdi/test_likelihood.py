@@ -6,12 +6,13 @@ import math
 import numpy as np
 import pytest
 
+from actuators.hydraulic.lu17 import stiffness
 from cosim.flight.loop.signals import fly, inputs
 from cosim.scenario.catalog import SEGMENTS
 from cosim.training.flights import scenario
 from fdi.common import verdict
 from fdi.hydraulic import iotsekf
-from fdi.isolation import evidence, filter, joined, response, sums
+from fdi.isolation import evidence, filter, joined, lessons, response, sums
 
 pytestmark = pytest.mark.usefixtures("plain_kernels")
 
@@ -237,3 +238,41 @@ def test_only_a_rod_that_its_pressure_moves_through_the_bypass_is_let_go(phase):
             u["y_rod"], u["y_dp"] = q[k], z[k]
             joined.ask(x, u, p, DT)
         assert x["joined"] == let_go
+
+
+def test_a_load_is_judged_against_how_it_swings_in_this_air():
+    """What is left is the logarithm of two priors' likelihoods: that of a fault, that of twice the usual swing."""
+    rng, n = np.random.default_rng(11), round(9.0 / DT)
+    u = np.zeros((1, n), iotsekf.INPUTS)
+    for name in ("y_rod_valid", "y_surface_valid", "y_dp_valid"):
+        u[name] = 1.0
+    p, octave, angle = designed().copy(), 3, 2.0 * np.pi * 1.1 * DT * np.arange(n)
+    z = 0.06 * np.sin(angle)  # the valve is closed: the rod yields as the oil does
+    q = -z / stiffness(0.0, p[0])
+    u["y_rod"] = q + 1e-4 * rng.standard_normal(n)
+    u["y_surface"] = (q + 1e-4 * rng.standard_normal(n)) / p["arm"][0]
+    u["y_dp"] = z + 5e-3 * rng.standard_normal(n)
+    p["asks"], p["limit"] = 2.0, 1e9
+    x = iotsekf.init(p)
+    iotsekf.rollout(x, u, p, DT)
+    x = x[0]
+
+    def evidence_of(sd, usual=0.0):
+        p["sine_sd"][0, 4], x.air_load2[octave] = sd, usual
+        evidence.evaluate(x, p[0], octave)
+        return x.ev[evidence.SWING_LOAD]
+
+    sd, usual = 0.05, 0.004
+    alone, in_air = evidence_of(sd), evidence_of(evidence.GUST * usual)
+    assert alone > 0.0 and in_air > 0.0
+    assert evidence_of(sd, usual * usual) == pytest.approx(alone - in_air, rel=1e-9)
+
+
+def test_what_is_foreign_to_the_air_teaches_no_more_than_twice_the_usual():
+    p, x = designed()[0], iotsekf.init(designed())[0]
+    x.ev_load2 = 1e-6
+    lessons.breathe(x, p, 2, 0.3)
+    assert x.air_load2[2] == 1e-6
+    x.ev_load2 = 1e-2
+    lessons.breathe(x, p, 2, 0.3)
+    assert x.air_load2[2] == pytest.approx(1e-6 * (1.0 + 0.3 / p.memory * (lessons.FOREIGN**2 - 1.0)))

@@ -148,15 +148,6 @@ def test_a_jump_is_the_sensors_unless_an_input_fault_is_declared():
     assert x["dp_offset"] == 0.0 and all(used)
 
 
-def test_a_jump_that_an_input_fault_follows_at_once_is_taken_back_and_an_older_one_stays():
-    for age, offset in ((0.2, 0.0), (pressure_test.STEP_DOUBT, 0.4)):
-        x, _ = jumps(0.0)
-        x["step_age"] = age
-        pressure_test.take_back(x)
-        pressure_test.take_back(x)
-        assert x["dp_offset"] == pytest.approx(offset)
-
-
 def test_a_jump_back_ends_the_offset_also_where_the_two_jumps_are_not_the_same():
     for back, left in ((-0.43, 0.0), (-0.2, 0.2)):
         x, _ = jumps(0.0)
