@@ -269,7 +269,8 @@ def rows(found: list[Hypothesis], technology: dict[str, str], rates: dict) -> tu
     kept = {(detector, k): keeps(detector, rates, k) for detector in (*LOCAL, *AIRCRAFT) for k in phases}
     of_kind: dict[tuple, tuple] = {}
     index: dict[bytes, int] = {}
-    row, made = np.zeros((len(found), len(LANES))), []
+    row = np.zeros((len(found), len(LANES)))
+    made: list[tuple[np.ndarray, ...]] = []
     for i, h in enumerate(found):
         for j, (detector, lane) in enumerate(LANES):
             seen, own = lane in WIDE or lane in h.segments, h
