@@ -28,8 +28,9 @@ from fdi.common.verdict import class_name
 from fdi.joint import joint, places, tables
 
 CAMPAIGN, FIRST_SEED, DRAWS = "joint", 40_000, 35
-NOT_LEARNED = ("pairs", "kinds not in the rates", "fault-free")  # parts of the campaign that begin so
+NOT_LEARNED = ("pairs", "kinds not in the rates")  # parts of the campaign that begin so
 LEAST_RUNS = 20  # of every fault: with ten, what nobody has missed is missed in one of 25 by the records' weight
+WITHOUT, WITHOUT_RUNS = "fault-free", 1200  # part without a fault: 20 hours
 WITHIN_S = 15.0
 
 
@@ -37,8 +38,10 @@ WITHIN_S = 15.0
 def scenarios(first_seed: int = FIRST_SEED) -> list[Scenario]:
     """Return the training flights, without `joint`: all of them at each call, so that a process makes them once."""
     whole = load_campaign(CAMPAIGN)
-    learned = (p for p in whole.parts if not p.name.startswith(NOT_LEARNED))
-    parts = tuple(dataclasses.replace(p, runs=max(p.runs, LEAST_RUNS)) for p in learned)
+    parts = tuple(
+        dataclasses.replace(p, runs=WITHOUT_RUNS if p.name == WITHOUT else max(p.runs, LEAST_RUNS))
+        for p in whole.parts if not p.name.startswith(NOT_LEARNED)
+    )  # fmt: skip
     made, _ = dataclasses.replace(whole, parts=parts, seed=DRAWS, first_seed=first_seed).scenarios()
     quiet = [s.detectors.model_copy(update={"enabled": tuple(d for d in s.running if d != "joint")}) for s in made]
     return [s.model_copy(update={"detectors": own}) for s, own in zip(made, quiet)]
@@ -50,31 +53,37 @@ def surveyed(index: int, first_seed: int = FIRST_SEED) -> dict[str, Any]:
 
 
 def told(scenario: Scenario) -> dict[str, Any]:
-    """Fly a scenario with one fault and return plain data: the `kind` of the fault, its `segments`, whether it is on
-    the `right` side, the `technology` of all segments, of every lane that could judge [detector, lane, token or "",
-    seconds after the first witness], and `before` the fault {detector: [alarms, minutes]}."""
+    """Fly a scenario with one fault or none and return plain data: the `kind` of the fault, its `segments`, whether it
+    is on the `right` side, the `technology` of all segments, of every lane that could judge [detector, lane, `_tokens`,
+    seconds after the first witness], and `before` the fault {detector: [alarms that still stood in each of
+    `tables.PHASES`, minutes]}."""
     setup = build(scenario)
     index, finer = columns(setup)
     trace, _, _ = fly(setup, keep=(index, np.float32))
     dt = setup.loop.dt
-    start = round(scenario.faults[0].start_s / dt)
+    start = round(scenario.faults[0].start_s / dt) if scenario.faults else len(trace)
     end = min(len(trace), start + round(WITHIN_S / dt))
     rises: dict[int, float] = {}
-    said: list[list[str]] = []
-    before: dict[str, list] = {}  # alarms without a fault, minutes in which it is valid
+    said: list[list[Any]] = []
+    before: dict[str, list] = {}  # alarms without a fault that stand for each phase, minutes in which it is valid
     for w in setup.trace.watches({}):
-        able, counts = valid(w, trace[:start]), before.setdefault(w.id, [0, 0.0])
-        counts[0] += int(able[onsets(trace[:start, w.alarm])].sum())
-        counts[1] = max(counts[1], round(able.sum() * dt / 60.0, 3))
+        able, on = valid(w, trace[:start]), trace[:start, w.alarm] > 0.5
+        counts = before.setdefault(w.id, [*(0 for _ in tables.PHASES), 0.0])
+        for begins in onsets(on)[able[onsets(on)]]:
+            stands = dt * (np.argmin(on[begins:]) or start - begins)
+            for k, age in enumerate(tables.PHASES):
+                counts[k] += int(stands >= age)
+        counts[-1] = max(counts[-1], round(float(able.sum()) * dt / 60.0, 3))
         rise = onsets(trace[:, w.alarm])
         rise = rise[(rise >= start) & (rise < end)]
-        if len(rise) or valid(w, trace[start : start + 1]).all():
-            token = _token(w, trace[start:end], finer.get((w.id, w.target), {})) if len(rise) else ""
+        if len(rise) or (start < end and valid(w, trace[start : start + 1]).all()):
+            own = finer.get((w.id, w.target), {})
+            tokens = _tokens(w, trace[rise[0] : end], own, dt) if len(rise) else []
             rises[len(said)] = rise[0] * dt if len(rise) else np.inf
-            said.append([w.id, w.target.removeprefix("elevator."), token])
+            said.append([w.id, w.target.removeprefix("elevator."), tokens])
     first = min(rises.values(), default=np.inf)
-    lanes = [[*s, round(rises[i] - first, 3) if s[2] else None] for i, s in enumerate(said)]
-    kind, segments = kind_of(scenario)
+    lanes = [[*s, round(float(rises[i] - first), 3) if s[2] else None] for i, s in enumerate(said)]
+    kind, segments = kind_of(scenario) if scenario.faults else ("", ())
     right = bool(segments) and all(s.startswith("right") for s in segments)
     own = dict(scenario.elevator.technology)
     return {"kind": kind, "segments": list(segments), "technology": own, "right": right, "lanes": lanes,
@@ -94,19 +103,26 @@ def columns(setup: Any) -> tuple[np.ndarray, dict]:
     return np.array(index), finer
 
 
-def _token(watch: Watch, trace: np.ndarray, finer: dict[str, int]) -> str:
-    """Return the token that stood longest; what tells more than a class stands while the alarm does."""
-    more, said = registry.record(watch.id).finer, []
+def _tokens(watch: Watch, trace: np.ndarray, finer: dict[str, int], dt: float) -> list[str]:
+    """Return the token that stood longest in each of `tables.PHASES` of the alarm that `trace` begins with, that of the
+    phase before where none stood in one; what tells more than a class stands while the alarm does."""
+    more, out = registry.record(watch.id).finer, []
     kinds: tuple[str, ...] = ()
     own = trace[:, [watch.alarm, watch.verdict, watch.culprit, *finer.values()]].astype(int)
-    for on, verdict, culprit, *values in own.tolist():
-        if not on:
-            kinds = ()
-            continue
-        kinds = next((more[o][v] for o, v in zip(finer, values, strict=True) if v in more[o]), kinds)
-        said.append((verdict, culprit, kinds))
-    (verdict, culprit, kinds), _ = Counter(said).most_common(1)[0]
-    return tables.name(watch.id, class_name(verdict or 9), watch.culprits[culprit], kinds)
+    for rows in np.split(own, [round(age / dt) for age in tables.PHASES[1:]]):
+        said: Counter = Counter()
+        for on, verdict, culprit, *values in rows.tolist():
+            if not on:
+                kinds = ()
+                continue
+            kinds = next((more[o][v] for o, v in zip(finer, values, strict=True) if v in more[o]), kinds)
+            said[verdict, culprit, kinds] += 1
+        if said:
+            (verdict, culprit, told), _ = said.most_common(1)[0]
+            out.append(tables.name(watch.id, class_name(verdict or 9), watch.culprits[culprit], told))
+        else:
+            out.append(out[-1])
+    return out
 
 
 def kind_of(scenario: Scenario) -> tuple[str, tuple[str, ...]]:
@@ -129,33 +145,40 @@ def kind_of(scenario: Scenario) -> tuple[str, tuple[str, ...]]:
 
 
 def counted(flights: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the rates from what `told` said: `seen` {detector: {kind: {flights, said {token: count}}}}, `late`, of
-    every detector how many of its alarms had come at each of `tables.AGES`, and at all, and `alone` {detector: [faults
-    of which it alone spoke, faults, alarms without one, minutes]}."""
+    """Return the rates from what `told` said: `seen` {detector: {kind: {flights, said [{token: count} of each phase],
+    late}}}, `late` of every detector how many of its alarms had come at each of `tables.AGES`, and at all, and `alone`
+    {detector: [faults of which it alone spoke until the last phase, faults, `before`]}."""
     seen: dict = {}
     late: dict = {}
     alone: dict = {}
     for f in flights:
-        spoke = [detector for detector, _, token, _ in f["lanes"] if token]
-        for detector, (wrong, minutes) in f["before"].items():
-            before = alone.get(detector, [0, 0, 0, 0.0])
-            more = int(spoke == [detector]), 1, wrong, minutes
+        soon = {detector for detector, _, tokens, delay in f["lanes"] if tokens and delay <= tables.PHASES[-1]}
+        for detector, (*stood, minutes) in f["before"].items():
+            before = alone.get(detector, [0] * (2 + len(stood)) + [0.0])
+            more = int(soon == {detector}), int(bool(f["kind"])), *stood, minutes
             alone[detector] = [round(a + b, 2) for a, b in zip(before, more, strict=True)]
-        for detector, lane, token, delay in f["lanes"]:
+        for detector, lane, tokens, delay in f["lanes"]:
             own = f["kind"]
             if lane != "aircraft":
                 if lane not in f["segments"]:
                     continue
                 if own.startswith(("side.", "all.")):
                     own = f"{f['technology'][lane]}.{own.partition('.')[2]}"
-            cell = seen.setdefault(detector, {}).setdefault(own, {"flights": 0, "said": {}})
+            new = {"flights": 0, "said": [{} for _ in tables.PHASES], "late": _late([])}
+            cell = seen.setdefault(detector, {}).setdefault(own, new)
             cell["flights"] += 1
-            if token:
+            for phase, token in zip(cell["said"], tokens):
                 token = places.mirrored(token) if f["right"] else token
-                cell["said"][token] = cell["said"].get(token, 0) + 1
+                phase[token] = phase.get(token, 0) + 1
+            if tokens:
+                cell["late"] = [a + b for a, b in zip(cell["late"], _late([delay]), strict=True)]
                 late.setdefault(detector, []).append(delay)
-    ages = {d: [sum(v <= a for v in times) for a in tables.AGES] + [len(times)] for d, times in late.items()}
-    return {"late": ages, "alone": alone, "seen": seen}
+    return {"late": {d: _late(times) for d, times in late.items()}, "alone": alone, "seen": seen}
+
+
+def _late(times: list[float]) -> list[int]:
+    """Return how many of delays [s] are over at each of `tables.AGES`, and how many there are."""
+    return [*(sum(v <= a for v in times) for a in tables.AGES), len(times)]
 
 
 def train(*, first_seed: int = FIRST_SEED, **how: Any) -> dict[str, Any]:
@@ -171,8 +194,8 @@ def changes(found: dict[str, Any]) -> list[tuple]:
     stored, out = tables.stored(), []
     for detector, kinds in found["seen"].items():
         for kind, cell in kinds.items():
-            before = stored.get("seen", {}).get(detector, {}).get(kind, {"flights": 0, "said": {}})
-            shares = (sum(c["said"].values()) / c["flights"] if c["flights"] else float("nan") for c in (before, cell))
+            before = stored.get("seen", {}).get(detector, {}).get(kind, {"flights": 0, "said": [{}]})
+            shares = (sum(c["said"][-1].values()) / max(c["flights"], 1) for c in (before, cell))
             out.append(("joint", detector, kind, *shares))
     return out
 

@@ -9,20 +9,24 @@ class (fdi/joint/places.py),
 
     P(h | tokens) ~ P(h) sum_v P(v) prod_lanes P(token | h, v)
 
-where v is how large the fault is (small, middling, large) and whether it is like one that rates were measured on.
+where v is how large the fault is (small, middling, large) and whether it is like one that rates were measured on. What
+a lane says is counted by how long its alarm has stood: the first names are less sure than the last ones.
 P(silent | h, v) = 1 - P(alarm | h, v) F(age), F the share of that detector's alarms that come so soon after the first
-witness. Where one command moves two segments of one technology, detectors of one kind on both part with (1 - `alike`)
-of the probability of independent ones. Of a lane that is silent and not valid, or of a detector that does not fly, it
-is 1; an alarm that comes while its lane is not valid is not heard, one that came before is.
+witness of such a fault. Where one command moves two segments of one technology, detectors of one kind on both part with
+(1 - `alike`) of the probability of independent ones, and say the same with `alike`. Of a lane that is silent and not
+valid, or of a detector that does not fly, it is 1; an alarm that comes while its lane is not valid is not heard, one
+that came before is.
 
 Two faults: P(token | h, h') is that of whichever speaks, 1 - (1 - a)(1 - a') of them alarms. They are tried with one
 of the likeliest single ones and any other one, where that single one leaves an alarm unexplained, with the prior of a
-second fault `two`. No fault: every alarm is false, with its detector's probability; of a lane that alone has spoken
-counts how often its detector stays alone with a fault, how often it is wrong. The alarm: a lane's, P(a fault) >= 1/2.
+second fault `two`. No fault: every alarm is false, with its detector's probability. Of a detector that alone has spoken
+counts how often it stays alone with a fault, how often it is wrong without one for so long (fdi.joint.tables.alone).
+The alarm: P(a fault) >= 1/2, until it is below `fall` or no lane alarms.
 
 The culprit is the smallest that holds `sure` of the probability: a place, else a set (SETS, "q or theta"), else none;
-the verdict is a class that holds as much, else AMBIGUOUS; `p` is what the culprit holds, `second` and `verdict_2` the
-other of two faults. Work is done when a token changes or an age passes; otherwise a tick only looks at its inputs.
+the verdict is a class that holds `sure_class` of it, else AMBIGUOUS; `p` is what the culprit holds, `second` and
+`verdict_2` the other of two faults. Work is done when a token changes or an age passes; otherwise a tick only looks at
+its inputs.
 """
 
 import functools
@@ -30,88 +34,43 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import entry, kernel, record
 from fdi import registry
 from fdi.common.record import Detector, Site
 from fdi.common.verdict import AMBIGUOUS, NONE, code
 from fdi.joint import tables
+from fdi.joint.fields import (
+    DETECTOR_OF,
+    FINER,
+    INPUTS,
+    LANE_OF,
+    NA,
+    NC,
+    NCUL,
+    NF,
+    NG,
+    NH,
+    NK,
+    NL,
+    NN,
+    NP,
+    NQ,
+    NR,
+    NV,
+    NV_F,
+    NW,
+    PARAMS,
+    STATE,
+    WORDS,
+)
 from fdi.joint.places import AIRCRAFT, CULPRITS, LANES, LOCAL, PLACES, SEGMENTS, SETS, WIDE, hypotheses, segments
 from fdi.joint.tables import padded
 
-NL, NP, NG, NC = len(LANES), len(PLACES), len(SETS), 10
-NH, NR, NN, NA, NV = 128, 480, 30, 8, 6  # most hypotheses, rows, tokens; ages; sizes x variants
 UNEXPLAINED = 0.01  # P(token | h) below which a hypothesis does not explain an alarm
-NK, NCUL = 10, 24  # single hypotheses that a second one is tried with; culprits of a detector
-# (lane, detector, output) of what tells more than a class; of one lane the first that says anything counts
-FINER = [(i, d, output) for i, (d, lane) in enumerate(LANES) for output in registry.record(d).finer if lane != "second"]
-LANE_OF = tuple(i for i, _, _ in FINER)
-NF, NW, NV_F = len(FINER), 8, 16  # words of a detector, values of such an output
-
-PARAMS = dtype([
-    ("sure", "f8", "-"),  # probability from which a name is said
-    ("two", "f8", "-"),  # prior of a second fault
-    ("none", "f8", "-"),  # prior of no fault at all, over that of one
-    ("keep", "f8", "s"),  # a token outlives its alarm by this
-    ("release", "f8", "s"),  # without any alarm for so long it is over
-    ("n_h", "f8"),  # hypotheses
-    ("n_k", "f8"),
-    ("row", "f8", (NH, NL)),  # of the tables below
-    ("twin", "f8", (NH, NL)),  # 1 + the lane of the same detector on another segment that the hypothesis moves alike
-    ("alike", "f8", "-"),  # how much twins have in common: 0 independent, 1 always the same
-    ("prior", "f8", (NH,)),
-    ("place", "f8", (NH,)),  # index into PLACES
-    ("verdict", "f8", (NH,)),  # class code
-    ("share", "f8", (NV,)),  # P(v)
-    ("alarm", "f8", (NR, NV)),  # P(alarm | row, v)
-    ("said", "f8", (NR, 2, NN)),  # P(token | alarm, row, variant)
-    ("alarm_mean", "f8", (NR,)),  # the same over sizes and variants
-    ("said_mean", "f8", (NR, NN)),  # P(alarm and token | row)
-    ("by_age", "f8", (NL, NA)),  # F
-    ("false", "f8", (NL,)),  # P(false alarm with one name) of a lane
-    ("alone", "f8", (NL,)),  # odds of a fault where the lane alone has spoken
-    ("use", "f8", (NL,)),  # 1 where the lane is listened to
-    ("token", "f8", (NL, NC, NCUL)),  # of class code and culprit
-    ("finer", "f8", (NL, NC, NW)),  # of class code and word, 0 where the word adds nothing
-    ("word", "f8", (NF, NV_F)),  # that an output's value is, 0 for none
-    ("ages", "f8", (NA,), "s"),
-    ("set_of", "f8", (NG, NP)),  # 1 where the set has the place
-    ("name_of", "f8", (NP,)),  # index into CULPRITS
-    ("name_of_set", "f8", (NG,)),
-])  # fmt: skip
-_WORDS = ("alarm", "verdict", "culprit", "valid")
-INPUTS = dtype([*((n, "f8", (NL,), "-") for n in _WORDS), ("finer", "f8", (NF,), "-")])
-STATE = dtype([
-    ("r", "f8", "-"),  # P(a fault) / (1/2)
-    ("alarm", "f8", "-"),
-    ("verdict", "f8", "-"),
-    ("culprit", "f8", "-"),  # index into CULPRITS
-    ("valid", "f8", "-"),
-    ("p", "f8", "-"),  # probability that the culprit holds
-    ("second", "f8", "-"),  # the other culprit where there are two faults, 0 where there is one
-    ("verdict_2", "f8", "-"),
-    ("p_2", "f8", "-"),
-    ("p_fault", "f8", "-"),
-    ("age", "f8", "s"),  # since the first witness, 0 without one
-    ("still", "f8", "s"),  # since anything alarmed
-    ("voices", "f8"),  # most lanes that have spoken at once since the first witness
-    ("newest", "f8", "s"),  # age at which anything was new
-    ("bin", "f8"),  # index of the age, and of that since anything was new
-    ("bin_2", "f8"),
-    ("said", "f8", (NL,)),  # token of each lane, 0 silent
-    ("since", "f8", (NL,), "s"),  # age at which it came
-    ("over", "f8", (NL,), "s"),  # time for which the alarm behind it has been down
-    ("able", "f8", (NL,)),  # whether it is valid
-    ("word", "f8", (NL,)),  # that it said last of what its class leaves open
-    ("w", "f8", (NH,)),  # of single hypotheses
-    ("best", "f8", (NK,)),  # the largest of these
-    ("place_w", "f8", (NP,)),  # of places: single, then first of two
-    ("class_w", "f8", (NC,)),
-    ("other_w", "f8", (NH,)),  # of the second of two
-])  # fmt: skip
 OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "p", "second", "verdict_2", "p_2", "p_fault")
 _SECOND = {"alarm": "second", "verdict": "verdict_2", "culprit": "second", "valid": "valid"}
 _READS = {f"{word}[{i}]": f"{d}.aircraft.{_SECOND[word]}" if lane == "second" else f"{d}.{lane}.{word}"
-          for i, (d, lane) in enumerate(LANES) for word in _WORDS}  # fmt: skip
+          for i, (d, lane) in enumerate(LANES) for word in WORDS}  # fmt: skip
 _READS |= {f"finer[{f}]": f"{d}.{LANES[i][1]}.{output}" for f, (i, d, output) in enumerate(FINER)}
 DETECTOR = Detector(
     id="joint",
@@ -155,7 +114,7 @@ def params(
     technology = dict(technology or dict.fromkeys(SEGMENTS, "hydraulic"))
     counted = rates if isinstance(rates, dict) else tables.stored() if rates == "measured" else {}
     found, here = hypotheses(technology), segments(technology)
-    row, alarm, said = tables.rows(found, here, counted)
+    row, alarm, said, by_age = tables.rows(found, here, counted)
     own = {"both": (*LOCAL, *AIRCRAFT), "local": LOCAL, "aircraft": AIRCRAFT}[levels]
     token, finer, word = np.zeros((NL, NC, NCUL)), np.zeros((NL, NC, NW)), np.zeros((NF, NV_F))
     for i, (detector, _) in enumerate(LANES):
@@ -166,20 +125,20 @@ def params(
             word[f, value] = tables.words(detector).index(kinds)
     size = np.repeat([1.0 - tables.UNSEEN, tables.UNSEEN], 3) / 3.0
     spoken = (size * alarm).reshape(-1, 2, 3).sum(axis=2)
-    mean, said_mean = alarm @ size, (spoken[:, :, None] * said).sum(axis=1)
+    mean, said_mean = alarm @ size, (spoken[:, :, None, None] * said).sum(axis=1)
     one = np.unique(row[:, [lane == "second" for _, lane in LANES]]).astype(int)  # of one fault no second is named
     alarm[one], said[one] = tables.ELSEWHERE, said[one] > 0.0
     said[one] /= said[one].sum(axis=-1, keepdims=True)
     made = {
-        "sure": 0.85, "two": 0.1, "none": 0.05, "keep": 5.0, "release": 0.5,
+        "sure": 0.85, "sure_class": 0.95, "fall": 0.1, "two": 0.1, "none": 0.05, "keep": 5.0, "release": 0.5,
         "n_h": len(found), "n_k": NK, "row": padded(row, (NH, NL)),
         "twin": padded(tables.twins(found, here), (NH, NL)), "alike": 0.8, "prior": padded(tables.prior(found), (NH,)),
         "place": padded(np.array([PLACES.index(h.place) for h in found]), (NH,)), "share": size,
         "verdict": padded(np.array([code(h.verdict) for h in found]), (NH,)),
-        "alarm": padded(alarm, (NR, NV)), "said": padded(said, (NR, 2, NN)), "alarm_mean": padded(mean, (NR,)),
-        "said_mean": padded(said_mean, (NR, NN)), "by_age": tables.by_age(counted),
+        "alarm": padded(alarm, (NR, NV)), "said": padded(said, (NR, 2, NQ, NN)), "alarm_mean": padded(mean, (NR,)),
+        "said_mean": padded(said_mean, (NR, NQ, NN)), "by_age": padded(by_age, (NR, NA)),
         "false": [tables.false(d) for d, _ in LANES], "alone": tables.alone(counted), "token": token, "finer": finer,
-        "word": word, "ages": tables.AGES,
+        "word": word, "ages": tables.AGES, "phases": tables.PHASES,
         "use": [float(d in own and (lane in WIDE or lane in here)) for d, lane in LANES],
         "set_of": [[float(p in members) for p in PLACES] for members in SETS.values()],
         "name_of": [CULPRITS.index(p) for p in PLACES], "name_of_set": [CULPRITS.index(n) for n in SETS],
@@ -260,6 +219,11 @@ def _heard(x, u, p, dt):
             x.over[i] += dt
             if x.over[i] > p.keep:
                 x.said[i], new = 0.0, 1
+        q = int(x.phase[i]) if x.said[i] > 0.5 else 0
+        while x.said[i] > 0.5 and x.over[i] == 0.0 and q + 1 < NQ and x.age - x.since[i] >= p.phases[q + 1]:
+            q += 1
+        if q != x.phase[i]:
+            x.phase[i], new = q, max(new, 1)
     x.still = 0.0 if any_on else x.still + dt
     return new
 
@@ -277,10 +241,12 @@ def _single(x, p):
                 if t == 0 and (p.use[i] < 0.5 or x.able[i] < 0.5):
                     continue
                 r, j = int(p.row[h, i]), int(p.twin[h, i]) - 1
-                a = p.alarm[r, v]
+                a, s = p.alarm[r, v], p.said[r, v // 3, int(x.phase[i]), t]
                 if j >= 0 and p.use[j] > 0.5 and x.able[j] > 0.5:
                     a = 1.0 - (1.0 - p.alike) * (1.0 - a) if x.said[j] > 0.5 else (1.0 - p.alike) * a
-                w *= a * p.said[r, v // 3, t] if t > 0 else 1.0 - a * p.by_age[i, b]
+                    if x.said[j] > 0.5:
+                        s = (1.0 - p.alike) * s + (p.alike if t == _token(x, j) else 0.0)
+                w *= a * s if t > 0 else 1.0 - a * p.by_age[r, b]
             x.w[h] += w
         total += x.w[h]
     return total
@@ -292,7 +258,8 @@ def _unexplained(x, p, h):
     first = -1.0
     for i in range(NL):
         t = _token(x, i)
-        if t > 0 and p.said_mean[int(p.row[h, i]), t] < UNEXPLAINED and (first < 0.0 or x.since[i] < first):
+        explained = t == 0 or p.said_mean[int(p.row[h, i]), int(x.phase[i]), t] >= UNEXPLAINED
+        if not explained and (first < 0.0 or x.since[i] < first):
             first = x.since[i]
     return first
 
@@ -306,11 +273,12 @@ def _pair(x, p, h, other, b):
         if t == 0 and (p.use[i] < 0.5 or x.able[i] < 0.5):
             continue
         r, r_2 = int(p.row[h, i]), int(p.row[other, i])
-        a, s, a_2, s_2 = p.alarm_mean[r], p.said_mean[r, t], p.alarm_mean[r_2], p.said_mean[r_2, t]
+        q = int(x.phase[i])
+        a, s, a_2, s_2 = p.alarm_mean[r], p.said_mean[r, q, t], p.alarm_mean[r_2], p.said_mean[r_2, q, t]
         if t > 0:
             w *= s * (1.0 - a_2) + s_2 * (1.0 - a) + 0.5 * (s * a_2 + s_2 * a)
         else:
-            w *= (1.0 - a * p.by_age[i, b_1]) * (1.0 - a_2 * p.by_age[i, b])
+            w *= (1.0 - a * p.by_age[r, b_1]) * (1.0 - a_2 * p.by_age[r_2, b])
     return w
 
 
@@ -370,7 +338,7 @@ def _name(x, p, weights, second):
             x.class_w[int(p.verdict[h])] += weights[h]
     verdict = AMBIGUOUS
     for c in range(NC):
-        if x.class_w[c] >= p.sure * held:
+        if x.class_w[c] >= p.sure_class * held:
             verdict = float(c)
     share = held / total if total > 0.0 else 0.0
     if second > 0.5:
@@ -398,13 +366,18 @@ def _conclude(x, p):
         if own > lead_w:
             lead, lead_w = h, own
     x.p_fault = (one + two) / (one + two + none) if one + two + none > 0.0 else 0.0
-    voices, who = 0.0, 0
+    voices, who = 0.0, -1
     for i in range(NL):
         if x.said[i] > 0.5:
-            voices, who = voices + 1.0, i
+            first = True  # of its detector, whose lanes are one voice
+            for j in range(i):
+                first = first and not (x.said[j] > 0.5 and DETECTOR_OF[j] == DETECTOR_OF[i])
+            voices += 1.0 if first else 0.0
+            who = i if who < 0 or x.phase[i] > x.phase[who] else who
     x.voices = max(x.voices, voices)
     if x.voices < 1.5:
-        x.p_fault = p.alone[who] / (1.0 + p.alone[who])
+        odds = p.alone[who, int(x.phase[who])]
+        x.p_fault = odds / (1.0 + odds)
     x.second, x.verdict_2, x.p_2 = 0.0, NONE, 0.0
     if lead < 0 or two < p.sure * (one + two):
         _name(x, p, x.w, 0.0)
@@ -441,7 +414,7 @@ def step(x, u, p, dt):
         x.bin, x.bin_2 = b, b_2
         _conclude(x, p)
         x.r = 2.0 * x.p_fault
-        x.alarm = 1.0 if x.p_fault >= 0.5 else 0.0
+        x.alarm = 1.0 if x.p_fault >= 0.5 or (x.alarm > 0.5 and x.p_fault >= p.fall) else 0.0
         if x.alarm < 0.5:
             x.verdict, x.culprit, x.second, x.verdict_2 = NONE, 0.0, 0.0, NONE
     x.age += dt

@@ -12,6 +12,7 @@ import fnmatch
 import functools
 import itertools
 import json
+import math
 from collections import Counter
 from importlib import resources
 from typing import Any
@@ -35,8 +36,10 @@ from fdi.joint.places import (
 )
 
 WEIGHT = 3.0  # flights that a record counts for
+LATE = 5.0  # alarms that the lateness of all kinds counts for in that of one
 UNSEEN = 0.2  # probability that a fault is of a kind that no flight had
 AGES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # [s] after the first witness; alarms are counted for 15 s
+PHASES = (0.0, 0.25, 1.0, 4.0)  # [s] of a lane's own alarm, whose names are counted apart: the first are less sure
 # P(alarm | designed for, may see, reads the sensor, blind), for a small, a middling and a large fault; assumed
 SIZES = {
     "local": {"designed": (0.5, 0.95, 0.99), "may": (0.02, 0.4, 0.95), "reads": (0.02, 0.1, 0.3),
@@ -51,8 +54,13 @@ OPEN_CLASSES = ("effectiveness", "ambiguous")  # of more than one cause: where a
 ELSEWHERE = 3e-4  # P(false alarm) of a lane: a quarter of the 1e-3 per minute that a detector is trained to
 SECOND = 0.9  # P(a detector names the second of two parts | it would name it alone)
 FALSE = 1e-3  # false alarms of a detector per flight of 60 s, to which they are trained
+# faults per minute, times what one that is missed weighs against a false alarm: so much that a detector that is alone
+# with one fault in a thousand is believed in the last of PHASES, if it has no false alarm in the flights counted
+FAULTS = 1.0 / 30.0
+FEW = 0.5  # faults, and false alarms, that ALONE and FALSE count for
+STANDS = (1.0, 1.0, 0.85, 0.4)  # share of false alarms that still stand in each of PHASES: 13 in 100 hours
 # P(a detector is the only one to speak of a fault); assumed, then counted: few faults move the aircraft alone
-ALONE = {"local": 0.5, "aircraft": 0.1}
+ALONE = {"local": 0.5, "aircraft": 0.01}
 
 
 @functools.cache
@@ -129,24 +137,27 @@ def _culprits(detector, hypothesis):
     return right & set(registry.module(detector).CULPRITS)
 
 
-def keeps(detector: str, rates: dict) -> tuple[float, float, float]:
+def keeps(detector: str, rates: dict, phase: int = -1) -> tuple[float, float, float, float]:
     """Return P(a class of its record | a class), likewise of the culprit, and P(ambiguous | alarm), over every kind
-    that it is designed for; P(it does not say more | an open class) over every kind for which it has a word."""
+    that it is designed for; P(it does not say more | an open class) over every kind for which it has a word: in a
+    phase of its alarm; and P(alarm | a kind that it is designed for)."""
     counts = rates.get("seen", {}).get(detector, {})
     right, wrong, left = WEIGHT * RIGHT**2, WEIGHT * (1.0 - RIGHT**2), 0.0
     mute, open_ = WEIGHT * OPEN, WEIGHT
+    shares = [np.mean(SIZES[level(detector)]["designed"])] * int(WEIGHT)
     for h, technology in _LEFT.values():
         word, classes = stands(detector, h.kind, technology)
         if h.kind not in counts:
             continue
         if _told(detector, h.kind, technology):
-            for token, n in counts[h.kind]["said"].items():
+            for token, n in counts[h.kind]["said"][phase].items():
                 mute += n * (token in OPEN_CLASSES)
                 open_ += n * (token.partition(" ")[0] in OPEN_CLASSES)
         if word != "designed":
             continue
+        shares.append(sum(counts[h.kind]["said"][-1].values()) / counts[h.kind]["flights"])
         good = {name(detector, v, c) for v in _classes(classes) for c in _culprits(detector, h) or {""}}
-        for token, n in counts[h.kind]["said"].items():
+        for token, n in counts[h.kind]["said"][phase].items():
             if token in good:
                 right += n
             elif "ambiguous" in token or "otherwise" in token:
@@ -154,7 +165,13 @@ def keeps(detector: str, rates: dict) -> tuple[float, float, float]:
             else:
                 wrong += n
     alarms = right + wrong + left
-    return float(np.sqrt(right / (right + wrong))), (WEIGHT * OPEN + left) / (WEIGHT + alarms), mute / open_
+    kept = float(np.sqrt(right / (right + wrong))), (WEIGHT * OPEN + left) / (WEIGHT + alarms), mute / open_
+    return *kept, float(np.mean(shares))
+
+
+def level(detector: str) -> str:
+    """Return "local" or "aircraft"."""
+    return "local" if detector in LOCAL else "aircraft"
 
 
 def _told(detector, kind, technology):
@@ -168,11 +185,13 @@ def _classes(classes):
 
 
 def believed(
-    detector: str, hypothesis: Hypothesis, technology: str, kept: tuple[float, float, float] = (RIGHT, OPEN, OPEN)
+    detector: str, hypothesis: Hypothesis, technology: str, kept: tuple[float, ...] = (RIGHT, OPEN, OPEN)
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return P(alarm) by size (3,) and P(token | alarm) (tokens,) as the records have them; `kept` as of `keeps`."""
     word, classes = stands(detector, hypothesis.kind, technology)
-    alarm = np.array(SIZES["local" if detector in LOCAL else "aircraft"][word])
+    alarm = np.array(SIZES[level(detector)][word])
+    if word == "designed" and len(kept) > 3:
+        alarm = _shifted(alarm, kept[3])
     if hypothesis.verdict in LARGE:
         alarm[:] = alarm[-1]
     own, culprits, said = names(detector), registry.module(detector).CULPRITS, NAMES[1:]
@@ -202,7 +221,7 @@ def _shares(every, right, p):
 
 
 def measured(
-    detector: str, hypothesis: Hypothesis, technology: str, kept: tuple[float, float, float], rates: dict
+    detector: str, hypothesis: Hypothesis, technology: str, kept: tuple[float, ...], rates: dict, phase: int = -1
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the same with what was counted: Beta and Dirichlet updates of WEIGHT flights' worth of the records."""
     alarm, said = believed(detector, hypothesis, technology, kept)
@@ -210,7 +229,7 @@ def measured(
     if not counted:
         return alarm, said
     flights, own = counted["flights"], np.zeros(len(said))
-    for token, n in counted["said"].items():
+    for token, n in counted["said"][phase].items():
         token = mirrored(token) if hypothesis.side == "right" else token
         own[names(detector).index(token)] += n
     mean = (WEIGHT * alarm.mean() + own.sum()) / (WEIGHT + flights)
@@ -219,12 +238,17 @@ def measured(
 
 def _shifted(p, mean):
     """Return probabilities whose log odds are those of `p` and one number more, with this mean."""
-    odds, low, high = np.log(p / (1.0 - p)), -20.0, 20.0
+    return np.array(_shift(tuple(p.tolist()), float(mean)))
+
+
+@functools.lru_cache(4096)
+def _shift(p, mean):
+    odds, low, high = [math.log(one / (1.0 - one)) for one in p], -20.0, 20.0
     for _ in range(60):
         middle = 0.5 * (low + high)
-        above = (1.0 / (1.0 + np.exp(-odds - middle))).mean() > mean
+        above = sum(1.0 / (1.0 + math.exp(-o - middle)) for o in odds) > mean * len(odds)
         low, high = (low, middle) if above else (middle, high)
-    return 1.0 / (1.0 + np.exp(-odds - low))
+    return [1.0 / (1.0 + math.exp(-o - high)) for o in odds]
 
 
 @functools.cache
@@ -234,39 +258,51 @@ def stored() -> dict[str, Any]:
 
 
 def rows(found: list[Hypothesis], technology: dict[str, str], rates: dict) -> tuple[np.ndarray, ...]:
-    """Return (row (hypothesis, lane), alarm (rows, size and variant), said (rows, variant, 1 + tokens)).
+    """Return (row (hypothesis, lane), alarm (rows, size and variant), said (rows, variant, phase, 1 + tokens),
+    by_age (rows, age)).
 
     `technology` is {one of SEGMENTS: technology}. A variant is measured, or believed by the records alone.
     """
     common = next(iter(technology.values()), "hydraulic")
     most = 1 + max(len(names(d)) for d in (*LOCAL, *AIRCRAFT))
+    phases = range(len(PHASES))
+    kept = {(detector, k): keeps(detector, rates, k) for detector in (*LOCAL, *AIRCRAFT) for k in phases}
+    of_kind: dict[tuple, tuple] = {}
     index: dict[bytes, int] = {}
-    kept = {detector: keeps(detector, rates) for detector in (*LOCAL, *AIRCRAFT)}
-    row, alarms, saids = np.zeros((len(found), len(LANES))), [], []
+    row = np.zeros((len(found), len(LANES)))
+    made: list[tuple[np.ndarray, ...]] = []
     for i, h in enumerate(found):
         for j, (detector, lane) in enumerate(LANES):
-            if lane not in WIDE and lane not in h.segments:
-                alarm, said = np.zeros(6), np.zeros((2, len(names(detector))))
-            else:
-                own = h
-                if lane not in WIDE and len(h.segments) > 1:  # a segment's own filters cannot tell whose command
-                    own = Hypothesis(h.place, h.verdict, f"{technology[lane]}.{h.kind.partition('.')[2]}", (lane,))
-                how = detector, own, common, kept[detector]
-                both = [measured(*how, rates), believed(*how)]
-                alarm = np.concatenate([a for a, _ in both]) * (SECOND if lane == "second" else 1.0)
-                said = np.stack([s for _, s in both])
-            of_v = alarm.reshape(2, 3).mean(axis=1)[:, None]  # beside a fault an alarm may be false, and says anything
-            said = (of_v * said + false(detector)) / (of_v + ELSEWHERE)
-            alarm = 1.0 - (1.0 - alarm) * (1.0 - ELSEWHERE)
-            padded = np.zeros((2, most))
-            padded[:, 1 : 1 + said.shape[1]] = said
-            key = np.concatenate([alarm, padded.ravel()]).tobytes()
-            if key not in index:
-                index[key] = len(index)
-                alarms.append(alarm)
-                saids.append(padded)
-            row[i, j] = index[key]
-    return row, np.array(alarms), np.array(saids)
+            seen, own = lane in WIDE or lane in h.segments, h
+            if seen and lane not in WIDE and len(h.segments) > 1:  # a segment's own filters cannot tell whose command
+                own = Hypothesis(h.place, h.verdict, f"{technology[lane]}.{h.kind.partition('.')[2]}", (lane,))
+            share = (SECOND if lane == "second" else 1.0) if seen else 0.0
+            key = (detector, share, *((own.kind, own.side, own.place if lane in WIDE else "") if seen else ()))
+            if key not in of_kind:
+                of_kind[key] = _row(detector, own if seen else None, common, kept, rates, share, most)
+            content = b"".join(part.tobytes() for part in of_kind[key])
+            if content not in index:
+                index[content] = len(made)
+                made.append(of_kind[key])
+            row[i, j] = index[content]
+    return row, *(np.array(part) for part in zip(*made, strict=True))
+
+
+def _row(detector, hypothesis, technology, kept, rates, share, most):
+    """Return (alarm, said, by_age) of a row of the tables; without a hypothesis of a lane that does not look at it."""
+    phases, number = range(len(PHASES)), len(names(detector))
+    alarm, said = np.zeros(6), np.zeros((2, len(phases), number))
+    late = by_age(detector, "", rates)
+    if hypothesis:
+        for k in phases:
+            how = detector, hypothesis, technology, kept[detector, k]
+            both = [measured(*how, rates, k), believed(*how)]
+            said[:, k] = [s for _, s in both]
+        alarm = np.concatenate([a for a, _ in both]) * share
+        late = by_age(detector, hypothesis.kind, rates)
+    of_v = alarm.reshape(2, 3).mean(axis=1)[:, None, None]  # beside a fault an alarm may be false, and says anything
+    said = (of_v * said + false(detector)) / (of_v + ELSEWHERE)
+    return 1.0 - (1.0 - alarm) * (1.0 - ELSEWHERE), padded(said, (2, len(phases), most), 1), late
 
 
 def false(detector: str) -> float:
@@ -275,30 +311,38 @@ def false(detector: str) -> float:
 
 
 def alone(rates: dict) -> np.ndarray:
-    """Return (lane,): P(its detector stays alone | a fault) over P(it is wrong | a minute without one): where a second
-    one comes in any case, nothing is lost by waiting for it."""
+    """Return (lane, phase): odds of a fault to none where only one detector has spoken, and in this phase still does.
+
+    R FAULTS over the rate of its false alarms that stand so long; R = P(it is alone until the last phase | a fault):
+    where a second one comes by then nothing is lost by waiting for it.
+    """
     out = []
     for detector, _ in LANES:
-        stays, faults, wrong, minutes = rates.get("alone", {}).get(detector, (0.0,) * 4)
-        right = (WEIGHT * ALONE["local" if detector in LOCAL else "aircraft"] + stays) / (WEIGHT + faults)
-        out.append(right / ((1.0 + wrong) / (1.0 / FALSE + minutes)))
+        stays, faults, *stood, minutes = rates.get("alone", {}).get(detector, (0.0,) * (3 + len(PHASES)))
+        right = (FEW * ALONE[level(detector)] + stays) / (FEW + faults)
+        wrong = (FEW * np.array(STANDS) + np.array(stood)) / (FEW / FALSE + minutes)
+        out.append(FAULTS * right / wrong)
     return np.array(out)
 
 
-def by_age(rates: dict) -> np.ndarray:
-    """Return (lane, age): P(alarm by then | alarm), after the first witness; without rates within a second or two."""
-    out = []
-    for detector, _ in LANES:
-        prior = 1.0 - np.exp(-(np.array(AGES) + 0.1))
-        *counted, alarms = rates.get("late", {}).get(detector, [0.0] * (len(AGES) + 1))
-        out.append((5.0 * prior + np.array(counted)) / (5.0 + alarms))
-    return np.array(out)
+def by_age(detector: str, kind: str, rates: dict) -> np.ndarray:
+    """Return (age,): P(alarm by then | alarm), after the first witness; without rates within a second or two, of a kind
+    that nobody has counted as of all."""
+    late = 1.0 - np.exp(-(np.array(AGES) + 0.1))
+    for *counted, alarms in (
+        rates.get("late", {}).get(detector, [0.0] * (len(AGES) + 1)),
+        rates.get("seen", {}).get(detector, {}).get(kind, {}).get("late", [0.0] * (len(AGES) + 1)),
+    ):
+        late = (LATE * late + np.array(counted)) / (LATE + alarms)
+    return late
 
 
-def padded(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Return an array of `shape` with `values` in its first corner, zeros beyond."""
+def padded(values: np.ndarray, shape: tuple[int, ...], first: int = 0) -> np.ndarray:
+    """Return an array of `shape` with `values` in its first corner, zeros beyond; on the last axis from `first` on."""
     out = np.zeros(shape)
-    out[tuple(slice(n) for n in values.shape)] = values
+    at = [slice(n) for n in values.shape]
+    at[-1] = slice(first, first + values.shape[-1])
+    out[tuple(at)] = values
     return out
 
 

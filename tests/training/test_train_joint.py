@@ -38,23 +38,26 @@ def test_a_word_beyond_the_class_stands_while_the_alarm_does():
     trace[20:30, 3] = decide.OF_LOAD  # while it is ambiguous
     trace[40:, 1] = verdict.EFFECTIVENESS
     trace[50:55, 3] = decide.WEAK
-    finer = {"likely": 3}
-    assert train_joint._token(watch, trace, finer) == "effectiveness loss_of_effectiveness"
-    assert train_joint._token(watch, trace[:40], finer) == "ambiguous friction"
+    finer, dt = {"likely": 3}, 0.05
+    said = ["ambiguous", "ambiguous friction", "effectiveness loss_of_effectiveness"]
+    assert train_joint._tokens(watch, trace[10:], finer, dt) == [*said, said[-1]]  # phases of 5, 15, 60, 10 ticks
     trace[45, 0] = 0.0
-    assert train_joint._token(watch, trace[40:50], finer) == "effectiveness"
-    assert train_joint._token(watch, trace[40:], {}) == "effectiveness"
+    assert train_joint._tokens(watch, trace[40:50], finer, dt) == ["effectiveness"] * 4
+    assert train_joint._tokens(watch, trace[40:], {}, dt) == ["effectiveness"] * 4
 
 
 def test_voices_that_stayed_alone_and_false_ones_are_counted():
     def flight(second, wrong):
-        lanes = [["kinematic", "aircraft", "q", 0.0], ["lpv_smo", "aircraft", *second]]
-        before = {"kinematic": [wrong, 0.2], "lpv_smo": [0, 0.1]}
+        lanes = [["kinematic", "aircraft", ["q"] * 4, 0.0], ["lpv_smo", "aircraft", *second]]
+        before = {"kinematic": [wrong, wrong, 0, 0, 0.2], "lpv_smo": [0, 0, 0, 0, 0.1]}
         return {"kind": "sensor.q", "segments": [], "technology": {}, "right": False, "lanes": lanes, "before": before}
 
-    found = train_joint.counted([flight(("", None), 0), flight(("ambiguous", 0.5), 1)])
-    assert found["alone"] == {"kinematic": [1, 2, 1, 0.4], "lpv_smo": [0, 2, 0, 0.2]}
-    assert found["seen"]["kinematic"]["sensor.q"] == {"flights": 2, "said": {"q": 2}}
+    late, quiet = flight((["ambiguous"] * 4, 6.0), 0), flight(([], None), 0) | {"kind": "", "lanes": []}
+    found = train_joint.counted([flight(([], None), 0), flight((["ambiguous"] * 4, 0.5), 1), late, quiet])
+    assert found["alone"] == {"kinematic": [2, 3, 1, 1, 0, 0, 0.8], "lpv_smo": [0, 3, 0, 0, 0, 0, 0.4]}
+    cell = found["seen"]["kinematic"]["sensor.q"]
+    assert cell == {"flights": 3, "said": [{"q": 3}] * 4, "late": [3] * 9}
+    assert found["seen"]["lpv_smo"]["sensor.q"]["late"] == [0, 0, 1, 1, 1, 1, 2, 2, 2]
 
 
 def test_the_page_counts_every_fault_once_and_who_came_too_late():
