@@ -49,10 +49,11 @@ from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
 from fdi.common.why import BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
 from fdi.kinematic import wind
-from fdi.kinematic.rows import compare, read
+from fdi.kinematic.rows import compare, present, read
 from fdi.kinematic.signatures import (
     CLIMB,
     CULPRITS,
+    DRIVES,
     EITHER,
     FADES,
     FAST,
@@ -159,6 +160,8 @@ STATE = dtype(
         ("quiet", "f8", "s"),  # time since anything fired
         ("held", "f8", (NR,)),  # residuals that were beyond their thresholds, the last of each row
         ("refuted", "f8", "s"),  # time for which those of the named error would be there and are not
+        ("slow", "f8"),  # lagged residual of the row that integrates the named error
+        ("gone", "f8", "s"),  # time for which its derivative has said that the error is over
         ("leapt", "f8", "-"),  # 1 where the reading that is named jumped at first
         ("shows", "f8", "-"),  # how that error shows: FADING, STAYING, NOISE, JUMPED_BACK
     ]
@@ -233,6 +236,8 @@ def _residuals(x, p, dt):
         for i in range(NR):
             if KNOWN[int(x.culprit), i] > 0.5:
                 x.seen[i], x.res[i], x.fired[i] = 0.0, 0.0, 0.0
+    elif x.shows == STAYING and DRIVES[int(x.culprit) - 1] >= 0:
+        present(x, p, dt, DRIVES[int(x.culprit) - 1])
     return largest
 
 
@@ -366,7 +371,7 @@ def _would_show(x):
 @kernel
 def _clear(x):
     x.alarm, x.verdict, x.culprit, x.second, x.verdict_2, x.beyond = 0.0, NONE, 0.0, 0.0, NONE, 0.0
-    x.shows = x.refuted = x.leapt = 0.0
+    x.shows = x.refuted = x.leapt = x.slow = x.gone = 0.0
     for i in range(NR):
         x.fired[i] = x.held[i] = 0.0
 
