@@ -188,9 +188,11 @@ def params(which: str = "flight", *, dt: float = TICK, t_learn: float = 8.0, own
     """Return PARAMS with the threshold set `which`, trained at ticks of TICK, for those of `dt` seconds; offsets and
     noise are learned over the first `t_learn` seconds.
 
-    With longer ticks the lag of the residuals averages fewer samples, and gusts change more from one to the next.
+    With longer ticks the lag of the residuals averages fewer samples, and gusts change more from one to the next; with
+    shorter ones each sample is noisier, and so is what it may differ by from the one before.
     """
     limits, longer = thresholds("kinematic", which, own), max(dt / TICK, 1.0)
+    limits["jump"] = [math.sqrt(max(TICK / dt, 1.0)) * v for v in limits["jump"]]
     limits["threshold"] = [math.sqrt(longer) * v for v in limits["threshold"]]
     limits["noise_ratio"] = 1.0 + longer * (limits["noise_ratio"] - 1.0)
     return record(PARAMS, t_learn=t_learn, **limits)
