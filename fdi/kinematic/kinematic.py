@@ -18,10 +18,12 @@ rows.
 | baro | barometric against inertial altitude | h_baro, h |
 
 A row that integrates is a first-order observer, x_hat' = f + (x - x_hat) / tau, and the innovation x - x_hat its
-residual: a step of x gives a jump that dies in tau, a constant error b of f gives -b tau for good. Offsets (rotation of
-the earth, gravity) are learned in the first `t_learn`. Rows that fire within `t_collect` of the first one belong to one
-fault, and name the sensor: the only one whose rows contain all that fired, of which every row that must fire did, and
-whose first row jumped or did not; one that gusts would hide need not fire. More than one, or none, is AMBIGUOUS.
+residual: a step of x gives a jump that dies in tau, a constant error b of f gives -b tau for good. What b is now is
+-(e' + e / tau) of that residual e, so that the end of an error shows before e has faded; what it left is then taken out
+of the rows. Offsets (rotation of the earth, gravity) are learned in the first `t_learn`. Rows that fire within
+`t_collect` of the first one belong to one fault, and name the sensor: the only one whose rows contain all that fired,
+of which every row that must fire did, and whose first row jumped or did not; one that gusts would hide need not fire.
+More than one, or none, is AMBIGUOUS.
 
 Climb, turn and speed take the lateral velocity from the vane and the wind (fdi/kinematic/wind.py). The vane has the
 gusts in it: their thresholds grow with the rms of those, as the vane has it about its mean, and with the lateral motion
@@ -33,7 +35,7 @@ the speed (`GUSTY`), and with it what the noise that was learned may be.
 
 What kinematics cannot tell: a drift of theta from a constant error of q, where gusts hide what the latter does to the
 turn; "q or theta" is named until another row tells. A drift of phi from a constant error of p, of psi from one of r:
-the gyro is named.
+the gyro is named; when such a drift stops, and stays off, it says that the gyro has healed.
 """
 
 import math
