@@ -18,10 +18,12 @@ rows.
 | baro | barometric against inertial altitude | h_baro, h |
 
 A row that integrates is a first-order observer, x_hat' = f + (x - x_hat) / tau, and the innovation x - x_hat its
-residual: a step of x gives a jump that dies in tau, a constant error b of f gives -b tau for good. Offsets (rotation of
-the earth, gravity) are learned in the first `t_learn`. Rows that fire within `t_collect` of the first one belong to one
-fault, and name the sensor: the only one whose rows contain all that fired, of which every row that must fire did, and
-whose first row jumped or did not; one that gusts would hide need not fire. More than one, or none, is AMBIGUOUS.
+residual: a step of x gives a jump that dies in tau, a constant error b of f gives -b tau for good. What b is now is
+-(e' + e / tau) of that residual e, so that the end of an error shows before e has faded; what it left is then taken out
+of the rows. Offsets (rotation of the earth, gravity) are learned in the first `t_learn`. Rows that fire within
+`t_collect` of the first one belong to one fault, and name the sensor: the only one whose rows contain all that fired,
+of which every row that must fire did, and whose first row jumped or did not; one that gusts would hide need not fire.
+More than one, or none, is AMBIGUOUS.
 
 Climb, turn and speed take the lateral velocity from the vane and the wind (fdi/kinematic/wind.py). The vane has the
 gusts in it: their thresholds grow with the rms of those, as the vane has it about its mean, and with the lateral motion
@@ -33,7 +35,7 @@ the speed (`GUSTY`), and with it what the noise that was learned may be.
 
 What kinematics cannot tell: a drift of theta from a constant error of q, where gusts hide what the latter does to the
 turn; "q or theta" is named until another row tells. A drift of phi from a constant error of p, of psi from one of r:
-the gyro is named.
+the gyro is named; when such a drift stops, and stays off, it says that the gyro has healed.
 """
 
 import math
@@ -49,10 +51,11 @@ from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
 from fdi.common.why import BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
 from fdi.kinematic import wind
-from fdi.kinematic.rows import compare, read
+from fdi.kinematic.rows import compare, present, read
 from fdi.kinematic.signatures import (
     CLIMB,
     CULPRITS,
+    DRIVES,
     EITHER,
     FADES,
     FAST,
@@ -159,6 +162,8 @@ STATE = dtype(
         ("quiet", "f8", "s"),  # time since anything fired
         ("held", "f8", (NR,)),  # residuals that were beyond their thresholds, the last of each row
         ("refuted", "f8", "s"),  # time for which those of the named error would be there and are not
+        ("slow", "f8"),  # lagged residual of the row that integrates the named error
+        ("gone", "f8", "s"),  # time for which its derivative has said that the error is over
         ("leapt", "f8", "-"),  # 1 where the reading that is named jumped at first
         ("shows", "f8", "-"),  # how that error shows: FADING, STAYING, NOISE, JUMPED_BACK
     ]
@@ -185,9 +190,11 @@ def params(which: str = "flight", *, dt: float = TICK, t_learn: float = 8.0, own
     """Return PARAMS with the threshold set `which`, trained at ticks of TICK, for those of `dt` seconds; offsets and
     noise are learned over the first `t_learn` seconds.
 
-    With longer ticks the lag of the residuals averages fewer samples, and gusts change more from one to the next.
+    With longer ticks the lag of the residuals averages fewer samples, and gusts change more from one to the next; with
+    shorter ones each sample is noisier, and so is what it may differ by from the one before.
     """
     limits, longer = thresholds("kinematic", which, own), max(dt / TICK, 1.0)
+    limits["jump"] = [math.sqrt(max(TICK / dt, 1.0)) * v for v in limits["jump"]]
     limits["threshold"] = [math.sqrt(longer) * v for v in limits["threshold"]]
     limits["noise_ratio"] = 1.0 + longer * (limits["noise_ratio"] - 1.0)
     return record(PARAMS, t_learn=t_learn, **limits)
@@ -233,6 +240,8 @@ def _residuals(x, p, dt):
         for i in range(NR):
             if KNOWN[int(x.culprit), i] > 0.5:
                 x.seen[i], x.res[i], x.fired[i] = 0.0, 0.0, 0.0
+    elif x.shows == STAYING and DRIVES[int(x.culprit) - 1] >= 0:
+        present(x, p, dt, DRIVES[int(x.culprit) - 1])
     return largest
 
 
@@ -366,7 +375,7 @@ def _would_show(x):
 @kernel
 def _clear(x):
     x.alarm, x.verdict, x.culprit, x.second, x.verdict_2, x.beyond = 0.0, NONE, 0.0, 0.0, NONE, 0.0
-    x.shows = x.refuted = x.leapt = 0.0
+    x.shows = x.refuted = x.leapt = x.slow = x.gone = 0.0
     for i in range(NR):
         x.fired[i] = x.held[i] = 0.0
 

@@ -5,11 +5,29 @@ import math
 from actuators.block import kernel
 from actuators.constants import G0
 from fdi.common.decision import usable
-from fdi.kinematic.signatures import BARO, CLIMB, HEIGHT, IMPACT, NR, PHI, PSI, SOUND, SPEED, THETA, TURN
+from fdi.kinematic.signatures import (
+    BARO,
+    CLIMB,
+    HEIGHT,
+    IMPACT,
+    INTEGRATES,
+    KNOWN,
+    NR,
+    PHI,
+    PSI,
+    SOUND,
+    SPEED,
+    THETA,
+    TURN,
+)
 from fdi.kinematic.wind import blow, plane
 
 SPREAD = 3.0  # half of what lateral velocity may be off by, over the rms of lateral gusts: half of `side_gust`
 EARTH = 6.356766e6  # radius that makes a geometric altitude one of the standard atmosphere [m]
+
+# The present error of what a row integrates, -(e' + e / tau) of its residual e [Lu15], through a lag of TAU_NOW [s]. It
+# is over once it has been less than GONE of what the row still shows for GONE_S [s]: an oscillation's zeros are shorter
+TAU_NOW, GONE, GONE_S, PLAIN = 0.5, 0.5, 0.5, 2.0  # and only what shows PLAIN thresholds is taken out of the rows
 
 
 @kernel
@@ -115,6 +133,29 @@ def compare(x, p, dt):
         x.limit[i] += x.lateral[i] * (p.side[i] * y[15] + p.side_gust[i] * x.rough)
     for i in range(3):
         x.limit[CLIMB + i] += x.doubt[i]
+
+
+@kernel
+def present(x, p, dt, row):
+    """Take what a named error has left in the rows out of them when `row`, which integrates it, tells that it is over.
+
+    Residuals that only fade, e' = -e / tau, are through their lag e / (1 - tau_r / tau), here of discrete ticks.
+    """
+    e = x.res[row]
+    now = e + (p.tau / TAU_NOW - 1.0) * (e - x.slow)  # -tau times the error
+    x.slow += (1.0 - math.exp(-dt / TAU_NOW)) * (e - x.slow)
+    over = math.fabs(now) < GONE * math.fabs(e) and math.fabs(e) > PLAIN * x.limit[row]
+    x.gone = x.gone + dt if over else 0.0
+    if x.gone < GONE_S:
+        return
+    keep = math.exp(-dt / p.tau_r)
+    lag = (1.0 - keep / (1.0 - dt / p.tau)) / (1.0 - keep)
+    for i in range(NR):
+        if KNOWN[int(x.culprit), i] > 0.5 and INTEGRATES[i] > 0.5:
+            x.model[i] += lag * x.res[i]
+            x.raw[i] -= lag * x.res[i]
+            x.last[i], x.res[i] = x.raw[i], 0.0
+    x.slow = x.gone = 0.0
 
 
 @kernel

@@ -48,6 +48,9 @@ FIRST = np.array([ROWS.index(c[1][0]) for c in SIGNATURES])
 OF = np.array([SENSORS.index(c[0]) for c in SIGNATURES])
 # of every sensor the row that integrates it, from which its error fades; -1 where an error stays
 FADES = np.array([next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] == name and c[3]), -1) for name in SENSORS])
+INTEGRATES = np.array([float(row in ("phi", "theta", "psi", "turn", "speed", "height")) for row in ROWS])
+# of every sensor the row that integrates it as a rate; -1 for none
+DRIVES = np.array([next((FIRST[k] for k in range(NC) if OF[k] == s and JUMPS[k] < 0.0), -1) for s in range(NS)])
 # rows in which a constant error of a sensor stays: those that integrate nothing, and its rate's
 STAYS = np.array([[float(any(c[0] == name and row in (*c[1], *c[2]) and (row in ("climb", "sound", "impact", "baro")
                                                                         or (c[3] is False and row == c[1][0]))

@@ -72,6 +72,13 @@ def test_a_reading_that_repeats_is_named(flown):
     assert said(watched(flown, "alpha", lambda y: np.full(len(y), y[0]))) == "alpha"
 
 
+def test_noise_of_short_ticks_is_no_jump_of_an_attitude():
+    given = ["duration_s=16", "rate_hz=1000", "detectors.enabled=[]"]
+    flown = fly(load_scenario("cruise", given), WIRES.values())
+    log = watched(flown, "r", lambda y: y + DEG, kinematic.params(dt=0.001))
+    assert said(log) == "r" and not log["jumped"].any()
+
+
 def test_an_actuator_fault_is_nothing_to_it():
     given = ["duration_s=16", "faults.0.target=elevator.all", "faults.0.kind=bias", "faults.0.bias_deg=3",
              "faults.0.start_s=10", "detectors.enabled=[]"]  # fmt: skip
@@ -226,6 +233,9 @@ ENDS = {
     "theta, bias": ("theta", "kind='bias',bias_deg=2"), "phi, bias": ("phi", "kind='bias',bias_deg=1"),
     "n_z, bias": ("n_z", "kind='bias',bias_g=0.15"), "cas, bias": ("cas", "kind='bias',bias_kt=16"),
     "n_x, noise": ("n_x", "kind='noise',sigma_g=0.08"), "theta, drift": ("theta", "kind='drift',drift_deg_s=0.2"),
+    "p, bias": ("p", "kind='bias',bias_deg_s=2"), "q, bias": ("q", "kind='bias',bias_deg_s=0.7"),
+    "r, oscillation": ("r", "kind='oscillation',amplitude_deg_s=2,frequency_hz=0.1"),
+    "hdot, bias": ("hdot", "kind='bias',bias_m_s=8"),
     "psi, frozen": ("psi", "kind='freeze'"), "theta, frozen": ("theta", "kind='freeze'"),
 }  # fmt: skip
 
