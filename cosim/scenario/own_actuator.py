@@ -95,4 +95,5 @@ def take(table: dict) -> None:
     for name, raw in own.items() if isinstance(own, dict) else ():
         with suppress(ValueError):
             made[name] = OwnActuator.model_validate(raw)
-    register(made)
+    if made:  # an FMU's reader takes a while to import
+        register(made)
