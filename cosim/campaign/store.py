@@ -59,8 +59,6 @@ def fingerprint() -> dict:
 
 def versions() -> dict[str, str]:
     """Return the versions of the libraries that decide about a row."""
-    from importlib.metadata import version
-
     return {name: version(name) for name in ("jsbsim", "numpy", "scipy", "numba")}
 
 

@@ -169,8 +169,8 @@ def _row(run, detector, lanes, whole, about, fault):
     `lanes` are the rows per lane of that fault, {column: what it holds}; `whole` all rows of the detector in the run,
     for what is counted once in a flight, empty on the rows of its further faults.
     """
-    first, mine, n = lanes[0], [lane for lane in lanes if lane["concerned"]], len({lane["lane"] for lane in whole})
-    seen = sorted((lane for lane in mine if "delay_s" in lane), key=lambda lane: lane["detected_at_s"])
+    first, mine, n = lanes[0], [lane for lane in lanes if lane["concerned"]], len({lane.get("lane") for lane in whole})
+    seen = sorted((lane for lane in mine if "delay_s" in lane), key=lambda lane: _number(lane, "detected_at_s"))
     best = seen[0] if seen else {}
     told = best or next(iter(mine), {})
     each = about["each"][fault] if fault is not None else _fault(None, None, ())

@@ -77,4 +77,3 @@ def smallest(found: Comparison) -> str:
     Markdown."""
     what = "mm of rod at which 90 % are seen, its lower bound and a90/95; ?: outside the sizes flown"
     return "\n\n".join(f"{family}: {what}\n\n{made.markdown()}" for family, made in tables.sizes(found.sizes).items())
-

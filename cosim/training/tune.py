@@ -100,8 +100,8 @@ def flights(campaign: str, name: str, first_seed: int, most: int) -> list[Watche
 
 
 def score(watched: Sequence[Watched], values: Mapping[str, float]) -> Score:
-    """Return the Score of a detector over flights, with `values` for its numbers."""
-    total = Score(*map(sum, zip(*(w.replay(values) for w in watched))))
+    """Return the Score of a detector over flights, perhaps none, with `values` for its numbers."""
+    total = Score(*map(sum, zip(Score(0, 0, 0.0, 0, 0.0), *(w.replay(values) for w in watched))))
     return total._replace(delay_s=total.delay_s / max(total.faults, 1))
 
 

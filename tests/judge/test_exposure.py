@@ -70,3 +70,17 @@ def test_a_detector_that_is_never_valid_has_no_rate():
     toml = load_scenario("cruise", ["duration_s=10"]).expanded_toml()
     (told,) = stats.detectors(tidy(pd.DataFrame(row.rows("a", result)), {"a": toml}))
     assert told["hours"] == 0.0 and math.isnan(told["false_alarms_per_hour"])
+
+
+def test_a_cell_of_a_row_that_holds_nothing_is_no_error():
+    """A folder may be damaged in any cell that is not asked for."""
+    entry = judge(LEFT, flown(0), DT, [FAULT])
+    result = {"status": "completed", "reason": "", "sim_time_s": 10.0, "achieved": {}, "detectors": [entry]}
+    given = [f"faults.0.{k}={v}" for k, v in {"target": "elevator.left_inner", "kind": "ofc_liquid", "at": "valve",
+             "start_s": 5.0, "frequency_hz": 2.0, "amplitude_mm": 1.0}.items()]  # fmt: skip
+    toml = load_scenario("cruise", ["duration_s=10", *given]).expanded_toml()
+    (lane,) = row.rows("a", result)
+    for nothing in (None, math.nan):
+        changed = lane | {"delay_s": 0.5, "detected_at_s": nothing, "lane": nothing}
+        (found,) = tidy(pd.DataFrame([changed]), {"a": toml}).to_dict("records")
+        assert found["detected"] and found["hours"] > 0.0

@@ -1,11 +1,14 @@
 """Every claim can fail: something is broken in one place, and its row differs."""
 
 import inspect
+from collections import Counter
+from pathlib import Path
 
 import mutants
 import numpy as np
 import pytest
 
+import cosim.papers
 from cosim.papers import PAPERS, plan, proof
 from cosim.papers.broken import Break, breaks, chosen, edit, place
 from cosim.papers.broken import proof as proof_of
@@ -19,6 +22,14 @@ def test_each_claim_that_agrees_is_broken_by_something(paper):
     proven = {p.item for of in breaks(paper) for p in chosen(rows, of)}
     left = [p.item for p in rows if p.kind == "claim" and not p.reason and p.item not in proven]
     assert left == []
+
+
+def test_the_readme_counts_what_is_broken():
+    n = Counter(of.kind for paper in PAPERS for of in breaks(paper))
+    text = (Path(cosim.papers.__file__).parent / "README.md").read_text(encoding="utf-8")
+    said = (f"{n['equation']} breaks of an equation, {n['method']} of a parameter of the method, {n['flown']} of what "
+            f"is flown, {n['option']} of an option")  # fmt: skip
+    assert said in " ".join(text.split())
 
 
 def test_rows_of_the_bench_see_what_is_broken():

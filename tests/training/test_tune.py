@@ -34,6 +34,11 @@ def test_numbers_change_what_is_seen_and_when(flights):
     assert as_it_is.delay_s + 0.5 < slow.delay_s < deaf.delay_s
 
 
+def test_no_flight_without_a_fault_counts_nothing():
+    """As where none of the few that are drawn can be flown."""
+    assert tune.score([], {}) == tune.Score(0, 0, 0.0, 0, 0.0)
+
+
 def test_the_set_that_is_found_is_within_the_rate_and_no_later(flights, monkeypatch):
     monkeypatch.setattr(tune, "ROUNDS", 1)
     monkeypatch.setattr(tune, "OTHER_SEED", 700_000)
