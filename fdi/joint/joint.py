@@ -211,7 +211,7 @@ def _heard(x, u, p, dt):
             if t < 0.5:  # an alarm without a name
                 t = p.token[i, 9, 0]
             if x.said[i] < 0.5:
-                x.since[i] = x.age
+                x.since[i], x.phase[i] = x.age, 0.0
             x.over[i] = 0.0
             if t != x.said[i]:
                 x.said[i], new = t, 1
@@ -223,7 +223,7 @@ def _heard(x, u, p, dt):
         while x.said[i] > 0.5 and x.over[i] == 0.0 and q + 1 < NQ and x.age - x.since[i] >= p.phases[q + 1]:
             q += 1
         if q != x.phase[i]:
-            x.phase[i], new = q, max(new, 1)
+            x.phase[i], new = q, 1
     x.still = 0.0 if any_on else x.still + dt
     return new
 
