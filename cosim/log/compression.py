@@ -62,7 +62,8 @@ def decompress(data: Any, size: int, name: str, *, others: bool = False) -> Any:
             stated = zstandard.get_frame_parameters(data).content_size
             _same(size if others and stated == zstandard.CONTENTSIZE_UNKNOWN else stated, size)
             frame = zstandard.ZstdDecompressor(max_window_size=1 << 27)
-            data = frame.decompress(data, max_output_size=size, allow_extra_data=others)
+            # 0 would stand for a size that the frame states
+            data = frame.decompress(data, max_output_size=max(size, 1), allow_extra_data=others)
         elif name == "lz4":
             if not others:
                 _same(lz4.frame.get_frame_info(data)["content_size"], size)

@@ -47,7 +47,6 @@ def air(columns: Mapping[str, np.ndarray]) -> dict[str, list[str]]:
     if error >= FITS:
         return {}
     out: dict[str, list[str]] = {}
-    out = {}
     for i, name in enumerate(("h_baro", *speeds)):
         each: dict[str, float] = {}
         for e, units in found:

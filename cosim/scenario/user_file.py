@@ -96,8 +96,9 @@ def identity(path: str | os.PathLike, error: Callable[[str], Exception] | None =
 
 
 def identity_unrun(folder: Path) -> str:
-    """Return the digest of a file of which `folder` holds all that it is made of and nothing else; nothing is run."""
-    return _digest(_all(folder), folder)
+    """Return the digest of a file of which `folder` holds all that it is made of and nothing else, hidden files among
+    it; nothing is run."""
+    return _digest([path for path in folder.rglob("*") if not path.is_dir()], folder)
 
 
 def contents(path: str | os.PathLike) -> dict[str, Path]:

@@ -17,7 +17,7 @@ from cosim.scenario.aircraft import load_aircraft
 from cosim.scenario.brought import identified
 from cosim.scenario.override import apply
 from cosim.scenario.toml import dumps, inline
-from cosim.scenario.user_file import identity, load
+from cosim.scenario.user_file import identity, identity_unrun, load
 from cosim.texts import from_json
 
 
@@ -295,3 +295,15 @@ def test_a_scenario_says_which_file_it_means_on_every_machine(tmp_path):
     )
     assert here.portable_toml() == there.portable_toml() and str(tmp_path) not in here.portable_toml()
     assert here.brought["law.file"].name == "law.py" and len(here.law.sha256) == 64
+
+
+def test_what_runs_with_trust_is_all_that_flew_and_no_more_hidden_files_too(tmp_path):
+    (tmp_path / "mine.py").write_text("open(__file__.replace('mine.py', '.weights')).read()\n")
+    (tmp_path / ".weights").write_text("1")
+    flew = identity(tmp_path / "mine.py").sha256
+    assert identity_unrun(tmp_path) == flew
+    for more in (".more", "__pycache__/mine.pyc"):
+        (tmp_path / more).parent.mkdir(exist_ok=True)
+        (tmp_path / more).write_text("2")
+        assert identity_unrun(tmp_path) != flew
+        (tmp_path / more).unlink()

@@ -1,12 +1,15 @@
 """The plant: signs in flight, steadiness, timing, determinism, refusals."""
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from actuators.constants import M_PER_FT, RAD_PER_DEG
 from cosim.errors import TrimError
+from cosim.flight.plant import trim as trimming
 from cosim.flight.plant.jsbsim_signals import border
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import POINTS, FlightPoint, Plant, Port
@@ -259,3 +262,15 @@ def test_coupling_error_falls_at_least_linearly_with_the_step():
     slopes = np.polyfit(np.log(steps), np.log(np.array(errors)), 1)[0]
     assert slopes.min() > 0.9, (slopes, errors)
     assert math.degrees(errors[-1][0]) < 0.02  # q [deg/s] at 200 Hz
+
+
+def test_a_trim_that_is_no_number_is_refused_and_every_path_has_a_name():
+    still = trimming._Path(None, 0.0, None, 0.0, 0.0)
+    assert str(still) == "level flight"
+    assert str(replace(still, gamma=0.1, bank=0.5)) == "a climb at +5.7 deg in a bank of 29 deg"
+    stops = dict.fromkeys(("stabiliser", "aileron", "rudder"), (-1.0, 1.0))
+    point = SimpleNamespace(mass=2e5, cg=0.25, altitude=3e3)
+    plant = SimpleNamespace(flight=point, tas=200.0, aircraft=SimpleNamespace(travels=stops))
+    lost = SimpleNamespace(alpha=0.1, throttle=0.5, stabilizer=0.0, aileron=0.0, rudder=0.0, residual=math.nan)
+    with pytest.raises(TrimError, match="no steady flight"):
+        trimming._refuse(plant, lost, (0.5, 1.0, 0.3), "level flight", ("", "", ""))

@@ -6,11 +6,13 @@ import struct
 import numpy as np
 import pandas as pd
 import pytest
+import zstandard
 from log_samples import TOPICS, expected, same_bits, write
 from mcap.writer import CompressionType, Writer
 
 from cosim.errors import LogError
 from cosim.log import foxglove
+from cosim.log.compression import FrameError, decompress
 from cosim.replay.foreign import read_channels
 
 
@@ -170,3 +172,11 @@ def test_mutated_foreign_files_are_refused_or_read_without_a_crash(tmp_path):
         except LogError:
             refused += 1
     assert refused > 150
+
+
+def test_an_empty_chunk_that_does_not_state_its_size_holds_nothing():
+    frame = zstandard.ZstdCompressor(write_content_size=False).compressobj()
+    empty = frame.compress(b"") + frame.flush()
+    assert decompress(empty, 0, "zstd", others=True) == b""
+    with pytest.raises(FrameError, match="not as long as"):
+        decompress(empty, 1, "zstd", others=True)

@@ -175,7 +175,7 @@ def _refuse(plant, trim, margin, what, remedies):
         if not low <= math.degrees(angle) <= high:
             said = f"{name}: {math.degrees(angle):.1f} deg needed for {what}"
             raise TrimError(said, place=_place(plant), allowed=f"{low:.0f} to {high:.0f} deg")
-    if trim.residual > 1e-8:
+    if not trim.residual <= 1e-8:  # or no number
         raise TrimError(f"no steady flight found for {what}, residual {trim.residual:.1e}", place=_place(plant))
 
 
@@ -237,7 +237,7 @@ class _Path:
         path = f"{'climb' if self.gamma > 0 else 'descent'} at {math.degrees(self.gamma):+.1f} deg" * bool(self.gamma)
         bank = "" if self.bank is None else f"bank of {math.degrees(self.bank):.0f} deg"
         rate = f"turn of {math.degrees(self.turn):.1f} deg/s" * bool(self.turn)
-        return "a " + " in a ".join(filter(None, (path, bank or rate)))
+        return " in ".join(f"a {part}" for part in (path, bank or rate) if part) or "level flight"
 
 
 def steady(plant: Any, elevator: float = 0.0) -> Trim:
