@@ -46,7 +46,6 @@ STATE = [
     ("speaks", "f8", "-"),  # 1 while evidence stands for a fault
     ("speaking_s", "f8", "s"),  # time for which an alarm has stood
     ("ended", "f8"),  # 1 in the tick in which the evidence says that a fault of the actuator has healed
-    ("of_sensor", "f8"),  # 1 where what swings is the pressure sensor, by the last window that tells it from the valve
     ("emptied", "f8"),  # 1 once the windows were emptied at this alarm's onset
     ("candidate", "f8"),
     ("candidate_hz", "f8", "Hz"),  # of an oscillation, else 0
@@ -115,9 +114,6 @@ def hear(x, p, o):
         ratio = max(ratio, x.ev[h] / p.limit[h])
         if told(x, h) > told(x, at_best):
             at_best = h
-    more = told(x, ev.SWING_PRESSURE) - max(told(x, ev.ADDED), told(x, ev.IN_PLACE))
-    if math.fabs(more) > SURE:
-        x.of_sensor = 1.0 if more > 0.0 else 0.0
     mine, best = class_of(x, at_best), told(x, at_best)
     second = 0.0
     for h in range(ev.HYPOTHESES):
@@ -208,7 +204,7 @@ def follow(x, u, own, dt):
     if not alarm:
         x.likely = x.candidate = x.candidate_s = x.emptied = 0.0
         x.rod_low = x.rod_high = x.rod_slow
-        x.likely_hz = x.of_sensor = 0.0
+        x.likely_hz = 0.0
         return
     x.rod_low, x.rod_high = min(x.rod_low, x.rod_slow), max(x.rod_high, x.rod_slow)
     if x.candidate < 0.5:
@@ -245,7 +241,7 @@ def merge(x, freeze):
         return
     if x.likely == OF_PRESSURE and (swings or x.verdict == AMBIGUOUS) and x.sensor < 0.5:
         x.verdict, x.culprit = SENSOR, 3.0
-    elif swings and x.of_sensor > 0.5 and x.sensor < 0.5 and x.likely != LIQUID and x.likely != SOLID:
+    elif swings and x.candidate == OF_PRESSURE and x.likely != LIQUID and x.likely != SOLID:
         x.verdict = AMBIGUOUS
     elif x.verdict == JAM_SOLID and (x.likely == WEAK or x.likely == OF_LOAD) and x.rod_high - x.rod_low >= STILL:
         x.verdict = EFFECTIVENESS
