@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from cosim.flight.loop.signals import fly
+from cosim.flight.simulate import simulate
+from cosim.scenario import load_scenario
 from cosim.scenario.catalog import SEGMENTS
 from cosim.training import train_hydraulic, trainer
 from cosim.training.flights import DT, POINTS, draw, scenario
@@ -35,6 +37,14 @@ def test_in_flight_each_fault_has_its_name_in_time(name):
     in_time = row["detected"] if row["in_time"] is None else row["in_time"]
     assert (row["early"], in_time, row["right"]) == (0, 1, 1), row
     assert sensor["detected"] == (1 if name.startswith("rod") else 0), sensor
+
+
+@pytest.mark.parametrize("amplitude_mm", [4, 8])
+def test_a_large_oscillation_in_still_air_has_its_name_in_two_periods(amplitude_mm):
+    changes = [f"faults.0.amplitude_mm={amplitude_mm}", "duration_s=15", 'detectors.enabled=["iotsekf"]']
+    flown = simulate(load_scenario("liquid-ofc", changes)).detectors
+    own = next(d for d in flown if d["target"] == "elevator.left_inner")
+    assert own["right"] and own["time_to_right_s"] <= 2.0, own
 
 
 def test_a_slow_solid_oscillation_without_motion_is_found_and_not_misnamed():
