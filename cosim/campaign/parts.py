@@ -173,8 +173,8 @@ def table_of(path: Path, schema: pa.Schema, keys: Sequence[str]) -> pa.Table | N
 
 
 def checked(table: pa.Table, schema: pa.Schema, keys: Sequence[str]) -> pa.Table:
-    """Return a table with the columns of `schema` in their types. Raises one of DAMAGE where one of `keys` is not whole
-    or what is held is none of it."""
+    """Return a table with the columns of `schema` in their types. Raises one of DAMAGE where a column of `keys` is
+    missing or has a null, where a name stands twice, or where a column cannot be cast to its type."""
     table.validate(full=True)
     held = table.column_names
     if len(set(held)) != len(held) or any(name not in held or table[name].null_count for name in keys):

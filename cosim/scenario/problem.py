@@ -103,8 +103,10 @@ class Table(BaseModel):
 
 
 def check_numbers(numbers: Mapping[str, Any], keys: Mapping[str, Key], what: str, path: str, wrong: Mistakes) -> None:
-    """Tell `wrong` of each of `numbers` {name: value} that is none of `keys`, of which each is a `what`, or out of its
-    range; `path` stands before its name in what is said."""
+    """Collect in `wrong` an error for each of `numbers` {name: value} of unknown name or with a value out of range.
+
+    `keys` has the known names; the message calls such a name a `what` and puts `path` before it.
+    """
     for name, value in numbers.items():
         with wrong.caught():
             if name not in keys:

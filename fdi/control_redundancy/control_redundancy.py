@@ -91,8 +91,8 @@ PARAMS = params_dtype(
         ("t_ambiguous", "f8", "s"),  # firing for so long without a single explanation is an alarm
         ("t_release", "f8", "s"),
         ("t_kin", "f8", "s"),  # time constant of the kinematic observers of the accelerometers
-        ("t_bias", "f8", "g"),  # errors of the accelerometers below this are none
-        ("t_vane", "f8", "rad"),  # errors of the vane below this are none
+        ("t_bias", "f8", "g"),  # errors of the accelerometers below this are taken for zero
+        ("t_vane", "f8", "rad"),  # errors of the vane below this are taken for zero
         ("gust_max", "f8", "m/s"),  # rms of gusts beyond which nothing is said nor learned, 0 for no such bound
         ("bias_share", "f8", "-"),  # so much of a row's residual in its accelerometer makes it the accelerometer's
         ("t_invalid", "f8", "s"),  # averages start again after so long without data

@@ -13,7 +13,7 @@ import math
 from actuators.block import kernel
 
 SWINGS = 0.5 * (1.0 - 8.0 / (math.pi * math.pi))  # share of d^2 that two levels may leave: half of what a sine has left
-NONE = 1.5  # times SWINGS, from which on there are none
+NO_LEVELS = 1.5  # times SWINGS, from which on d has no two levels
 LEAST = 0.1  # on either side, three lags of d [s]
 
 STATE = [
@@ -58,5 +58,5 @@ def ask(x, q, dt):
     qq, qd = x.gap_qq - x.gap_q * x.gap_q / n, x.gap_qd - x.gap_q * mean / n
     line = x.gap_dd - mean * mean / n - (qd * qd / qq if qq > 0.0 else 0.0)
     x.loose = 1.0 if held and left < SWINGS * x.gap_dd and left < 0.5 * line else 0.0
-    if left > NONE * SWINGS * x.gap_dd:
+    if left > NO_LEVELS * SWINGS * x.gap_dd:
         x.play = 0.0

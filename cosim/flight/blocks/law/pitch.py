@@ -14,7 +14,7 @@ TAU_PATH = 1.0   # with which the held vertical speed gives way while a protecti
 LAG_N = 0.6      # of the load factor behind its demand, for the path that is held when the stick comes free [s]
 BANK_MAX = 1.05  # the trigonometry of the turn stops there [rad]
 TRIM_BANK = 0.58   # automatic trim is off beyond this bank, 33 deg [rad]
-STICK_FREE = 0.005  # demands below are none [g]
+STICK_FREE = 0.005  # smaller demands count as zero [g]
 
 
 @kernel
