@@ -20,6 +20,7 @@ from commands import commands
 from flight_point import POINT
 from hostile_doors import CASES, LARGEST, LONGEST_S, SEED, tried, written
 from hostile_texts import encoded, mangled
+from technologies import forget
 
 import cosim
 from cosim.campaign import jobs
@@ -33,7 +34,7 @@ from cosim.compare.score import flights as benchmark
 from cosim.compare.score.rows import differences
 from cosim.flight.plugins import load
 from cosim.report import comparison_report
-from cosim.scenario import aircraft, catalog
+from cosim.scenario import aircraft
 from cosim.scenario.condition import condition
 
 FEW = max(20, CASES // 10)
@@ -51,12 +52,6 @@ duration_s = 2.0
 [draw]
 "flight.mass_t" = { low = 200.0, high = 300.0 }
 """
-
-
-def forget():
-    """Forget the actuator of a case."""
-    if "rig" in catalog.TECHNOLOGIES:
-        catalog.unregister("rig")
 
 
 def changed(rng, value):

@@ -185,10 +185,6 @@ class Log:
         parts = [np.arange(a + -a % every, b, every, dtype=np.int64) for a, b in bounds]
         return np.concatenate(parts) if parts else np.empty(0, np.int64)
 
-    def times_ns(self, topic: str) -> np.ndarray:
-        """Return the simulated time of each row of a topic (rows,) as int64 [ns]."""
-        return self.ticks(topic) * self.dt_ns
-
     def _frame(self, topic, values, fields=None, start=0, stop=None):
         import pandas as pd  # half a second, which a run that only writes need not wait for
 

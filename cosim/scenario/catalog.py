@@ -127,13 +127,6 @@ def register(technology: Technology, *, brought: bool = False) -> None:
     _derive()
 
 
-def unregister(name: str) -> None:
-    """Forget a registered technology."""
-    del TECHNOLOGIES[name]
-    BROUGHT.discard(name)
-    _derive()
-
-
 def technologies(own: Iterable[str]) -> tuple[str, ...]:
     """Return the technologies that a scenario may name which brings `own` along."""
     return tuple(name for name in TECHNOLOGIES if name not in BROUGHT or name in own)

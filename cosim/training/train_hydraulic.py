@@ -30,7 +30,7 @@ from fdi.isolation import likelihood
 from fdi.monitors import ofc_monitor, position_monitor
 
 FLIGHTS = 384  # 16 of every manoeuvre in each air
-FIRST_SEED, EVALUATION = 21_000, 12_000  # of the two sets
+FIRST_SEED = 21_000
 SETTLED = round(START_S / DT)  # ticks
 # What noise alone asks for in still air, where the search finds nothing; where it begins. Of the amplitudes that noise
 # alone makes 2.4e-6 are larger; at 1 Hz a flight has 240 fits apart, and two in a row must agree and look like a sine

@@ -6,13 +6,13 @@ import textwrap
 import fmu_of_hydraulic as rig
 import numpy as np
 import pytest
+import technologies
 
 import cosim
 from cosim.campaign.dataset import make
 from cosim.campaign.run import run_campaign
 from cosim.compare.score import score
 from cosim.errors import CampaignError, OutputError, ScenarioError
-from cosim.scenario import catalog
 from cosim.scenario.aircraft import load_aircraft
 from cosim.scenario.brought import identified
 from cosim.scenario.override import apply
@@ -24,8 +24,7 @@ from cosim.texts import from_json
 @pytest.fixture(autouse=True)
 def forget():
     yield
-    for name in set(catalog.TECHNOLOGIES) - {t.name for t in catalog.SHIPPED}:
-        catalog.unregister(name)
+    technologies.forget()
 
 
 DETECTOR = """

@@ -9,6 +9,7 @@ import zipfile
 import fmu_of_hydraulic as rig
 import numpy as np
 import pytest
+import technologies
 
 import cosim
 from cosim.errors import ScenarioError
@@ -30,8 +31,7 @@ def fmu(request, tmp_path_factory):
 @pytest.fixture(autouse=True)
 def forget():
     yield
-    for name in set(catalog.TECHNOLOGIES) - {t.name for t in catalog.SHIPPED}:
-        catalog.unregister(name)
+    technologies.forget()
 
 
 def loaded(path, *changes, key="fmu", spec=None):
@@ -94,7 +94,7 @@ def test_a_unit_left_out_is_the_one_that_the_fmu_declares(fmu):
 def test_a_flight_with_an_fmu_replays(fmu, tmp_path):
     s = loaded(fmu, "detectors.enabled=['position_monitor', 'iotsekf']", "duration_s=4")
     cosim.simulate(s, log=tmp_path / "rig.mcap")
-    catalog.unregister("rig")
+    technologies.forget()
     fmu.rename(fmu.with_suffix(".gone"))  # a log needs no FMU to be replayed
     try:
         assert replay(tmp_path / "rig.mcap").exact

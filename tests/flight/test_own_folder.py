@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import technologies
 
 import actuators.hydraulic.record as shipped
 import cosim
@@ -36,7 +37,7 @@ def rig(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
     catalog.register(importlib.import_module("rig_folder.record").TECHNOLOGY)  # the one line
     yield "rig"
-    catalog.unregister("rig")
+    technologies.forget()
     for name in [n for n in sys.modules if n.startswith("rig_folder")]:
         del sys.modules[name]
 
