@@ -78,7 +78,7 @@ def tidy(frame: pd.DataFrame, tomls: Mapping[str, str], place: str = "") -> pd.D
     about = {run: _about(tomls[run]) for run in dict.fromkeys(run for run, _ in lanes)}
     out = []
     for (run, detector), found in lanes.items():
-        met = sorted({int(lane["fault"]) for lane in found if "fault" in lane}) or [about[run]["earliest"]]
+        met = sorted({int(lane["fault"]) for lane in found if "fault" in lane}) or [_earliest(about[run], found[0])]
         if met[-1] is not None and not 0 <= met[-1] < about[run]["faults"]:
             raise _impossible(found[0] | {"fault": met[-1]}, "fault", place, f"below {about[run]['faults']}")
         for i, fault in enumerate(met):
@@ -148,10 +148,16 @@ def _about(text):
     return {
         "title": s.title, "faults": len(s.faults),
         "each": [_fault(f, case, s.aircraft.segments) for f, case in zip(s.faults, cases)],
-        "earliest": min(range(len(s.faults)), key=lambda i: s.faults[i].start_s, default=None),
+        "starts": [f.start_s for f in s.faults],
         "turbulence": s.flight.turbulence, "manoeuvre": s.manoeuvre.kind,
         "manoeuvre_key": s.manoeuvre.model_dump_json(), "seed": s.seed, "mass_t": s.flight.mass_t,
     }  # fmt: skip
+
+
+def _earliest(about, lane):
+    """Return the number of the fault that began first before the flight of `lane` ended, None without one."""
+    begun = [i for i, start in enumerate(about["starts"]) if start < lane["sim_time_s"]]
+    return min(begun, key=lambda i: about["starts"][i], default=None)
 
 
 def _fault(f, case, segments):
@@ -181,7 +187,7 @@ def _row(run, detector, lanes, whole, about, fault):
         how = outcome(detector, each["case"], seen=bool(seen), class_=given["class_given"],
                       place=given["place_given"], able=able)  # fmt: skip
     return {
-        "run": run, "fault": fault, **{k: v for k, v in about.items() if k not in ("each", "earliest")}, **each,
+        "run": run, "fault": fault, **{k: v for k, v in about.items() if k not in ("each", "starts")}, **each,
         "hours": sum(_number(lane, "exposed_s") for lane in whole) / n / 3600.0 if n else np.nan,
         "status": first["status"], **{k: _number(first, k) for k in ACHIEVED}, "id": detector, "level": first["level"],
         "lanes": len(lanes), "word": coverage.expected(detector, each["case"]) if fault is not None else None,

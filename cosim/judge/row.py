@@ -32,7 +32,7 @@ FIELDS = (
     Field("id", "string", "", "detector"),
     Field("level", "string", "", "local, aircraft or both"),
     Field("target", "string", "", "what the lane watches: elevator.left_inner, aircraft"),
-    Field("concerned", "bool", "", "a fault is this lane's to find: on its own actuator; any for the aircraft level"),
+    Field("concerned", "bool", "", "a fault that began is this lane's: on its own actuator; aircraft level: any"),
     Field("alarm", "bool", "", "any alarm in the run"),
     Field("detected_at_s", "double", "s", "first alarm that rises after the onset; of a healthy lane the first alarm"),
     Field("delay_s", "double", "s", "from the onset; null when missed or not concerned", "detection_delay_s"),

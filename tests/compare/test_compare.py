@@ -60,6 +60,13 @@ def logs(flights, tmp_path_factory):
     return sorted(folder.glob("*.mcap"))
 
 
+def test_a_flight_that_ends_before_its_fault_counts_as_one_without(tmp_path):
+    change = ["duration_s=3", "faults.0.start_s=5", CHOSEN]
+    simulate(load_scenario("liquid-ofc", change), log=tmp_path / "short.mcap")
+    rows = compare_rows.tidy(*compare_rows.of_logs([tmp_path / "short.mcap"]))
+    assert len(rows) == 3 and not rows["concerned"].any() and rows[["case", "outcome"]].isna().all(axis=None)
+
+
 def test_logs_give_the_rows_of_a_campaign_of_the_same_flights(flights, logs):
     result = run_many(flights, workers=0)
     frame, _, tomls = compare_rows.of_result(result, flights)

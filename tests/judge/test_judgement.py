@@ -56,6 +56,12 @@ def test_a_fault_elsewhere_makes_a_local_alarm_false():
     assert not entry["concerned"] and entry["false_alarms"] == 1 and entry["detection_delay_s"] is None
 
 
+def test_a_fault_that_did_not_begin_before_the_end_concerns_no_lane():
+    entry = judge(LANE, lane([(10, 12)]), DT, [{**FAULT, "start_s": 5.0}])  # 50 ticks of 0.1 s
+    assert not entry["concerned"] and not entry["by_fault"] and entry["false_alarms"] == 1
+    assert judge(LANE, lane([]), DT, [{**FAULT, "start_s": 4.9}])["concerned"]
+
+
 def several(*starts, **cases):
     """Return faults 0, 1, ... on the lane's actuator at `starts` [s]; `cases` {"of1": case} for a detector's table."""
     return [{**FAULT, "fault": i, "start_s": t, "case": cases.get(f"of{i}", "")} for i, t in enumerate(starts)]
