@@ -120,7 +120,10 @@ def _lanes(done, dt, t_0):
                 out.append(f"{said}: {reason.words(code)} {of}, not valid there")
         broken = ~np.isfinite(again).all(axis=1) | (why == reason.NOT_FINITE)
         if broken.any():
-            out.append(f"{said}: its numbers are not finite from {t_0 + np.argmax(broken) * step:.6g} s on: not valid")
+            first = int(np.argmax(broken))
+            since, n = f"{t_0 + first * step:.6g} s", np.count_nonzero(broken)
+            when = f"from {since} on" if broken[first:].all() else f"for {n * step:.4g} s, first at {since}"
+            out.append(f"{said}: its numbers are not finite {when}{'' if valid[broken].all() else ': not valid'}")
         if valid.any():
             waited = int(np.count_nonzero(why[: np.argmax(valid)] == reason.NOT_READY))
             out += _standing(said, valid, again[:, names.index("alarm")] > 0.5, waited, step, t_0)

@@ -1,5 +1,6 @@
 """Read recordings of others as tables over time: text, Parquet, MATLAB, MCAP, a folder of files."""
 
+import codecs
 import contextlib
 import os
 import re
@@ -142,14 +143,24 @@ def _timed(frame, path, stem, time, on_reset, part):
     t = _seconds(frame[name], str(name), path)
     numbers = frame.drop(columns=name).select_dtypes(["number", "bool"], exclude="timedelta").astype(np.float64)
     numbers.columns = numbers.columns.map(str)
-    texts = [str(c) for c in frame.columns if c != name and str(c) not in numbers.columns]
-    numbers.attrs = {"texts": [*texts, *frame.attrs.get("texts", ())]}
+    texts = {str(c): _word(frame[c]) for c in frame.columns if c != name and str(c) not in numbers.columns}
+    numbers.attrs = {"texts": texts | dict.fromkeys(frame.attrs.get("texts", ()), "")}
     clock.finite(t, f"column {str(name)!r}", path)
     rising, rows = clock.rising(t, path, on_reset, part)
     frame = numbers.iloc[rows].set_axis(pd.Index(rising, name="t_s"))
     told = clock.restarts(t, on_reset, part) + clock.oddities(rising, stem)
     frame.attrs = numbers.attrs | {"oddities": told}
     return frame
+
+
+def _word(column):
+    """Return the first cell of a column that is no number, with its row, counted from 1 below the header; "" without
+    one."""
+    import pandas as pd
+
+    bad = (pd.to_numeric(column, errors="coerce").isna() & column.notna()).to_numpy()
+    k = int(np.argmax(bad)) if bad.any() else -1
+    return f": {str(column.iloc[k])[:40]!r} in row {k + 1}" if k >= 0 else ""
 
 
 def _seconds(column, name, path):
@@ -226,8 +237,11 @@ def _parquet(path):
 def _text(path, columns, rows):
     import pandas as pd
 
-    begin, names, separator, decimal = _layout(path)
-    how: dict[str, Any] = {"sep": separator, "decimal": decimal, "nrows": rows, "encoding_errors": "replace"}
+    with path.open("rb") as file:
+        utf16 = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+    how: dict[str, Any] = {"encoding": "utf-16" if utf16 else "utf-8-sig", "encoding_errors": "replace", "nrows": rows}
+    begin, names, separator, decimal = _layout(path, how["encoding"])
+    how |= {"sep": separator, "decimal": decimal}
     if begin is None:  # an ordinary header, and anything below it
         frame = pd.read_csv(path, **_exactly(), **how)
         with contextlib.suppress(ValueError):  # a header alone
@@ -242,9 +256,9 @@ def _text(path, columns, rows):
     return frame
 
 
-def _layout(path):
+def _layout(path, encoding):
     """Return (first line of numbers, names, separator, decimal point); line None for a header of one line."""
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
+    with path.open(encoding=encoding, errors="replace") as file:
         lines = [file.readline(100_000) for _ in range(LOOKED_AT)]
     filled = [k for k, line in enumerate(lines) if line.strip()]
     body = next((k for k in filled if _numbers(lines[k])), None)

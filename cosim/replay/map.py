@@ -103,7 +103,9 @@ def prepare(
         remedy = "Is time in seconds? A column in other units ends in _ms, _us or _ns"
         raise ReplayError(f"the channels last {n * dt:.3g} s", place=str(path), allowed=allowed, remedy=remedy)
     if n < 2:
-        raise ReplayError("the channels have no time in common", place=str(path), allowed=_spans(m, channels))
+        once = all(len(frame) and frame.index[0] == frame.index[-1] for frame in tables.values())
+        said = "holds a single time" if once else "the channels have no time in common"
+        raise ReplayError(said, place=str(path), allowed=_spans(m, channels))
     values = {}
     for name, source in ((name, source) for name, source in sources.items() if name in m.signals):
         share = signals_of.shares(scenario, name, source)

@@ -109,9 +109,10 @@ def channels_of(m: Any, tables: dict, path: str | Path, place: Any) -> dict:
 
     def column(key, name):
         at = f"{place}: signals.{key}"
-        if name not in names and any(name in frame.attrs.get("texts", ()) for frame in tables.values()):
-            remedy = "An empty cell or NaN is a lost sample"
-            raise ReplayError(f"channel {name!r} holds something that is no number", place=at, remedy=remedy)
+        texts = {c: word for frame in tables.values() for c, word in frame.attrs.get("texts", {}).items()}
+        if name not in names and name in texts:
+            what = f"channel {name!r} holds something that is no number{texts[name]}"
+            raise ReplayError(what, place=at, remedy="An empty cell or NaN is a lost sample")
         if name not in names:
             allowed = ", ".join([n for n in names if len(tables) > 1 or n in short][:20])
             what = f"the recording has no channel {name!r}"

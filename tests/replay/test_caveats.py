@@ -189,3 +189,6 @@ def test_numbers_that_are_not_finite_are_told_with_their_time():
     m = Map.model_validate({"aircraft": "x", "signals": {}})
     said = caveats(prepared(m, 10.0), [(Stub(), "aircraft", None, rows)])
     assert said == ["rfafe_airframe of aircraft: its numbers are not finite from 12 s on: not valid"]
+    rows[400:, 2:] = 1.0, 0.0  # one tick, and it stays valid
+    said = caveats(prepared(m, 10.0), [(Stub(), "aircraft", None, rows)])
+    assert said == ["rfafe_airframe of aircraft: its numbers are not finite for 0.005 s, first at 12 s"]

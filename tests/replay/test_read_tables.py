@@ -182,7 +182,9 @@ def described(path, **columns):
         ({"T": np.full(len(T), np.nan)}, "deg", "column 'T' holds no time (200 such rows)"),
         ({"T": np.where(T > 4.0, T - 4.0, T)}, "deg", "the clock goes back"),
         ({"ALCG": None}, "deg", "the recording has no channel 'ALCG'"),
-        ({"ALCG": "x"}, "deg", "channel 'ALCG' holds something that is no number"),
+        ({"ALCG": "x"}, "deg", "channel 'ALCG' holds something that is no number: 'x' in row 1"),
+        ({"ALCG": ["1", "", "oops", *["2"] * (len(T) - 3)]}, "deg", "'oops' in row 3"),
+        ({"T": np.zeros(len(T))}, "deg", "holds a single time"),
         ({}, "bar", "signals.left_inner.surface.unit: 'bar' is no unit of it"),
         ({"T": 1e6 * T}, "deg", "Is time in seconds?"),
     ],
@@ -192,6 +194,14 @@ def test_bad_input_is_one_line_with_place_and_remedy(tmp_path, columns, unit, wo
     (tmp_path / "map.toml").write_text(given.replace("[DEG]", unit))
     run = CliRunner().invoke(cli.app, ["replay", str(path), "--map", str(tmp_path / "map.toml")])
     assert run.exit_code == 2 and words in " ".join(run.stderr.split()) and "Traceback" not in run.stderr
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le"])
+def test_text_in_the_encodings_of_a_spreadsheet_is_read(tmp_path, encoding):
+    path = described(tmp_path / "a.csv")
+    want, text = read_channels(path)["a"], path.read_text().replace(",", "\t")
+    path.write_text("\ufeff" * (encoding == "utf-16-le") + text, encoding=encoding)
+    pd.testing.assert_frame_equal(read_channels(path)["a"], want)
 
 
 @pytest.mark.parametrize("separator", [",", " "])
