@@ -73,13 +73,15 @@ def cluster(address: str) -> Iterator[tuple]:
     """Open (executor, number of threads) of the Dask scheduler at `address`; CampaignError when it does not answer."""
     try:
         from distributed import Client
+        from distributed.comm.addressing import parse_host_port
     except ImportError:
         remedy = "Install the extra: pip install 'cosim-fdi[cluster]'"
         raise CampaignError("Dask is not installed", place="--scheduler", remedy=remedy) from None
+    remedy = "Start one: `dask scheduler` and `dask worker tcp://127.0.0.1:8786 --nworkers auto --nthreads 1`"
     try:
+        parse_host_port(address.rpartition("://")[2])  # or a Client that is half made waits for 40 s at its end
         client = Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
-        remedy = "Start one: `dask scheduler` and `dask worker tcp://127.0.0.1:8786 --nworkers auto --nthreads 1`"
         said = f"no scheduler answers there: {error}" if str(error) else "no scheduler answers there"
         raise CampaignError(said, place=f"--scheduler {address}", remedy=remedy) from None
     for name in [n for n in logging.root.manager.loggerDict if n.startswith(("distributed", "tornado", "asyncio"))]:

@@ -241,11 +241,11 @@ def served(server: Any, layout: Path | None = None) -> None:
         err.print(f"to watch only: {server.url}", highlight=False, soft_wrap=True)
 
 
-def only_live(live: bool, **options: Any) -> None:
-    """Refuse options of a flight by the clock without --live."""
+def only_with(partner: str, given: Any, **options: Any) -> None:
+    """Refuse `options` {name: value, None where it is left out} that do nothing unless option `partner` is given."""
     for name, value in options.items():
-        if value is not None and not live:
-            raise CosimError("is for a flight by the clock", place=f"--{name}", remedy="Add --live")
+        if value is not None and not given:
+            raise CosimError(f"does nothing without {partner}", place=f"--{name.replace('_', '-')}")
 
 
 def notes(lines: Iterable[str]) -> None:

@@ -9,7 +9,7 @@ from rich.console import Group
 from rich.text import Text
 
 from cosim.cli import flight, tables
-from cosim.cli.app import answer, app, err, notes, out
+from cosim.cli.app import answer, app, err, notes, only_with, out
 from cosim.cli.output import (
     CampaignArg,
     DetectorOption,
@@ -48,7 +48,7 @@ def campaign(
     likeliest: Annotated[
         str | None, option("--likeliest", "DETECTOR", "The likeliest flight in which it fails.")
     ] = None,
-    part: Annotated[str, typer.Option("--part", metavar="NAME", help="With --likeliest: the part to search.")] = "",
+    part: Annotated[str | None, option("--part", "NAME", "With --likeliest: the part to search.")] = None,
     detector: DetectorOption = None,
     json_: JsonOption = False,
 ) -> None:
@@ -58,6 +58,7 @@ def campaign(
     """
     from cosim.campaign.run import folder, run_campaign
 
+    only_with("--likeliest", likeliest, part=part)
     if worst or likeliest:
         from cosim.campaign import search
 
@@ -86,7 +87,7 @@ def _search(campaign, worst, likeliest, part, json_, **how):
 
     does = f"provoking {worst}" if worst else f"seeking {likeliest}'s failure"
     with tables.progress(err, does, "flights", "preparing the workers") as progress:
-        seek, detector = (search.search, worst) if worst else (partial(search.likeliest, part=part), likeliest)
+        seek, detector = (search.search, worst) if worst else (partial(search.likeliest, part=part or ""), likeliest)
         found = seek(campaign, detector, progress=progress, **how).to_dict()
     answer(json_, found, lambda _: tables.whole(provoked(found, how["out"]) if worst else failures(found)))
 

@@ -23,7 +23,7 @@ from cosim.cli.app import (
     app,
     err,
     notes,
-    only_live,
+    only_with,
     out,
     served,
 )
@@ -84,7 +84,7 @@ def run(
     """Fly a scenario, log it, show who alarmed, when, and for what."""
     from cosim.scenario.brought import identified
 
-    only_live(live, speed=speed, port=port, flightgear=flightgear)
+    only_with("--live", live, speed=speed, port=port, flightgear=flightgear)
     flown = loaded(scenario, set_ or ())
     if detector:
         from cosim.flight.plugins import with_detectors

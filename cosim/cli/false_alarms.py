@@ -19,7 +19,9 @@ def false_alarms(
     detectors: Annotated[
         list[str] | None, argument("DETECTOR", "That ship, or files of your own. Default: all that ship.")
     ] = None,
-    hours: Annotated[float, typer.Option("--hours", min=0.0, help="Flight hours; more go on from there.")] = 100.0,
+    hours: Annotated[
+        float, typer.Option("--hours", min=0.0, max=1e6, help="Flight hours; more go on from there.")
+    ] = 100.0,
     campaign: Annotated[
         str, typer.Option("--campaign", metavar="NAME", help="Fault-free campaign to fly: built-in name or file.")
     ] = "fault-free",

@@ -10,7 +10,7 @@ import typer
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from cosim.cli.app import LIVE_PORT, LogArg, PortOption, SpeedOption, answer, app, err, notes, only_live, served
+from cosim.cli.app import LIVE_PORT, LogArg, PortOption, SpeedOption, answer, app, err, notes, only_with, served
 from cosim.cli.flight import before
 from cosim.cli.output import DetectorOption, JsonOption, OverwriteOption, output_option, reserve
 from cosim.cli.tables import progress as bar
@@ -71,7 +71,8 @@ def replay(
     logged.
     """
 
-    only_live(live, speed=speed, port=port)
+    only_with("--live", live, speed=speed, port=port)
+    only_with("--map", map_, on_reset=on_reset, time=time)
     if live:
         from cosim.replay.live import show
 

@@ -9,8 +9,16 @@ import typer
 from rich.console import Group
 
 from cosim.cli import tables
-from cosim.cli.app import answer, app, err, out
-from cosim.cli.output import JsonOption, OverwriteOption, ReadmeOption, WorkersOption, output_option, reserve
+from cosim.cli.app import answer, app, err, only_with
+from cosim.cli.output import (
+    JsonOption,
+    OverwriteOption,
+    ReadmeOption,
+    WorkersOption,
+    option,
+    output_option,
+    reserve,
+)
 from cosim.files import columns, replace
 from cosim.table import Cell, Row, Table
 from cosim.training import TRAINERS
@@ -147,32 +155,44 @@ def train(
     tune: Annotated[
         list[str] | None, typer.Option(metavar="FIELD=LOW:HIGH", help="Search this number; store nothing.")
     ] = None,
-    campaign: Annotated[str, typer.Option(metavar="CAMPAIGN", help="With --tune: whose flights.")] = "aircraft-faults",
-    false_alarms: Annotated[float, typer.Option(min=0.0, help="With --tune: at most, per valid hour.")] = 0.0,
-    flights: Annotated[int, typer.Option(min=2, help="With --tune: faulty ones, and as many without.")] = 24,
+    campaign: Annotated[
+        str | None, option("--campaign", "CAMPAIGN", "With --tune: whose flights. Default: aircraft-faults.")
+    ] = None,
+    false_alarms: Annotated[
+        float | None, option("--false-alarms", "N", "With --tune: at most, per valid hour. Default: 0.", min=0.0)
+    ] = None,
+    flights: Annotated[
+        int | None, option("--flights", "N", "With --tune: faulty ones, and as many without. Default: 24.", min=2)
+    ] = None,
     first_seed: Annotated[
         int | None, typer.Option("--first-seed", min=0, help="Of the training flights.", show_default=False)
     ] = None,
     output: Annotated[Path | None, output_option("FOLDER", "Of results; goes on there.")] = None,
     workers: WorkersOption = None,
+    json_: JsonOption = False,
 ) -> None:
     """Train thresholds on fault-free flights, or tune a detector."""
+    from cosim.judge.result import plain
     from cosim.training import load
 
+    only_with("--tune", tune, campaign=campaign, false_alarms=false_alarms, flights=flights)
     if tune:
-        _tune(name, tune, campaign, false_alarms, flights, first_seed)
+        how = {"campaign": campaign or "aircraft-faults", "false_per_hour": false_alarms or 0.0, "most": flights or 24}
+        _tune(name, tune, json_, **how, **({} if first_seed is None else {"first_seed": first_seed}))
         return
     training = load(name)
     how = {"folder": output or Path("logs") / f"train-{name}", "workers": workers}
     with tables.progress(err, "training", unit="flights", waiting="preparing") as progress:
         made = training.train(**how, progress=progress, **({} if first_seed is None else {"first_seed": first_seed}))
-    heads = ("file", "set", "threshold", "stored>", "trained>")
-    out.print(Table("The entry of each threshold that changes most", *heads, rows=map(Row, training.changes(made))))
+    heads, changes = ("file", "set", "threshold", "stored>", "trained>"), training.changes(made)
+    found = {"changes": [dict(zip((h.strip(">") for h in heads), plain(row))) for row in changes]}
+    title = "The entry of each threshold that changes most"
+    answer(json_, found, lambda _: Table(title, *heads, rows=map(Row, changes)))
     if not check:
         training.store(made)
 
 
-def _tune(name, asked, campaign, false_alarms, flights, first_seed):
+def _tune(name, asked, json_, **how):
     """Print the numbers that `cosim.training.tune` finds, beside those in use."""
     from cosim.errors import DesignError
     from cosim.training import tune as work
@@ -186,13 +206,12 @@ def _tune(name, asked, campaign, false_alarms, flights, first_seed):
             raise DesignError(f"{span!r} is no span", place=f"--tune {text}", allowed="FIELD=LOW:HIGH") from None
         spans[field] = (low, high)
     with tables.progress(err, f"tuning {name}", unit="sets", waiting="flying") as progress:
-        found, scores = work.tune(
-            name, spans, campaign=campaign, false_per_hour=false_alarms, most=flights, progress=progress,
-            first_seed=work.FIRST_SEED if first_seed is None else first_seed,
-        )  # fmt: skip
-    out.print(Table("Numbers of the least mean delay", "number", "tuned>", rows=map(Row, found.items())))
+        found, scores = work.tune(name, spans, progress=progress, **how)
+    numbers = Table("Numbers of the least mean delay", "number", "tuned>", rows=map(Row, found.items()))
     rows = [Row((words, *score.cells)) for words, score in scores]
-    out.print(Table("Flights", "flights, numbers", "seen>", "mean delay>", "false alarms>", rows=rows))
+    flown = Table("Flights", "flights, numbers", "seen>", "mean delay>", "false alarms>", rows=rows)
+    told = {"numbers": found, "flights": [{"flights": words, **score._asdict()} for words, score in scores]}
+    answer(json_, told, lambda _: Group(numbers, flown))
 
 
 def _finite(row: dict[str, Any]) -> dict[str, Any]:

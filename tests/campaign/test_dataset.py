@@ -114,6 +114,9 @@ def test_a_folder_of_something_else_is_left_alone(made, tmp_path):
     folder, _ = made
     with pytest.raises(OutputError, match="holds something else"):
         make(folder.with_suffix(".toml"), folder, signals=["q"], workers=0)
+    with pytest.raises(CampaignError, match="--rate 0"):
+        make(folder.with_suffix(".toml"), tmp_path / "new", rate_hz=0.0, workers=0)
+    assert not (tmp_path / "new").exists()
     (tmp_path / "mine.txt").write_text("mine")
     with pytest.raises(OutputError, match="holds something else"):
         make(folder.with_suffix(".toml"), tmp_path, signals=["q"], workers=0)

@@ -19,6 +19,13 @@ from cosim.cli import commands as cli
         ("rum", "cosim: No such command 'rum'. Did you mean 'run'? `cosim -h`"),
         ("info", "cosim info: Missing argument 'LOG'"),
         ("run -o", "Option '-o' requires an argument"),
+        ("run --port 9", "--port: does nothing without --live"),
+        ("replay x.mcap --on-reset split", "--on-reset: does nothing without --map"),
+        ("campaign fault-free --part x", "--part: does nothing without --likeliest"),
+        ("campaign fault-free --scheduler host", "--scheduler host: no scheduler answers there"),
+        ("train hydraulic --flights 5", "--flights: does nothing without --tune"),
+        ("train hydraulic --false-alarms 0", "--false-alarms: does nothing without --tune"),
+        ("false-alarms --hours inf", "cosim false-alarms: Invalid value for '--hours'"),
     ],
 )
 def test_a_mistake_in_the_call_is_one_line(words, told):

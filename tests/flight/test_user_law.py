@@ -134,3 +134,4 @@ def test_a_check_says_what_a_law_does_not_keep(tmp_path, old, new, question, say
 def test_a_compiled_law_is_told_from_a_detector():
     assert is_law(Path(law.__file__)) and not is_law(Path(check.__file__))
     assert not is_law(Path(__file__).parents[1] / "data" / "template_detector.py")
+    assert not is_law(Path(cosim.__file__).parent / "templates" / "actuator.py")

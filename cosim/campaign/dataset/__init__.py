@@ -58,10 +58,11 @@ def make(
     runs = hashlib.sha256("".join(run for run, _ in pairs).encode()).hexdigest()[:16]
     about: dict[str, Any] = {"campaign": Path(str(campaign)).stem, "runs": runs, "signals": words, "rate_hz": rate_hz}
     about["user_files"] = [[key, *f] for key, f in dict.fromkeys(f for s in flown for f in s.brought.items())]
+    every = [flight.every(s, rate_hz) for s in flown]
     folder = _open(Path(out), about, anew)
     home = str(folder.resolve())
-    todo: list = [(flight.fly, {"folder": home, "run": run, "toml": s.expanded_toml(), "signals": words,
-                                "every": flight.every(s, rate_hz)}) for run, (s, _) in pairs]  # fmt: skip
+    todo: list = [(flight.fly, {"folder": home, "run": run, "toml": s.expanded_toml(), "signals": words, "every": n})
+                  for n, (run, (s, _)) in zip(every, pairs)]  # fmt: skip
     done = jobs.work(todo, folder=folder / ".work", workers=workers, progress=progress, read=flight.told)
     done = [d if flight.whole(folder, d) else work(**given) for d, (work, given) in zip(done, todo)]
     rows = [_row(run, s, label, d) for (run, (s, label)), d in zip(pairs, done)]

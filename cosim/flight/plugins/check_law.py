@@ -30,7 +30,8 @@ MOTION = ("truth.aircraft.nz", "truth.aircraft.de_li")
 
 
 def is_law(file: str | Path) -> bool:
-    """Tell by its source whether a file is a law: a class `Law`, or a rollout without a detector's record."""
+    """Tell by its source whether a file is a law: a class `Law`, or a rollout without a detector's record or an
+    actuator's init_at."""
     try:
         tree = ast.parse(Path(file).read_bytes())
     except (OSError, SyntaxError, ValueError):
@@ -38,7 +39,7 @@ def is_law(file: str | Path) -> bool:
     names = {getattr(node, "name", "") for node in tree.body}
     names |= {t.id for node in tree.body for t in getattr(node, "targets", ()) if isinstance(t, ast.Name)}
     names |= {a.asname or a.name for node in tree.body if isinstance(node, ast.ImportFrom) for a in node.names}
-    return "Law" in names or ("rollout" in names and "DETECTOR" not in names)
+    return "Law" in names or ("rollout" in names and not names & {"DETECTOR", "init_at"})
 
 
 def checks(file: str | Path, tell: Callable[..., None]) -> list[tuple[str, str, str]]:
