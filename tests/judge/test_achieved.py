@@ -45,7 +45,17 @@ def test_a_fault_that_moves_too_little_has_no_time_and_one_too_short_no_amplitud
     assert moved(pair(np.where(T >= 2.0, 9e-4, 0.0)), [fault()], DT, 0.7)["moved_at_s"] is None
     short = moved(pair(0.0 * T), [fault(omega=2 * math.pi, end=3.0)], DT, 0.7)
     assert short["amplitude_mm"] is None and short["rod_mm"] == 0.0
+    assert moved(pair(np.sin(8 * T)), [fault(omega=2 * math.pi, ramp=7.5)], DT, 0.7)["amplitude_mm"] is None
     assert largest(None) == dict.fromkeys(NAMES) and largest({"a": short})["rod_mm"] == 0.0
+
+
+def test_what_moves_within_a_second_after_healing_counts_and_a_lost_rod_is_told_by_its_surface():
+    late = np.where((T > 4.5) & (T < 4.7), 0.003, 0.0)
+    found = [moved(pair(late + np.where(T > t, 0.009, 0.0)), [fault(end=4.0)], DT, 0.7)["rod_mm"] for t in (4.9, 5.1)]
+    assert found == pytest.approx([9.0, 3.0])
+    rod = np.where(T >= 3.0, 9e-4 * (T - 2.0), 0.0)  # 1 mm at 3.111 s; the surface's angle is three times as large
+    lost = np.column_stack([np.where(T < 1.0, np.nan, rod), rod / 0.3])
+    assert [moved(d, [fault()], DT, 0.7)["moved_at_s"] for d in (pair(rod), lost)] == pytest.approx([3.115, 3.115])
 
 
 def test_a_lane_that_met_two_faults_has_two_rows_and_counts_its_false_alarms_once():

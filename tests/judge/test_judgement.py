@@ -9,7 +9,7 @@ import pytest
 from cosim.flight.faults import fault_free_reference
 from cosim.flight.faults.fault_free_reference import achieved
 from cosim.flight.simulate import simulate
-from cosim.judge.estimation import Estimate
+from cosim.judge.estimation import Estimate, plan
 from cosim.judge.result import Watch, judge
 from cosim.scenario import load_scenario
 
@@ -153,16 +153,18 @@ def test_a_residual_without_a_number_is_not_a_maximum():
 def test_error_of_an_estimate_counts_settled_ticks_only():
     history = np.zeros((50, 2), np.float32)
     history[:, 0], history[30:, 1] = 1.5, 1.0
-    plan = Estimate(0, (1,), lambda v, dt, held: v[0], "m", start=3.0, end=4.0)
-    assert np.concatenate([*plan.error(history, DT)]).tolist() == [0.5] * 10
-    watch = Watch("x", "local", "elevator.left_inner", ("",), 0, 0, 0, None, plan)
+    told = Estimate(0, (1,), lambda v, dt, held: v[0], "m", start=3.0, end=4.0)
+    assert np.concatenate([*told.error(history, DT)]).tolist() == [0.5] * 10
+    watch = Watch("x", "local", "elevator.left_inner", ("",), 0, 0, 0, None, told)
     entry = judge(watch, history, DT, [FAULT])
     assert (entry["estimate_rmse"], entry["estimate_bias"], entry["estimate_max"], entry["estimate_unit"]) == (
         0.5, 0.5, 0.5, "m",
     )  # fmt: skip
 
-    got = [entry[f"estimate_{name}"] for name in ("rmse", "bias", "max", "unit")]
-    assert got == [0.5, 0.5, 0.5, "m"]
+
+def test_an_estimate_counts_after_the_ramp_and_three_periods():
+    made = plan(load_scenario("liquid-ofc", ["faults.0.ramp_s=5"]), "iotsekf", "left_inner", lambda name: 0)
+    assert made is not None and made.start == pytest.approx(12.0 + 5.0 + 3.0)
 
 
 def flight(name, **more):
@@ -188,6 +190,8 @@ def test_iotsekf_estimates_the_oscillation_at_the_valve():
     [
         ("alwi14-simultaneous", "lpv_smo", "aircraft", "rad", math.radians(3), 0.35),
         ("ema-position-bias", "ema_kalman_flight", "elevator.right_inner", "m", 5e-3, 0.2),
+        ("solid-ofc", "iotsekf", "elevator.left_inner", "u", 8e-3 * 2 * math.pi, 0.3),
+        ("thrust-loss", "control_redundancy", "aircraft", "fraction", 0.25, 0.1),
     ],
 )
 def test_estimates_are_of_the_size_of_their_fault(name, detector, target, unit, size, share):
