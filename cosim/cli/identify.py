@@ -11,7 +11,7 @@ from rich.text import Text
 
 from cosim.cli.app import answer, app
 from cosim.cli.guests import edited
-from cosim.cli.output import JsonOption, OverwriteOption, reserve
+from cosim.cli.output import JsonOption, OverwriteOption, output_option, reserve
 from cosim.cli.tables import whole
 from cosim.table import DASH, Table
 
@@ -26,9 +26,7 @@ def identify(
         str | None, typer.Option("--time", metavar="COLUMN", help="The time column.", show_default=False)
     ] = None,
     level: Annotated[float, typer.Option("--level", metavar="P", help="Level of the intervals.")] = 0.95,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Write actuator files and a table there.")
-    ] = None,
+    output: Annotated[Path | None, output_option("DIR", "Write actuator files and a table there.")] = None,
     overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:

@@ -120,10 +120,7 @@ def design(
     flights: Annotated[
         int | None, typer.Option("--flights", min=32, help="Fault-free, with --aircraft: 128.", show_default=False)
     ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FOLDER", help="Of results; goes on there.", show_default=False),
-    ] = None,
+    output: Annotated[Path | None, output_option("DIR", "Of results; goes on there.")] = None,
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:
@@ -167,7 +164,7 @@ def train(
     first_seed: Annotated[
         int | None, typer.Option("--first-seed", min=0, help="Of the training flights.", show_default=False)
     ] = None,
-    output: Annotated[Path | None, output_option("FOLDER", "Of results; goes on there.")] = None,
+    output: Annotated[Path | None, output_option("DIR", "Of results; goes on there.")] = None,
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:

@@ -96,7 +96,8 @@ def test_a_foreign_file_is_refused_before_anything_is_flown_and_stays(words, nam
     assert mine.read_text() == MINE and sorted(p.name for p in tmp_path.iterdir()) == there
 
 
-FOLDERS = ("compare", "campaign", "score", "dataset", "false-alarms", "envelope", "reproduce", "new")
+FOLDERS = ("compare", "campaign", "score", "dataset", "false-alarms", "envelope", "reproduce", "new", "train", "design",
+           "identify")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FOLDERS)
@@ -105,7 +106,8 @@ def test_a_file_where_a_folder_is_written_is_refused_in_one_line(name, there, tm
     taken = tmp_path / "page.html"
     if there:
         taken.write_text(MINE)
-    words = {"campaign": ["fault-free"], "dataset": ["fault-free"], "new": ["law", "mine"], "reproduce": ["jay"]}
+    words = {"campaign": ["fault-free"], "dataset": ["fault-free"], "new": ["law", "mine"], "reproduce": ["jay"],
+             "train": ["ema"], "identify": ["x.csv", "--map", "m.toml"]}  # fmt: skip
     done = command(name, *words.get(name, []), "-o", taken)
     assert done.exit_code == 2 and done.stdout == "" and done.stderr.count("\n") == 1
     assert f"{taken}: -o takes the folder" in done.stderr and f"Name a folder: -o {tmp_path / 'page'}" in done.stderr

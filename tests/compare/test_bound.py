@@ -1,6 +1,7 @@
 """The bound of physics: a matched filter reaches it, no counted detector may exceed it, and what exceeds it is told."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -51,7 +52,17 @@ def test_what_may_be_read_orders_the_levels_and_gusts_cost_the_airframe_only():
     assert of("actuator filters") is None
 
 
+def test_information_is_the_energy_over_the_noise_of_a_sample_and_gusts_have_their_rms():
+    t = np.arange(round(1.0 / bound.DT)) * bound.DT
+    assert bound._white(2.0, 0.5) == pytest.approx(np.sum((2.0 * np.sin(2 * np.pi * t)) ** 2) / 0.5**2)
+    model, w = SimpleNamespace(states=("tas",), x0=[200.0]), np.linspace(0.0, 2000.0, 2_000_001)
+    for state, _, density in bound._gusts(model, "moderate", w):
+        power = 2.0 * np.trapezoid(density, w / (2 * np.pi))
+        assert power == pytest.approx(bound.INTENSITY["moderate"] ** 2, rel=1e-3), state
+
+
 def test_longer_and_slower_servo_help():
+    assert bound._of(load_scenario("liquid-ofc", [*OFC, "faults.0.end_s=25"]), 0, "monitors")[1] == 3.0
     assert of("monitors", "duration_s=70") == pytest.approx(of("monitors") / 2.0, rel=1e-6)  # four times as long
 
 
@@ -64,6 +75,8 @@ def counted(detected):
 def test_a_detector_that_sees_more_than_physics_allows_is_named():
     assert bound.beyond(counted([True] * 4 + [False] * 36)) == []  # four of an expected four
     assert bound.beyond(counted([True] * 20 + [False] * 20)) == ["x"]
+    few = counted([True, True, False, False]).assign(best=0.05)  # by hand: (2 - 0.5 - 0.2) / 0.436 = 2.98, of 3.09
+    assert bound.beyond(few) == []
     above = counted([True] * 40)
     above["amplitude_mm"] = 2.0
     assert bound.beyond(above) == []  # above its bound everything may be seen

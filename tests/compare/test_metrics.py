@@ -34,6 +34,11 @@ def test_delays_by_hand_with_a_missed_run():
     assert (d.median, d.largest, d.p95) == (3.0, 4.0, math.inf)
 
 
+def test_the_median_of_20_lies_between_the_6th_and_the_15th():
+    d = m.delays(np.arange(1.0, 21.0))  # tables of order statistics: covered with 95.9 %
+    assert (d.median_low, d.median_high) == (6.0, 15.0)
+
+
 def test_a_missed_run_makes_the_median_later_not_smaller():
     assert m.delays([1.0, 2.0, 3.0]).median == 2.0
     assert m.delays([1.0, 2.0, 3.0, np.nan, np.nan]).median == 3.0
@@ -75,6 +80,8 @@ def test_the_predictive_value_is_bayes_rule_and_its_bounds_hold():
     found = m.predictive_value(90, 100, 2, 100.0, fault_rate=0.01)
     assert found.value == pytest.approx(0.009 / (0.009 + 0.02))
     assert found.low < found.value < found.high
+    p, f = m.proportion(90, 100, 0.975), m.rate(2, 100.0, 0.975)  # each with half of the error
+    assert found.low == pytest.approx(0.01 * p.low / (0.01 * p.low + f.high))
     assert m.predictive_value(90, 100, 0, 100.0, 0.01).value == 1.0
     assert m.predictive_value(90, 100, 0, 100.0, 1e-6).low < 1e-4  # no false alarm in 100 h shows little of 1e-6
     assert np.isnan(m.predictive_value(0, 0, 0, 1.0, 0.1).value)

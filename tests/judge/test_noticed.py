@@ -37,6 +37,11 @@ def test_the_first_name_the_right_name_and_the_last_have_their_own_times():
     assert (e["class_changes"], e["ambiguous_s"], e["right"]) == (2, pytest.approx(0.3), True)
 
 
+def test_the_name_at_the_end_is_that_of_the_last_second_however_long_another_stood():
+    e = judge(LANE, flown((23, 92, v.OFC_SOLID), (92, 100, v.OFC_LIQUID)), DT, [OFC])
+    assert e["isolated"]["class"] == "ofc_liquid"
+
+
 def test_an_alarm_in_the_tick_of_the_onset_has_no_delay():
     fault = OFC | {"start_s": 2.04}  # acts in tick 20, which begins at 2.0 s
     e = judge(LANE, flown((20, 100, v.OFC_LIQUID)), DT, [fault])
