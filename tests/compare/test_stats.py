@@ -100,6 +100,16 @@ def test_groups_and_the_smallest_oscillation_that_each_sees():
     assert not engine.loc["actuator filters", "able"]
 
 
+def test_sizes_are_by_frequency_in_octaves_where_there_are_many_and_count_what_lies_below_the_bound():
+    hz = np.array([0.36, 0.7, 0.72, 1.41, 1.42, 2.0, 5.0, 6.0, 9.0, 11.0, 12.0, 13.0, 14.0, 15.0, 17.0, 20.0])
+    assert len(hz) > stats.FREQUENCIES
+    assert stats.bands(pd.Series(hz))[:6].tolist() == [0.5, 0.5, 1.0, 1.0, 2.0, 2.0]
+    rows = hand_made()
+    rows["bound_mm"] = rows["amplitude_mm"].map({1.0: 3.0, 2.0: 1.5, 4.0: 3.5})
+    found = stats.sizes(stats.by_group(rows, stats.detectors(rows)))
+    assert {(row["frequency_hz"], row["below"], row["bound_mm"]) for row in found} == {(1.0, 1, 3.0)}
+
+
 def test_confusion_has_none_and_false_alarms_as_columns():
     rows = hand_made()
     counts = stats.confusion(rows, "lpv_smo")
