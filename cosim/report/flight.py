@@ -290,8 +290,10 @@ def timeline(flown: LoggedFlight) -> tuple[Figure, list[dict], list[dict]]:
     }
     figure.bands(flown.intervals, 1)
     figure.rows, alarms, faults = [], [], []
+    met = {(f.kind, f.target) for f in flown.scenario.faults}
     for f, told in zip(flown.scenario.faults, flown.faults):
-        row, end = f"fault: {words(f.kind)}", min(told["end_s"], flown.end)
+        where = f", {words(f.target.removeprefix('elevator.'))}" * (sum(f.kind == kind for kind, _ in met) > 1)
+        row, end = f"fault: {words(f.kind)}{where}", min(told["end_s"], flown.end)
         if row not in [r["name"] for r in figure.rows]:
             figure.rows.append({"name": row, "detector": ""})
         _bar(figure, row, f.start_s, end, "--ink", 9, f"{words(f.kind)} on {words(f.target)}")
@@ -299,6 +301,7 @@ def timeline(flown: LoggedFlight) -> tuple[Figure, list[dict], list[dict]]:
     for lane in flown.lanes:
         figure.rows.append({"name": lane.name, "detector": lane.id})
         alarms += _row(figure, flown, lane)
+    figure.layout["margin"]["l"] = max([190, *(round(6.5 * len(row["name"])) for row in figure.rows)])
     figure.height = 22 * len(figure.rows) + 70
     figure.layout["height"] = figure.height
     return figure, alarms, faults

@@ -118,6 +118,15 @@ def test_the_time_line_tells_when_the_name_came_where_it_came_after_the_alarm(fl
         assert label.endswith(f" from {told['named_at_s']:.2f} s"), label
 
 
+def test_faults_of_one_kind_on_several_parts_have_a_row_each(tmp_path):
+    two = ["faults.0={target='sensor.alpha', kind='dropout', start_s=0.5}", "detectors.enabled=[]", "duration_s=1",
+           "faults.1={target='sensor.cas', kind='dropout', start_s=0.2}", "elevator.feedback=measured"]  # fmt: skip
+    simulate(load_scenario("cruise", two), log=tmp_path / "two.mcap")
+    page = flight_report(tmp_path / "two.mcap", tmp_path / "two.html")
+    line = next(f for f in figures(page.read_text(encoding="utf-8")) if f["id"] == "timeline")
+    assert [r["name"] for r in line["rows"]] == ["fault: dropout, sensor.alpha", "fault: dropout, sensor.cas"]
+
+
 def test_of_close_alarms_the_time_line_names_the_longest_as_the_table_does(flight, page):
     line = next(f for f in figures(page.read_text(encoding="utf-8")) if f["id"] == "timeline")
     labels = {a["y"]: a["text"] for a in line["layout"]["annotations"] if a.get("detector") == "ema_kalman"}
