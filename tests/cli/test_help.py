@@ -19,6 +19,11 @@ def test_help_speaks_of_no_python_and_no_repository(command):
 
 
 @pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_takes_json_as_the_front_page_says(command):
+    assert "--json" in CliRunner().invoke(cli.app, [command, "-h"], env={"COLUMNS": "80"}).stdout
+
+
+@pytest.mark.parametrize("command", COMMANDS)
 def test_paragraphs_of_help_are_filled(command):
     said = CliRunner().invoke(cli.app, [command, "-h"], env={"COLUMNS": "80"}).stdout
     lines = [line.strip() for line in said.partition("╭")[0].splitlines()]

@@ -76,6 +76,8 @@ def test_hinge_moment_opposes_the_segment_and_its_angle_of_attack():
     assert t.hmd_lo == pytest.approx(-0.17 * t.qbar * 8.0 * 1.4, rel=1e-4)
     plant.place(tas=trim.tas, alpha=t.alpha + 0.05, theta=t.theta, altitude=trim.altitude, surfaces=trim.surfaces)
     assert plant.truth()[0].hm0_lo < t.hm0_lo
+    plant.place(tas=trim.tas, alpha=t.alpha, theta=t.theta, altitude=trim.altitude, q=0.1, surfaces=trim.surfaces)
+    assert plant.truth()[0].hm0_lo < t.hm0_lo  # nose up the tail goes down
     plant.place(tas=trim.tas, alpha=t.alpha, theta=t.theta, altitude=trim.altitude, p=0.1, surfaces=trim.surfaces)
     rolling = plant.truth()[0]
     assert rolling.hm0_ro < rolling.hm0_ri < rolling.hm0_li < rolling.hm0_lo  # the right tail goes down

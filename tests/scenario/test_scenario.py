@@ -130,6 +130,7 @@ def test_a_mach_number_or_true_airspeed_is_held_against_the_calibrated_limit():
     """Values of the tables of the standard atmosphere: Mach .8 at 35,000 ft is 272 kt calibrated."""
     assert cas_kt(35000.0, mach=0.8) == pytest.approx(271.9, abs=0.3)
     assert cas_kt(35000.0, tas_kt=461.1) == pytest.approx(271.9, abs=0.3)
+    assert cas_kt(45000.0, mach=0.85) == pytest.approx(230.9, abs=0.3)  # above the tropopause, at 14.748 kPa
     assert cas_kt(0.0, mach=0.5) == pytest.approx(cas_kt(0.0, tas_kt=0.5 * 661.47), rel=1e-4)
     for speed in ("flight.mach=0.914", "flight.tas_kt=480"):
         with pytest.raises(CosimError, match=r"calibrated at 360 ft.*up to"):
