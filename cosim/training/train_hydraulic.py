@@ -165,14 +165,14 @@ def survey_ofc_monitor(recorded: Any) -> dict[str, np.ndarray]:
     N) the response that is learned at the end.
     """
     p, out = ofc_monitor.params(threshold=1.0), np.zeros((ofc_monitor.B, len(SHARES)))  # no alarm: it learns throughout
-    log = watch(recorded, ofc_monitor, p, ("e_band", "ref_peak", "unknown", "limited", "response"))
+    log = watch(recorded, ofc_monitor, p, ("off", "ref_peak", "unknown", "limited", "response"))
     for b, k in np.ndindex(out.shape):
         p["share"] = SHARES[k]
         low, high = -1, len(GRID)  # the largest that counts is at or above low, below high
         while high - low > 1:
             middle = (low + high) // 2
             p["threshold"] = GRID[middle]
-            counts = any(_counts(ofc_monitor.init(p)[0], p[0], b, own["e_band"][:, b], own["ref_peak"][:, b],
+            counts = any(_counts(ofc_monitor.init(p)[0], p[0], b, own["off"], own["ref_peak"][:, b],
                                  np.maximum(own["unknown"], own["limited"]), DT) for own in log)  # fmt: skip
             low, high = (middle, high) if counts else (low, middle)
         out[b, k] = GRID[low] if low >= 0 else 0.0
@@ -180,12 +180,12 @@ def survey_ofc_monitor(recorded: Any) -> dict[str, np.ndarray]:
 
 
 @kernel
-def _counts(x, p, b, e, motion, unknown, dt):
-    """Return whether a residual (ticks,) beside the reference's `motion`, of a response of which the share `unknown` is
-    not known yet, ever makes an oscillation in band `b`."""
-    x.ages[:] = x.lasts[:] = ofc_monitor.LONG_AGO
-    for k in range(len(e)):
-        x.e_band[b] = e[k]
+def _counts(x, p, b, off, motion, unknown, dt):
+    """Return whether a residual (ticks, 2) beside the reference's `motion`, of a response of which the share `unknown`
+    is not known yet, ever makes an oscillation in band `b`."""
+    x.ages[:] = ofc_monitor.LONG_AGO
+    for k in range(len(off)):
+        x.off[0], x.off[1] = off[k, 0], off[k, 1]
         x.ref_peak[b] = motion[k]
         x.unknown = unknown[k]
         if ofc_monitor.count(x, p, b, dt):

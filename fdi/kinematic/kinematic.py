@@ -210,7 +210,7 @@ def _residuals(x, p, dt):
     """Learn offsets, lag the residuals, note what fires and what jumps; return the largest over its threshold."""
     c, largest = 1.0 - math.exp(-dt / p.tau_r), 0.0
     learning, fades, back = x.age <= p.t_learn, -1, False
-    if x.alarm > 0.5 and x.verdict == SENSOR and x.culprit < EITHER:
+    if x.alarm > 0.5 and x.verdict == SENSOR:
         fades = FADES[int(x.culprit) - 1]
     for i in range(NR):
         x.fired[i], x.jumped[i] = max(x.fired[i] - dt, 0.0), max(x.jumped[i] - dt, 0.0)
@@ -313,7 +313,7 @@ def _again(x, p, dt):
     """Name a second sensor: by rows that do not read the first one, or by its noise."""
     if x.noisy > 0.5 and x.noisy != x.culprit:
         row = FADES[int(x.noisy) - 1]
-        if row >= 0 and x.culprit < EITHER and STAYS[int(x.culprit) - 1, row] > 0.5:
+        if row >= 0 and STAYS[int(x.culprit) - 1, row] > 0.5:
             x.culprit, x.shows = x.noisy, NOISE  # an attitude that is frozen looks like an error of its rate, too
             return
         x.second, x.verdict_2 = x.noisy, SENSOR
@@ -347,8 +347,8 @@ def _decide(x, p, dt):
         count, best = _named(x)
         if count == 1:
             x.alarm, x.verdict, x.culprit = 1.0, SENSOR, best
-            row = FADES[int(best) - 1] if best < EITHER else -1
-            x.shows = FADING if row >= 0 or best == EITHER else STAYING
+            row = FADES[int(best) - 1]
+            x.shows = FADING if row >= 0 else STAYING
             x.leapt = 1.0 if row >= 0 and x.off_most[row] > 0.0 else 0.0
         elif sought and x.since >= p.t_ambiguous:
             x.alarm, x.verdict, x.culprit = 1.0, AMBIGUOUS, 0.0

@@ -46,15 +46,22 @@ MUST, MAY = _table(1), _table(1, 2)
 JUMPS = np.array([{None: 0.0, True: 1.0, False: -1.0}[c[3]] for c in SIGNATURES])
 FIRST = np.array([ROWS.index(c[1][0]) for c in SIGNATURES])
 OF = np.array([SENSORS.index(c[0]) for c in SIGNATURES])
-# of every sensor the row that integrates it, from which its error fades; -1 where an error stays
-FADES = np.array([next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] == name and c[3]), -1) for name in SENSORS])
+CULPRITS = ("", *SENSORS, "q or theta")
+EITHER = len(CULPRITS) - 1.0
+# of every culprit the row that integrates it, from which its error fades; -1 where an error stays
+FADES = np.array(
+    [next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] == name and c[3]), -1) for name in CULPRITS[1:]]
+)
 INTEGRATES = np.array([float(row in ("phi", "theta", "psi", "turn", "speed", "height")) for row in ROWS])
-# of every sensor the row that integrates it as a rate; -1 for none
-DRIVES = np.array([next((FIRST[k] for k in range(NC) if OF[k] == s and JUMPS[k] < 0.0), -1) for s in range(NS)])
-# rows in which a constant error of a sensor stays: those that integrate nothing, and its rate's
+_RATES = [name.split(" or ")[0] for name in CULPRITS[1:]]  # a drift of theta is to the rows a constant error of q
+# of every culprit the row that integrates it as a rate; -1 for none
+DRIVES = np.array(
+    [next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] == name and c[3] is False), -1) for name in _RATES]
+)
+# rows in which a constant error of a culprit stays: those that integrate nothing, and its rate's
 STAYS = np.array([[float(any(c[0] == name and row in (*c[1], *c[2]) and (row in ("climb", "sound", "impact", "baro")
                                                                         or (c[3] is False and row == c[1][0]))
-                             for c in SIGNATURES)) for row in ROWS] for name in SENSORS])  # fmt: skip
+                             for c in SIGNATURES)) for row in ROWS] for name in _RATES])  # fmt: skip
 # how large an error of this size in the first row is in a row whose threshold gusts raise; times the speed where FAST
 _SHOWN = {("q", "turn"): (1.0, True), ("alpha_ground", "climb"): (1.0, False), ("hdot", "climb"): (0.5, False)}
 SHOWS, FAST = (
@@ -68,6 +75,4 @@ READS = (
     ("phi", "theta", "n_x", "n_y", "n_z", "alpha_ground", "v_ground"), ("hdot", "h_inertial"),
     ("tas", "mach", "h_inertial"), ("cas", "mach", "h_baro"), ("hdot", "h_inertial", "h_baro"),
 )  # fmt: skip
-CULPRITS = ("", *SENSORS, "q or theta")
-EITHER = len(CULPRITS) - 1.0
 KNOWN = np.array([[float(bool(set(c.split(" or ")) & set(row))) for row in READS] for c in CULPRITS])

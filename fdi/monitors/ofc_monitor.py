@@ -2,14 +2,9 @@
 
     m     = the command through the servo's own third-order reference model (rod estimate of a healthy actuator)
     e     = y_rod - m - sum_k theta_k L_k m,  split into sub-bands by second-order high- and low-pass filters
-    r     = largest |e_band| / (threshold + (share + UNKNOWN unknown) of the reference's motion there)
+    r     = largest swing of e / limit, which is threshold + (share + UNKNOWN unknown) of the reference's motion there
 
-In each sub-band the crossings of alternately +threshold and -threshold are counted over a sliding window of as
-many half periods of the band's lowest frequency. An alarm needs `half_periods` of them, the last swing beyond the
-`wake` of those before it, which fades by e over such a half period: the filters answer a step of the rod, as when a
-fault begins or heals, with alternating swings as well, but from the third on each is .40, .22, .09 of the one before
-after .9, 1.4, 1.7 s (the sub-band from 0.4 Hz). An oscillation's do not shrink. In that sub-band, whose answer lasts
-into the next step, all four must be beyond the wake, until the alarm stands.
+Swings are counted by fdi/monitors/swings.py.
 
 A servo follows its reference with a response that depends on tolerances and, by the hinge load's stiffness, on
 airspeed. The error poles of the servo are at -a = -25 rad/s (`actuators.hydraulic.servo`), so that to first order what
@@ -37,13 +32,11 @@ from fdi.common.decision import clipped, held, usable
 from fdi.common.record import Detector
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, OFC_SOLID
-from fdi.monitors import liquid_or_solid
+from fdi.monitors import liquid_or_solid, swings
 from fdi.monitors.liquid_or_solid import EVERY, NO_SWING, SAMPLE, STEADY, VOTES, keep_sample, weigh
+from fdi.monitors.swings import BANDS, B, count, filtered, limit
 
 CULPRITS = ("",)
-BANDS = ((0.4, 1.3), (1.3, 4.0), (4.0, 12.0))  # [Hz]; 0.5 to 10 Hz is considered
-B = len(BANDS)
-COUNT = 4  # crossings kept
 HISTORY = 10  # reference positions kept: 5 ms at 2 kHz
 LONG_AGO = 1e3  # [s]
 TAU_DP = 0.0224  # lag of the pressure [s]
@@ -52,8 +45,6 @@ AT_LIMIT = 0.95  # of the reference's largest rate or acceleration: from here on
 MEMORY = 2.0  # of the reference's motion, in periods of the band's lower edge
 LEARN = 20.0  # memory of the servo's response: some ten periods of the lowest sub-band [s]
 BLOCK = 3.0  # what is learned is one to two blocks old: an oscillation has been counted by then [s]
-# of the reference's motion: what the response of a servo 10 % off makes beside the usual one in a first manoeuvre
-UNKNOWN = 0.2
 PRIOR = 1e-6  # the usual response counts as much as two seconds of a motion of 1 mm [m^2 s]
 N = 4  # Laguerre functions
 AT = (0.9, 2.3, 5.0)  # frequencies at which the departure is taken: the middle of the sub-bands, servo's pole [Hz]
@@ -80,7 +71,7 @@ PARAMS = dtype(
         ("L_re", "f8", (3, N)),  # response of the Laguerre functions at AT
         ("L_im", "f8", (3, N)),
         ("even", "f8", "-"),  # ticks of a sample of the ring
-        ("half_periods", "f8", "-"),  # alternating crossings that make an alarm, at most COUNT
+        ("half_periods", "f8", "-"),  # swings that make an alarm, at most swings.COUNT
         ("t_release", "f8", "s"),
         ("a_dp", "f8", "-"),  # share of a tick in the lag of the pressure
         ("t_invalid", "f8", "s"),
@@ -105,19 +96,16 @@ STATE = dtype(
         ("qd_est", "f8", "m/s"),
         ("qdd_est", "f8", "m/s2"),
         ("past", "f8", (HISTORY + 1,), "m"),  # reference positions, newest first
-        ("high", "f8", (B, 2)),  # filter states
-        ("low", "f8", (B, 2)),
-        ("e_band", "f8", (B,), "m"),  # residual by band
-        ("side", "f8", (B,), "-"),  # side of the last counted crossing
-        ("wake", "f8", (B,), "m"),  # what the filters may still make of swings before
-        ("lasts", "f8", (B,), "s"),  # time since the last crossing that made an oscillation
-        ("ages", "f8", (B, COUNT), "s"),  # time since the last crossings, newest first
+        *swings.STATE,
         ("ref_high", "f8", (B, 2)),  # filter states of the reference
         ("ref_low", "f8", (B, 2)),
         ("ref_peak", "f8", (B,), "m"),  # its largest motion in the band, fading
         ("wide", "f8", (2, 2)),  # filter states of the high-pass of rod less reference, reference
         ("lags", "f8", (N,), "m"),  # states of the Laguerre functions
         ("moves", "f8", (N,), "m"),  # their outputs
+        ("origin", "f8", "m"),  # reference at the start
+        ("lags_all", "f8", (N,), "m"),  # of the functions of the reference without the high-pass
+        ("moves_all", "f8", (N,), "m"),
         ("products", "f8", (N, N + 1), "m2 s"),  # of them, and with what the usual response leaves of the residual
         ("waiting", "f8", (N, N + 1), "m2 s"),  # sums of the products over the last block
         ("block", "f8", (N, N + 1), "m2 s"),  # and over the one that is open
@@ -242,56 +230,16 @@ def init(p: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def filtered(s, v, a1, g):
-    """Return (low, high, band) of a second-order Butterworth state-variable filter with states `s`, and advance it."""
-    k = math.sqrt(2.0)
-    e = v - s[1]
-    band = a1 * s[0] + g * a1 * e
-    low = s[1] + g * a1 * s[0] + g * g * a1 * e
-    s[0] = 2.0 * band - s[0]
-    s[1] = 2.0 * low - s[1]
-    return low, v - k * band - low, band
-
-
-@kernel
-def limit(x, p, b):
-    """Return what band b's residual has to exceed [m]."""
-    return p.threshold[b] + (p.share[b] + UNKNOWN * max(x.unknown, x.limited)) * x.ref_peak[b]
-
-
-@kernel
-def count(x, p, b, dt):
-    """Count band b's alternating crossings; return whether they make an oscillation now."""
-    x.lasts[b] += dt
-    for i in range(COUNT):
-        x.ages[b, i] += dt
-    v, most, n, half = x.e_band[b], limit(x, p, b), int(p.half_periods), 0.5 / p.f_low[b]
-    begins = max(most, x.wake[b]) if b == 0 and x.timer <= 0.0 else most
-    if math.fabs(v) >= begins and v * x.side[b] <= 0.0:
-        x.side[b] = 1.0 if v > 0.0 else -1.0
-        for i in range(COUNT - 1, 0, -1):
-            x.ages[b, i] = x.ages[b, i - 1]
-        x.ages[b, 0] = 0.0
-    span = x.ages[b, n - 1] - x.ages[b, 0]
-    x.wake[b] *= 1.0 - dt / half
-    if math.fabs(v) >= max(most, x.wake[b]) and x.ages[b, 0] <= half and 0.0 < span <= (n - 1) * half:
-        x.lasts[b] = x.ages[b, 0]
-        x.ofc_hz = 0.5 * (n - 1) / span
-    x.wake[b] = max(x.wake[b], math.fabs(v))
-    return x.lasts[b] <= half
-
-
-@kernel
-def laguerre(x, v, p):
+def laguerre(x, lags, moves, v, p):
     """Take in the reference's motion `v` [m]: the outputs of the Laguerre functions, each the one before through
     (s - a) / (s + a)."""
     for k in range(N):
-        x.lags[k] += p.a * (v - x.lags[k])
+        lags[k] += p.a * (v - lags[k])
         if k == 0:
-            v = x.lags[0]
+            v = lags[0]
         else:
-            v -= 2.0 * x.lags[k]
-        x.moves[k] = v
+            v -= 2.0 * lags[k]
+        moves[k] = v
 
 
 @kernel
@@ -301,7 +249,7 @@ def learn(x, e, p, dt):
         e -= p.usual[i] * x.moves[i]
     weight = dt  # what is beyond the limit is no response: a fault, or that it has healed
     for b in range(B):
-        part = limit(x, p, b) / max(x.wake[b], limit(x, p, b))
+        part = limit(x, p, b) / max(x.peak[b], limit(x, p, b))
         weight = min(weight, dt * part * part * part * part)  # so that a larger residual teaches less
     for i in range(N):
         for j in range(N):
@@ -385,18 +333,18 @@ def step(x, u, p, dt):
             return
         x.started = x.unknown = 1.0
         x.q_est = x.y  # the first command, noise of the law's sensors in it, is still to be followed
-        x.past[:] = x.y
+        x.past[:] = x.origin = x.y
         x.wide[1, 1] = x.y  # the high-pass starts in equilibrium
         for k in range(N):
             x.response[k] = p.usual[k]
         x.ages[:] = LONG_AGO
-        x.lasts[:] = LONG_AGO
     x.age = 0.0 if good > 0.5 else x.age + dt
     reference = x.past[int(p.delay)]
     x.e = x.y - reference
     _, e, _ = filtered(x.wide[0], x.e, p.wide[0], p.wide[1])
     _, m, _ = filtered(x.wide[1], reference, p.wide[0], p.wide[1])
-    laguerre(x, m, p)
+    laguerre(x, x.lags, x.moves, m, p)
+    laguerre(x, x.lags_all, x.moves_all, reference - x.origin, p)
     x.clock += dt
     if x.timer > 0.0:
         x.block[:] = 0.0
@@ -408,15 +356,17 @@ def step(x, u, p, dt):
     for k in range(N):
         learned += x.response[k] * x.moves[k]
     keep_sample(x, e + m, m + learned, p)
+    x.off[0], x.off[1] = x.e, e - learned
+    for k in range(N):
+        x.off[0] -= x.response[k] * x.moves_all[k]
     worst, found = 0.0, False
     for b in range(B):
-        _, high, _ = filtered(x.high[b], e - learned, p.high_a1[b], p.high_g[b])
-        x.e_band[b], _, _ = filtered(x.low[b], high, p.low_a1[b], p.low_g[b])
         _, high, _ = filtered(x.ref_high[b], m, p.high_a1[b], p.high_g[b])
         moves, _, _ = filtered(x.ref_low[b], high, p.low_a1[b], p.low_g[b])
         x.ref_peak[b] = max(math.fabs(moves), x.ref_peak[b] * (1.0 - dt * p.f_low[b] / MEMORY))
-        worst = max(worst, math.fabs(x.e_band[b]) / limit(x, p, b))
-        if count(x, p, b, dt):
+        oscillates = count(x, p, b, dt)
+        worst = max(worst, x.swing[b] / limit(x, p, b))
+        if oscillates:
             found = True
             if x.verdict == NONE:
                 x.since = min(x.since, x.ages[b, int(p.half_periods) - 1] / (p.even * dt))

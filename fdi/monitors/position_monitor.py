@@ -9,16 +9,16 @@ than the confirmation time. Loads and tolerances of a healthy servo show where i
 
 A deviation beyond the threshold for the confirmation time is an alarm. The monitor does not know why a surface is not
 where it should be, so the alarm is AMBIGUOUS until the motion tells: JAM_SOLID after `t_rest` at rest while the model
-moved, RUNAWAY after `travel_run` in one direction away from the model, still on its way after `t_run` or at the end of
-its travel, the deviation growing all the time (a step of the command is over sooner, and then follows), while the model
-does not go the same way (a surface that follows with part of its command does). That class stays as long as the alarm,
-a runaway's unless the surface turns back by `travel_run`: where the position sensor in the loop is frozen it runs, too,
-but the other way once the command passes the reading. What else tells the two apart is inside the loop, so that the
-name is open between them then. A jam's stays unless the surface moves: a jam does not at all, and in gusts, where the
-model passes a surface that stands again and again, only one that follows the model farther than that is where it should
-be (`_moves`). A surface that is let go and held by its friction, a runaway too slow to move it and a solid oscillation
-below 0.03 deg are jams to its sensor; an oscillation whose strokes are longer than `travel_run` is taken for a runaway
-until it turns back.
+moved, RUNAWAY after `travel_run` in one direction away from the model, still on its way after `t_run` or T_END at the
+end of its travel, the deviation growing all the time (a step of the command is over sooner, and then follows), while
+the model does not go the same way (a surface that follows with part of its command does). That class stays as long as
+the alarm, a runaway's unless the surface turns back by `travel_run`: where the position sensor in the loop is frozen it
+runs, too, but slows down and turns back once the command has passed the reading. A surface that slows down is therefore
+not named yet, and one that turns back is AMBIGUOUS. A jam's stays unless the surface moves: a jam does not at all, and
+in gusts, where the model passes a surface that stands again and again, only one that follows the model farther than
+that is where it should be (`_moves`). A surface that is let go and held by its friction, a runaway too slow to move it
+and a solid oscillation below 0.03 deg are jams to its sensor; an oscillation whose strokes are longer than `travel_run`
+is taken for a runaway until it turns back.
 """
 
 import math
@@ -100,6 +100,8 @@ STATE = dtype(
         ("widest", "f8", "rad"),  # its largest since the run began
         ("still", "f8", "s"),  # since that grew
         ("rate", "f8", "rad/s"),  # of the lagged surface
+        ("rate_was", "f8", "rad/s"),  # and that lagged
+        ("end_time", "f8", "s"),  # for how long it has been at the end of its travel
         ("timer", "f8", "s"),  # confirmation
         ("age", "f8", "s"),  # time since the last usable measurement
         ("r", "f8", "-"),  # deviation over threshold, signed
@@ -153,6 +155,8 @@ T_SAME, TURNS = 0.1, 0.3  # a reading that repeats itself for so long [s]; share
 NEAR, STOPPED = 0.5, 0.6  # of the threshold, and for how long it may have been further away when it came to rest [s]
 END = math.radians(1.0)  # from a limit: the end of the travel
 GROWS = 0.1  # without a larger deviation for so long, a surface that moves follows its command [s]
+SLOWS = 0.8  # of its lagged rate: a surface slower than that is about to stop or to turn back
+T_END = 0.5  # at the end of the travel for so long: a frozen position sensor has turned the surface back by then [s]
 AWAY = 0.25  # of the threshold: a smaller deviation is none
 FOLLOWS = 0.5  # of the travel: where the model goes the same way so far, part of the command is lost
 TRAVEL = (math.radians(-23.0), math.radians(17.0))  # of the elevator [rad]
@@ -257,6 +261,7 @@ def step(x, u, p, dt):
         return
     x.rate = (x.surface - x.slow) / p.tau_motion
     x.slow += (1.0 - math.exp(-dt / p.tau_motion)) * (x.surface - x.slow)
+    x.rate_was += (1.0 - math.exp(-dt / TAU_CALM)) * (x.rate - x.rate_was)
     deviation = x.surface - x.model
     x.r = deviation / (p.threshold + p.share * x.lag)
     x.near = 0.0 if math.fabs(x.r) < NEAR else x.near + dt
@@ -277,6 +282,7 @@ def step(x, u, p, dt):
     if math.fabs(x.slow - x.mark) > MOVED:
         x.run_time += min(x.mark_time, 0.5 * p.t_run)
         x.mark, x.mark_time = x.slow, 0.0
+    x.end_time = x.end_time + dt if min(x.slow - p.limit_low, p.limit_high - x.slow) < END else 0.0
     x.gap += (1.0 - math.exp(-dt / p.tau_motion)) * (deviation - x.gap)
     if x.run_time == 0.0:
         x.widest = 0.0
@@ -299,10 +305,10 @@ def step(x, u, p, dt):
         x.verdict = AMBIGUOUS if x.back >= p.travel_run else RUNAWAY
     else:
         moved = math.fabs(x.model - x.rest_model) >= p.jam_share * math.fabs(deviation)
-        ended = min(x.slow - p.limit_low, p.limit_high - x.slow) < END
         travel = math.fabs(x.far - x.leave)
         own = (x.model - x.leave_model) * away <= FOLLOWS * travel
-        runs = ended or (x.run_time >= p.t_run and x.still <= GROWS)
+        goes_on = x.end_time == 0.0 and x.still <= GROWS and math.fabs(x.rate) >= SLOWS * math.fabs(x.rate_was)
+        runs = x.end_time > T_END or (x.run_time >= p.t_run and goes_on)
         if travel >= p.travel_run and runs and own and x.run == 0.0:
             x.verdict, x.run, x.back = RUNAWAY, away, 0.0
         elif x.rest_time < p.t_rest or x.slid > 0.0 or x.moves > 0.0 or x.rest_near >= STOPPED:

@@ -303,3 +303,13 @@ def test_a_surface_that_runs_away_and_turns_back_is_open(which, turns):
     said = monitored(which, command, surface)["verdict"]
     assert said[2599] == verdict.RUNAWAY and said[2200] == verdict.RUNAWAY
     assert said[2900] == said[-1] == (verdict.AMBIGUOUS if turns else verdict.RUNAWAY)
+
+
+@pytest.mark.parametrize(("stays", "named"), [(0.3, False), (3.0, True)])
+def test_a_surface_that_turns_back_from_the_end_of_its_travel_is_not_called_a_runaway(stays, named):
+    """As a frozen position sensor moves it: to the stop, and back once the command has passed the reading."""
+    t = np.arange(4000) * DT
+    command = np.radians(np.interp(t, [0.0, 10.0, 10.4, 16.0], [0.0, 0.0, -2.0, -2.0]))
+    surface = np.radians(np.interp(t, [0.0, 10.0, 10.2, 10.2 + stays, 12.0 + stays], [0.0, 0.0, 16.8, 16.8, -2.0]))
+    said = monitored("flight_ema", command, surface)["verdict"]
+    assert (said == verdict.RUNAWAY).any() == named and (said == verdict.AMBIGUOUS).any()
