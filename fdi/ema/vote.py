@@ -83,7 +83,9 @@ def _drive(x, p, dt):
         told = unfelt or (not sine and shaped <= drive.PURE + GRAIN * x.grain)
         if told and x.left[5] > WEAK_LEFT and shaped < 0.5 * x.left[5] and -p.felt_least <= x.felt <= most:
             return SENSOR, CURRENT
-        if x.felt >= p.felt_least and x.misread < MISREAD and x.drive_name != NONE:
+        # friction keeps a part of a small one from the motor: more than a sensor's is felt, and what it must at least
+        least = max(x.must, p.felt_most + SURE_SINE * drive.felt_sigma(x, p, dt))
+        if x.felt >= min(p.felt_least, least) and x.misread < MISREAD and x.drive_name != NONE:
             return x.drive_name, 0.0
     if x.hot_gain > 0.5 and (x.weak > 0.5 or (x.gain_den >= SURE and x.gain_num >= p.felt_least * x.gain_den)):
         return EFFECTIVENESS, 0.0
