@@ -65,6 +65,7 @@ WEAK = -2.0  # weaker magnets, beside the class codes: what the motor feels says
 VOTES = 3.0  # evaluations in a row that must agree
 STUCK = 0.3  # of the largest current: less is a loss of the drive
 LOSS_LEAST = 0.1  # less of a loss is a gain error
+NOTHING = 0.01  # of the demand's power, a tenth of its size: less than that arrives of a drive that is let go
 SENSOR = -1.0  # the current sensor, beside the class codes
 ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
 TAU_FELT = 0.03  # lag of what the motor feels [s]
@@ -125,6 +126,7 @@ STATE = [
     ("drive_vote", "f8", (2,), "-"),  # class that explains now: of the fast ring, of the slow one
     ("drive_votes", "f8", (2,), "-"),  # evaluations in a row that it has
     ("drive_hz", "f8", "Hz"),  # frequency of the oscillation
+    ("drive_lost", "f8", "-"),  # of the demand: 1 a part does not arrive, 2 nothing arrives
     # what each hypothesis leaves over what there is: added, in place, stuck, loss, bias, magnets, line, scale
     ("left", "f8", (8,), "-"),
     ("must", "f8", "-"),  # share of f that the motor must feel, were f real
@@ -283,6 +285,8 @@ def explain(x, p, slow, measured):
     x.drive_vote[ring] = said
     if said != NONE and x.drive_votes[ring] >= VOTES:
         x.drive_name = said
+        if said == EFFECTIVENESS or said == WEAK:
+            x.drive_lost = 2.0 if cc <= NOTHING * dd + 2.0 * noise_c else 1.0
         if said == WEAK:  # stays until motion tells otherwise: at rest magnets are neither weak nor healed
             x.hot_gain = x.weak = 1.0
             x.gain_timer = RELEASE
@@ -296,7 +300,7 @@ def begin(x):
     x.drive_name = NONE
     x.drive_vote[:] = NONE
     x.drive_votes[:] = 0.0
-    x.drive_hz = x.jumped = x.must = x.curved = 0.0
+    x.drive_hz = x.drive_lost = x.jumped = x.must = x.curved = 0.0
     for k in range(8):
         x.left[k] = 1.0
 
@@ -314,9 +318,12 @@ def smooth(x, k, value, dt):
 
 @kernel
 def felt_sigma(x, p, dt):
-    """Return the deviation of `felt`: that of the innovation, which `smooth` has made alike over TAU_FELT."""
+    """Return the deviation of `felt`, beside a `misread` that is estimated with it: that of the innovation, which
+    `smooth` has made alike over TAU_FELT.
+    """
     a = min(dt / TAU_FELT, 1.0)
-    return p.S_root * math.sqrt((2.0 - a) / a / max(x.felt_den, 1e-9))
+    alone = x.felt_den - x.both_den * x.both_den / max(x.read_den, 1e-9)
+    return p.S_root * math.sqrt((2.0 - a) / a / max(alone, 1e-9))
 
 
 @kernel
