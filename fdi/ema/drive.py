@@ -55,6 +55,7 @@ PERIODS = 1.0  # that a window must hold
 LEAST = 8  # samples before a name
 PURE, CLEAR = 0.04, 5.0  # share that a hypothesis leaves where it explains; the next leaves so many times as much
 SINES = 12.0  # energy that the best of many sines takes of noise, over that of a sample: more in one of 2,000
+MORE = 4.0 * SINES  # energy over that of a sample's noise by which the next hypothesis leaves more
 FIRM = 6.0  # an energy of so many times the noise's own is enough for a name
 NEAR = 0.93  # of the voltage limit: from there on 5 % of K_B is worth more than the stall current
 LOSS_SAMPLES = 30  # before a loss is told from what is slow
@@ -64,6 +65,7 @@ WEAK = -2.0  # weaker magnets, beside the class codes: what the motor feels says
 VOTES = 3.0  # evaluations in a row that must agree
 STUCK = 0.3  # of the largest current: less is a loss of the drive
 LOSS_LEAST = 0.1  # less of a loss is a gain error
+NOTHING = 0.01  # of the demand's power, a tenth of its size: less than that arrives of a drive that is let go
 SENSOR = -1.0  # the current sensor, beside the class codes
 ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
 TAU_FELT = 0.03  # lag of what the motor feels [s]
@@ -98,6 +100,7 @@ STATE = [
     ("even_sum", "f8", (5,)),  # f, d, w, position less surface, surface
     ("even_ticks", "f8", "-"),
     ("even_lost", "f8", "-"),  # ticks of the sample that say nothing
+    ("even_whole", "f8", "-"),  # samples since one had such ticks
     ("even_head", "f8", "-"),
     ("even_ring", "f8", (5, RING)),
     ("slow_sum", "f8", (5,)),
@@ -120,9 +123,10 @@ STATE = [
     ("gain_den", "f8"),
     ("off_power", "f8", "A2"),  # of what the gain may be off by, lagged as f_power
     ("drive_name", "f8", "-"),  # class of the hypothesis that explains, SENSOR, or NONE
-    ("drive_vote", "f8", "-"),  # class that explains now
-    ("drive_votes", "f8", "-"),  # evaluations in a row that it has
+    ("drive_vote", "f8", (2,), "-"),  # class that explains now: of the fast ring, of the slow one
+    ("drive_votes", "f8", (2,), "-"),  # evaluations in a row that it has
     ("drive_hz", "f8", "Hz"),  # frequency of the oscillation
+    ("drive_lost", "f8", "-"),  # of the demand: 1 a part does not arrive, 2 nothing arrives
     # what each hypothesis leaves over what there is: added, in place, stuck, loss, bias, magnets, line, scale
     ("left", "f8", (8,), "-"),
     ("must", "f8", "-"),  # share of f that the motor must feel, were f real
@@ -185,7 +189,7 @@ def best_sine(x, slow, s, n, instead, most):
             least, at = e, hz
         hz *= RATIO
     step = 0.5 * (RATIO - 1.0)
-    for _ in range(5):  # halve the step about the best
+    for _ in range(9 if slow else 5):  # halve the step about the best; a window of 20 s resolves more than one of 2 s
         for side in range(2):
             hz = at * (1.0 + step) if side == 0 else at * (1.0 - step)
             e = sine_leaves(x, slow, s, n, hz, instead, most)
@@ -201,15 +205,17 @@ def explain(x, p, slow, measured):
     """Weigh the hypotheses over the samples since f began, of one ring; write `drive_name` where one is sure; magnets
     are weaker only where the rate is `measured`.
     """
-    n = min(int(x.f_age / SLOW) if slow else int(x.f_age), RING)
+    n = min(int(min(x.f_age, x.even_whole) / SLOW) if slow else int(x.f_age), RING)
+    if n < LEAST:
+        return
     i = int(x.slow_head if slow else x.even_head) - n
     i = i + RING if i < 0 else i
     ff, fd, dd, f1, d1, ww, fw, dw, ft, tt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    through, rubs = 0.0, HEALTHY * p.I_max
+    beyond, rubs = 0.0, HEALTHY * p.I_max
     for k in range(n):
         f, d, w = sample(x, slow, 0, i), sample(x, slow, 1, i), sample(x, slow, 2, i)
         ff += f * f
-        through += math.fabs(f) * max(math.fabs(f) - rubs, 0.0)
+        beyond += math.fabs(f) * max(math.fabs(f) - rubs, 0.0)
         fd += f * d
         dd += d * d
         f1 += f
@@ -243,7 +249,7 @@ def explain(x, p, slow, measured):
     back = (1.0 + x.magnets_own) * p.b_motor
     fi, ii = fd - back * fw, dd - back * (2.0 * dw - back * ww)  # of the current itself, which the sensor reads
     x.left[7] = max(ff - fi * fi / ii, 0.0) / ff if math.fabs(fi) > LOSS_LEAST * ii else 1.0
-    x.must = through / ff
+    x.must = beyond / ff
     slowest, hz = added, SLOWEST
     while hz < 0.5 / (n * (EVEN_S * SLOW if slow else EVEN_S)):
         slowest = min(slowest, sine_leaves(x, slow, 0, n, hz, False, own))
@@ -253,9 +259,12 @@ def explain(x, p, slow, measured):
     for k in range(6):
         if x.left[k] * ff < least:
             least, which = x.left[k] * ff, k
-    clear = True  # the others leave several times as much, and of what the drive was told more than its noise
+    clear = True  # the others leave several times as much, and more than noise and what the model may be off by make
     for k in range(6):
-        clear = clear and (k == which or x.left[k] * ff >= CLEAR * max(least, noise_c if k == 1 or k == 2 else noise))
+        through = max(1.0 - t, 0.0) if k == 3 else 1.0  # share of the demand, and its error, that comes through
+        off = 0.0 if k == 1 or k == 2 else 4e-6 * dd * through * through
+        more = MORE * wide * wide + CLEAR * (tolerance * tolerance * ww + off)
+        clear = clear and (k == which or x.left[k] * ff >= max(CLEAR * least, least + more))
     told = which == 1 or which == 2
     pure = least <= PURE * (cc if told else ff) + 2.0 * (noise_c if told else noise)
     said = NONE
@@ -271,10 +280,13 @@ def explain(x, p, slow, measured):
             said = WEAK
     elif cc <= min(2.0 * noise_c, instead + SINES * wide * wide) and min(added, min(bias, weak)) >= CLEAR * noise:
         said = EFFECTIVENESS if x.f_age >= LOSS_SAMPLES else NONE  # nothing at all arrives
-    x.drive_votes = x.drive_votes + 1.0 if said != NONE and said == x.drive_vote else 1.0
-    x.drive_vote = said
-    if said != NONE and x.drive_votes >= VOTES:
+    ring = 1 if slow else 0
+    x.drive_votes[ring] = 1.0 + (x.drive_votes[ring] if said != NONE and said == x.drive_vote[ring] else 0.0)
+    x.drive_vote[ring] = said
+    if said != NONE and x.drive_votes[ring] >= VOTES:
         x.drive_name = said
+        if said == EFFECTIVENESS or said == WEAK:
+            x.drive_lost = 2.0 if cc <= NOTHING * dd + 2.0 * noise_c else 1.0
         if said == WEAK:  # stays until motion tells otherwise: at rest magnets are neither weak nor healed
             x.hot_gain = x.weak = 1.0
             x.gain_timer = RELEASE
@@ -285,8 +297,10 @@ def explain(x, p, slow, measured):
 def begin(x):
     """Start anew: nothing is wrong with the drive."""
     x.f_age = 0.0
-    x.drive_name = x.drive_vote = NONE
-    x.drive_hz = x.drive_votes = x.jumped = x.must = x.curved = 0.0
+    x.drive_name = NONE
+    x.drive_vote[:] = NONE
+    x.drive_votes[:] = 0.0
+    x.drive_hz = x.drive_lost = x.jumped = x.must = x.curved = 0.0
     for k in range(8):
         x.left[k] = 1.0
 
@@ -304,9 +318,12 @@ def smooth(x, k, value, dt):
 
 @kernel
 def felt_sigma(x, p, dt):
-    """Return the deviation of `felt`: that of the innovation, which `smooth` has made alike over TAU_FELT."""
+    """Return the deviation of `felt`, beside a `misread` that is estimated with it: that of the innovation, which
+    `smooth` has made alike over TAU_FELT.
+    """
     a = min(dt / TAU_FELT, 1.0)
-    return p.S_root * math.sqrt((2.0 - a) / a / max(x.felt_den, 1e-9))
+    alone = x.felt_den - x.both_den * x.both_den / max(x.read_den, 1e-9)
+    return p.S_root * math.sqrt((2.0 - a) / a / max(alone, 1e-9))
 
 
 @kernel
@@ -396,6 +413,7 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
         x.slow_head = 0.0 if slow == RING - 1 else slow + 1.0
         x.slow_count = 0.0
     whole = x.even_lost < 0.5
+    x.even_whole = x.even_whole + 1.0 if whole else 0.0
     x.even_lost = 0.0
     f, d, w = x.even_ring[0, head], x.even_ring[1, head], x.even_ring[2, head]
     usual = p.th_f + (p.rho_f + doubt_b(x)[0] * p.b_motor) * math.fabs(w) + doubt(x)[0] * math.fabs(d)
@@ -421,7 +439,8 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
         x.jumped = 0.0
     if x.f_age >= STAYS and x.jumped != 0.0 and x.drive_name == NONE:
         x.drive_name = RUNAWAY
-    if x.hot_f > 0.5 and x.f_age >= LEAST and x.drive_name == NONE and int(x.f_age) % 2 == 0:
-        explain(x, p, False, measured)
-        if x.drive_name == NONE and x.f_age > RING and x.slow_count == 0.0:
+    if x.hot_f > 0.5 and x.f_age >= LEAST and x.drive_name == NONE:
+        if x.f_age > RING and x.slow_count == 0.0:
             explain(x, p, True, measured)
+        elif int(x.f_age) % 2 == 0:
+            explain(x, p, False, measured)

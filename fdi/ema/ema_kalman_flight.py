@@ -198,7 +198,7 @@ STATE = dtype([
 ])
 OUTPUTS = (
     "r", "alarm", "verdict", "culprit", "valid", "reconf", "pos_hat", "pos_sigma", "f_hat", "f_sigma", "eta", "eta_bar",
-    "R1", "R2", "jump", "load_hat", "r_velocity", "r_jump", "hot_friction", "pair_name",
+    "R1", "R2", "jump", "load_hat", "r_velocity", "r_jump", "hot_friction", "pair_name", "drive_lost",
 )
 DETECTOR = Detector(
     id="ema_kalman_flight",
@@ -218,11 +218,11 @@ DETECTOR = Detector(
         "ema.ofc_solid": ("ofc_solid",),
         "ema.hardover": ("runaway",),
         "ema.jam*": ("jam_solid",),
-        **dict.fromkeys(("ema.loss_of_effectiveness", "ema.magnet_loss"), ("effectiveness",)),
+        **dict.fromkeys(("ema.loss_of_effectiveness", "ema.magnet_loss", "ema.free_float"), ("effectiveness",)),
     },
     may_see={
         **dict.fromkeys((
-            "ema.free_float", "ema.winding_resistance", "ema.backlash", "ema.friction",
+            "ema.winding_resistance", "ema.backlash", "ema.friction",
         ), ("effectiveness", "ambiguous")),
     },
     blind="compares the sensors of one electromechanical drive with the model of its own demand: a fault before "
@@ -231,7 +231,11 @@ DETECTOR = Detector(
         Estimate("velocity", "f_hat", "rad/s"), Estimate("position", "f_hat", "m"),
         Estimate("current", "f_hat", "A"),
     ),
-    finer={"hot_friction": {1: ("friction", "jam")}, "pair_name": {int(EFFECTIVENESS): ("backlash", "free_float")}},
+    finer={
+        "hot_friction": {1: ("friction", "jam")}, "pair_name": {int(EFFECTIVENESS): ("backlash", "free_float")},
+        "drive_lost": {1: ("loss_of_effectiveness", "magnet_loss", "winding_resistance"),
+                       2: ("free_float", "loss_of_effectiveness")},
+    },
     looks_back={"delay": "u_old"},
     sizes={"n_sub": 1, "n_window": 1, "n_lag": 1, "n_mean": 1},
     places={"head": ("window", 0), "tail": ("drifts", 0)},

@@ -83,9 +83,12 @@ def _drive(x, p, dt):
         told = unfelt or (not sine and shaped <= drive.PURE + GRAIN * x.grain)
         if told and x.left[5] > WEAK_LEFT and shaped < 0.5 * x.left[5] and -p.felt_least <= x.felt <= most:
             return SENSOR, CURRENT
-        if x.felt >= p.felt_least and x.misread < MISREAD and x.drive_name != NONE:
+        # friction keeps a part of a small one from the motor: more than a sensor's is felt, and what it must at least
+        least = max(x.must, p.felt_most + SURE_SINE * drive.felt_sigma(x, p, dt))
+        if x.felt >= min(p.felt_least, least) and x.misread < MISREAD and x.drive_name != NONE:
             return x.drive_name, 0.0
     if x.hot_gain > 0.5 and (x.weak > 0.5 or (x.gain_den >= SURE and x.gain_num >= p.felt_least * x.gain_den)):
+        x.drive_lost = 1.0
         return EFFECTIVENESS, 0.0
     moves = x.w_power >= torque.CREEP * torque.CREEP  # what does not move may as well have jammed
     if x.hot_friction > 0.5 and x.hot_f < 0.5 and x.hot_gain < 0.5 and moves:
@@ -122,7 +125,7 @@ def decide(x, p, dt):
     x.quiet_timer = 0.0 if sign else x.quiet_timer + dt
     x.hold_age = x.hold_age + dt if x.hold_age > 0.0 else 0.0
     if not sign and (x.alarm < 0.5 or x.quiet_timer >= x.hold):
-        x.alarm = x.culprit = x.reconf = x.alarm_age = 0.0
+        x.alarm = x.culprit = x.reconf = x.alarm_age = x.drive_lost = 0.0
         x.verdict = NONE
         return
     if x.alarm < 0.5:

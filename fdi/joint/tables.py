@@ -156,7 +156,8 @@ def keeps(detector: str, rates: dict, phase: int = -1) -> tuple[float, float, fl
         if word != "designed":
             continue
         shares.append(sum(counts[h.kind]["said"][-1].values()) / counts[h.kind]["flights"])
-        good = {name(detector, v, c) for v in _classes(classes) for c in _culprits(detector, h) or {""}}
+        own = ((), *_told(detector, h.kind, technology))
+        good = {name(detector, v, c, k) for v in _classes(classes) for c in _culprits(detector, h) or {""} for k in own}
         for token, n in counts[h.kind]["said"][phase].items():
             if token in good:
                 right += n

@@ -51,8 +51,10 @@ def sine(size, hz):
 FAULTS = [
     ("ofc_liquid", {"f_u": sine(6.0, 1.0)}),
     ("ofc_liquid", {"f_u": sine(6.0, 4.0)}),
+    ("ofc_liquid", {"f_u": sine(6.0, 0.35)}),
     ("ofc_solid", {"f_u": sine(10.0, 1.5), "s_u": 1.0}),
     ("ofc_solid", {"f_u": sine(15.0, 5.0), "s_u": 1.0}),
+    ("ofc_solid", {"f_u": sine(4.0, 0.4), "s_u": 1.0}),
     ("runaway", {"f_u": 0.8 * STALL, "s_u": 1.0}),
     ("runaway", {"f_u": -0.7 * STALL, "s_u": 1.0}),
     ("effectiveness", {"loss": 0.6}),
@@ -387,7 +389,10 @@ def test_one_noisy_sample_at_the_start_is_no_velocity_fault(seed):
     assert len(lanes) == 4 and not any(lane["alarm"] for lane in lanes)
 
 
-@pytest.mark.parametrize("felt, misread, said", [(1.0, 0.0, v.OFC_LIQUID), (1.2, 0.8, v.SENSOR)])
+SHARES = [(1.0, 0.0, v.OFC_LIQUID), (0.5, 0.0, v.OFC_LIQUID), (0.2, 0.0, v.NONE), (1.2, 0.8, v.SENSOR)]
+
+
+@pytest.mark.parametrize("felt, misread, said", SHARES)
 def test_a_misread_velocity_is_told_from_a_torque_by_both_shares_at_once(felt, misread, said):
     p = flight.params()
     x = flight.init(p)

@@ -248,7 +248,17 @@ def test_a_word_that_is_not_said_yet_is_not_denied():
     own = tables.names("ema_kalman_flight")
     assert said.sum() == pytest.approx(1.0) and said.min() > 0.0
     assert kept[2] > 2.0 * kept[1]  # as often as friction was, which has a word: not as often as "ambiguous" is said
-    assert said[own.index("effectiveness")] == pytest.approx(kept[2] * kept[0] / 2.0, rel=0.1)
+    assert said[own.index("effectiveness")] == pytest.approx(kept[2] * kept[0] * (1.0 - kept[1]), rel=0.1)
+
+
+def test_a_right_class_with_a_right_word_is_a_right_name():
+    def kept(token):
+        cell = {"flights": 40, "said": [{token: 40}] * 4}
+        return tables.keeps("ema_kalman_flight", {"seen": {"ema_kalman_flight": {"ema.drive.effectiveness": cell}}})
+
+    right, wrong = kept("effectiveness loss_of_effectiveness"), kept("effectiveness friction")
+    assert right[0] == kept("effectiveness")[0] > 0.95 > 0.4 > wrong[0]
+    assert right[2] < kept("effectiveness")[2]
 
 
 def test_a_second_sensor_that_a_detector_names_beside_the_first_is_another_fault():
