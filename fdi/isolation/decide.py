@@ -26,7 +26,7 @@ HELD_S, HELD_WEAK_S = 0.1, 1.0  # a name must stand so long; a loss, whose comma
 OUTSIDE = 3.0  # standard deviations of the tolerances
 RELEASE_S = 1.0  # an alarm outlives its evidence by this [s]
 PART = 0.75  # of its period that an oscillation has lasted: before, it is a step
-STILL = 1.2e-3  # rod travel of a jam [m]
+STILL = 0.5e-3  # rod travel of a jam: noise of its sensor [m]
 RUBS_MOST, HOLDS_S = 0.6, 2.0  # friction holds no more of the stall force, seldom a rod for longer [s]
 JAM_S = 10.0  # so long a jam outlives its last evidence while the rod is still [s]
 FROZEN = 20.0  # equal samples in a row that a sensor with noise has not
@@ -233,7 +233,7 @@ def merge(x, freeze):
     if x.speaks < 0.5 and x.alarm < 0.5:
         return
     x.alarm = 1.0
-    swings = x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID
+    swings, moved = x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID, x.rod_high - x.rod_low >= STILL
     if x.verdict == NONE:
         x.verdict = AMBIGUOUS
     if x.loose > 0.5 or (x.joined > 0.5 and x.sensor < 0.5 and x.jam < 0.5):
@@ -243,9 +243,9 @@ def merge(x, freeze):
         x.verdict, x.culprit = SENSOR, 3.0
     elif swings and x.candidate == OF_PRESSURE and x.likely != LIQUID and x.likely != SOLID:
         x.verdict = AMBIGUOUS
-    elif x.verdict == JAM_SOLID and (x.likely == WEAK or x.likely == OF_LOAD) and x.rod_high - x.rod_low >= STILL:
+    elif x.verdict == JAM_SOLID and (x.likely == WEAK or x.likely == OF_LOAD) and moved:
         x.verdict = EFFECTIVENESS
-    elif x.verdict == JAM_SOLID and x.jam_most < RUBS_MOST and x.jam_s < HOLDS_S:
+    elif x.verdict == JAM_SOLID and x.jam_most < RUBS_MOST and (x.jam_s < HOLDS_S or moved):
         x.verdict = AMBIGUOUS
     elif x.verdict != AMBIGUOUS:
         return
@@ -255,7 +255,7 @@ def merge(x, freeze):
         x.verdict = OFC_LIQUID
     elif x.likely == SOLID and x.sure[1] > 0.0:
         x.verdict = OFC_SOLID
-    elif x.likely == WEAK or (x.likely == OF_LOAD and x.rod_high - x.rod_low >= STILL):
+    elif x.likely == WEAK or (x.likely == OF_LOAD and moved):
         x.verdict = EFFECTIVENESS
     elif x.likely == OF_ROD or x.likely == OF_SURFACE:
         x.verdict, x.culprit = SENSOR, x.likely - OF_ROD + 1.0
