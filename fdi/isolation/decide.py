@@ -227,7 +227,7 @@ def follow(x, u, own, dt):
 def merge(x, freeze):
     """Write alarm, verdict and culprit: those of the tests of `iotsekf`, which x.alarm, x.verdict and x.culprit hold,
     and what leads by evidence where they have no name or ask no more than whether something swings or is still."""
-    if freeze > 0.5 and x.verdict != SENSOR:
+    if freeze > 0.5:
         x.alarm, x.verdict, x.culprit = 1.0, SENSOR, freeze
         return
     if x.speaks < 0.5 and x.alarm < 0.5:
