@@ -1,8 +1,10 @@
 """The decision: alarm where the evidence of a fault passes its threshold, name what leads in the longest window.
 
-Windows of all lengths are asked in turn. A window speaks for the class of its best hypothesis where that leads all
-other classes by SURE and leaves what health would, or a small share of what is there. The longest that speaks counts:
-in a short one much explains everything. Else the alarm is ambiguous.
+Windows of all lengths are asked in turn. The longest that shows a fault has the most degrees of freedom: its best
+hypothesis is the only one that may have a name, as in a short window much explains everything. It has the name where it
+leads all other classes by SURE and leaves what health would, or a small share of what is there, in that window or in a
+shorter one. Else the alarm is ambiguous. An oscillation that the rules of `iotsekf` have found has its name where that
+window bears it out (`swings_valve`).
 """
 
 import math
@@ -25,6 +27,7 @@ FAIR, PLAIN = 1.1, 0.08  # times noise; share of what health leaves beyond noise
 HELD_S, HELD_WEAK_S = 0.1, 1.0  # a name must stand so long; a loss, whose command may yet be gone [s]
 OUTSIDE = 3.0  # standard deviations of the tolerances
 RELEASE_S = 1.0  # an alarm outlives its evidence by this [s]
+RESOLVED = 1.5  # periods of an oscillation that a window resolves
 PART = 0.75  # of its period that an oscillation has lasted: before, it is a step
 STILL = 0.5e-3  # rod travel of a jam: noise of its sensor [m]
 RUBS_MOST, HOLDS_S = 0.6, 2.0  # friction holds no more of the stall force, seldom a rod for longer [s]
@@ -39,6 +42,7 @@ STATE = [
     ("own_fault", "f8", (OCTAVES,)),  # its hypothesis
     ("own_lead", "f8", (OCTAVES,)),
     ("own_fits", "f8", (OCTAVES,)),
+    ("own_valve", "f8", (OCTAVES,)),  # evidence of the valve's oscillation less that of the pressure sensor's faults
     ("own_hz", "f8", (OCTAVES,), "Hz"),  # of an oscillation, else 0
     ("silent", "f8", (OCTAVES,)),  # time for which an octave that spoke is silent [s]
     ("loud", "f8", (OCTAVES,)),  # ratio that it had, lagged
@@ -46,6 +50,7 @@ STATE = [
     ("speaks", "f8", "-"),  # 1 while evidence stands for a fault
     ("speaking_s", "f8", "s"),  # time for which an alarm has stood
     ("ended", "f8"),  # 1 in the tick in which the evidence says that a fault of the actuator has healed
+    ("borne", "f8"),  # 1 where the evidence since the alarm bears out an oscillation of the valve
     ("emptied", "f8"),  # 1 once the windows were emptied at this alarm's onset
     ("candidate", "f8"),
     ("candidate_hz", "f8", "Hz"),  # of an oscillation, else 0
@@ -121,6 +126,9 @@ def hear(x, p, o):
             second = max(second, told(x, h))
     x.own[o], x.own_ratio[o], x.own_class[o], x.own_fault[o] = best, ratio, mine, at_best
     x.own_lead[o] = best - second
+    x.own_valve[o] = max(told(x, ev.ADDED), told(x, ev.IN_PLACE))
+    of_sensor = max(told(x, ev.SWING_PRESSURE), x.ev[ev.NOISE_PRESSURE])
+    x.own_valve[o] -= max(of_sensor, max(x.ev[ev.OFF_PRESSURE], x.ev[ev.SCALED_PRESSURE]))
     if at_best != ev.SWING_LOAD and best > x.ev[at_best]:
         x.own_hz[o], x.own_fits[o] = x.own_hz[o - 1], x.own_fits[o - 1]
         return
@@ -143,11 +151,26 @@ def forget(x):
 
 
 @kernel
-def candidate(x):
-    """Return the octave of the longest window that speaks for one class, -1 where none does."""
+def longest(x):
+    """Return the octave of the longest window that shows a fault, -1 where none does."""
     for o in range(OCTAVES - 1, -1, -1):
+        if x.own_ratio[o] >= 1.0:
+            return o
+    return -1
+
+
+@kernel
+def candidate(x):
+    """Return the octave of the longest window that speaks for one class, -1 where none does or a longer one that shows
+    a fault has another best hypothesis."""
+    top = longest(x)
+    for o in range(top, -1, -1):
+        if x.own_ratio[o] < 1.0:
+            continue
+        if x.own_class[o] != x.own_class[top]:
+            return -1
         lead = max(SURE, LEAD * x.own[o]) if x.own_class[o] != OF_LOAD else SURE
-        if x.own_ratio[o] >= 1.0 and x.own_fits[o] > 0.5 and x.own_lead[o] > lead:
+        if x.own_fits[o] > 0.5 and x.own_lead[o] > lead:
             return o
     return -1
 
@@ -202,7 +225,7 @@ def follow(x, u, own, dt):
     if u.y_rod_valid > 0.5 and math.isfinite(u.y_rod):
         x.rod_slow += min(dt / 0.02, 1.0) * (u.y_rod - x.rod_slow)
     if not alarm:
-        x.likely = x.candidate = x.candidate_s = x.emptied = 0.0
+        x.likely = x.candidate = x.candidate_s = x.emptied = x.borne = 0.0
         x.rod_low = x.rod_high = x.rod_slow
         x.likely_hz = 0.0
         return
@@ -224,9 +247,10 @@ def follow(x, u, own, dt):
 
 
 @kernel
-def merge(x, freeze):
+def merge(x, freeze, asked):
     """Write alarm, verdict and culprit: those of the tests of `iotsekf`, which x.alarm, x.verdict and x.culprit hold,
-    and what leads by evidence where they have no name or ask no more than whether something swings or is still."""
+    and what leads by evidence where they have no name or ask no more than whether something swings or is still. Where
+    evidence is `asked` it has to bear out an oscillation before it has a name."""
     if freeze > 0.5:
         x.alarm, x.verdict, x.culprit = 1.0, SENSOR, freeze
         return
@@ -241,7 +265,7 @@ def merge(x, freeze):
         return
     if x.likely == OF_PRESSURE and (swings or x.verdict == AMBIGUOUS) and x.sensor < 0.5:
         x.verdict, x.culprit = SENSOR, 3.0
-    elif swings and x.candidate == OF_PRESSURE and x.likely != LIQUID and x.likely != SOLID:
+    elif swings and asked and x.borne < 0.5:
         x.verdict = AMBIGUOUS
     elif x.verdict == JAM_SOLID and (x.likely == WEAK or x.likely == OF_LOAD) and moved:
         x.verdict = EFFECTIVENESS
@@ -271,6 +295,22 @@ def inside(x, p):
 
 
 @kernel
+def swings_valve(x, top, span):
+    """Return whether octave `top`, the longest that shows a fault, of `span` [s], bears out an oscillation of the valve
+    that the rules have found."""
+    if x.own_fits[top] > 0.5 and x.own_class[top] != LIQUID and x.own_class[top] != SOLID:
+        return False
+    if x.own_valve[top] > 0.0:
+        return True
+    if x.own_fits[top] > 0.5 or span * x.ofc_hz < RESOLVED:
+        return False
+    for o in range(OCTAVES):
+        if x.own_ratio[o] >= 1.0 and x.own_class[o] == OF_PRESSURE:
+            return False
+    return True  # a large one, to which no hypothesis is close: evidence has no say
+
+
+@kernel
 def judge(x, p, o, dt):
     """Take the evaluation of octave `o`; return whether all windows are to begin anew."""
     hear(x, p, o)
@@ -281,7 +321,11 @@ def judge(x, p, o, dt):
         x.since = 0.0
     if x.own_ratio[o] >= 1.0 and (inside(x, p) or x.speaks > 0.5):
         x.speaks_timer = RELEASE_S
-    c = candidate(x)
+    top, c = longest(x), candidate(x)
+    if top >= 0 and swings_valve(x, top, p.length[top] * p.block * dt):
+        x.borne = 1.0
+    if c >= 0 and (x.own_class[c] == OF_PRESSURE or x.own_class[c] == WEAK):
+        x.borne = 0.0
     if c < 0:
         x.candidate = x.candidate_s = 0.0
     else:
