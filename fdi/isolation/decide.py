@@ -22,6 +22,7 @@ CLEAR = 40.0  # evidence of a plain onset
 SILENT_PART, SILENT_S = 0.4, 0.4  # of an oscillation's period; of what has no name [s]
 AGAINST = -2.0  # evidence of a fault that is no longer there
 LEAD = 0.05  # ... and this share of its own evidence: no model is better than that
+FULL = 0.9  # of its length, at which the longest window is evaluated for the last time
 SURE = 5.0  # odds e^5 against every other class
 FAIR, PLAIN = 1.1, 0.08  # times noise; share of what health leaves beyond noise
 HELD_S, HELD_WEAK_S = 0.1, 1.0  # a name must stand so long; a loss, whose command may yet be gone [s]
@@ -42,8 +43,10 @@ STATE = [
     ("own_fault", "f8", (OCTAVES,)),  # its hypothesis
     ("own_lead", "f8", (OCTAVES,)),
     ("own_fits", "f8", (OCTAVES,)),
-    ("own_valve", "f8", (OCTAVES,)),  # evidence of the valve's oscillation less that of the pressure sensor's faults
     ("own_hz", "f8", (OCTAVES,), "Hz"),  # of an oscillation, else 0
+    ("row", "f8"),  # lead of an oscillation added, over the longest windows in a row that are over
+    ("row_last", "f8"),  # in the last evaluation of the longest window
+    ("row_age", "f8"),  # blocks that it had
     ("silent", "f8", (OCTAVES,)),  # time for which an octave that spoke is silent [s]
     ("loud", "f8", (OCTAVES,)),  # ratio that it had, lagged
     ("speaks_timer", "f8", "s"),
@@ -112,6 +115,18 @@ def told(x, h):
 
 
 @kernel
+def of_class(x, mine):
+    """Return the evidence of the best hypothesis of class `mine`, and of the others or health."""
+    own, other = -math.inf, 0.0
+    for h in range(ev.HYPOTHESES):
+        if class_of(x, h) == mine:
+            own = max(own, told(x, h))
+        else:
+            other = max(other, told(x, h))
+    return own, other
+
+
+@kernel
 def hear(x, p, o):
     """Keep what the evaluation of octave `o` says."""
     at_best, ratio = 0, 0.0
@@ -120,15 +135,9 @@ def hear(x, p, o):
         if told(x, h) > told(x, at_best):
             at_best = h
     mine, best = class_of(x, at_best), told(x, at_best)
-    second = 0.0
-    for h in range(ev.HYPOTHESES):
-        if class_of(x, h) != mine:
-            second = max(second, told(x, h))
+    second = of_class(x, mine)[1]
     x.own[o], x.own_ratio[o], x.own_class[o], x.own_fault[o] = best, ratio, mine, at_best
     x.own_lead[o] = best - second
-    x.own_valve[o] = max(told(x, ev.ADDED), told(x, ev.IN_PLACE))
-    of_sensor = max(told(x, ev.SWING_PRESSURE), x.ev[ev.NOISE_PRESSURE])
-    x.own_valve[o] -= max(of_sensor, max(x.ev[ev.OFF_PRESSURE], x.ev[ev.SCALED_PRESSURE]))
     if at_best != ev.SWING_LOAD and best > x.ev[at_best]:
         x.own_hz[o], x.own_fits[o] = x.own_hz[o - 1], x.own_fits[o - 1]
         return
@@ -141,6 +150,7 @@ def hear(x, p, o):
 @kernel
 def forget(x):
     """Forget what windows said: they begin anew."""
+    x.row = x.row_last = x.row_age = 0.0
     for o in range(OCTAVES):
         x.own[o] = 0.0
         x.own_ratio[o] = 0.0
@@ -173,6 +183,20 @@ def candidate(x):
         if x.own_fits[o] > 0.5 and x.own_lead[o] > lead:
             return o
     return -1
+
+
+@kernel
+def in_a_row(x, p):
+    """Take the evaluation of the longest window: it and those before it have no sample in common, and their evidence
+    adds up. A small oscillation added leads that of a pressure sensor by no more than e^3 in one of them. Other classes
+    are not asked, as what the model errs by adds up as well."""
+    o = OCTAVES - 1
+    if x.alarm < 0.5 and x.since > RELEASE_S:
+        x.row = x.row_last = x.row_age = 0.0
+    elif x.window_age[o] <= x.row_age:
+        x.row = x.row + x.row_last if x.row_age > FULL * p.length[o] else 0.0
+    own, other = of_class(x, LIQUID)
+    x.row_age, x.row_last = x.window_age[o], own - other if x.own_fits[o] > 0.5 else min(own - other, 0.0)
 
 
 @kernel
@@ -295,12 +319,12 @@ def inside(x, p):
 
 
 @kernel
-def swings_valve(x, top, span):
+def swings_valve(x, o, top, span):
     """Return whether octave `top`, the longest that shows a fault, of `span` [s], bears out an oscillation of the valve
-    that the rules have found."""
+    that the rules have found; octave `o` has just been evaluated."""
     if x.own_fits[top] > 0.5 and x.own_class[top] != LIQUID and x.own_class[top] != SOLID:
         return False
-    if x.own_valve[top] > 0.0:
+    if o == top and max(told(x, ev.ADDED), told(x, ev.IN_PLACE)) > of_class(x, OF_PRESSURE)[0]:
         return True
     if x.own_fits[top] > 0.5 or span * x.ofc_hz < RESOLVED:
         return False
@@ -322,11 +346,16 @@ def judge(x, p, o, dt):
     if x.own_ratio[o] >= 1.0 and (inside(x, p) or x.speaks > 0.5):
         x.speaks_timer = RELEASE_S
     top, c = longest(x), candidate(x)
-    if top >= 0 and swings_valve(x, top, p.length[top] * p.block * dt):
+    if top >= 0 and swings_valve(x, o, top, p.length[top] * p.block * dt):
         x.borne = 1.0
     if c >= 0 and (x.own_class[c] == OF_PRESSURE or x.own_class[c] == WEAK):
         x.borne = 0.0
-    if c < 0:
+    if o == OCTAVES - 1:
+        in_a_row(x, p)
+    if c < 0 and x.row > 0.0 and x.row + x.row_last > SURE and x.alarm > 0.5:
+        x.candidate_s *= 1.0 if x.candidate == LIQUID else 0.0
+        x.candidate, x.candidate_hz, x.candidate_octave = LIQUID, 0.0, OCTAVES - 1.0
+    elif c < 0:
         x.candidate = x.candidate_s = 0.0
     else:
         if x.candidate != x.own_class[c]:
