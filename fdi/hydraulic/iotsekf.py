@@ -396,7 +396,8 @@ def step(x, u, p, dt):
     loose.ask(x, x.x_hat[0], dt)
     by_evidence.follow(x, u, x.declared > 0.5, dt)
     x.alarm = x.declared
-    by_evidence.merge(x, by_evidence.frozen(x, u, dt))
+    asked = p.asks > 0.5 and x.h_lost[filter.PRESSURE] <= likelihood.LOST_S and x.sensor < 0.5
+    by_evidence.merge(x, by_evidence.frozen(x, u, dt), asked)
     x.r = max(x.r, x.evidence)
 
 

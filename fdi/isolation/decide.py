@@ -1,8 +1,10 @@
 """The decision: alarm where the evidence of a fault passes its threshold, name what leads in the longest window.
 
-Windows of all lengths are asked in turn. A window speaks for the class of its best hypothesis where that leads all
-other classes by SURE and leaves what health would, or a small share of what is there. The longest that speaks counts:
-in a short one much explains everything. Else the alarm is ambiguous.
+Windows of all lengths are asked in turn. The longest that shows a fault has the most degrees of freedom: its best
+hypothesis is the only one that may have a name, as in a short window much explains everything. It has the name where it
+leads all other classes by SURE and leaves what health would, or a small share of what is there, in that window or in a
+shorter one. Else the alarm is ambiguous. An oscillation that the rules of `iotsekf` have found has its name where that
+window bears it out (`swings_valve`).
 """
 
 import math
@@ -20,13 +22,15 @@ CLEAR = 40.0  # evidence of a plain onset
 SILENT_PART, SILENT_S = 0.4, 0.4  # of an oscillation's period; of what has no name [s]
 AGAINST = -2.0  # evidence of a fault that is no longer there
 LEAD = 0.05  # ... and this share of its own evidence: no model is better than that
+FULL = 0.9  # of its length, at which the longest window is evaluated for the last time
 SURE = 5.0  # odds e^5 against every other class
 FAIR, PLAIN = 1.1, 0.08  # times noise; share of what health leaves beyond noise
-HELD_S, HELD_WEAK_S = 0.1, 1.0  # a name must stand so long; a loss, whose command may yet be gone [s]
+HELD_S, HELD_WEAK_S = 0.1, 0.5  # a name must stand so long; a loss, whose command may yet be gone [s]
 OUTSIDE = 3.0  # standard deviations of the tolerances
 RELEASE_S = 1.0  # an alarm outlives its evidence by this [s]
+RESOLVED = 1.5  # periods of an oscillation that a window resolves
 PART = 0.75  # of its period that an oscillation has lasted: before, it is a step
-STILL = 1.2e-3  # rod travel of a jam [m]
+STILL = 0.5e-3  # rod travel of a jam: noise of its sensor [m]
 RUBS_MOST, HOLDS_S = 0.6, 2.0  # friction holds no more of the stall force, seldom a rod for longer [s]
 JAM_S = 10.0  # so long a jam outlives its last evidence while the rod is still [s]
 FROZEN = 20.0  # equal samples in a row that a sensor with noise has not
@@ -40,12 +44,16 @@ STATE = [
     ("own_lead", "f8", (OCTAVES,)),
     ("own_fits", "f8", (OCTAVES,)),
     ("own_hz", "f8", (OCTAVES,), "Hz"),  # of an oscillation, else 0
+    ("row", "f8"),  # lead of an oscillation added, over the longest windows in a row that are over
+    ("row_last", "f8"),  # in the last evaluation of the longest window
+    ("row_age", "f8"),  # blocks that it had
     ("silent", "f8", (OCTAVES,)),  # time for which an octave that spoke is silent [s]
     ("loud", "f8", (OCTAVES,)),  # ratio that it had, lagged
     ("speaks_timer", "f8", "s"),
     ("speaks", "f8", "-"),  # 1 while evidence stands for a fault
     ("speaking_s", "f8", "s"),  # time for which an alarm has stood
     ("ended", "f8"),  # 1 in the tick in which the evidence says that a fault of the actuator has healed
+    ("borne", "f8"),  # 1 where the evidence since the alarm bears out an oscillation of the valve
     ("emptied", "f8"),  # 1 once the windows were emptied at this alarm's onset
     ("candidate", "f8"),
     ("candidate_hz", "f8", "Hz"),  # of an oscillation, else 0
@@ -107,6 +115,18 @@ def told(x, h):
 
 
 @kernel
+def of_class(x, mine):
+    """Return the evidence of the best hypothesis of class `mine`, and of the others or health."""
+    own, other = -math.inf, 0.0
+    for h in range(ev.HYPOTHESES):
+        if class_of(x, h) == mine:
+            own = max(own, told(x, h))
+        else:
+            other = max(other, told(x, h))
+    return own, other
+
+
+@kernel
 def hear(x, p, o):
     """Keep what the evaluation of octave `o` says."""
     at_best, ratio = 0, 0.0
@@ -115,10 +135,7 @@ def hear(x, p, o):
         if told(x, h) > told(x, at_best):
             at_best = h
     mine, best = class_of(x, at_best), told(x, at_best)
-    second = 0.0
-    for h in range(ev.HYPOTHESES):
-        if class_of(x, h) != mine:
-            second = max(second, told(x, h))
+    second = of_class(x, mine)[1]
     x.own[o], x.own_ratio[o], x.own_class[o], x.own_fault[o] = best, ratio, mine, at_best
     x.own_lead[o] = best - second
     if at_best != ev.SWING_LOAD and best > x.ev[at_best]:
@@ -133,6 +150,7 @@ def hear(x, p, o):
 @kernel
 def forget(x):
     """Forget what windows said: they begin anew."""
+    x.row = x.row_last = x.row_age = 0.0
     for o in range(OCTAVES):
         x.own[o] = 0.0
         x.own_ratio[o] = 0.0
@@ -143,13 +161,42 @@ def forget(x):
 
 
 @kernel
-def candidate(x):
-    """Return the octave of the longest window that speaks for one class, -1 where none does."""
+def longest(x):
+    """Return the octave of the longest window that shows a fault, -1 where none does."""
     for o in range(OCTAVES - 1, -1, -1):
-        lead = max(SURE, LEAD * x.own[o]) if x.own_class[o] != OF_LOAD else SURE
-        if x.own_ratio[o] >= 1.0 and x.own_fits[o] > 0.5 and x.own_lead[o] > lead:
+        if x.own_ratio[o] >= 1.0:
             return o
     return -1
+
+
+@kernel
+def candidate(x):
+    """Return the octave of the longest window that speaks for one class, -1 where none does or a longer one that shows
+    a fault has another best hypothesis."""
+    top = longest(x)
+    for o in range(top, -1, -1):
+        if x.own_ratio[o] < 1.0:
+            continue
+        if x.own_class[o] != x.own_class[top]:
+            return -1
+        lead = max(SURE, LEAD * x.own[o]) if x.own_class[o] != OF_LOAD else SURE
+        if x.own_fits[o] > 0.5 and x.own_lead[o] > lead:
+            return o
+    return -1
+
+
+@kernel
+def in_a_row(x, p):
+    """Take the evaluation of the longest window: it and those before it have no sample in common, and their evidence
+    adds up. A small oscillation added leads that of a pressure sensor by no more than e^3 in one of them. Other classes
+    are not asked, as what the model errs by adds up as well."""
+    o = OCTAVES - 1
+    if x.alarm < 0.5 and x.since > RELEASE_S:
+        x.row = x.row_last = x.row_age = 0.0
+    elif x.window_age[o] <= x.row_age:
+        x.row = x.row + x.row_last if x.row_age > FULL * p.length[o] else 0.0
+    own, other = of_class(x, LIQUID)
+    x.row_age, x.row_last = x.window_age[o], own - other if x.own_fits[o] > 0.5 else min(own - other, 0.0)
 
 
 @kernel
@@ -202,7 +249,7 @@ def follow(x, u, own, dt):
     if u.y_rod_valid > 0.5 and math.isfinite(u.y_rod):
         x.rod_slow += min(dt / 0.02, 1.0) * (u.y_rod - x.rod_slow)
     if not alarm:
-        x.likely = x.candidate = x.candidate_s = x.emptied = 0.0
+        x.likely = x.candidate = x.candidate_s = x.emptied = x.borne = 0.0
         x.rod_low = x.rod_high = x.rod_slow
         x.likely_hz = 0.0
         return
@@ -224,16 +271,17 @@ def follow(x, u, own, dt):
 
 
 @kernel
-def merge(x, freeze):
+def merge(x, freeze, asked):
     """Write alarm, verdict and culprit: those of the tests of `iotsekf`, which x.alarm, x.verdict and x.culprit hold,
-    and what leads by evidence where they have no name or ask no more than whether something swings or is still."""
-    if freeze > 0.5 and x.verdict != SENSOR:
+    and what leads by evidence where they have no name or ask no more than whether something swings or is still. Where
+    evidence is `asked` it has to bear out an oscillation before it has a name."""
+    if freeze > 0.5:
         x.alarm, x.verdict, x.culprit = 1.0, SENSOR, freeze
         return
     if x.speaks < 0.5 and x.alarm < 0.5:
         return
     x.alarm = 1.0
-    swings = x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID
+    swings, moved = x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID, x.rod_high - x.rod_low >= STILL
     if x.verdict == NONE:
         x.verdict = AMBIGUOUS
     if x.loose > 0.5 or (x.joined > 0.5 and x.sensor < 0.5 and x.jam < 0.5):
@@ -241,11 +289,11 @@ def merge(x, freeze):
         return
     if x.likely == OF_PRESSURE and (swings or x.verdict == AMBIGUOUS) and x.sensor < 0.5:
         x.verdict, x.culprit = SENSOR, 3.0
-    elif swings and x.candidate == OF_PRESSURE and x.likely != LIQUID and x.likely != SOLID:
+    elif swings and asked and x.borne < 0.5:
         x.verdict = AMBIGUOUS
-    elif x.verdict == JAM_SOLID and (x.likely == WEAK or x.likely == OF_LOAD) and x.rod_high - x.rod_low >= STILL:
+    elif x.verdict == JAM_SOLID and (x.likely == WEAK or x.likely == OF_LOAD) and moved:
         x.verdict = EFFECTIVENESS
-    elif x.verdict == JAM_SOLID and x.jam_most < RUBS_MOST and x.jam_s < HOLDS_S:
+    elif x.verdict == JAM_SOLID and x.jam_most < RUBS_MOST and (x.jam_s < HOLDS_S or moved):
         x.verdict = AMBIGUOUS
     elif x.verdict != AMBIGUOUS:
         return
@@ -255,7 +303,7 @@ def merge(x, freeze):
         x.verdict = OFC_LIQUID
     elif x.likely == SOLID and x.sure[1] > 0.0:
         x.verdict = OFC_SOLID
-    elif x.likely == WEAK or (x.likely == OF_LOAD and x.rod_high - x.rod_low >= STILL):
+    elif x.likely == WEAK or (x.likely == OF_LOAD and moved):
         x.verdict = EFFECTIVENESS
     elif x.likely == OF_ROD or x.likely == OF_SURFACE:
         x.verdict, x.culprit = SENSOR, x.likely - OF_ROD + 1.0
@@ -271,6 +319,22 @@ def inside(x, p):
 
 
 @kernel
+def swings_valve(x, o, top, span):
+    """Return whether octave `top`, the longest that shows a fault, of `span` [s], bears out an oscillation of the valve
+    that the rules have found; octave `o` has just been evaluated."""
+    if x.own_fits[top] > 0.5 and x.own_class[top] != LIQUID and x.own_class[top] != SOLID:
+        return False
+    if o == top and max(told(x, ev.ADDED), told(x, ev.IN_PLACE)) > of_class(x, OF_PRESSURE)[0]:
+        return True
+    if x.own_fits[top] > 0.5 or span * x.ofc_hz < RESOLVED:
+        return False
+    for o in range(OCTAVES):
+        if x.own_ratio[o] >= 1.0 and x.own_class[o] == OF_PRESSURE:
+            return False
+    return True  # a large one, to which no hypothesis is close: evidence has no say
+
+
+@kernel
 def judge(x, p, o, dt):
     """Take the evaluation of octave `o`; return whether all windows are to begin anew."""
     hear(x, p, o)
@@ -281,8 +345,17 @@ def judge(x, p, o, dt):
         x.since = 0.0
     if x.own_ratio[o] >= 1.0 and (inside(x, p) or x.speaks > 0.5):
         x.speaks_timer = RELEASE_S
-    c = candidate(x)
-    if c < 0:
+    top, c = longest(x), candidate(x)
+    if top >= 0 and swings_valve(x, o, top, p.length[top] * p.block * dt):
+        x.borne = 1.0
+    if c >= 0 and (x.own_class[c] == OF_PRESSURE or x.own_class[c] == WEAK):
+        x.borne = 0.0
+    if o == OCTAVES - 1:
+        in_a_row(x, p)
+    if c < 0 and x.row > 0.0 and x.row + x.row_last > SURE and x.alarm > 0.5:
+        x.candidate_s *= 1.0 if x.candidate == LIQUID else 0.0
+        x.candidate, x.candidate_hz, x.candidate_octave = LIQUID, 0.0, OCTAVES - 1.0
+    elif c < 0:
         x.candidate = x.candidate_s = 0.0
     else:
         if x.candidate != x.own_class[c]:
