@@ -12,7 +12,7 @@ from cosim.scenario.catalog import SEGMENTS
 from cosim.training.flights import scenario
 from fdi.common import verdict
 from fdi.hydraulic import iotsekf
-from fdi.isolation import evidence, filter, joined, lessons, response, sums
+from fdi.isolation import decide, evidence, filter, joined, lessons, response, sums
 
 pytestmark = pytest.mark.usefixtures("plain_kernels")
 
@@ -276,3 +276,61 @@ def test_what_is_foreign_to_the_air_teaches_no_more_than_twice_the_usual():
     x.ev_load2 = 1e-2
     lessons.breathe(x, p, 2, 0.3)
     assert x.air_load2[2] == pytest.approx(1e-6 * (1.0 + 0.3 / p.memory * (lessons.FOREIGN**2 - 1.0)))
+
+
+def test_only_the_best_hypothesis_of_the_longest_window_that_shows_a_fault_has_a_name():
+    x = iotsekf.init(designed())[0]
+    x["own_class"][:3] = decide.WEAK, decide.WEAK, decide.LIQUID
+    x["own"][:3], x["own_lead"][:3], x["own_fits"][:3], x["own_ratio"][:3] = 70.0, 20.0, 1.0, 2.0
+    assert decide.candidate(x) == 2
+    x["own_lead"][2] = 3.0  # undecided: a shorter one of another class has no say
+    assert decide.candidate(x) == -1
+    x["own_class"][2] = decide.WEAK  # ... one of the same class has
+    assert decide.candidate(x) == 1
+    x["own_ratio"][:] = 0.0
+    assert decide.longest(x) == decide.candidate(x) == -1
+
+
+@pytest.mark.parametrize(
+    "best, fits, pressure, borne",
+    [
+        ("LIQUID", 1.0, 17.0, True),
+        ("WEAK", 1.0, 17.0, False),
+        ("WEAK", 0.0, 17.0, True),
+        ("OF_PRESSURE", 0.0, 60.0, False),
+    ],
+)
+def test_an_oscillation_of_the_valve_is_borne_out_where_no_other_fault_explains_it(best, fits, pressure, borne):
+    x = iotsekf.init(designed())[0]
+    x["own_class"][1], x["own_fits"][1], x["own_ratio"][1] = getattr(decide, best), fits, 2.0
+    x["ev_told"][:] = 50.0, 20.0, pressure
+    assert decide.swings_valve(x, 1, 1, 0.48) == borne
+
+
+def test_evidence_of_windows_in_a_row_adds_up_until_one_is_cut_off():
+    p, o = designed()[0], sums.OCTAVES - 1
+    x = iotsekf.init(designed())[0]
+    x["alarm"], x["own_fits"][o] = 1.0, 1.0
+    x["ev_told"][:] = 20.0, 0.0, 17.0  # three over a pressure sensor that oscillates
+    leads = []
+    for age in (96.0, 190.0, 96.0, 190.0, 20.0, 60.0, 20.0):
+        x["window_age"][o] = age
+        decide.in_a_row(x, p)
+        leads.append(float(x["row"] + x["row_last"]))
+    assert leads == [3.0, 3.0, 6.0, 6.0, 9.0, 9.0, 3.0]
+
+
+@pytest.mark.parametrize("moved, name", [(2e-4, verdict.JAM_SOLID), (2e-3, verdict.AMBIGUOUS)])
+def test_a_jam_under_little_load_is_one_where_the_rod_has_not_moved_since_the_alarm(moved, name):
+    x = iotsekf.init(designed())[0]
+    x["alarm"], x["verdict"], x["jam_most"], x["jam_s"] = 1.0, verdict.JAM_SOLID, 0.3, 3.0
+    x["rod_high"] = moved
+    decide.merge(x, 0.0, True)
+    assert x["verdict"] == name
+
+
+def test_the_sensor_that_repeats_itself_is_the_wrong_one_whatever_the_pair_says():
+    x = iotsekf.init(designed())[0]
+    x["alarm"], x["verdict"], x["culprit"] = 1.0, verdict.SENSOR, 1.0
+    decide.merge(x, 2.0, True)
+    assert (x["verdict"], x["culprit"]) == (verdict.SENSOR, 2.0)
