@@ -16,22 +16,24 @@ import numpy as np
 from actuators.object_cache import of_wholes
 
 from .frame import Frame
-from .message_layout import HEAD, INDEX_HEAD, SHORT
+from .message_layout import HEAD, INDEX_HEAD, MIDDLE, SHORT
 
 GATHER = of_wholes("cosim.log.chunk_decoder", "gather", 6, f"{__name__}:GATHER")
 
 
 def empty_message(count: int) -> tuple[bytes, list[tuple[slice, int, int]]]:
     """Return the bytes of a message of `count` zero doubles, and the (fields, offset, stride) of equal tag size."""
-    short = min(count, SHORT)
-    body = bytearray()
+    body, runs, at = bytearray(), [], HEAD.itemsize
     for number in range(1, count + 1):
         tag = number << 3 | 1  # wire type 1: eight bytes, little endian
-        body += bytes([tag]) if number <= SHORT else bytes([tag & 0x7F | 0x80, tag >> 7])
-        body += bytes(8)
-    runs = [(slice(0, short), HEAD.itemsize + 1, 9)]
-    if count > short:
-        runs.append((slice(short, count), HEAD.itemsize + 9 * short + 2, 10))
+        while tag > 0x7F:  # a varint: seven bits a byte, the lowest first
+            body.append(tag & 0x7F | 0x80)
+            tag >>= 7
+        body += bytes([tag]) + bytes(8)
+    for size, begin, end in ((1, 0, SHORT), (2, SHORT, MIDDLE), (3, MIDDLE, count)):
+        if begin < count:
+            runs.append((slice(begin, min(end, count)), at + size, 8 + size))
+            at += (8 + size) * (min(end, count) - begin)
     return bytes(body), runs
 
 

@@ -8,7 +8,7 @@ from numba import njit
 
 from actuators import numba_intrinsics
 from actuators.numba_intrinsics import reals, wholes
-from cosim.log.message_layout import ABOUT, HEAD, SHORT
+from cosim.log.message_layout import ABOUT, HEAD, MIDDLE, SHORT
 
 HEAD_BYTES = HEAD.itemsize
 byte: Any = numba_intrinsics.byte  # Numba gives them the context
@@ -40,17 +40,24 @@ def gather(table: int, n: int, content: int, k0: int, dt_ns: int, wrong: int) ->
                     odd |= byte(here) ^ (8 * (j + 1) | 1)
                     out[j] = real(here + 1)
                     here += 9
-                for j in range(SHORT, fields):
-                    odd |= pair(here) ^ _long(j + 1)
+                for j in range(SHORT, min(fields, MIDDLE)):
+                    odd |= pair(here) ^ _two(j + 1)
                     out[j] = real(here + 2)
                     here += 10
+                for j in range(MIDDLE, fields):
+                    odd |= (pair(here) ^ (_two(j + 1) & 0x7FFF | 0x8000)) | (byte(here + 2) ^ (j + 1) >> 11)
+                    out[j] = real(here + 3)
+                    here += 11
             else:
                 for j in range(min(fields, SHORT)):
                     odd |= byte(here) ^ (8 * (j + 1) | 1)
                     here += 9
-                for j in range(SHORT, fields):
-                    odd |= pair(here) ^ _long(j + 1)
+                for j in range(SHORT, min(fields, MIDDLE)):
+                    odd |= pair(here) ^ _two(j + 1)
                     here += 10
+                for j in range(MIDDLE, fields):
+                    odd |= (pair(here) ^ (_two(j + 1) & 0x7FFF | 0x8000)) | (byte(here + 2) ^ (j + 1) >> 11)
+                    here += 11
             bad += odd != 0
             at += about[1]
             k += about[5]
@@ -58,6 +65,6 @@ def gather(table: int, n: int, content: int, k0: int, dt_ns: int, wrong: int) ->
 
 
 @njit(error_model="numpy")
-def _long(number):
-    """Return the two bytes of a field's tag, little endian; see `empty_message`."""
+def _two(number):
+    """Return the first two bytes of a field's tag, little endian, as if there were no third; see `empty_message`."""
     return (8 * number & 0x7F) | 0x81 | (number >> 4) << 8

@@ -20,7 +20,7 @@ from cosim.files import marked
 FORMAT = "1"  # of the rules in this package; a reader refuses any other
 LIBRARY = f"cosim-log {FORMAT}"
 OURS = marked(b"\x89MCAP0", b"cosim-log ")  # the sign of a log that the project wrote, be it whole or not
-MAX_FIELDS = 2047  # the largest field number whose tag still takes two bytes
+MAX_FIELDS = 4000  # a row is shorter than an LZ4 reference goes back, 65535 bytes
 KEPT = 256  # schemas that are remembered: every flight of a process has the same hundred
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 _TOPIC = re.compile(r"(/[A-Za-z0-9_]+)+\Z")
@@ -83,7 +83,7 @@ class Limits:
     message_bytes: int = 1 << 20  # of another writer's, to be decoded: JSON makes objects of ten times that
     fields: int = 4096  # of one of another writer's channels
     values: int = 20_000_000  # of all of another writer's channels that are decoded
-    expansion: int = 10_000  # content over compressed size: of a message of at most 20,501 bytes 3 or more vary
+    expansion: int = 10_000  # content over compressed size: LZ4 stays below 256, and of a message 3 bytes or more vary
 
 
 @dataclass

@@ -28,7 +28,7 @@ def _head(size):
 class Frame:
     """The blocks of the chunks of one Plan: each holds rows of one topic, a large topic takes several.
 
-    `blocks` is the Plan's {topic number: Block}; a row has at most MAX_FIELDS fields, less than a reference goes back.
+    `blocks` is the Plan's {topic number: Block}; a row has at most MAX_FIELDS fields.
     """
 
     def __init__(self, blocks: Mapping[int, Any]):

@@ -13,7 +13,7 @@ from numba import njit
 
 from actuators import numba_intrinsics
 from actuators.numba_intrinsics import wholes
-from cosim.log.message_layout import HEAD, LOG_TIME, SEQUENCE, SHORT
+from cosim.log.message_layout import HEAD, LOG_TIME, MIDDLE, SEQUENCE, SHORT
 
 LEAST = 5
 MATCH, LAST = 4, 12  # of the format: a reference is to four bytes or more, and to none of the last twelve
@@ -72,7 +72,7 @@ def _block(begin, rows, stride, fields, out):
                     out = _refer(out, fresh, same, here, stride)
                     fresh = here
                 same = here + 8 - (leading(odd) >> 3)
-            here += 8 if j < 0 else 9 if j < SHORT else 10
+            here += 8 if j < 0 else 9 if j < SHORT else 10 if j < MIDDLE else 11
     stop = begin + rows * stride
     if stop - LAST - same >= LEAST:
         out = _refer(out, fresh, same, stop - LAST, stride)

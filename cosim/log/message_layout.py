@@ -11,4 +11,4 @@ SEQUENCE, LOG_TIME, PUBLISH_TIME = 11, 15, 23  # bytes before these in a message
 INDEX_HEAD = np.dtype([("op", "u1"), ("length", "<u8"), ("channel", "<u2"), ("bytes", "<u4")])
 ABOUT = 11  # whole numbers that `gather` needs to know of a topic
 STORE_HEAD, STORE_TARGET = 5, 7  # whole numbers that `store` needs to know, and of each rate
-SHORT = 15  # fields 1..15 have one-byte tags, later ones two bytes
+SHORT, MIDDLE = 15, 2047  # fields 1..15 have one-byte tags, to 2047 two bytes, later ones three

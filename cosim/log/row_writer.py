@@ -7,7 +7,7 @@ from numba import njit
 
 from actuators import numba_intrinsics
 from actuators.numba_intrinsics import reals, wholes
-from cosim.log.message_layout import HEAD, LOG_TIME, PUBLISH_TIME, SEQUENCE, SHORT, STORE_HEAD, STORE_TARGET
+from cosim.log.message_layout import HEAD, LOG_TIME, MIDDLE, PUBLISH_TIME, SEQUENCE, SHORT, STORE_HEAD, STORE_TARGET
 
 HEAD_BYTES = HEAD.itemsize
 put: Any = numba_intrinsics.put  # Numba gives them the context
@@ -41,8 +41,12 @@ def store(address: Any, bus: Any) -> None:
                 put(here, v[take[m]])
                 here += 9
             here += 1
-            for m in range(taken + SHORT, taken + fields):
+            for m in range(taken + SHORT, taken + min(fields, MIDDLE)):
                 put(here, v[take[m]])
                 here += 10
+            here += 1
+            for m in range(taken + MIDDLE, taken + fields):
+                put(here, v[take[m]])
+                here += 11
             taken += fields
     head[0] = row + 1

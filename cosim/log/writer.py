@@ -15,7 +15,7 @@ from . import foxglove
 from .chunk import Layout
 from .compression import compressor, keep_memory
 from .format import Limits, LogError, channel_metadata, check_texts, schema_data, schema_name
-from .message_layout import HEAD, SHORT, STORE_HEAD, STORE_TARGET
+from .message_layout import HEAD, MIDDLE, SHORT, STORE_HEAD, STORE_TARGET
 from .record_writer import Sink
 from .records import content_hash, pack_chunk
 
@@ -32,7 +32,7 @@ LEAST_SHARE = 0.5
 
 def fits(path: str | os.PathLike, topics: Any, ticks: int, dt_s: float) -> None:
     """Raise LogError where a log of so many ticks could not be read again, or has no place on its disk."""
-    per_tick = sum((HEAD.itemsize + 9 * min(n, SHORT) + 10 * max(0, n - SHORT)) / t.every
+    per_tick = sum((HEAD.itemsize + 8 * n + sum(max(0, n - below) for below in (0, SHORT, MIDDLE))) / t.every
                    for t in topics for n in [len(t.fields)])  # fmt: skip
     limit, share = Limits().total_bytes, per_tick * ticks
     if share > limit:

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from helpers.log_samples import N_VALUES, TOPICS, same_bits, vectors, write
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 
 from actuators.object_cache import PLAIN
-from cosim.log import LogWriter, open_log, reader
+from cosim.log import LogWriter, Topic, open_log, reader
 from cosim.log.chunk import GATHER
 
 pytestmark = pytest.mark.skipif(PLAIN, reason="nothing is compiled")
@@ -50,3 +52,25 @@ def test_every_byte_that_is_no_value_is_compared(tmp_path):
         assert only or block.start <= at < block.start + block.rows * block.stride
         content[at] ^= 1 + at % 255
     assert not plan.gather(content, 1, {}, False)  # of other ticks
+
+
+def test_a_topic_with_tags_of_three_bytes_is_read_by_both_ways_and_by_protobuf(tmp_path, monkeypatch):
+    n, ticks = 2_300, 40
+    wide = Topic("/state/wide", [f"x_{i}" for i in range(n)], ["-"] * n, np.arange(n)[::-1].copy())
+    rows = np.random.default_rng(3).standard_normal((ticks, n))
+    rows[:, ::7] = 1.5  # what stands still is a reference in LZ4
+    with LogWriter(tmp_path / "a.mcap", [wide], n_values=n, rows_per_chunk=16) as log:
+        for row in rows:
+            log.append(row)
+    assert same_bits(open_log(tmp_path / "a.mcap").arrays()[wide.name], np.ascontiguousarray(rows[:, ::-1]))
+    monkeypatch.setattr(reader, "PLAIN", True)
+    log = open_log(tmp_path / "a.mcap")
+    assert same_bits(log.arrays()[wide.name], np.ascontiguousarray(rows[:, ::-1]))
+    plan, content, _ = next(log._contents())
+    content = content.copy()
+    content[plan.blocks[0].start + 31 + 9 * 15 + 10 * (2047 - 15) + 2] ^= 1  # the third byte of the first such tag
+    assert not plan.gather(content, 0, {}, False) and plan.differs(content, 0) is not None
+    with open(tmp_path / "a.mcap", "rb") as file:
+        messages = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages(topics=[wide.name])
+        for row, (*_, message) in zip(rows, messages, strict=True):
+            assert all(getattr(message, f"x_{i}") == row[n - 1 - i] for i in (0, 14, 15, 2046, 2047, 2299))
