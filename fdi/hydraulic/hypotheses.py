@@ -45,10 +45,6 @@ TAUGHT = 0.5  # of what the gain may be off by, where names are compared: one si
 PERIODS, SWITCH = 3.0, 5.0  # periods for which a name must be the best; ... where another has been given
 LOSS_ADDED = 0.6  # a loss leaves more than this of an added oscillation
 LOSS_INSTEAD, LOSS_LITTLE = 0.2, 0.6  # ... and of one in place of the command; where f is little, as of soft oil
-# Share of the flow's integral that soft oil leaves where it may explain, where it does. There a sine in place of the
-# command must leave BETTER of that share. Two periods, so many even samples at least; a slower oscillation than SOFT_HZ
-# has less than that in the ring, and any load looks like the integral. So many windows take the name back.
-SOFT, SOFT_SURE, BETTER, SOFT_LEAST, SOFT_HZ, SOFT_HITS = 0.5, 0.3, 0.1, 15, 1.0, 4.0
 GOOD, FIRM = 0.06, 6.0  # a hypothesis that leaves less than this, of so many times the noise's energy, is good
 SLOW_ONE, SLOW_LEFT = 0.56, 0.3  # a slow one [Hz] is named where the other leaves this share
 STAYS, SAME_LEAST = 0.7, 0.6  # an oscillation found stays: least fit over its threshold, and over its amplitude
@@ -67,7 +63,6 @@ STATE = [
     ("vote_first", "f8", (2,)),  # since when votes have agreed [s]
     ("vote_last", "f8", (2,)),  # time of the last [s]
     ("vote_good", "f8", (2,)),  # good ones among them
-    ("soft_hit", "f8"),  # windows since then that soft oil explains
     ("named", "f8"),  # name of the fault that stands, NONE before there is one
     ("left", "f8", (2,)),  # what the best window of each leaves, over what there is
     ("r_bank", "f8"),  # largest of the bank over its threshold
@@ -136,8 +131,7 @@ def oscillates(x, p, j, n, angle):
 def replaced(x, p, j, n, h, hz):
     """Vote for an oscillation in place of the command where w swings about a mean; the command is not obeyed.
 
-    `h` [s] is a sample of the ring. What a soft or lossy actuator leaves over, and one let go, must be more. Very soft
-    oil hides the fast part of the command as a valve that refuses does; its swallowed flow (`losses.soft`) tells it.
+    `h` [s] is a sample of the ring. What a lossy actuator leaves over, and one let go, must be more.
     """
     angle = 6.283185307179586 * hz * h
     variance = x.coarse * x.coarse * p.sigma[j] * p.sigma[j]
@@ -161,16 +155,6 @@ def replaced(x, p, j, n, h, hz):
     _, R, _ = windows.swing(x, j, n, angle * (1.0 + move))
     hz *= 1.0 + move
     x.left[1] = R / max(M, 1e-300)
-    m = max(losses.even_window(1, LONG / hz), SOFT_LEAST)
-    if hz > SOFT_HZ and m <= x.even_seen:
-        E = losses.soft(x, m)
-        if E < SOFT and x.left[1] > BETTER * E:
-            x.sure[1] = 0.0
-            x.vote_hz[1] = 0.0
-            x.soft_hit += 1.0 if E < SOFT_SURE else 0.0
-            if x.named == OFC_SOLID and x.soft_hit >= SOFT_HITS:
-                x.named = NONE
-            return True, hz
     if R <= PURE * M + NOISY * n * variance:
         vote(x, 1, hz, 1.0 if R < GOOD * M + n * variance and M > FIRM * n * variance else 0.0,
              PERIODS - 0.4 if j == SLOW else PERIODS)
@@ -189,7 +173,6 @@ def vote(x, i, hz, good, bonus):
     x.vote_hz[i] = hz
     x.vote_last[i] = x.clock
     x.vote_good[i] += good
-    x.soft_hit = 0.0
     x.ofc_hz = hz
     x.sure[i] = (x.clock - x.vote_first[i]) * hz + (bonus if x.vote_good[i] >= 2.0 else 0.0)
     x.sure[1 - i] = 0.0

@@ -34,7 +34,7 @@ from fdi.common.verdict import NONE, RUNAWAY, SENSOR
 from fdi.hydraulic import hypotheses, noise, obeys, opened, pressure_test, windows
 from fdi.hydraulic import separate_bias as two_stage
 from fdi.isolation import decide as by_evidence
-from fdi.isolation import filter, joined, likelihood, loose
+from fdi.isolation import filter, likelihood, loose, rivals
 from fdi.isolation.evidence import HYPOTHESES
 
 CULPRITS = ("", "rod", "surface", "pressure")
@@ -392,12 +392,12 @@ def step(x, u, p, dt):
     likelihood.listen(x, u, p, x.r > SUSPICIOUS, dt)
     if x.ended > 0.5:  # what the rings hold is of the fault that has healed
         hypotheses.forget(x, True)
-    joined.ask(x, u, p, dt)
+    rivals.ask(x, u, p, dt)
     loose.ask(x, x.x_hat[0], dt)
     by_evidence.follow(x, u, x.declared > 0.5, dt)
     x.alarm = x.declared
     asked = p.asks > 0.5 and x.h_lost[filter.PRESSURE] <= likelihood.LOST_S and x.sensor < 0.5
-    by_evidence.merge(x, by_evidence.frozen(x, u, dt), asked)
+    by_evidence.conclude(x, by_evidence.frozen(x, u, dt), asked)
     x.r = max(x.r, x.evidence)
 
 

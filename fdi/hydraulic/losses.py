@@ -1,4 +1,4 @@
-"""What a loss explains: f = t d of valve or supply, t z of a leakage, w = t z of one let go; soft oil by its flow.
+"""What a loss explains: f = t d of valve or supply, t z of a leakage, w = t z of one let go.
 
 f is the input fault, d the command behind the same lag, w = f + d, z the pressure.
 """
@@ -8,8 +8,8 @@ from fdi.hydraulic.windows import EVEN_S, N
 
 GAIN_ERROR = 0.06  # of the learned gain
 DEAD = 0.85  # a valve that loses more may as well be where something slow holds it
-LOSS_LEAST, LEAK_LEAST, AIR_LEAST = 0.15, 0.05, 0.002  # of flow [1], pressure [1], its rate [s]
-LEAK_MOST, AIR_MOST = 1.2, 0.2
+LOSS_LEAST, LEAK_LEAST = 0.15, 0.05  # of flow [1], pressure [1]
+LEAK_MOST = 1.2
 LEAST_EVEN = 10  # even samples that a loss is fitted to
 
 
@@ -60,43 +60,6 @@ def losses(x, n):
     if zz > 0.0 and fz + dz < 0.0:
         W -= (fz + dz) * (fz + dz) / zz
     return H, max(E, 0.0), max(W, 0.0), dd
-
-
-@kernel
-def soft(x, n):
-    """Return the share of the flow's integral that soft oil leaves, over the newest `n` even samples; 1: none is.
-
-    Oil that gives way swallows A_p q - Q dt = t z: the integral of f is t z, both without what is constant or grows
-    evenly. Unlike f = t z' it asks for no derivative of a measured pressure, whose noise is as large as f.
-    """
-    i = int(x.even_head) - n
-    if i < 0:
-        i += N
-    F = 0.0
-    F1, Ft, FF, z1, zt, zz, Fz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(n):  # both at the end of a sample but for the last
-        t = k - 0.5 * (n - 2)
-        F += x.even_ring[0, i] * EVEN_S
-        here = x.even_ring[2, i]
-        i = 0 if i == N - 1 else i + 1
-        if k == n - 1:
-            break
-        z = 0.5 * (here + x.even_ring[2, i])
-        F1 += F
-        Ft += F * t
-        FF += F * F
-        z1 += z
-        zt += z * t
-        zz += z * z
-        Fz += F * z
-    m = n - 1.0
-    tt = m * (m * m - 1.0) / 12.0
-    FF -= F1 * F1 / m + Ft * Ft / tt
-    zz -= z1 * z1 / m + zt * zt / tt
-    Fz -= F1 * z1 / m + Ft * zt / tt
-    if FF <= 0.0 or zz <= 0.0 or not -AIR_MOST < Fz / zz < -AIR_LEAST:
-        return 1.0
-    return max(1.0 - Fz * Fz / (FF * zz), 0.0)
 
 
 @kernel

@@ -10,9 +10,9 @@ window bears it out (`swings_valve`).
 import math
 
 from actuators.block import kernel
-from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, SENSOR
+from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
 from fdi.isolation import evidence as ev
-from fdi.isolation import joined, loose, sums
+from fdi.isolation import loose, rivals, sums
 from fdi.isolation.filter import N
 from fdi.isolation.sums import OCTAVES
 
@@ -70,7 +70,7 @@ STATE = [
     ("turns", "f8", (3,)),  # share of samples whose step goes against the one before, over 1 s
     ("step_last", "f8", (3,)),
     ("last_y", "f8", (3,)),
-    *joined.STATE,
+    *rivals.STATE,
     *loose.STATE,
     ("jam_most", "f8", "-"),  # largest load beyond the model since a jam is declared
     ("jam_s", "f8", "s"),  # since then
@@ -284,7 +284,7 @@ def merge(x, freeze, asked):
     swings, moved = x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID, x.rod_high - x.rod_low >= STILL
     if x.verdict == NONE:
         x.verdict = AMBIGUOUS
-    if x.loose > 0.5 or (x.joined > 0.5 and x.sensor < 0.5 and x.jam < 0.5):
+    if x.loose > 0.5 or (of_actuator(x) and max(x.shown[rivals.SOFT], x.shown[rivals.JOINED]) > 0.5 and x.jam < 0.5):
         x.verdict, x.culprit = EFFECTIVENESS, 0.0
         return
     if x.likely == OF_PRESSURE and (swings or x.verdict == AMBIGUOUS) and x.sensor < 0.5:
@@ -307,6 +307,21 @@ def merge(x, freeze, asked):
         x.verdict = EFFECTIVENESS
     elif x.likely == OF_ROD or x.likely == OF_SURFACE:
         x.verdict, x.culprit = SENSOR, x.likely - OF_ROD + 1.0
+
+
+@kernel
+def of_actuator(x):
+    """Return whether nothing says that the fault is of a sensor."""
+    return x.sensor < 0.5 and x.verdict != SENSOR and x.likely != OF_PRESSURE and x.candidate != OF_PRESSURE
+
+
+@kernel
+def conclude(x, freeze, asked):
+    """Write alarm, verdict and culprit (`merge`); what the valve is said to do is open while a rival explains it."""
+    merge(x, freeze, asked)
+    valve = x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID or x.verdict == RUNAWAY or x.verdict == JAM_SOLID
+    if valve and of_actuator(x) and max(x.rival_lead[rivals.SOFT], x.rival_lead[rivals.JOINED]) > rivals.DOUBT:
+        x.verdict = AMBIGUOUS
 
 
 @kernel

@@ -17,6 +17,7 @@ from cosim.training.flights import DT, POINTS, draw, scenario
 
 CASES = {c.name: c for c in (*hydraulic_cases.oscillations(), *hydraulic_cases.others())}
 
+
 @pytest.mark.parametrize(
     "name",
     [
@@ -45,6 +46,31 @@ def test_a_large_oscillation_in_still_air_has_its_name_in_two_periods(amplitude_
     flown = simulate(load_scenario("liquid-ofc", changes)).detectors
     own = next(d for d in flown if d["target"] == "elevator.left_inner")
     assert own["right"] and own["time_to_right_s"] <= 2.0, own
+
+
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [
+        (["faults.0.kind=air_in_oil", "faults.0.loss_pct=80"], "effectiveness"),
+        (["faults.0.kind=air_in_oil", "faults.0.loss_pct=90"], "effectiveness"),
+        (["faults.0.kind=free_float"], "effectiveness"),
+        (
+            ["faults.0.kind=ofc_solid", "faults.0.at=valve", "faults.0.amplitude_mm=0.3", "faults.0.frequency_hz=0.6"],
+            "ofc_solid",
+        ),
+    ],
+)
+def test_soft_oil_and_joined_chambers_are_told_from_a_valve_in_place_of_its_command(changes, name):
+    own = named_in_flight(changes)
+    assert own["isolated"]["class"] == name and not own["first_sure_wrong"], own
+
+
+def named_in_flight(changes):
+    """Return what `iotsekf` makes of the fault of `free-float` with `changes`."""
+    keys = [c for c in changes if not c.startswith("faults.0.kind")]
+    kind = next(c for c in changes if c.startswith("faults.0.kind"))
+    flown = simulate(load_scenario("free-float", [kind, *keys, 'detectors.enabled=["iotsekf"]'])).detectors
+    return next(d for d in flown if d["target"] == "elevator.left_inner")
 
 
 def test_a_slow_solid_oscillation_without_motion_is_found_and_not_misnamed():

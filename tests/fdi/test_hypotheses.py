@@ -62,27 +62,6 @@ def test_a_loss_explains_its_own_motion(of, share):
     assert E > 0.9 * H
 
 
-@pytest.mark.parametrize("hz", [1.3, 3.0])
-def test_soft_oil_swallows_what_its_pressure_tells_and_an_oscillation_in_place_does_not(hz):
-    """Through noise of the pressure that hides f = t z'; a leak beside it changes nothing."""
-    rng, fine = np.random.default_rng(3), 20
-    h = windows.EVEN_S / fine
-    t = np.arange(N * fine + 1) * h
-    z = 0.03 * np.sin(2.0 * np.pi * hz * t) + 0.02 * np.sin(2.0 * np.pi * 0.9 * t + 1.0)
-
-    def even(y):
-        return y.reshape(N, fine).mean(1)
-
-    x = state(even_seen=N)
-    f = even(-0.04 * np.diff(z) / h) + 0.005
-    x["even_ring"][:] = f, -f, even(z[1:]) + 0.002 * rng.standard_normal(N)
-    assert losses.soft(x, N) < 0.15 and losses.soft(x, 20) < 0.15
-    x["even_ring"][0] *= -1.0  # oil is never stiffer than it is
-    assert losses.soft(x, N) == 1.0
-    x["even_ring"][0] = even(0.01 * np.sin(2.0 * np.pi * 2.1 * hz * t[1:]))
-    assert losses.soft(x, N) > 0.8
-
-
 def test_one_let_go_moves_as_its_load_drives_it():
     rng = np.random.default_rng(4)
     d, z = 0.05 * rng.standard_normal((2, N))

@@ -1,0 +1,224 @@
+"""Soft oil and joined chambers, told from what a valve does: four filters that start with an alarm.
+
+The signatures of `filter` are linear in the size of a fault. An actuator whose oil has lost most of its stiffness, or
+that was let go, is another system, and has a Kalman filter of its own here: of x = (q, q', z, F, theta), the first four
+as in `filter`, with the errors that the flight has taught, and theta unknown when the alarm begins:
+
+    z' = k (g root(z) u + w - l z - q'),    pressure sensor: z + o
+
+| filter | theta | in the model |
+|---|---|---|
+| SOFT | ln of the share of the oil's stiffness that is left | k e^theta |
+| JOINED | offset of the pressure sensor, which a load no longer hides [1] | g = 0, l of the bypass, o = theta |
+| ADDED | flow that is added, a random walk [m/s] | w = theta |
+| IN_PLACE | flow in place of the valve's, a random walk [m/s] | g = 0, w = theta |
+
+The last two follow any valve, whatever it does. A filter whose model holds foresees each sample more sharply than they
+do, who know less: it leads in the logarithm of the likelihood of the last seconds' innovations [Basseville93].
+"""
+
+import math
+
+from actuators.block import kernel
+from actuators.hydraulic import lu17
+from actuators.hydraulic.lu17 import opening
+from fdi.common.linalg import integral
+from fdi.isolation import filter
+from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, MASS, PRESSURE, ROD, SENSORS, SUPPLY, SURFACE
+
+SOFT, JOINED, ADDED, IN_PLACE = range(4)
+RIVALS = 4
+N = 5
+MEMORY = 2.0  # of the likelihoods [s]
+SETTLES = 0.1  # after the start [s]
+LEAST = 0.2  # for which likelihoods are gathered before they say anything [s]
+P0 = (1e-7, 1e-2, 1e-2, 1e-1)  # variances of (q, q', z, F) at the start
+THETA, THETA_SD = (-1.6, 0.0, 0.0, 0.0), (0.9, 0.006, 0.03, 0.03)  # theta at the start
+WALK = (0.1, 0.0, 0.03, 0.03)  # of theta: a fault that grows, a valve that moves [1/sqrt s, -, m/s/sqrt s]
+SOFT_LEAST = -3.0  # 5 % of the stiffness are left: softer, and the oil follows any valve, too
+OFFSET_MOST = 0.015  # of a pressure sensor within tolerances [1]
+RUBS = 3e-4  # what friction, of which joined chambers show more, may do to the rod [m^2/s^3]
+FAIR = 1.25  # times noise that a model leaves if it holds
+BESIDE = 1.11  # ... and times what IN_PLACE leaves, which follows part of the noise
+SURE, DOUBT = 30.0, 8.0  # lead of a name; of what makes other names doubtful
+LOST_S = 0.2  # without a sensor for longer nothing is asked [s]
+
+STATE = [
+    ("rival_s", "f8", "s"),  # time for which they have run, below 0: not
+    ("rival_hat", "f8", (RIVALS, N)),  # m, m/s, 1, 1, theta
+    ("rival_P", "f8", (RIVALS, N, N)),
+    ("rival_Phi", "f8", (3, N)),  # of one prediction
+    ("rival_W", "f8", (3, N)),  # scratch
+    ("rival_load", "f8", (RIVALS,)),  # by the hinge-moment model, one tick ago
+    ("rival_n", "f8"),  # samples, forgotten over MEMORY
+    ("rival_Q", "f8", (RIVALS + 1,)),  # squared innovations over their variances; the last: of the healthy filter
+    ("rival_ln", "f8", (RIVALS + 1,)),  # logarithms of the variances
+    ("rival_lead", "f8", (2,)),  # lead of SOFT and of JOINED over all others, where they fit
+    ("shown", "f8", (2,)),  # 1 where the alarm has shown that the oil is soft, that the chambers are joined
+]
+
+
+@kernel
+def start(x, u):
+    """Begin at the measurements, with no more known than that."""
+    for h in range(RIVALS):
+        for i in range(N):
+            for j in range(N):
+                x.rival_P[h, i, j] = 0.0
+        for i in range(4):
+            x.rival_P[h, i, i] = P0[i]
+        x.rival_P[h, 4, 4] = THETA_SD[h] * THETA_SD[h]
+        x.rival_hat[h, 0], x.rival_hat[h, 1] = u.y_rod, 0.0
+        x.rival_hat[h, 2], x.rival_hat[h, 3], x.rival_hat[h, 4] = u.y_dp, -u.y_dp, THETA[h]
+    for h in range(RIVALS + 1):
+        x.rival_Q[h] = x.rival_ln[h] = 0.0
+    x.rival_n = x.rival_s = 0.0
+
+
+@kernel
+def take(x, h, j, y, p):
+    """Let filter `h` take sensor `j`; add what it leaves."""
+    hat, P = x.rival_hat[h], x.rival_P[h]
+    row = 2 if j == PRESSURE else 0
+    off = 1.0 if h == JOINED and j == PRESSURE else 0.0
+    k0, k1, k2 = P[0, row] + off * P[0, 4], P[1, row] + off * P[1, 4], P[2, row] + off * P[2, 4]
+    k3, k4 = P[3, row] + off * P[3, 4], P[4, row] + off * P[4, 4]
+    s = (k2 + off * k4 if j == PRESSURE else k0) + p.h_r[j]
+    limit = filter.GATE * math.sqrt(s)
+    e = min(max(y - hat[row] - off * hat[4], -limit), limit)
+    K = (k0 / s, k1 / s, k2 / s, k3 / s, k4 / s)
+    for i in range(N):
+        hat[i] += K[i] * e
+        for k in range(i + 1):
+            P[i, k] -= K[i] * K[k] * s
+            P[k, i] = P[i, k]
+    if h == SOFT:
+        hat[4] = min(max(hat[4], SOFT_LEAST), 0.0)
+    elif h == JOINED:
+        hat[4] = min(max(hat[4], -OFFSET_MOST), OFFSET_MOST)
+    x.rival_Q[h] += e * e / (s * x.noise[j])
+    x.rival_ln[h] += math.log(s * x.noise[j])
+
+
+@kernel
+def measure(x, u, p, dt):
+    """Take what the filter without a fault has taken at this tick."""
+    keep = 1.0 - dt / MEMORY if x.rival_s > SETTLES else 0.0
+    x.rival_n *= keep
+    for h in range(RIVALS + 1):
+        x.rival_Q[h] *= keep
+        x.rival_ln[h] *= keep
+    for j in range(SENSORS):
+        if x.h_s[j] <= 0.0:
+            continue
+        x.rival_n += 1.0
+        x.rival_Q[RIVALS] += x.h_e[j] * x.h_e[j] / (x.h_s[j] * x.noise[j])
+        x.rival_ln[RIVALS] += math.log(x.h_s[j] * x.noise[j])
+        for h in range(RIVALS):
+            y = u.y_rod if j == ROD else u.y_dp
+            if j == SURFACE:
+                y = p.arm * u.y_surface + x.lever_offset + x.lever * x.rival_hat[h, 0]
+            take(x, h, j, y, p)
+
+
+@kernel
+def predict(x, h, u, v, p, dt):
+    """Predict filter `h` over one tick under valve command `v`, by the exponential of its model about the estimate."""
+    hat, P, Phi, W, mu = x.rival_hat[h], x.rival_P[h], x.rival_Phi, x.rival_W, x.mu
+    q, w, z, theta = hat[0], hat[1], hat[2], hat[4]
+    k, leak, gain = lu17.stiffness(q, p) * (1.0 + mu[filter.SOFT]), p.L + mu[LEAK], p.phi_n / p.A_p
+    root, held = opening(v, z), max(opening(v, z), 0.3)
+    flow = root * (v + mu[FAST] * x.u_fast + mu[GAIN] * (v - x.u_fast)) - 0.5 * mu[SUPPLY] * v / held
+    flow, slope = gain * flow, -0.5 * gain * math.fabs(v) / held
+    if h == SOFT:
+        k *= math.exp(theta)
+    elif h == ADDED:
+        flow += theta
+    elif h == IN_PLACE:
+        flow, slope = theta, 0.0
+    else:
+        flow, slope, leak = 0.0, 0.0, p.bypass
+    net = flow + mu[FLOW] - leak * z - w
+    force, B = p.A_p * p.P_s, -p.B / p.M
+    push, back = force / p.M, k * (slope - leak)
+    k1, k2, k3, l1, l2, l3, m1, m2, m3 = integral(0.0, B, push, 0.0, -k, back, dt)
+    Phi[0, 0], Phi[1, 0], Phi[2, 0] = 1.0, 0.0, 0.0
+    Phi[0, 1], Phi[1, 1], Phi[2, 1] = k1 + B * l1 - k * m1, 1.0 + k2 + B * l2 - k * m2, k3 + B * l3 - k * m3
+    Phi[0, 2], Phi[1, 2], Phi[2, 2] = push * l1 + back * m1, push * l2 + back * m2, 1.0 + push * l3 + back * m3
+    Phi[0, 3], Phi[1, 3], Phi[2, 3] = push * l1, push * l2, push * l3
+    by = 0.0 if h == JOINED else k * (net if h == SOFT else 1.0)
+    Phi[0, 4], Phi[1, 4], Phi[2, 4] = by * m1, by * m2, by * m3
+    pushed = (z + hat[3]) * (1.0 - mu[MASS]) - p.B * w / force - mu[FRICTION] * w / (filter.CREEP + math.fabs(w))
+    hat[0] += dt * w + Phi[0, 3] * pushed + k * m1 * net
+    hat[1] += Phi[1, 3] * pushed + k * m2 * net
+    hat[2] += Phi[2, 3] * pushed + k * m3 * net
+    load = (u.hm0_model + u.hmd_model * hat[0] / p.arm) / (p.arm * force)
+    hat[3] += load - x.rival_load[h] if x.rival_s > 0.0 else 0.0
+    x.rival_load[h] = load
+    for i in range(3):
+        for j in range(N):
+            s = 0.0
+            for a in range(N):
+                s += Phi[i, a] * P[a, j]
+            W[i, j] = s
+    for i in range(3):
+        for j in range(i, 3):
+            s = 0.0
+            for a in range(N):
+                s += W[i, a] * Phi[j, a]
+            P[i, j] = s
+            P[j, i] = s
+        P[i, 3] = P[3, i] = W[i, 3]
+        P[i, 4] = P[4, i] = W[i, 4]
+    P[0, 0] += p.h_q[0] * dt
+    P[1, 1] += (p.h_q[1] + (RUBS if h == JOINED else 0.0)) * dt
+    P[2, 2] += (p.h_q[2] + k * k * p.flow_share * p.flow_share * flow * flow * filter.RATE_TAU) * dt
+    P[3, 3] += (p.h_q[3] + p.load_share * p.load_share * x.load_rate2 * filter.RATE_TAU) * dt
+    P[4, 4] += WALK[h] * WALK[h] * dt
+    if not (math.fabs(hat[0]) < 1.0 and math.fabs(hat[1]) < 5.0 and math.fabs(hat[2]) < 5.0):
+        x.rival_s = -1.0
+
+
+@kernel
+def lead(x, h):
+    """Return by how much the logarithm of the likelihood of filter `h` leads all others, 0 where its model is poor."""
+    if x.rival_s < LEAST or x.rival_Q[h] > min(FAIR * x.rival_n, BESIDE * x.rival_Q[IN_PLACE]):
+        return 0.0
+    least = 1e300
+    for i in range(RIVALS + 1):
+        if i != h:
+            least = min(least, x.rival_Q[i] + x.rival_ln[i])
+    return 0.5 * (least - x.rival_Q[h] - x.rival_ln[h])
+
+
+@kernel
+def ask(x, u, p, dt):
+    """Run the filters for one tick while an alarm stands, after `filter.advance`; keep what they have shown."""
+    for h in range(2):
+        x.rival_lead[h] = 0.0
+    if x.alarm < 0.5 or x.h_clock == 0.0:
+        x.rival_s = -1.0
+        x.shown[SOFT] = x.shown[JOINED] = 0.0
+        return
+    position = min(x.h_lost[ROD], x.h_lost[SURFACE])
+    if position > LOST_S or x.h_lost[PRESSURE] > LOST_S or x.at_stop > 0.5:
+        x.rival_s = -1.0
+        return
+    if x.rival_s < 0.0:
+        if x.h_lost[ROD] > 0.0 or x.h_lost[PRESSURE] > 0.0:
+            return
+        start(x, u)
+    d = int(p.delay)
+    if d > 0:
+        measure(x, u, p, dt)
+    for h in range(RIVALS):
+        predict(x, h, u, x.u_old[max(d - 1, 0)], p, dt)
+    if d == 0:
+        measure(x, u, p, dt)
+    if x.rival_s < 0.0:
+        return
+    x.rival_s += dt
+    for h in range(2):
+        x.rival_lead[h] = lead(x, h)
+        if x.rival_lead[h] > SURE:
+            x.shown[h], x.shown[1 - h] = 1.0, 0.0
