@@ -12,7 +12,7 @@ from cosim.scenario.catalog import SEGMENTS
 from cosim.training.flights import scenario
 from fdi.common import verdict
 from fdi.hydraulic import iotsekf
-from fdi.isolation import decide, evidence, filter, joined, lessons, response, sums
+from fdi.isolation import decide, evidence, filter, lessons, response, sums
 
 pytestmark = pytest.mark.usefixtures("plain_kernels")
 
@@ -223,21 +223,6 @@ def test_the_response_to_a_sensors_sine_is_what_the_filter_makes_of_it(place, se
     assert log["heard"][0, -1] == ears and np.all(np.delete(expected, heard) == 0.0)
     there = ("rod", "surface", "pressure").index(place) in heard
     assert math.isfinite(most) and (most > 1.0) == there
-
-
-@pytest.mark.parametrize("phase", [0.0, 0.4, 0.8, 1.2])
-def test_only_a_rod_that_its_pressure_moves_through_the_bypass_is_let_go(phase):
-    p, hz = designed()[0], 1.0 / 0.24
-    t = np.arange(400) * DT
-    z = 0.1 * np.cos(2.0 * np.pi * hz * t + phase)
-    moved = -p["bypass"] * 0.1 * np.sin(2.0 * np.pi * hz * t + phase) / (2.0 * np.pi * hz)
-    for q, let_go in ((moved, 1.0), (0.02 * z, 0.0)):  # a rod on a spring swings with its pressure, not behind it
-        x, u = iotsekf.init(designed())[0], np.zeros(1, iotsekf.INPUTS)[0]
-        x["alarm"] = u["y_rod_valid"] = u["y_dp_valid"] = 1.0
-        for k in range(400):
-            u["y_rod"], u["y_dp"] = q[k], z[k]
-            joined.ask(x, u, p, DT)
-        assert x["joined"] == let_go
 
 
 def test_a_load_is_judged_against_how_it_swings_in_this_air():
