@@ -7,7 +7,7 @@ an *option* that is swapped for another. No break scales a row's own result.
 
     [[break]]
     of = "(30)"                                       # the equation; of another kind `what` and `kind` instead
-    at = "fdi.hydraulic.separate_bias.measure"        # the function that holds it
+    at = "fdi.hydraulic.two_stage_ekf.measure"        # the function that holds it
     was = "(1.0 - K_f * S)"                           # what stands there, once
     now = "(1.0 + K_f * S)"                           # what stands there instead
     rows = ["(15)-(36) as published"]                 # parts of the items that must differ

@@ -34,7 +34,7 @@ from cosim.training.flights import (
 )
 from cosim.training.threshold_fit import PROBABILITY, blocks, exceeded, limit
 from cosim.training.trainer import Trained, Training, over, significant
-from fdi.ema import ema_kalman_flight, gains, rough
+from fdi.ema import ema_kalman_flight, gains, sensor_noise
 from fdi.monitors import position_monitor
 
 FIRST_SEED = 31_000
@@ -100,8 +100,8 @@ def tested(log: np.ndarray, rate: np.ndarray, p: Any) -> dict[str, list]:
     out["ramp"] = [np.abs(log["R1"]), 1.0]
     out[LOAD] = [np.abs(log["x_hat"][:, 5]) / (0.5 * p["load_max"]), 1.0]
     out["friction"] = [np.maximum(log["r_friction"], 0.0), 1.0]
-    power = np.stack([[rough.power(x, k) for x in log] for k in range(rough.N)])
-    out["current"] = [np.sqrt(power[3]) / rough.TH_CURRENT, 1.0]
+    power = np.stack([[sensor_noise.power(x, k) for x in log] for k in range(sensor_noise.N)])
+    out["current"] = [np.sqrt(power[3]) / sensor_noise.TH_CURRENT, 1.0]
     return out | {name: [np.sqrt(row), 1.0] for name, row in zip(ROUGH, power[:3], strict=True)}
 
 

@@ -25,7 +25,7 @@ from cosim.training import flights as drawn
 from cosim.training.flights import DT, FLIGHT_S, NOISE_SCALE, START_S, TOLERANCE, fly_hydraulic, somewhere, watch
 from cosim.training.threshold_fit import HELD, PROBABILITY, blocks, exceeded, lasting, limit
 from cosim.training.trainer import Trained, Training, decimals, over
-from fdi.hydraulic import iotsekf, rtsekf, rtsekf_flight, windows
+from fdi.hydraulic import iotsekf, rtsekf, rtsekf_flight, sample_rings
 from fdi.isolation import likelihood
 from fdi.monitors import ofc_monitor, position_monitor
 
@@ -42,7 +42,7 @@ EVIDENCE = "iotsekf flight_load2"  # the set whose likelihood ratios are asked f
 TESTS = {"iotsekf": ("bank_threshold", "slow_threshold", "run_threshold"), "rtsekf": ("threshold", "step"),
          "rtsekf_flight": ("pair_threshold",)}  # fmt: skip
 # amplitude noise of a fit over noise of a sample: sqrt(2 / n) with n samples in two periods
-SLOW_WINDOW = windows.SLOW_S * np.array(windows.SLOW_HZ)
+SLOW_WINDOW = sample_rings.SLOW_S * np.array(sample_rings.SLOW_HZ)
 GRID = np.geomspace(0.1e-3, 8e-3, 32)  # thresholds tried for the crossing counter [m]
 LEAST = 0.5e-3  # of the crossing counter's threshold: three times the noise of its residual, 0.17 mm at most [m]
 SPEEDS = (180.0, 365.0)  # calibrated airspeed [kt]
@@ -154,7 +154,7 @@ def quiet_floor(load: Any, seed: int = 1) -> dict[str, Any]:
     c, s = log["bank_cos"], log["bank_sin"]
     residual = np.sqrt((c[:, :, 0] ** 2 + s[:, :, 0] ** 2).mean(axis=(0, 1)))
     both = np.sqrt((c.sum(axis=2) ** 2 + s.sum(axis=2) ** 2).mean(axis=(0, 1)))
-    slow = windows.SIGMA[windows.SLOW] * windows.ROUGHER[load] * np.sqrt(SLOW_WINDOW)
+    slow = sample_rings.SIGMA[sample_rings.SLOW] * sample_rings.ROUGHER[load] * np.sqrt(SLOW_WINDOW)
     return {"bank_threshold": NOISE_SIGMA * residual, "slow_threshold": NOISE_SIGMA * slow,
             "sum_threshold": np.round(3.0 * both, 7).tolist()}  # fmt: skip
 

@@ -54,8 +54,8 @@ PAIR_STATE = [
     ("pair_age", "f8", "s"),  # time since the alarm
     ("sensor", "f8", "-"),  # 1 while the two are declared to disagree
     ("blame", "f8", "-"),  # 0 unknown, 1 rod, 2 surface
-    ("play", "f8", "-"),  # 1 where the surface may be loose rather than its sensor wrong
-    ("quiet", "f8", "s"),  # time for which the input-fault estimate is still disturbed by it
+    ("backlash_suspected", "f8", "-"),  # 1 where the surface may be loose rather than its sensor wrong
+    ("t_settling", "f8", "s"),  # time for which the input-fault estimate is still disturbed by it
 ]
 RIGGING_SD, LEVER_SD = 5e-3, 6e-3  # of the rigging [m] and of the length of a machined lever [1]
 RIGGING_WALK, LEVER_WALK = 2.6e-13, 1e-12  # random walks of the two [m^2/s], [1/s]
@@ -190,7 +190,7 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, slack,
     a = 1.0 - math.exp(-dt / p.pair_tau)
     x.pair_limit = p.pair_threshold + slack
     suspicious = math.fabs(x.pair_d) > 0.7 * x.pair_limit
-    x.quiet = max(x.quiet - dt, 0.0)
+    x.t_settling = max(x.t_settling - dt, 0.0)
     if rod_good > 0.5 and surface_good > 0.5:
         d = y_rod - y_surface - x.rigging
         if x.pair_time < p.pair_settle:
@@ -229,19 +229,19 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, slack,
     if x.sensor > 0.5 and x.blame < 0.5 and x.pair_age <= p.pair_judge:
         far, near = math.fabs(x.e_rod), math.fabs(x.e_surface)
         x.blame = 1.0 if far > p.pair_ratio * near else (2.0 if near > p.pair_ratio * far else 0.0)
-        x.quiet = T_DISTURBED
+        x.t_settling = T_DISTURBED
     elif x.sensor < 0.5:
         x.blame = 0.0
     if x.sensor > 0.5 and x.blame < 0.5:
-        x.quiet = T_DISTURBED
+        x.t_settling = T_DISTURBED
     elif suspicious and x.sensor < 0.5:
-        x.quiet = max(x.quiet, 3.0 * p.pair_confirm)
+        x.t_settling = max(x.t_settling, 3.0 * p.pair_confirm)
     if x.blame != 2.0:
-        x.play = 1.0  # until it has been told apart
+        x.backlash_suspected = 1.0  # until it has been told apart
     elif math.fabs(x.pair_d) >= PLAY:
-        x.play = 0.0
+        x.backlash_suspected = 0.0
     elif T_LOOSE < x.pair_age <= T_LOOSE + 1.5 * dt and math.fabs(load) > LOAD_LEAST and x.pair_d * load > 0.0:
-        x.play = 0.0
+        x.backlash_suspected = 0.0
     if x.sensor < 0.5 and before > 0.5:  # healed: learn anew where both stand
         x.base_rod += x.e_rod
         x.base_surface += x.e_surface

@@ -1,4 +1,4 @@
-"""Is the pitch rate that of the attitude? Kinematics of one angle, whatever the forces are.
+"""Consistency of pitch rate and attitude: kinematics of one angle, without forces.
 
     theta' = q cos phi - r sin phi
 

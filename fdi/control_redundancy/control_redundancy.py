@@ -1,4 +1,4 @@
-"""Control-induced redundancy: which effector does not do what it is told, from static force equations. Source: [Mar10].
+"""Control-induced redundancy: the effector that does not obey, by static force equations. Source: [Mar10].
 
 | symbol | here |
 |---|---|

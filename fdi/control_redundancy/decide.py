@@ -1,4 +1,4 @@
-"""Decision of control redundancy: which effector, or which sensor in its place, explains the residuals, and as what."""
+"""Decision of control redundancy: the effector, or sensor in its place, that explains the residuals, and the class."""
 
 import math
 

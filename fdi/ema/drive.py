@@ -1,4 +1,4 @@
-"""What did the drive do? The current against its demand, and whether the motor has felt the difference.
+"""Faults of an EMA's drive: its current against the demand, and whether the motor has followed the difference.
 
 f is the measured current less that of the model, w the motor's rate, d the current that the model has at rest (it
 droops by K_B w / R_loop), in means of EVEN_S; c = f + d is what the drive was told in fact. The current loop settles in
@@ -65,7 +65,7 @@ WEAK = -2.0  # weaker magnets, beside the class codes: what the motor feels says
 VOTES = 3.0  # evaluations in a row that must agree
 STUCK = 0.3  # of the largest current: less is a loss of the drive
 LOSS_LEAST = 0.1  # less of a loss is a gain error
-NOTHING = 0.01  # of the demand's power, a tenth of its size: less than that arrives of a drive that is let go
+NOTHING = 0.01  # of the demand's power, a tenth of its size: less than that arrives of a free-floating drive
 SENSOR = -1.0  # the current sensor, beside the class codes
 ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
 TAU_FELT = 0.03  # lag of what the motor feels [s]
@@ -128,7 +128,7 @@ STATE = [
     ("drive_hz", "f8", "Hz"),  # frequency of the oscillation
     ("drive_lost", "f8", "-"),  # of the demand: 1 a part does not arrive, 2 nothing arrives
     # what each hypothesis leaves over what there is: added, in place, stuck, loss, bias, magnets, line, scale
-    ("left", "f8", (8,), "-"),
+    ("residual", "f8", (8,), "-"),
     ("must", "f8", "-"),  # share of f that the motor must feel, were f real
     ("curved", "f8", "-"),  # what the best sine, slow ones too, leaves over what a bias or a line does, over the noise
     ("jumped", "f8", "A"),  # what the current jumped to and stays at, 0 where it did not
@@ -242,29 +242,30 @@ def explain(x, p, slow, measured):
     t = -fd / dd if dd > 0.0 else 0.0
     loss = max(ff - t * t * dd, 0.0) if t > max(LOSS_LEAST, own[0]) else ff
     weak = apart(ff - fw * fw / ww, fd - fw * dw / ww, dd - dw * dw / ww, own) if fw > 0.0 else ff
-    x.left[0], x.left[1], x.left[2], x.left[3], x.left[4] = added / ff, instead / ff, stuck / ff, loss / ff, bias / ff
-    x.left[5] = weak / ff
+    x.residual[0], x.residual[1], x.residual[2] = added / ff, instead / ff, stuck / ff
+    x.residual[3], x.residual[4] = loss / ff, bias / ff
+    x.residual[5] = weak / ff
     x.grain = noise / ff
-    x.left[6] = max(ff - f1 * f1 / n - ft * ft / tt, 0.0) / ff
+    x.residual[6] = max(ff - f1 * f1 / n - ft * ft / tt, 0.0) / ff
     back = (1.0 + x.magnets_own) * p.b_motor
     fi, ii = fd - back * fw, dd - back * (2.0 * dw - back * ww)  # of the current itself, which the sensor reads
-    x.left[7] = max(ff - fi * fi / ii, 0.0) / ff if math.fabs(fi) > LOSS_LEAST * ii else 1.0
+    x.residual[7] = max(ff - fi * fi / ii, 0.0) / ff if math.fabs(fi) > LOSS_LEAST * ii else 1.0
     x.must = beyond / ff
     slowest, hz = added, SLOWEST
     while hz < 0.5 / (n * (EVEN_S * SLOW if slow else EVEN_S)):
         slowest = min(slowest, sine_leaves(x, slow, 0, n, hz, False, own))
         hz *= WIDE
-    x.curved = (slowest - min(bias, x.left[6] * ff)) / (wide * wide)
+    x.curved = (slowest - min(bias, x.residual[6] * ff)) / (wide * wide)
     least, which = 1e300, -1
     for k in range(6):
-        if x.left[k] * ff < least:
-            least, which = x.left[k] * ff, k
+        if x.residual[k] * ff < least:
+            least, which = x.residual[k] * ff, k
     clear = True  # the others leave several times as much, and more than noise and what the model may be off by make
     for k in range(6):
         through = max(1.0 - t, 0.0) if k == 3 else 1.0  # share of the demand, and its error, that comes through
         off = 0.0 if k == 1 or k == 2 else 4e-6 * dd * through * through
         more = MORE * wide * wide + CLEAR * (tolerance * tolerance * ww + off)
-        clear = clear and (k == which or x.left[k] * ff >= max(CLEAR * least, least + more))
+        clear = clear and (k == which or x.residual[k] * ff >= max(CLEAR * least, least + more))
     told = which == 1 or which == 2
     pure = least <= PURE * (cc if told else ff) + 2.0 * (noise_c if told else noise)
     said = NONE
@@ -302,7 +303,7 @@ def begin(x):
     x.drive_votes[:] = 0.0
     x.drive_hz = x.drive_lost = x.jumped = x.must = x.curved = 0.0
     for k in range(8):
-        x.left[k] = 1.0
+        x.residual[k] = 1.0
 
 
 @kernel
@@ -418,8 +419,8 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     f, d, w = x.even_ring[0, head], x.even_ring[1, head], x.even_ring[2, head]
     usual = p.th_f + (p.rho_f + doubt_b(x)[0] * p.b_motor) * math.fabs(w) + doubt(x)[0] * math.fabs(d)
     known = x.hot_gain > 0.5 and x.weak > 0.5
-    best = min(min(x.left[0], x.left[1]), min(x.left[2], min(x.left[3], x.left[4])))
-    magnets = x.f_age > RING and x.left[5] < 0.5 * best  # what explains best is told by more than one window
+    best = min(min(x.residual[0], x.residual[1]), min(x.residual[2], min(x.residual[3], x.residual[4])))
+    magnets = x.f_age > RING and x.residual[5] < 0.5 * best  # what explains best is told by more than one window
     plain = x.f_timer <= 0.0 or known or magnets
     if whole and measured and plain and math.fabs(f) < 3.0 * usual:
         gains(x, p, f, d, dt)

@@ -7,7 +7,7 @@ prediction, its stiffness stands inside A, and what that model misses is a bound
 
 | relation | broken by | in |
 |---|---|---|
-| position - surface - velocity's integral | a sensor, named by the other two; play of the screw | `witness` |
+| position - surface - velocity's integral | a sensor, named by the other two; backlash | `position_consistency` |
 | current - demand | the drive, or the current sensor: what the motor has felt tells which | `drive` |
 | torque - motion | what holds the surface: a load that no hinge explains | `vote` |
 
@@ -42,7 +42,7 @@ from actuators.ema import jay
 from fdi.common.decision import usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.verdict import EFFECTIVENESS
-from fdi.ema import drive, gains, loose, rough, torque, witness
+from fdi.ema import backlash, drive, gains, position_consistency, sensor_noise, torque
 from fdi.ema.dead_reckoning import LAG, reckon_position, slots
 from fdi.ema.ema_kalman import VELOCITY, N
 from fdi.ema.model import designed, limits
@@ -104,11 +104,11 @@ PARAMS = dtype([
     ("t_start", "f8", "s"),   # after engage: the load estimate settles, no test counts
     ("t_doubt", "f8", "s"),   # a velocity sensor that was wrong tells nothing of the magnets for so long
     ("t_name", "f8", "s"),    # an alarm is AMBIGUOUS for so long at least, but for what is sure at once
-    *witness.PARAMS,
+    *position_consistency.PARAMS,
     *drive.PARAMS,
     *gains.PARAMS,
     *torque.PARAMS,
-    *rough.PARAMS,
+    *sensor_noise.PARAMS,
 ])
 INPUTS = dtype([
     ("u", "f8", "A"),         # demanded current held over the tick that ends at this sample
@@ -189,12 +189,12 @@ STATE = dtype([
     ("effort", "f8", (N,), "rad/s"),  # impulse
     ("drifts", "f8", (LAG,), "m"), # `drift`
     ("work", "f8", (6,)),     # scratch
-    *witness.STATE,
+    *position_consistency.STATE,
     *drive.STATE,
     *gains.STATE,
     *torque.STATE,
-    *loose.STATE,
-    *rough.STATE,
+    *backlash.STATE,
+    *sensor_noise.STATE,
 ])
 OUTPUTS = (
     "r", "alarm", "verdict", "culprit", "valid", "reconf", "pos_hat", "pos_sigma", "f_hat", "f_sigma", "eta", "eta_bar",
@@ -311,7 +311,7 @@ def params(
         b_motor=v["K_B"] / (v["K_ic"] + v["R"]),
         amp=-math.expm1(-v["b"] * dt),
         th_friction=torque.RUBS * amperes * v["K_T"],
-        **trained | {"th_rough": [*trained["th_rough"], rough.TH_CURRENT]},
+        **trained | {"th_rough": [*trained["th_rough"], sensor_noise.TH_CURRENT]},
     )
 
 
@@ -364,27 +364,27 @@ def step(x, u, p, dt):
         x.R2 = x.sum_R2 / x.n_current
         x.sum_R2 = x.n_current = 0.0
     reckon_position(x, u, p, dt, gap and x.age_vel == 0.0 and x.alarm < 0.5)
-    witness.hear(x, u, mean, p, dt)
+    position_consistency.update(x, u, mean, p, dt)
     x.age_doubt = 0.0 if x.culprit == VELOCITY else x.age_doubt + dt
     believed = x.age_vel == 0.0 and x.r_speed < 0.5 and x.age_doubt > p.t_doubt
     told = x.age_vel == 0.0 and x.at_limit < 0.5
     torque.rub(x, x.x_hat[3], gamma, told and p.stop_low < x.pos_hat < p.stop_high, p, dt)
     drive.watch(x, u.y_current, current, x.u_old[int(p.delay)], w, believed, gamma, p, dt)
     if x.even_ticks == 0.0:
-        loose.weigh(x, p)
+        backlash.update(x, p)
     position, surface = usable(u.y_position, u.position_valid) > 0.5, usable(u.y_surface, u.surface_valid) > 0.5
-    rough.hear(x, 0, u.y_position, position)
-    rough.hear(x, 1, u.y_velocity, usable(u.y_velocity, u.velocity_valid) > 0.5)
-    rough.hear(x, 2, u.y_surface, surface)
-    rough.hear(x, 3, u.y_current, current)
-    rough.take(x, 0, u.y_position, position)
-    rough.take(x, 1, gamma, told)
-    rough.take(x, 2, p.arm * u.y_surface, surface)
-    rough.take(x, 3, x.f_now, current)
-    rough.take(x, 4, gamma - x.twin[0, 0], told)
-    rough.take(x, 5, x.d_now, current)
+    sensor_noise.hear(x, 0, u.y_position, position)
+    sensor_noise.hear(x, 1, u.y_velocity, usable(u.y_velocity, u.velocity_valid) > 0.5)
+    sensor_noise.hear(x, 2, u.y_surface, surface)
+    sensor_noise.hear(x, 3, u.y_current, current)
+    sensor_noise.take(x, 0, u.y_position, position)
+    sensor_noise.take(x, 1, gamma, told)
+    sensor_noise.take(x, 2, p.arm * u.y_surface, surface)
+    sensor_noise.take(x, 3, x.f_now, current)
+    sensor_noise.take(x, 4, gamma - x.twin[0, 0], told)
+    sensor_noise.take(x, 5, x.d_now, current)
     if x.count == 0.0:
-        rough.judge(x, p, dt)
+        sensor_noise.judge(x, p, dt)
     decide(x, p, dt)
     size(x, p, (p.n_lag - p.n_mean) * p.n_sub * dt)
     x.load_hat = x.x_hat[5]

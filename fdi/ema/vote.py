@@ -10,11 +10,11 @@ import math
 from actuators.block import kernel
 from fdi.common.decision import confirm
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, SENSOR
-from fdi.ema import drive, rough, torque
+from fdi.ema import drive, sensor_noise, torque
 from fdi.ema.dead_reckoning import MEAN
 from fdi.ema.ema_kalman import CULPRITS as PUBLISHED
 from fdi.ema.ema_kalman import CURRENT, POSITION, VELOCITY
-from fdi.ema.rough import SURFACE
+from fdi.ema.sensor_noise import SURFACE
 
 CULPRITS = (*PUBLISHED, "surface")
 T_AGAIN = 3.0  # an alarm that comes back within that time had not healed: it is held twice as long [s]
@@ -69,19 +69,20 @@ def _drive(x, p, dt):
     """Return (class, culprit) of what the current says, NONE while it is not sure."""
     if x.drive_name == drive.WEAK:
         return EFFECTIVENESS, 0.0
-    even = min(x.left[4], x.left[6]) <= drive.PURE  # constant or growing: no fault of the drive adds what stays so
+    even = min(x.residual[4], x.residual[6]) <= drive.PURE  # constant or growing: no drive fault adds that
     constant = even and x.curved >= CURVED  # no part of a slow sine
     read = p.felt_least <= x.misread <= MISREAD_MOST and x.misread * x.misread * x.read_den >= SURE_READ
     felt_too = math.fabs(x.felt - 1.0) <= FELT_TOO + SURE_SINE * drive.felt_sigma(x, p, dt)
     if x.hot_f > 0.5 and read and felt_too and not even:
         return SENSOR, VELOCITY
     if x.felt_den >= SURE:
-        shaped = min(min(x.left[0], x.left[6]), min(x.left[7], x.left[4]))  # a sine, a drift, a scale, a bias
+        sine_or_drift, scale_or_bias = min(x.residual[0], x.residual[6]), min(x.residual[7], x.residual[4])
+        shaped = min(sine_or_drift, scale_or_bias)
         most = p.felt_least if constant else p.felt_most
-        sine = (even or x.left[0] <= drive.PURE) and not constant
+        sine = (even or x.residual[0] <= drive.PURE) and not constant
         unfelt = x.felt + SURE_SINE * drive.felt_sigma(x, p, dt) <= x.must
         told = unfelt or (not sine and shaped <= drive.PURE + GRAIN * x.grain)
-        if told and x.left[5] > WEAK_LEFT and shaped < 0.5 * x.left[5] and -p.felt_least <= x.felt <= most:
+        if told and x.residual[5] > WEAK_LEFT and shaped < 0.5 * x.residual[5] and -p.felt_least <= x.felt <= most:
             return SENSOR, CURRENT
         # friction keeps a part of a small one from the motor: more than a sensor's is felt, and what it must at least
         least = max(x.must, p.felt_most + SURE_SINE * drive.felt_sigma(x, p, dt))
@@ -118,7 +119,7 @@ def decide(x, p, dt):
     if torque:
         x.r = max(x.r, max(x.r_velocity, max(x.r_jump, ramp)))
     sign = x.sensor > 0.5 or x.hot_speed > 0.5 or x.hot_f > 0.5 or x.hot_gain > 0.5 or x.hot_load > 0.5
-    noisy, frozen = rough.noisy(x), rough.frozen(x, p, dt)
+    noisy, frozen = sensor_noise.noisy(x), sensor_noise.frozen(x, p, dt)
     sign = sign or x.hot_ramp > 0.5 or x.hot_cur > 0.5 or alone > 0.5 or noisy != 0.0 or frozen > 0.5
     sign = sign or x.hot_friction > 0.5
     sign = sign or (lost_surface and x.alarm > 0.5 and ramp >= 0.5)

@@ -1,4 +1,4 @@
-"""What did the valve do? Hypotheses about the last seconds of a hydraulic actuator, judged by what they leave over.
+"""Hypotheses on the valve's motion over the last seconds, compared by the energy that each leaves unexplained.
 
 f is the estimated input fault, d the valve command behind the same lag, so that w = f + d is what the valve did, and z
 the pressure difference. Over a window of averaged samples each hypothesis leaves an energy, a sum of squares:
@@ -14,8 +14,8 @@ the pressure difference. Over a window of averaged samples each hypothesis leave
 A name is given when its hypothesis leaves what noise leaves, and every other several times as much; until then the
 fault is AMBIGUOUS. An oscillation alone, without any other motion of the valve command, is the same fault added or in
 place: w is a sine, and so is f. What tells them apart is the rest of the command, which passes or does not; its fast
-part, which is always there, is asked by `fdi.hydraulic.obeys`. Where the valve obeys there is nothing in place; where
-it refuses, a w that swings about no mean is in place of the command unless a loss explains it.
+part, which is always there, is tested by `fdi.hydraulic.command_response`. Where it comes through, nothing is in place
+of the command; where it does not, a w that swings about no mean is, unless a loss explains it.
 """
 
 import math
@@ -24,8 +24,8 @@ from actuators.block import kernel
 from fdi.common import bank, decision
 from fdi.common.decision import clipped
 from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
-from fdi.hydraulic import losses, obeys, windows
-from fdi.hydraulic.windows import SLOW, SLOW_K, SLOW_S, N
+from fdi.hydraulic import command_response, losses, sample_rings
+from fdi.hydraulic.sample_rings import SLOW, SLOW_K, SLOW_S, N
 
 SHORT, LONG = 1.25, 2.0  # windows of an oscillation [periods]
 BESIDE, CLEAR = 2.0, 3.0  # an energy of so many times the noise's own is no noise; is enough for a name
@@ -64,7 +64,7 @@ STATE = [
     ("vote_last", "f8", (2,)),  # time of the last [s]
     ("vote_good", "f8", (2,)),  # good ones among them
     ("named", "f8"),  # name of the fault that stands, NONE before there is one
-    ("left", "f8", (2,)),  # what the best window of each leaves, over what there is
+    ("residual", "f8", (2,)),  # what the best window of each leaves, over what there is
     ("r_bank", "f8"),  # largest of the bank over its threshold
     ("fast", "f8"),  # 1 while that is no slow one's shadow at the lower end
     ("opens", "f8"),  # 1 where the valve stands open since a jump
@@ -76,7 +76,7 @@ STATE = [
 @kernel
 def forget(x, slow):
     """Empty every ring and what was counted in it, the slow ring only where `slow`."""
-    windows.empty(x, slow)
+    sample_rings.empty(x, slow)
     for k in range(bank.K):
         x.ratio[k] = 0.0
         x.hit[k] = 0.0
@@ -86,7 +86,7 @@ def forget(x, slow):
     x.r_ofc = 0.0
     for i in range(2):
         x.sure[i] = 0.0
-        x.left[i] = 1.0
+        x.residual[i] = 1.0
 
 
 @kernel
@@ -107,22 +107,22 @@ def oscillates(x, p, j, n, angle):
     best frequency about `angle`.
     """
     step = STEP if x.declared < 0.5 else WIDE
-    ff, fd, dd, f0, m0, d0, a, still = windows.tone(x, p, j, n, angle)
+    ff, fd, dd, f0, m0, d0, a, still = sample_rings.tone(x, p, j, n, angle)
     H, W = losses.least(ff, fd, dd, x.gain), max(ff + 2.0 * fd + dd, 0.0)
     L, S = losses.least(f0, m0, d0, x.gain), max(f0 + 2.0 * m0 + d0, 0.0)
     part = p.bank_share + TAUGHT * decision.unlearned(x, p)
-    allowed = n * x.coarse * x.coarse * p.sigma[j] * p.sigma[j] + part * part * dd
+    allowed = n * x.noise_scale * x.noise_scale * p.sigma[j] * p.sigma[j] + part * part * dd
     at_L, at_S = 1.0, 1.0
     if H > allowed and (L < 0.7 * H or S < 0.7 * W):
-        _, _, _, f1, m1, d1, _, _ = windows.tone(x, p, j, n, angle * (1.0 - step))
-        _, _, _, f2, m2, d2, _, _ = windows.tone(x, p, j, n, angle * (1.0 + step))
+        _, _, _, f1, m1, d1, _, _ = sample_rings.tone(x, p, j, n, angle * (1.0 - step))
+        _, _, _, f2, m2, d2, _, _ = sample_rings.tone(x, p, j, n, angle * (1.0 + step))
         at_L += lowest(losses.least(f1, m1, d1, x.gain), L, losses.least(f2, m2, d2, x.gain), step)
         at_S += lowest(f1 + 2.0 * m1 + d1, S, f2 + 2.0 * m2 + d2, step)
-        _, _, _, f1, m1, d1, b, _ = windows.tone(x, p, j, n, angle * at_L)
+        _, _, _, f1, m1, d1, b, _ = sample_rings.tone(x, p, j, n, angle * at_L)
         new = losses.least(f1, m1, d1, x.gain)
         if new < L:
             L, a = new, b
-        _, _, _, f1, m1, d1, _, _ = windows.tone(x, p, j, n, angle * at_S)
+        _, _, _, f1, m1, d1, _, _ = sample_rings.tone(x, p, j, n, angle * at_S)
         S = min(S, max(f1 + 2.0 * m1 + d1, 0.0))
     return H, L, W, S, allowed, at_L, at_S, a, max(H - still, 0.0)
 
@@ -131,12 +131,12 @@ def oscillates(x, p, j, n, angle):
 def replaced(x, p, j, n, h, hz):
     """Vote for an oscillation in place of the command where w swings about a mean; the command is not obeyed.
 
-    `h` [s] is a sample of the ring. What a lossy actuator leaves over, and one let go, must be more.
+    `h` [s] is a sample of the ring. A loss and joined chambers must leave more over.
     """
     angle = 6.283185307179586 * hz * h
-    variance = x.coarse * x.coarse * p.sigma[j] * p.sigma[j]
-    M, R, mean = windows.swing(x, j, n, angle)
-    x.left[1] = R / max(M, 1e-300)
+    variance = x.noise_scale * x.noise_scale * p.sigma[j] * p.sigma[j]
+    M, R, mean = sample_rings.swing(x, j, n, angle)
+    x.residual[1] = R / max(M, 1e-300)
     if n * mean * mean > OFFSET * M or (x.clock - x.rose) * hz < BEHIND:
         return False, hz
     m = losses.even_window(n, h)
@@ -147,14 +147,14 @@ def replaced(x, p, j, n, h, hz):
             return False, hz
     if M < CLEAR * n * variance or R > PART * M + NOISY * n * variance:
         return False, hz
-    _, below, _ = windows.swing(x, j, n, angle * (1.0 - WIDE))
-    _, above, _ = windows.swing(x, j, n, angle * (1.0 + WIDE))
+    _, below, _ = sample_rings.swing(x, j, n, angle * (1.0 - WIDE))
+    _, above, _ = sample_rings.swing(x, j, n, angle * (1.0 + WIDE))
     move = lowest(below, R, above, WIDE)
     if math.fabs(move) > 0.999 * WIDE:
         return False, hz
-    _, R, _ = windows.swing(x, j, n, angle * (1.0 + move))
+    _, R, _ = sample_rings.swing(x, j, n, angle * (1.0 + move))
     hz *= 1.0 + move
-    x.left[1] = R / max(M, 1e-300)
+    x.residual[1] = R / max(M, 1e-300)
     if R <= PURE * M + NOISY * n * variance:
         vote(x, 1, hz, 1.0 if R < GOOD * M + n * variance and M > FIRM * n * variance else 0.0,
              PERIODS - 0.4 if j == SLOW else PERIODS)
@@ -184,17 +184,17 @@ def compare(x, p, H, L, W, S, B, n, h, variance, hz_L, hz_S, plain, stands, bonu
     """Vote for the oscillation added or in place where it is explained and the other is clearly worse."""
     noise = n * variance
     H = max(H, 1e-300)
-    x.left[0], x.left[1] = L / H, S / max(min(W, H), 1e-300)
+    x.residual[0], x.residual[1] = L / H, S / max(min(W, H), 1e-300)
     if H < CLEAR * noise:
         return
     lead = LEAD * variance
     other = 1.0
     m = losses.even_window(n, h)
-    if p.load == 2.0 and x.coarse < 2.0 and m <= x.even_seen:
+    if p.load == 2.0 and x.noise_scale < 2.0 and m <= x.even_seen:
         all, E, _ = losses.loss(x, p, m)
         floor = m * p.sigma[SLOW + 1] * p.sigma[SLOW + 1]
         other = max(E - floor, 0.0) / max(all - floor, 1e-300) if all > 2.0 * floor else 1.0
-    yes = x.declared > 0.5 and obeys.obeys(x)  # before the alarm it is mostly the healthy valve that was asked
+    yes = x.declared > 0.5 and command_response.present(x)  # before the alarm of the healthy valve
     added = plain and (yes or x.clock - x.rose > ASKED) and other > LOSS_ADDED
     added = added and L <= (PURE_SURE if yes else PURE) * H + NOISY * noise
     least_w = min(W, H)
@@ -217,7 +217,7 @@ def look(x, p, j, period, hz, h, r, b):
     """
     seen = int(x.slow_seen if j == SLOW else x.bank_seen[j])
     found, at, amplitude = False, 0.0, 0.0
-    no = obeys.refuses(x)
+    no = command_response.absent(x)
     for length in (SHORT, LONG):
         n = int(length * period + 0.5)
         if n > N:
@@ -233,7 +233,7 @@ def look(x, p, j, period, hz, h, r, b):
         if H < BESIDE * allowed:
             continue
         part = 0.25 if j == SLOW else 0.5
-        now = windows.recent(x, j, max(int(part * period + 0.5), 2)) * n / H
+        now = sample_rings.recent(x, j, max(int(part * period + 0.5), 2)) * n / H
         least_r = 1.0 if length == LONG else SHORT_RATIO
         plain = r >= least_r and L <= FAIR * H and now > 0.1
         stands = b >= 1.0 and S <= FAIR * W and S <= FAIR * B and now > 0.03
@@ -269,8 +269,8 @@ def search(x, p, renewed, fresh, blocked, teach, other, dt):
                 x.slow_hit[k] = 0.0
                 continue
             n = int(LONG * period + 0.5)
-            _, _, dd, _, _, _, a, _ = windows.tone(x, p, SLOW, min(n, N), 6.283185307179586 / period)
-            r = a / (x.coarse * p.slow_threshold[k] + decision.share(x, p) * math.sqrt(2.0 * dd / n))
+            _, _, dd, _, _, _, a, _ = sample_rings.tone(x, p, SLOW, min(n, N), 6.283185307179586 / period)
+            r = a / (x.noise_scale * p.slow_threshold[k] + decision.share(x, p) * math.sqrt(2.0 * dd / n))
             if (r < 0.5 and not suspected) or x.fast > 0.5:
                 x.slow_hit[k] = 0.0
                 continue
@@ -292,14 +292,14 @@ def bank_search(x, p, blocked, teach, suspected, dt):
     for k in range(bank.K):
         if x.bank_new[k] > 0.5:
             a = math.sqrt(bank.mixed(x, k, 1.0, -x.gain))
-            x.ratio[k] = a / (x.coarse * p.bank_threshold[k] + part * math.sqrt(bank.mixed(x, k, 0.0, 1.0)))
+            x.ratio[k] = a / (x.noise_scale * p.bank_threshold[k] + part * math.sqrt(bank.mixed(x, k, 0.0, 1.0)))
             if teach and x.ratio[k] < 0.7:
                 decision.learn_gain(x, p, k, dt)
         x.r_ofc = max(x.r_ofc, x.ratio[k])
         if x.ratio[k] > most_L:
             most_L, peak_L = x.ratio[k], k
         if suspected:
-            b = math.sqrt(bank.mixed(x, k, 1.0, 1.0)) / (x.coarse * p.sum_threshold[k])
+            b = math.sqrt(bank.mixed(x, k, 1.0, 1.0)) / (x.noise_scale * p.sum_threshold[k])
             if b > most_S:
                 most_S, peak_S = b, k
     x.r_bank = x.r_ofc
@@ -312,7 +312,7 @@ def bank_search(x, p, blocked, teach, suspected, dt):
             continue
         j = int(p.bank_level[k])
         h = p.bank_block[j] * dt
-        b = math.sqrt(bank.mixed(x, k, 1.0, 1.0)) / (x.coarse * p.sum_threshold[k]) if suspected else 0.0
+        b = math.sqrt(bank.mixed(x, k, 1.0, 1.0)) / (x.noise_scale * p.sum_threshold[k]) if suspected else 0.0
         found, at, amplitude = look(x, p, j, 1.0 / (p.bank_hz[k] * h), p.bank_hz[k], h, x.ratio[k], b)
         x.hit[k] = x.hit[k] + 1.0 if found else 0.0
         if x.hit[k] >= p.hits:
@@ -354,7 +354,7 @@ def conclude(x, jam, run):
         for i in range(2):
             x.sure[i] = 0.0
         return
-    if (x.named == OFC_LIQUID and obeys.refuses(x)) or (x.named == OFC_SOLID and obeys.obeys(x)):
+    if (x.named == OFC_LIQUID and command_response.absent(x)) or (x.named == OFC_SOLID and command_response.present(x)):
         x.named = NONE
     need = PERIODS if x.named == NONE or x.named == RUNAWAY else PERIODS + SWITCH
     if jam and x.named != RUNAWAY:
@@ -368,5 +368,5 @@ def conclude(x, jam, run):
     x.verdict, x.culprit = AMBIGUOUS, 0.0
     if x.named != NONE:  # beside a sensor that is wrong, too: the filter goes on without it
         x.verdict = x.named
-    elif x.sensor > 0.5 and (x.blame == 1.0 or (x.blame == 2.0 and x.play < 0.5)):
+    elif x.sensor > 0.5 and (x.blame == 1.0 or (x.blame == 2.0 and x.backlash_suspected < 0.5)):
         x.verdict, x.culprit = SENSOR, x.blame

@@ -31,10 +31,10 @@ from fdi.common.decision import confirm, usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import NONE, RUNAWAY, SENSOR
-from fdi.hydraulic import hypotheses, noise, obeys, opened, pressure_test, windows
-from fdi.hydraulic import separate_bias as two_stage
+from fdi.hydraulic import command_response, hypotheses, pressure_test, runaway_test, sample_rings, sensor_noise
+from fdi.hydraulic import two_stage_ekf as two_stage
+from fdi.isolation import backlash, filter, likelihood, multiple_models
 from fdi.isolation import decide as by_evidence
-from fdi.isolation import filter, likelihood, loose, rivals
 from fdi.isolation.evidence import HYPOTHESES
 
 CULPRITS = ("", "rod", "surface", "pressure")
@@ -49,8 +49,8 @@ PARAMS = dtype(
         *two_stage.PARAMS,
         *decision.PAIR_PARAMS,
         *decision.OFC_PARAMS,
-        *windows.PARAMS,
-        *obeys.PARAMS,
+        *sample_rings.PARAMS,
+        *command_response.PARAMS,
         *pressure_test.PARAMS,
         *likelihood.PARAMS,
         ("lag_omega", "f8", "rad/s"),  # f_hat follows f as a second-order lag: corner
@@ -84,16 +84,16 @@ STATE = dtype(
         *two_stage.STATE,
         *decision.PAIR_STATE,
         *decision.OFC_STATE,
-        *windows.STATE,
+        *sample_rings.STATE,
         *hypotheses.STATE,
-        *obeys.STATE,
+        *command_response.STATE,
         *likelihood.STATE,
         ("jump_e", "f8", "m"),  # last innovation of the only position sensor
         ("jump_side", "f8", "m"),  # innovation at its jump
         ("jump_ticks", "f8", "-"),  # ticks for which the jump has stood
         ("jump_of", "f8", "-"),  # 1 the rod sensor, 2 the surface sensor, the only one left, has jumped
         ("form", "f8", "-"),  # noise of f_hat over that with all sensors
-        ("coarse", "f8", "-"),  # the same with what noise the sensors are heard to have
+        ("noise_scale", "f8", "-"),  # the same with what noise the sensors are heard to have
         ("drive", "f8", "-"),  # valve command behind the filter's own lag, so that f_hat + drive is what the valve did
         ("drive_d", "f8", "1/s"),  # its derivative
         ("load_lag", "f8", "-"),  # pressure behind the same lag
@@ -119,7 +119,7 @@ STATE = dtype(
 )
 OUTPUTS = (
     *("r", "alarm", "verdict", "culprit", "valid", "f_hat", "f_sigma", "q_now", "v_now", "x3_now", "nis_rod", "nis_dp"),
-    *("r_ofc", "r_run", "r_jam", "pair_d", "rigging", "gain", "ofc_hz", "ofc_amplitude", "likely"),
+    *("r_ofc", "r_run", "r_jam", "pair_d", "rigging", "gain", "ofc_hz", "ofc_amplitude", "kind"),
 )
 DETECTOR = Detector(
     id="iotsekf",
@@ -151,9 +151,9 @@ DETECTOR = Detector(
     },
     blind="compares one hydraulic rod with its own valve command: a fault before the valve command moves both alike",
     estimates=(Estimate("valve", "f_hat", "u"),),
-    finer={"likely": {
+    finer={"kind": {
         by_evidence.WEAK: ("loss_of_effectiveness", "supply_pressure_drop", "internal_leakage", "air_in_oil"),
-        by_evidence.OF_LOAD: ("friction",), by_evidence.APART: ("backlash",), by_evidence.LET_GO: ("free_float",),
+        by_evidence.OF_LOAD: ("friction",), by_evidence.APART: ("backlash",), by_evidence.FREE_FLOAT: ("free_float",),
     }},
     looks_back={"delay": "u_old", "lag_ticks": "u_old"},
     sizes=bank.SIZES,
@@ -209,8 +209,8 @@ def params(
     that of the load form; `values` replace any field.
     """
     chosen = thresholds("iotsekf", which or f"flight_load{load}", own)
-    v = {**lu17.NOMINAL, **NOISE, **LAG[load], **bank.design(dt), **windows.design(dt, load),
-         **obeys.design(dt), **likelihood.design(dt, arm, travel, load == 2), **chosen}
+    v = {**lu17.NOMINAL, **NOISE, **LAG[load], **bank.design(dt), **sample_rings.design(dt, load),
+         **command_response.design(dt), **likelihood.design(dt, arm, travel, load == 2), **chosen}
     for name in ("r_rod", "r_dp", "r_spare"):
         v[name] *= PERIOD / dt
     if load != 2:
@@ -279,7 +279,7 @@ def jumped(x, rod, surface, dt):
             if x.jump_ticks >= 3.0:
                 x.jump_of = 1.0 if rod > 0.5 else 2.0
                 x.jump_ticks = 0.0
-                x.quiet = max(x.quiet, decision.T_DISTURBED)
+                x.t_settling = max(x.t_settling, decision.T_DISTURBED)
         if x.jump_ticks == 1.0:
             x.jump_side = x.gamma_rod
         x.jump_e = e
@@ -301,17 +301,18 @@ def decide(x, u, p, dt):
     d = min(int(p.delay), two_stage.HISTORY - 2)
     gain = decision.GAIN_LIMIT + math.fabs((1.0 + x.fed[filter.SOFT]) * (1.0 + x.fed[filter.FAST]) - 1.0)
     steps = gain * math.fabs(x.G[2] * (x.u_old[d] - 2.0 * x.u_old[d + 1] + x.u_old[d + 2]))
-    noise.listen(x, rod, u.y_rod, e_rod, pressure, u.y_dp, x.dp_e, steps, p, dt)
+    sensor_noise.update(x, rod, u.y_rod, e_rod, pressure, u.y_dp, x.dp_e, steps, p, dt)
     lost = p.load == 2.0 and x.age_dp > p.t_invalid
     form = WITHOUT_PRESSURE if lost else (WITHOUT_ROD if x.blame == 1.0 or x.age_rod > p.t_invalid else 1.0)
     loud = x.rod_noisy > 0.5 or x.dp_noisy > 0.5
-    obeys.ask(x, p, 1.0 if pressure > 0.5 and not lost and x.dp_out < 0.5 and x.dp_noisy < 0.5 else 0.0, dt)
+    good = pressure > 0.5 and not lost and x.dp_out < 0.5 and x.dp_noisy < 0.5
+    command_response.update(x, p, 1.0 if good else 0.0, dt)
     jumped(x, rod, surface, dt)
     if form != x.form or loud:
-        x.quiet = max(x.quiet, decision.T_DISTURBED)
+        x.t_settling = max(x.t_settling, decision.T_DISTURBED)
         x.form = form
-    x.coarse = form * math.sqrt(max(1.0, max(x.rod_rough / p.r_rod, x.dp_noise / p.r_dp) / noise.USUAL))
-    disturbed = x.quiet > 0.0 or x.valid < 0.5
+    x.noise_scale = form * math.sqrt(max(1.0, max(x.rod_rough / p.r_rod, x.dp_noise / p.r_dp) / sensor_noise.USUAL))
+    disturbed = x.t_settling > 0.0 or x.valid < 0.5
     if disturbed and (x.sensor > 0.5 or loud or x.valid < 0.5 or lost):
         hypotheses.forget(x, True)
     x.drive_d += dt * p.lag_omega * (p.lag_omega * (x.u_old[int(p.lag_ticks)] - x.drive) - 2.0 * p.lag_zeta * x.drive_d)
@@ -320,14 +321,14 @@ def decide(x, u, p, dt):
     x.load_lag += dt * x.load_d
     f = x.f_hat - by_model(x, p)
     renewed = bank.push(x, p, f, x.drive)
-    fresh = windows.push(x, p, f, x.drive, x.load_lag)
+    fresh = sample_rings.push(x, p, f, x.drive, x.load_lag)
     other = x.jam > 0.5 or (x.swings < 1.5 and (x.run > 0.5 or x.r_run >= 1.0))
     hypotheses.search(x, p, renewed, fresh, disturbed, not disturbed and x.alarm < 0.5, other, dt)
     a = 1.0 - math.exp(-dt / p.run_tau)
     x.f_slow += a * (f - x.gain * x.drive - x.f_slow)
     x.u_slow += a * (x.drive - x.u_slow)
     run_share = p.run_share + decision.unlearned(x, p)
-    x.r_run = math.fabs(x.f_slow) / (x.coarse * p.run_threshold + run_share * math.fabs(x.u_slow))
+    x.r_run = math.fabs(x.f_slow) / (x.noise_scale * p.run_threshold + run_share * math.fabs(x.u_slow))
     ran = x.r_run >= 1.0 and not disturbed
     # size times time: against the servo, which fights it, a runaway is an input fault that comes and goes
     weighed = dt * min(x.r_run, RUN_WEIGHT) if ran else dt
@@ -359,16 +360,16 @@ def decide(x, u, p, dt):
     jammed = x.r_jam >= 1.0 and still and not disturbed and not lost and (share < p.share_least or x.jam > 0.5)
     x.jam_timer, x.jam = confirm(x.jam_timer, x.jam, jammed, dt, p.jam_confirm, p.t_release)
     if renewed > 0.5:
-        one = x.run > 0.5 and x.swings < 1.5 and x.proof < 0.5 * obeys.SURE and not (lost and still)
-        x.opens = 1.0 if one and opened.opened_since(x, p, dt) else 0.0
+        one = x.run > 0.5 and x.swings < 1.5 and x.proof < 0.5 * command_response.SURE and not (lost and still)
+        x.opens = 1.0 if one and runaway_test.runs_away(x, p, dt) else 0.0
     before, named = x.declared, x.named
-    if x.swings > 1.5 and x.named == RUNAWAY and not obeys.refuses(x):
+    if x.swings > 1.5 and x.named == RUNAWAY and not command_response.absent(x):
         x.named = NONE
     hypotheses.conclude(x, x.jam > 0.5, x.run > 0.5)
     if before > 0.5 and x.declared < 0.5:  # half a period of a slow oscillation rises, falls and has no name
         hypotheses.forget(x, named != NONE)
     if (before > 0.5) != (x.declared > 0.5) or (ran_before < 0.5 and x.run > 0.5):
-        obeys.forget(x)
+        command_response.reset(x)
     left_out = x.dp_out > 0.5 and x.sensor < 0.5
     if loud and x.sensor < 0.5:
         x.declared, x.verdict, x.culprit = 1.0, SENSOR, 1.0 if x.rod_noisy > 0.5 else 3.0
@@ -387,13 +388,13 @@ def step(x, u, p, dt):
     if x.started < 0.5:
         x.valid = 0.0
         return
-    x.valid = 1.0 if x.age <= p.t_invalid and x.rod_wild < noise.WILD * p.r_rod else 0.0
+    x.valid = 1.0 if x.age <= p.t_invalid and x.rod_wild < sensor_noise.WILD * p.r_rod else 0.0
     decide(x, u, p, dt)
     likelihood.listen(x, u, p, x.r > SUSPICIOUS, dt)
     if x.ended > 0.5:  # what the rings hold is of the fault that has healed
         hypotheses.forget(x, True)
-    rivals.ask(x, u, p, dt)
-    loose.ask(x, x.x_hat[0], dt)
+    multiple_models.update(x, u, p, dt)
+    backlash.update(x, x.x_hat[0], dt)
     by_evidence.follow(x, u, x.declared > 0.5, dt)
     x.alarm = x.declared
     asked = p.asks > 0.5 and x.h_lost[filter.PRESSURE] <= likelihood.LOST_S and x.sensor < 0.5

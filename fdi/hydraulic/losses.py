@@ -1,10 +1,10 @@
-"""What a loss explains: f = t d of valve or supply, t z of a leakage, w = t z of one let go.
+"""Losses: f = t d of valve or supply, f = t z of a leakage, w = t z of joined chambers.
 
 f is the input fault, d the command behind the same lag, w = f + d, z the pressure.
 """
 
 from actuators.block import kernel
-from fdi.hydraulic.windows import EVEN_S, N
+from fdi.hydraulic.sample_rings import EVEN_S, N
 
 GAIN_ERROR = 0.06  # of the learned gain
 DEAD = 0.85  # a valve that loses more may as well be where something slow holds it
@@ -31,7 +31,7 @@ def loss(x, p, n):
 
 @kernel
 def losses(x, n):
-    """Fit each loss alone to the newest `n` even samples: f = t d or t z, and w = t z of one let go.
+    """Fit each loss alone to the newest `n` even samples: f = t d or t z, and w = t z of joined chambers.
 
     Return (H, least energy of the first two, energy of the last, sum of d d).
 

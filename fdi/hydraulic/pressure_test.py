@@ -1,4 +1,4 @@
-"""Is the pressure sensor of a hydraulic actuator to be believed? Three tests, and what follows from them.
+"""Tests of the pressure sensor of a hydraulic actuator, and how the filter goes on without it.
 
 | test | statistic | it is the sensor's because |
 |---|---|---|

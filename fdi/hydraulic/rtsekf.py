@@ -33,7 +33,7 @@ from fdi.common.linalg import congruence
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, JAM_LIQUID, JAM_SOLID, NONE, RUNAWAY
-from fdi.hydraulic.separate_bias import transition
+from fdi.hydraulic.two_stage_ekf import transition
 
 CULPRITS = ("", "rod")
 FORMS = {"hinge model": 1, "published": 0}  # how the load is known: load form

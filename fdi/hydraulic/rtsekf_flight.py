@@ -28,7 +28,7 @@ from fdi.common.linalg import congruence, joseph
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
-from fdi.hydraulic.separate_bias import transition
+from fdi.hydraulic.two_stage_ekf import transition
 
 CULPRITS = ("", "rod", "surface")
 HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
@@ -252,10 +252,10 @@ def decide(x, u, rod, surface, q, p, dt):
     if rod > 0.5 and surface > 0.5 and x.r < 0.7 and x.sensor < 0.5:
         decision.learn_lever(x, u.y_rod - y_surface, q, p.r_rod + p.r_surface, dt)
     x.alarm = x.sensor
-    x.culprit = 0.0 if x.blame == 2.0 and x.play > 0.5 else x.blame
+    x.culprit = 0.0 if x.blame == 2.0 and x.backlash_suspected > 0.5 else x.blame
     x.verdict = NONE
     if x.sensor > 0.5:
-        x.verdict = SENSOR if x.blame == 1.0 or (x.blame == 2.0 and x.play < 0.5) else AMBIGUOUS
+        x.verdict = SENSOR if x.blame == 1.0 or (x.blame == 2.0 and x.backlash_suspected < 0.5) else AMBIGUOUS
     x.valid = 1.0 if x.age <= p.t_invalid and not (x.sensor > 0.5 and x.blame < 0.5) else 0.0
 
 

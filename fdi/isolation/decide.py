@@ -11,12 +11,13 @@ import math
 
 from actuators.block import kernel
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
+from fdi.isolation import backlash, multiple_models, sums
 from fdi.isolation import evidence as ev
-from fdi.isolation import loose, rivals, sums
 from fdi.isolation.filter import N
+from fdi.isolation.multiple_models import DOUBT, JOINED, SOFT
 from fdi.isolation.sums import OCTAVES
 
-LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, APART, LET_GO, DRIVEN = range(1, 12)
+LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, APART, FREE_FLOAT, DRIVEN = range(1, 12)
 CALM = 0.35  # of a threshold: below, nothing speaks for a fault
 CLEAR = 40.0  # evidence of a plain onset
 SILENT_PART, SILENT_S = 0.4, 0.4  # of an oscillation's period; of what has no name [s]
@@ -61,6 +62,7 @@ STATE = [
     ("candidate_octave", "f8"),  # that speaks for it
     ("likely_octave", "f8"),  # that spoke last for the class that stands
     ("likely", "f8", "-"),  # class of this module
+    ("kind", "f8", "-"),  # the same, of all that tells kinds of fault with one verdict apart
     ("likely_fault", "f8"),  # hypothesis
     ("rod_low", "f8", "m"),  # travel since the onset
     ("rod_high", "f8", "m"),
@@ -70,8 +72,8 @@ STATE = [
     ("turns", "f8", (3,)),  # share of samples whose step goes against the one before, over 1 s
     ("step_last", "f8", (3,)),
     ("last_y", "f8", (3,)),
-    *rivals.STATE,
-    *loose.STATE,
+    *multiple_models.STATE,
+    *backlash.STATE,
     ("jam_most", "f8", "-"),  # largest load beyond the model since a jam is declared
     ("jam_s", "f8", "s"),  # since then
     ("likely_hz", "f8", "Hz"),  # of the oscillation that is named
@@ -98,7 +100,7 @@ def class_of(x, h):
     if h == ev.PAIR:
         return APART
     if h == ev.FREE:
-        return LET_GO
+        return FREE_FLOAT
     if h == ev.DRIVEN:
         return DRIVEN
     return WEAK
@@ -207,7 +209,7 @@ def healed(x, p, o, dt):
         x.silent[o] = 0.0
         return False
     h = int(x.likely_fault)
-    loss = x.likely == WEAK or x.likely == LET_GO  # shows only while the valve is told something
+    loss = x.likely == WEAK or x.likely == FREE_FLOAT  # shows only while the valve is told something
     if x.loud[o] < 1.0 or (loss and x.ev[h] > AGAINST):
         return False
     apart = p.block * dt * sums.apart(o)
@@ -257,7 +259,7 @@ def follow(x, u, own, dt):
     if x.candidate < 0.5:
         return
     x.candidate_s += dt
-    if x.candidate == LET_GO and x.likely > 0.5:
+    if x.candidate == FREE_FLOAT and x.likely > 0.5:
         x.candidate_s = 0.0
     if x.likely == OF_LOAD and x.rod_high - x.rod_low < STILL:
         x.candidate_s = 0.0
@@ -284,7 +286,8 @@ def merge(x, freeze, asked):
     swings, moved = x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID, x.rod_high - x.rod_low >= STILL
     if x.verdict == NONE:
         x.verdict = AMBIGUOUS
-    if x.loose > 0.5 or (of_actuator(x) and max(x.shown[rivals.SOFT], x.shown[rivals.JOINED]) > 0.5 and x.jam < 0.5):
+    shown = max(x.shown[SOFT], x.shown[JOINED]) > 0.5
+    if x.loose > 0.5 or (of_actuator(x) and shown and x.jam < 0.5):
         x.verdict, x.culprit = EFFECTIVENESS, 0.0
         return
     if x.likely == OF_PRESSURE and (swings or x.verdict == AMBIGUOUS) and x.sensor < 0.5:
@@ -297,7 +300,7 @@ def merge(x, freeze, asked):
         x.verdict = AMBIGUOUS
     elif x.verdict != AMBIGUOUS:
         return
-    elif x.sensor > 0.5 and x.likely != OF_ROD and (x.likely != OF_SURFACE or x.play > 0.5):
+    elif x.sensor > 0.5 and x.likely != OF_ROD and (x.likely != OF_SURFACE or x.backlash_suspected > 0.5):
         return
     elif x.likely == LIQUID and x.proof > 0.0:
         x.verdict = OFC_LIQUID
@@ -317,11 +320,16 @@ def of_actuator(x):
 
 @kernel
 def conclude(x, freeze, asked):
-    """Write alarm, verdict and culprit (`merge`); what the valve is said to do is open while a rival explains it."""
+    """Write alarm, verdict and culprit (`merge`); a fault of the valve is ambiguous while another model explains it."""
     merge(x, freeze, asked)
     valve = x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID or x.verdict == RUNAWAY or x.verdict == JAM_SOLID
-    if valve and of_actuator(x) and max(x.rival_lead[rivals.SOFT], x.rival_lead[rivals.JOINED]) > rivals.DOUBT:
+    if valve and of_actuator(x) and max(x.rival_lead[SOFT], x.rival_lead[JOINED]) > DOUBT:
         x.verdict = AMBIGUOUS
+    x.kind = x.likely
+    if x.loose > 0.5:
+        x.kind = APART
+    elif x.verdict == EFFECTIVENESS and max(x.shown[SOFT], x.shown[JOINED]) > 0.5:
+        x.kind = FREE_FLOAT if x.shown[JOINED] > 0.5 else WEAK
 
 
 @kernel

@@ -355,7 +355,7 @@ def evaluate(x, p, o):
     x.prior[1, FLOW] = p.open_sd
     logdet = first + factor(x, LEAK)
     give(x, OPEN, left(x), logdet, n, base)
-    # let go: the valve passes nothing, the chambers are joined
+    # free-floating: the valve passes nothing, the chambers are joined
     x.prior[1, FLOW] = x.sd[FLOW]
     x.prior[0, LEAK], x.prior[1, LEAK] = p.bypass, 0.3 * p.bypass
     logdet = first + factor(x, LEAK)

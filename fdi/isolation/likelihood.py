@@ -17,8 +17,8 @@ import numpy as np
 from actuators.block import kernel
 from actuators.disk_cache import kept
 from actuators.hydraulic import lu17
+from fdi.isolation import adaptation, evidence, filter, parts, sums
 from fdi.isolation import decide as by_evidence
-from fdi.isolation import evidence, filter, lessons, parts, sums
 from fdi.isolation.filter import SENSORS
 from fdi.isolation.response import HEARD, PLACES, responses
 
@@ -114,12 +114,12 @@ def close(x, p, suspicious, dt):
         parts.in_parts(x, o)
         anew = by_evidence.judge(x, p, o, dt)
         if x.alarm < 0.5 and x.speaks_timer == 0.0:
-            lessons.breathe(x, p, o, sums.apart(o) * p.block * dt)
+            adaptation.learn_load_swing(x, p, o, sums.apart(o) * p.block * dt)
     if x.window_age[0] >= p.length[0] and (quiet or x.h_clock < LEARN_S):
-        lessons.teach(x, p, dt)
+        adaptation.learn(x, p, dt)
     sums.fold(x, p)
     if blocks % int(sums.SOLVE_BLOCKS) == 0:
-        lessons.solve(x, p)
+        adaptation.solve(x, p)
         anew = anew or x.h_clock < LEARN_S
     if anew:
         restart(x)

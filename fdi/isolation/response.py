@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from actuators.block import briefly
-from fdi.hydraulic.separate_bias import transition
+from fdi.hydraulic.two_stage_ekf import transition
 from fdi.isolation.filter import ROWS, SENSORS
 
 PLACES = ("valve", "rod", "surface", "pressure", "load")

@@ -1,4 +1,4 @@
-"""Which sensor of the aircraft is wrong, from kinematics alone: inertial sensors against each other and air data.
+"""Wrong sensors of the aircraft, by kinematics alone: inertial sensors against each other and air data.
 
 Sources: [Eykeren14] L. Van Eykeren, Q. P. Chu, Sensor fault detection and isolation for aircraft control systems by
 kinematic relations, Control Engineering Practice 31 (2014); [Lu15] P. Lu, L. Van Eykeren, E. van Kampen, Q. P. Chu,

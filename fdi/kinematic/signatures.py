@@ -1,4 +1,4 @@
-"""Which rows an error of each sensor moves, and whether the first of them jumps."""
+"""Signatures of the sensors in the kinematic rows: which rows an error moves, and whether the first of them jumps."""
 
 from typing import Any
 

@@ -39,7 +39,7 @@ STATE = [
     ("gain_sigma", "f8", "-"),  # its deviation
     ("sine", "f8", "m"),  # amplitude of the best sine, and its frequency
     ("sine_hz", "f8", "Hz"),
-    ("left", "f8", "-"),  # share of the rest that the best sine leaves
+    ("residual", "f8", "-"),  # share of the rest that the best sine leaves
 ]
 
 
@@ -83,9 +83,9 @@ def weigh(x, p, h):
     if best == 0.0:
         return AMBIGUOUS
     x.gain_sigma = math.sqrt(max(rest, 0.0) * CORRELATED / (n * h) / max(x.gain_sigma, 1e-12))
-    x.left, x.sine_hz, x.sine = rest / before, best, math.sqrt(2.0 * (before - rest) / n)
+    x.residual, x.sine_hz, x.sine = rest / before, best, math.sqrt(2.0 * (before - rest) / n)
     off = SURE * x.gain_sigma
-    if x.left > SWINGS:
+    if x.residual > SWINGS:
         return AMBIGUOUS
     if x.gain - off > 0.5 and math.fabs(x.gain - 1.0) < NEAR + off:
         return OFC_LIQUID

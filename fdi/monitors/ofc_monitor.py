@@ -388,7 +388,7 @@ def step(x, u, p, dt):
         x.vote = said
         if said != AMBIGUOUS and x.votes >= VOTES:
             x.verdict = said
-        elif x.left > NO_SWING:
+        elif x.residual > NO_SWING:
             x.verdict = AMBIGUOUS
     if x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID:
         x.ofc_hz = x.sine_hz

@@ -16,9 +16,9 @@ the alarm, a runaway's unless the surface turns back by `travel_run`: where the 
 runs, too, but slows down and turns back once the command has passed the reading. A surface that slows down is therefore
 not named yet, and one that turns back is AMBIGUOUS. A jam's stays unless the surface moves: a jam does not at all, and
 in gusts, where the model passes a surface that stands again and again, only one that follows the model farther than
-that is where it should be (`_moves`). A surface that is let go and held by its friction, a runaway too slow to move it
-and a solid oscillation below 0.03 deg are jams to its sensor; an oscillation whose strokes are longer than `travel_run`
-is taken for a runaway until it turns back.
+that is where it should be (`_moves`). A free-floating surface that its friction holds, a runaway too slow to move it and
+a solid oscillation below 0.03 deg are jams to its sensor; an oscillation whose strokes are longer than `travel_run` is
+taken for a runaway until it turns back.
 """
 
 import math
@@ -144,7 +144,7 @@ DETECTOR = Detector(
 
 
 MOVED = math.radians(0.08)  # a surface that has moved further is on its way: ten sigma of its sensor, lagged
-# a surface that stands moves by less than this behind the longer lag, ten sigma of its sensor; one that is let go
+# a surface that stands moves by less than this behind the longer lag, ten sigma of its sensor; a free-floating one
 # slides with the air by MOVED
 SLID, TAU_CALM = math.radians(0.035), 0.1
 # and swings between the lags by less than this, three sigma of its sensor: 0.03 deg from 1 to 6 Hz; memory of that, and

@@ -16,7 +16,7 @@ from actuators.constants import RAD_PER_DEG
 from actuators.ema import jay
 from fdi.common import tuning
 from fdi.common import verdict as v
-from fdi.ema import drive, gains, loose, vote
+from fdi.ema import backlash, drive, gains, vote
 from fdi.ema import ema_kalman_flight as flight
 from fdi.ema.ema_kalman import CURRENT, POSITION
 from fdi.ema.ema_kalman_flight import CULPRITS
@@ -228,7 +228,7 @@ def test_a_surface_that_rests_against_its_hinge_moment_is_a_sensor_that_is_wrong
     x["even_ring"][0, 4, :n] = 1e-5 * rng.standard_normal(n)
     x["even_head"], x["pair_since"], x["pair_noise"] = n, n - 1, noise * noise
     x["sensor"], x["blame"], x["hm0"], x["pair_load"] = 1.0, 2.0, load, load
-    loose.weigh(x[0], p[0])
+    backlash.update(x[0], p[0])
     assert x["pair_name"][0] == name
 
 

@@ -7,12 +7,12 @@ from cosim.flight.loop.signals import fly
 from cosim.scenario import load_scenario
 from cosim.training.flights import watch, wires
 from fdi.common import bank, verdict
-from fdi.hydraulic import hypotheses, iotsekf, losses, noise, opened, windows
+from fdi.hydraulic import hypotheses, iotsekf, losses, runaway_test, sample_rings, sensor_noise
 
 pytestmark = pytest.mark.usefixtures("plain_kernels")
 
 P = iotsekf.params()[0]
-N = windows.N
+N = sample_rings.N
 LOSSY = int(np.argmin(P["bank_loss"]))  # the frequency whose samples are averaged over most of its period
 
 
@@ -36,16 +36,16 @@ def test_a_swing_about_a_mean_leaves_nothing_at_its_frequency_and_much_beside_it
     angle = 2.0 * np.pi * cycles / N
     w = 0.02 * np.sin(angle * np.arange(N) + 0.4) + 0.003
     x = filled(w, np.zeros(N))
-    about, left, mean = windows.swing(x, 2, N, angle)
+    about, left, mean = sample_rings.swing(x, 2, N, angle)
     assert left < 1e-9 * about and mean == pytest.approx(w.mean())
-    _, beside, _ = windows.swing(x, 2, N, 1.4 * angle)
+    _, beside, _ = sample_rings.swing(x, 2, N, 1.4 * angle)
     assert beside > 0.02 * about
 
 
 def test_a_sine_in_the_command_is_not_one_in_the_fault():
     angle = 2.0 * np.pi * 2.0 / N
     d = 0.05 * np.sin(angle * np.arange(N))
-    ff, fd, dd, f0, _, d0, a, _ = windows.tone(filled(0.0 * d, d), P, 2, N, angle)
+    ff, fd, dd, f0, _, d0, a, _ = sample_rings.tone(filled(0.0 * d, d), P, 2, N, angle)
     assert ff == fd == f0 == a == 0.0 and d0 < 1e-9 * dd
 
 
@@ -74,7 +74,7 @@ def test_one_let_go_moves_as_its_load_drives_it():
 def stands(shape):
     """Return whether the fastest ring with w of `shape`, against a servo that fights it, shows an open valve."""
     d = np.where(np.abs(shape) > 1e-3, -0.5 * np.sign(shape[-1]) * np.abs(shape).max(), 0.0)
-    return opened.opened(filled(shape - d, d, 0), P, 0, 12, 0.01, 0.0)
+    return runaway_test.is_runaway(filled(shape - d, d, 0), P, 0, 12, 0.01, 0.0)
 
 
 def test_a_valve_that_jumps_and_stays_stands_open_and_the_crest_of_a_sine_does_not():
@@ -146,7 +146,7 @@ def test_a_rods_noise_is_heard_and_its_motion_is_not(times):
     x, loud = state(), []
     for k in range(400):
         q = 0.03 * np.sin(2.0 * np.pi * 3.0 * k * dt) + times * 1e-4 * rng.standard_normal()
-        noise.listen(x, 1.0, q, q, 0.0, 0.0, 0.0, 0.0, P, dt)
+        sensor_noise.update(x, 1.0, q, q, 0.0, 0.0, 0.0, 0.0, P, dt)
         loud.append(float(x.rod_noisy))
     assert np.mean(loud[200:]) == (1.0 if times > 4.0 else 0.0)
 
@@ -156,15 +156,15 @@ def test_a_fast_oscillation_of_the_pressure_is_no_noise(hz):
     rng, dt, x = np.random.default_rng(6), 0.005, state()
     for k in range(400):
         z = 0.8 * np.sin(2.0 * np.pi * hz * k * dt) + 0.005 * rng.standard_normal()
-        noise.listen(x, 0.0, 0.0, 0.0, 1.0, z, z, 0.0, P, dt)
+        sensor_noise.update(x, 0.0, 0.0, 0.0, 1.0, z, z, 0.0, P, dt)
     assert x.dp_noisy == 0.0
 
 
 def test_one_spike_is_no_noise():
     x = state()
     for k in range(400):
-        noise.listen(x, 1.0, 0.02 if k == 300 else 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, P, 0.005)
-        assert x.rod_noisy == 0.0 and x.rod_wild < noise.WILD * P.r_rod
+        sensor_noise.update(x, 1.0, 0.02 if k == 300 else 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, P, 0.005)
+        assert x.rod_noisy == 0.0 and x.rod_wild < sensor_noise.WILD * P.r_rod
 
 
 def found(k, hz, amplitude, fit):

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from actuators.hydraulic import lu17
 from fdi.common import verdict
 from fdi.hydraulic import iotsekf
-from fdi.hydraulic import separate_bias as two_stage
+from fdi.hydraulic import two_stage_ekf as two_stage
 
 WIDE = {"gate_rod": 1e9, "delay_s": 0.0}
 

@@ -88,7 +88,7 @@ def test_an_alarm_of_a_lane_that_is_not_valid_is_not_heard_but_one_that_made_it_
 
 
 def test_leakage_is_a_hypothesis_of_its_own_that_only_the_actuators_detectors_see():
-    weak = [("iotsekf", "left_inner", "likely", decide.WEAK, 1.0, 8.0)]
+    weak = [("iotsekf", "left_inner", "kind", decide.WEAK, 1.0, 8.0)]
     wide = heard(("iotsekf", "left_inner", "effectiveness", "", 1.0), finer=weak)
     assert name(wide)[:2] == ("effectiveness", "elevator_left_inner_valve")  # friction of the surface has its own word
     kinds = [(h.place, h.kind) for h in places.hypotheses(MIXED)]
@@ -106,13 +106,13 @@ def test_leakage_is_a_hypothesis_of_its_own_that_only_the_actuators_detectors_se
 
 
 @pytest.mark.parametrize("detector, lane, output, part", [
-    ("iotsekf", "left_inner", "likely", {decide.WEAK: "valve", decide.OF_LOAD: "surface", decide.LET_GO: "surface"}),
+    ("iotsekf", "left_inner", "kind", {decide.WEAK: "valve", decide.OF_LOAD: "surface", decide.FREE_FLOAT: "surface"}),
     ("ema_kalman_flight", "right_inner", "hot_friction", {1: "surface"}),
 ])  # fmt: skip
 @pytest.mark.parametrize("rates", ["measured", "none"])
 def test_what_a_detector_tells_beyond_the_class_tells_the_valve_from_the_surface(detector, lane, output, part, rates):
     for value, where in part.items():
-        class_ = "ambiguous" if value == decide.LET_GO else "effectiveness"
+        class_ = "ambiguous" if value == decide.FREE_FLOAT else "effectiveness"
         said = (detector, lane, class_, "", 1.0)
         log = heard(said, finer=[(detector, lane, output, value, 2.0, 4.0)], rates=rates)  # and stands until it changes
         w = dict(zip(places.PLACES, log["place_w"][-1], strict=True))

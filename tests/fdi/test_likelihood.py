@@ -12,7 +12,7 @@ from cosim.scenario.catalog import SEGMENTS
 from cosim.training.flights import scenario
 from fdi.common import verdict
 from fdi.hydraulic import iotsekf
-from fdi.isolation import decide, evidence, filter, lessons, response, sums
+from fdi.isolation import adaptation, decide, evidence, filter, response, sums
 
 pytestmark = pytest.mark.usefixtures("plain_kernels")
 
@@ -256,11 +256,11 @@ def test_a_load_is_judged_against_how_it_swings_in_this_air():
 def test_what_is_foreign_to_the_air_teaches_no_more_than_twice_the_usual():
     p, x = designed()[0], iotsekf.init(designed())[0]
     x.ev_load2 = 1e-6
-    lessons.breathe(x, p, 2, 0.3)
+    adaptation.learn_load_swing(x, p, 2, 0.3)
     assert x.air_load2[2] == 1e-6
     x.ev_load2 = 1e-2
-    lessons.breathe(x, p, 2, 0.3)
-    assert x.air_load2[2] == pytest.approx(1e-6 * (1.0 + 0.3 / p.memory * (lessons.FOREIGN**2 - 1.0)))
+    adaptation.learn_load_swing(x, p, 2, 0.3)
+    assert x.air_load2[2] == pytest.approx(1e-6 * (1.0 + 0.3 / p.memory * (adaptation.FOREIGN**2 - 1.0)))
 
 
 def test_only_the_best_hypothesis_of_the_longest_window_that_shows_a_fault_has_a_name():

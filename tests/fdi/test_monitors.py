@@ -81,7 +81,7 @@ def test_what_looks_like_a_jam_for_a_moment_is_called_none():
 
 @pytest.mark.parametrize("own, jam", [
     (lambda t: 0.0 * t, True),
-    (lambda t: 0.015 * t, False),  # let go, it creeps with the air
+    (lambda t: 0.015 * t, False),  # free-floating, it creeps with the air
     (lambda t: 0.05 * np.sin(2 * np.pi * 3.0 * t), False),  # it swings by less than the threshold of a rest
     (lambda t: 0.06 * np.sin(2 * np.pi * 6.0 * t), False),
 ])  # fmt: skip

@@ -13,7 +13,7 @@ from fdi.control_redundancy import control_redundancy
 from fdi.control_redundancy.core import NC
 from fdi.ema import ema_kalman_flight
 from fdi.hydraulic import iotsekf
-from fdi.hydraulic import separate_bias as two_stage
+from fdi.hydraulic import two_stage_ekf as two_stage
 
 RATES = (50, 100, 200, 333, 400, 500, 1000, 2000)
 

@@ -24,7 +24,7 @@ METHODS: dict[str, dict[str, set[str]]] = {  # paper -> file -> functions that a
     # lost samples, decisions and extensions that the paper does not have
     "lu17": {
         "actuators/hydraulic/lu17.py": set(),
-        "fdi/hydraulic/separate_bias.py": {"sane", "clear"},
+        "fdi/hydraulic/two_stage_ekf.py": {"sane", "clear"},
         "fdi/hydraulic/rtsekf.py": {"decide", "name"},
     },
     "jay": {

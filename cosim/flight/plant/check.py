@@ -1,4 +1,4 @@
-"""Does an aircraft's folder keep the contract of aircraft/README.md? One line per point, what is missing first."""
+"""Contract check of an aircraft's folder (aircraft/README.md): one line per point, what is missing first."""
 
 import math
 from collections.abc import Iterator

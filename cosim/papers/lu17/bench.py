@@ -31,7 +31,7 @@ from actuators.common import linkage
 from actuators.hydraulic import lu17, servo
 from cosim.papers.lu17 import transcription
 from fdi.hydraulic import iotsekf, rtsekf
-from fdi.hydraulic import separate_bias as two_stage
+from fdi.hydraulic import two_stage_ekf as two_stage
 
 DT, SECONDS, ONSET = 0.005, 25.0, 12.0  # onset: [Lu17] table 1
 PHASES = {"before": (2.0, 12.0), "after": (13.0, 25.0), "whole": (2.0, 25.0)}  # [s]; after: whole periods of the OFC

@@ -17,7 +17,7 @@ from actuators.hydraulic import lu17, servo
 from cosim.papers.lu17 import bench, transcription
 from cosim.papers.lu17.transcription import A_P, P_S, PHI_N, V_M, B, E, L, M, rate
 from fdi.hydraulic import iotsekf, rtsekf
-from fdi.hydraulic.separate_bias import transition
+from fdi.hydraulic.two_stage_ekf import transition
 
 CONSTANTS = {"A_p": A_P, "B": B, "P_s": P_S, "phi_n": PHI_N, "V_m": V_M, "E": E, "M": M, "L": L}
 DRAWS = 500

@@ -1,4 +1,4 @@
-"""Isolation on the talk's vehicle by its own table: which effector do the residuals that fire have in common? [Mar10]
+"""Isolation on the talk's vehicle by its own table: the effector that the firing residuals have in common. [Mar10]
 
 A family of residuals is row differences weighted by `structure.combination`, over a bound that follows from slide 11
 (`vehicle.bound`): nothing is trained. What is chosen beside the talk: a sliding mean, which its summary announces, the

@@ -1,4 +1,4 @@
-"""[Mar10] slides 13 to 15: do the residuals that a scenario's faults move react, and no others?
+"""[Mar10] slides 13 to 15: the residuals that a scenario's faults move react, and no others.
 
 The slides show curves without numbers. What they claim follows from slide 10: a residual reacts to the faults that its
 signature names and to no other, and after one fault those blind to it show the next. Nominal aircraft and sensors,

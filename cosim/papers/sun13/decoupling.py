@@ -1,4 +1,4 @@
-"""The central claim of [Sun13]: does decoupling E make the estimate robust? And what the learning rate trades.
+"""The central claim of [Sun13]: decoupling E makes the estimate robust; and what the learning rate trades.
 
 E comes from six fault-free flights, from six in moderate gusts, or from six with coefficients 5 % off. With the
 block-diagonal P that our solver returns no gain of the published form stands on an airframe output; with a P that

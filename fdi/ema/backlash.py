@@ -1,4 +1,4 @@
-"""A surface that leaves position and velocity: is it loose, or is its sensor wrong?
+"""Backlash of the surface, told from a wrong surface sensor: both leave position and velocity.
 
 e is position less surface, rigging and windup taken off, in the even samples of `drive` since it began.
 
@@ -44,7 +44,7 @@ STATE = [
 
 
 @kernel
-def weigh(x, p):
+def update(x, p):
     """Take the sample of `drive` that has just ended; write `pair_name` where one is sure."""
     head = int(x.even_head)
     now = RING - 1 if head == 0 else head - 1

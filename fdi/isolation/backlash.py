@@ -1,4 +1,4 @@
-"""Is the surface loose on its rod? Then half a gap keeps them apart, to one side or to the other, and nothing between.
+"""Backlash between rod and surface: their difference is plus or minus half the gap, and nothing between.
 
     d = rod - surface = +-h                  the surface leans on one flank or on the other, as its load drives it
 
@@ -28,10 +28,10 @@ STATE = [
 
 
 @kernel
-def ask(x, q, dt):
+def update(x, q, dt):
     """Take a tick's rod [m] and x.pair_d; while x.sensor says that rod and surface are apart, tell whether by a gap.
 
-    Takes back x.play, that it may be one, where it is none.
+    Takes back x.backlash_suspected, that it may be one, where it is none.
     """
     if x.sensor < 0.5:
         for i in range(2):
@@ -59,4 +59,4 @@ def ask(x, q, dt):
     line = x.gap_dd - mean * mean / n - (qd * qd / qq if qq > 0.0 else 0.0)
     x.loose = 1.0 if held and left < SWINGS * x.gap_dd and left < 0.5 * line else 0.0
     if left > NO_LEVELS * SWINGS * x.gap_dd:
-        x.play = 0.0
+        x.backlash_suspected = 0.0

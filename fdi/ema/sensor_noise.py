@@ -1,4 +1,4 @@
-"""Which sensor has become noisy, or repeats itself? The second difference of each reading, over that of a healthy one.
+"""Noisy and frozen sensors of an EMA: the second difference of each reading, over that of a healthy one.
 
     v = y - 2 y- + y--   of slots of 5 ms,   r = sqrt(lag of v^2) / threshold
 

@@ -1,4 +1,4 @@
-"""What the flight teaches while nothing speaks for a fault: errors within tolerances, noise, how the load swings."""
+"""Adaptation in flight while nothing suggests a fault: errors within tolerances, noise, load swings."""
 
 import math
 
@@ -12,7 +12,7 @@ FOREIGN = 2.0  # a swing of the load beyond so many times the usual counts for n
 
 
 @kernel
-def teach(x, p, dt):
+def learn(x, p, dt):
     """Take the lesson of the shortest window: the columns, and each sensor's noise."""
     span = p.length[0] * p.block * dt
     keep = math.exp(-span / p.memory)
@@ -33,7 +33,7 @@ def teach(x, p, dt):
 
 
 @kernel
-def breathe(x, p, o, apart):
+def learn_load_swing(x, p, o, apart):
     """Take the last evaluation, of octave `o`, `apart` [s] from the one before, as a lesson of how the load swings."""
     usual = x.air_load2[o]
     if usual == 0.0:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fdi.hydraulic import iotsekf
-from fdi.isolation import loose
+from fdi.isolation import backlash
 
 pytestmark = pytest.mark.usefixtures("plain_kernels")
 
@@ -18,11 +18,11 @@ ROD = 0.01 * np.sin(2.0 * np.pi * 0.31 * T)
 def asked(d, rod=ROD):
     """Return the state after rod less surface was `d` behind the pair's lag, an alarm of the pair standing."""
     x = iotsekf.init(iotsekf.params())[0]
-    x.sensor = x.play = 1.0
+    x.sensor = x.backlash_suspected = 1.0
     for k in range(len(T)):
         x.pair_age = k * DT
         x.pair_d += (1.0 - np.exp(-DT / 0.03)) * (d[k] - x.pair_d)
-        loose.ask(x, rod[k], DT)
+        backlash.update(x, rod[k], DT)
     return x
 
 
@@ -31,7 +31,7 @@ def test_half_a_gap_to_one_side_and_to_the_other_is_a_loose_surface():
     x = asked(H * SIDE + noise)
     assert x.loose == 1.0
     x.sensor = 0.0
-    loose.ask(x, 0.0, DT)
+    backlash.update(x, 0.0, DT)
     assert x.loose == 0.0 and x.gap_dd == 0.0 and not x.gap_s.any()
 
 
@@ -49,4 +49,4 @@ def test_half_a_gap_to_one_side_and_to_the_other_is_a_loose_surface():
 def test_what_a_sensor_does_is_no_gap(d, rod, play):
     """Where it takes both sides without two levels it is not even one that may be."""
     x = asked(d, rod)
-    assert x.loose == 0.0 and x.play == play
+    assert x.loose == 0.0 and x.backlash_suspected == play

@@ -1,4 +1,4 @@
-"""Does the valve obey? The fast part of its command, mostly noise of the servo's sensors, comes through or does not.
+"""Response of the valve to the fast part of its command, mostly noise of the servo's sensors: present or absent.
 
 An oscillation added to the valve command and one in its place look the same while nothing else is commanded: f is a
 sine, and so is w = f + d. What the servo's sensors put into the command above CORNER is always there. It is too fast
@@ -72,7 +72,7 @@ def passed(x, p, s, y):
 
 
 @kernel
-def forget(x):
+def reset(x):
     """Begin the sums anew: what comes may be another valve."""
     x.deaf_ev = 0.0
     x.deaf_vv = 0.0
@@ -81,14 +81,14 @@ def forget(x):
 
 
 @kernel
-def ask(x, p, good, dt):
+def update(x, p, good, dt):
     """Take a tick's innovation of the pressure, where it is `good`, and the command that it was predicted with."""
     if p.deaf_on < 0.5:
         return
     v = passed(x, p, 1, -x.G[2] * x.u_old[int(p.delay)])
     e = passed(x, p, 0, x.dp_e)
     if good < 0.5:
-        forget(x)
+        reset(x)
         return
     a = dt / MEMORY
     most = SIGMAS * math.sqrt(x.deaf_ee + LEAST)
@@ -103,12 +103,12 @@ def ask(x, p, good, dt):
 
 
 @kernel
-def obeys(x):
+def present(x):
     """Return whether it is sure that the command comes through."""
     return x.proof > SURE and x.deaf < LITTLE
 
 
 @kernel
-def refuses(x):
+def absent(x):
     """Return whether it is sure that the command does not come through."""
     return x.proof < -SURE and x.deaf > MUCH

@@ -1,4 +1,4 @@
-"""Is a sensor noisier than it was? The second difference of its samples knows no motion: what is left of it is noise.
+"""Noise of rod and pressure sensor: the second difference of the samples, which contains next to no motion.
 
 sigma^2 = mean (e_k - 2 e_k-1 + e_k-2)^2 / 6 of white samples. The rod's own reading serves as e: no actuator turns
 within two samples of up to SHORT_TICK; in two of 20 ms it does, and there what the surface does not do serves as well.
@@ -63,7 +63,7 @@ def noisy(before, value, usual, loud):
 
 
 @kernel
-def listen(x, rod_good, y_rod, e_rod, dp_good, y_dp, e_dp, steps, p, dt):
+def update(x, rod_good, y_rod, e_rod, dp_good, y_dp, e_dp, steps, p, dt):
     """Take a sample of the rod [m] and what is fast in it beside the surface, of the pressure and its innovation, each
     where it is good; judge both. `steps` is the second difference that the valve's own steps may leave in the latter.
     """

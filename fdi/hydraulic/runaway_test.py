@@ -1,9 +1,9 @@
-"""A valve that stands open: w = f + d has jumped, and stayed where it is, against the command. A runaway."""
+"""Runaway test: w = f + d has jumped and stays constant against the command, as with a valve that stands open."""
 
 import math
 
 from actuators.block import kernel
-from fdi.hydraulic.windows import N
+from fdi.hydraulic.sample_rings import N
 
 FLAT, RISE, BEND = 0.2, 0.4, 3.0  # a runaway's valve stays so flat, BEND times as long as it took to rise from RISE
 EVEN = 0.05  # ... by its own noise and this share
@@ -15,7 +15,7 @@ TRAVEL = 4e-3  # [m] that way
 
 
 @kernel
-def opened(x, p, j, least, h, opposed):
+def is_runaway(x, p, j, least, h, opposed):
     """Return whether the valve stands open since a jump: w flat for BEND times as long as it took to get there.
 
     Over means of three samples of ring `j`, flat for at least so many samples.
@@ -30,13 +30,13 @@ def opened(x, p, j, least, h, opposed):
         i = N - 1 if i == 0 else i - 1
     size = math.fabs(mean)
     side = 1.0 if mean > 0.0 else -1.0
-    if size < 0.6 * x.coarse * p.run_threshold or side * x.bank_ring[1, j, newest] > -opposed * size:
+    if size < 0.6 * x.noise_scale * p.run_threshold or side * x.bank_ring[1, j, newest] > -opposed * size:
         return False
     w0 = side * (x.bank_ring[0, j, newest] + x.bank_ring[1, j, newest])
     i = N - 1 if newest == 0 else newest - 1
     w1 = side * (x.bank_ring[0, j, i] + x.bank_ring[1, j, i])
     flat, rise, jumped, against = 0, 0, False, False
-    flat_to = min(FLAT * size, (EVEN + LOOSE * size) * size + 1.2 * x.coarse * p.sigma[j])
+    flat_to = min(FLAT * size, (EVEN + LOOSE * size) * size + 1.2 * x.noise_scale * p.sigma[j])
     for _ in range(N - 2):
         i = N - 1 if i == 0 else i - 1
         w2 = side * (x.bank_ring[0, j, i] + x.bank_ring[1, j, i])
@@ -59,9 +59,9 @@ def opened(x, p, j, least, h, opposed):
 
 
 @kernel
-def opened_since(x, p, dt):
+def runs_away(x, p, dt):
     """Return whether one of the bank's faster rings shows a valve that stands open."""
-    loaded = x.x_hat[3] * (x.f_slow + x.u_slow) > 0.0  # the way in which a surface that is let go moves
-    if opened(x, p, 0, 18 if loaded else 12, p.bank_block[0] * dt, 0.0):
+    loaded = x.x_hat[3] * (x.f_slow + x.u_slow) > 0.0  # the way in which a free-floating surface moves
+    if is_runaway(x, p, 0, 18 if loaded else 12, p.bank_block[0] * dt, 0.0):
         return True
-    return opened(x, p, 1, 16, p.bank_block[1] * dt, 0.6)
+    return is_runaway(x, p, 1, 16, p.bank_block[1] * dt, 0.6)

@@ -1,8 +1,8 @@
-"""Soft oil and joined chambers, told from what a valve does: four filters that start with an alarm.
+"""Multiple models of soft oil and of joined chambers: four Kalman filters that start with an alarm.
 
 The signatures of `filter` are linear in the size of a fault. An actuator whose oil has lost most of its stiffness, or
-that was let go, is another system, and has a Kalman filter of its own here: of x = (q, q', z, F, theta), the first four
-as in `filter`, with the errors that the flight has taught, and theta unknown when the alarm begins:
+that floats freely, is another system, and has a Kalman filter of its own here: of x = (q, q', z, F, theta), the first
+four as in `filter`, with the errors that the flight has taught, and theta unknown when the alarm begins:
 
     z' = k (g root(z) u + w - l z - q'),    pressure sensor: z + o
 
@@ -192,7 +192,7 @@ def lead(x, h):
 
 
 @kernel
-def ask(x, u, p, dt):
+def update(x, u, p, dt):
     """Run the filters for one tick while an alarm stands, after `filter.advance`; keep what they have shown."""
     for h in range(2):
         x.rival_lead[h] = 0.0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fdi.hydraulic import iotsekf, obeys
+from fdi.hydraulic import command_response, iotsekf
 
 DT = 0.005
 
@@ -20,7 +20,7 @@ def asked(deaf, *, hz=0.0, size=0.0, seed=3, seconds=2.0):
         sine = size * np.sin(2.0 * np.pi * hz * k * DT)
         x.u_old[int(p.delay)] = 0.012 * rng.standard_normal() + sine
         x.dp_e = -deaf * 0.9 * x.u_old[int(p.delay)] + 0.01 * rng.standard_normal() + sine
-        obeys.ask(x, p, 1.0, DT)
+        command_response.update(x, p, 1.0, DT)
     return x
 
 
@@ -31,14 +31,14 @@ def test_the_share_that_does_not_come_through_is_read(deaf):
 
 @pytest.mark.parametrize(("hz", "size"), [(1.0, 0.1), (10.0, 0.2)])
 def test_an_oscillation_below_the_corner_does_not_disturb_it(hz, size):
-    assert obeys.obeys(asked(0.0, hz=hz, size=size))
-    assert obeys.refuses(asked(1.0, hz=hz, size=size))
-    assert not obeys.obeys(asked(1.0)) and not obeys.refuses(asked(0.0))
+    assert command_response.present(asked(0.0, hz=hz, size=size))
+    assert command_response.absent(asked(1.0, hz=hz, size=size))
+    assert not command_response.present(asked(1.0)) and not command_response.absent(asked(0.0))
 
 
 def test_a_tick_without_a_reading_begins_anew():
     x, p = asked(1.0), iotsekf.params()[0]
-    obeys.ask(x, p, 0.0, DT)
+    command_response.update(x, p, 0.0, DT)
     assert x.deaf == 0.0 and x.proof == 0.0
 
 

@@ -26,7 +26,7 @@ from actuators.block import kernel
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import jacobian, rk4
 from fdi.common.linalg import congruence_walk, integral, joseph
-from fdi.hydraulic import noise, pressure_test
+from fdi.hydraulic import pressure_test, sensor_noise
 
 ITERATIONS = 4  # bound of (21)-(24)
 GATE_NONE = 1e9
@@ -88,7 +88,7 @@ STATE = [
     ("age_dp", "f8", "s"),  # since the last pressure sample used
     ("age_rod", "f8", "s"),  # since the last sample of the rod's own sensor
     ("dp_e", "f8", "-"),  # innovation of the pressure, used or not
-    *noise.STATE,
+    *sensor_noise.STATE,
     *pressure_test.STATE,
 ]
 
@@ -218,7 +218,7 @@ def predict(x, u, v, p, dt):
         time_update(x, u, v, p, dt / n)
     Phi, G = x.Phi, x.G
     b1, b2, b3 = G[0], G[1], G[2]
-    for _ in range(n - 1):  # G of the whole tick, as `pressure_test` and `obeys` read it
+    for _ in range(n - 1):  # G of the whole tick, as `pressure_test` and `command_response` read it
         g1, g2, g3 = G[0], G[1], G[2]
         for i in range(3):
             G[i] = Phi[i, 0] * g1 + Phi[i, 1] * g2 + Phi[i, 2] * g3 + (b1 if i == 0 else (b2 if i == 1 else b3))

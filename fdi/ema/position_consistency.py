@@ -1,11 +1,11 @@
-"""Where is the rod? Three witnesses: the position sensor, the surface sensor, and the velocity sensor's integral.
+"""Consistency of three positions of the rod: position sensor, surface sensor, integral of the velocity sensor.
 
     rod = y_position,   rod = arm y_surface + windup - rigging,   rod = lead times the integral of y_velocity + const
 
 `windup` is what torque winds screw and mount up, by the filter. Two that agree against the third name it
 (`fdi.common.decision.pair_test`): position against surface, each against the velocity's integral, whose constant
 follows in `pair_wash`. Where both positions leave the integral together, the velocity is wrong. Whether a surface that
-leaves the other two is loose or its sensor wrong: `loose`.
+leaves the other two is loose or its sensor wrong: `backlash`.
 """
 
 import math
@@ -63,7 +63,7 @@ def _begin(x, share):
 
 
 @kernel
-def hear(x, u, w, p, dt):
+def update(x, u, w, p, dt):
     """Compare the three; `w` is the motor's mean rate of the tick, as measured or what stands for it [rad/s]."""
     position, surface = usable(u.y_position, u.position_valid), usable(u.y_surface, u.surface_valid)
     x.age_pos = 0.0 if position > 0.5 else x.age_pos + dt
