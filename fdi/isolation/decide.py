@@ -279,6 +279,8 @@ def merge(x, freeze, asked):
     evidence is `asked` it has to bear out an oscillation before it has a name."""
     if freeze > 0.5:
         x.alarm, x.verdict, x.culprit = 1.0, SENSOR, freeze
+        x.rival_s = -1.0  # its last value shows nothing of the actuator: the models begin anew
+        x.shown[SOFT] = x.shown[JOINED] = 0.0
         return
     if x.speaks < 0.5 and x.alarm < 0.5:
         return

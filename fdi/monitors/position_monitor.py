@@ -16,7 +16,7 @@ the alarm, a runaway's unless the surface turns back by `travel_run`: where the 
 runs, too, but slows down and turns back once the command has passed the reading. A surface that slows down is therefore
 not named yet, and one that turns back is AMBIGUOUS. A jam's stays unless the surface moves: a jam does not at all, and
 in gusts, where the model passes a surface that stands again and again, only one that follows the model farther than
-that is where it should be (`_moves`). A free-floating surface that its friction holds, a runaway too slow to move it and
+that is where it should be (`_moves`). A free-floating surface held by friction, a runaway too slow to move it and
 a solid oscillation below 0.03 deg are jams to its sensor; an oscillation whose strokes are longer than `travel_run` is
 taken for a runaway until it turns back.
 """

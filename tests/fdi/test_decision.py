@@ -143,7 +143,7 @@ def test_a_surface_that_gives_way_to_its_load_may_be_loose(offset, load, play):
     y[1, 1200:] += offset
     out = pair(*y, np.zeros(n), load)
     assert (out["blame"][1300:] == 2.0).all()
-    assert (out["play"][1300:] == play).all()
+    assert (out["backlash_suspected"][1300:] == play).all()
 
 
 def test_an_oscillating_sensor_is_wrong_until_it_rests():

@@ -191,7 +191,7 @@ def test_a_drive_that_presses_on_a_stop_neither_rubs_nor_is_jammed(beyond, says)
 def test_friction_is_named_where_the_drive_moves_and_may_be_a_jam_where_it_does_not(rate, name):
     p = flight.params()
     x = flight.init(p)
-    x["hot_friction"], x["left"], x["w_power"] = 1.0, 1.0, rate * rate
+    x["hot_friction"], x["residual"], x["w_power"] = 1.0, 1.0, rate * rate
     assert vote._drive(x[0], p[0], DT)[0] == name
 
 

@@ -363,15 +363,15 @@ def test_under_a_load_that_nothing_explains_no_sensor_of_the_rod_is_named():
 def test_a_current_sensor_is_named_by_what_the_motor_has_not_felt_and_not_by_the_opposite():
     p = flight.params()
     x = flight.init(p)
-    x["left"], x["felt_den"] = [0.48, 300.0, 400.0, 1.0, 0.8, 1.0, 0.8, 0.03], 150.0
+    x["residual"], x["felt_den"] = [0.48, 300.0, 400.0, 1.0, 0.8, 1.0, 0.8, 0.03], 150.0
     x["felt"] = -0.3
     assert vote._drive(x[0], p[0], jay.PERIOD) == (v.SENSOR, CURRENT)
-    x["left"][0, 7] = 0.6  # nothing that a sensor does, of a size that friction may keep
+    x["residual"][0, 7] = 0.6  # nothing that a sensor does, of a size that friction may keep
     assert vote._drive(x[0], p[0], jay.PERIOD) == (v.NONE, 0.0)
-    x["left"][0, 7] = 0.03
+    x["residual"][0, 7] = 0.03
     x["felt"] = -0.7
     assert vote._drive(x[0], p[0], jay.PERIOD) == (v.NONE, 0.0)
-    x["felt"], x["left"][0, 0], x["must"] = 0.1, 0.01, 0.5  # a sine may be in the drive, and in its friction
+    x["felt"], x["residual"][0, 0], x["must"] = 0.1, 0.01, 0.5  # a sine may be in the drive, and in its friction
     assert vote._drive(x[0], p[0], jay.PERIOD) == (v.NONE, 0.0)
     x["felt_den"] = (vote.SURE_SINE / 0.35 * drive.felt_sigma(x[0], p[0], jay.PERIOD)) ** 2 * 150.0
     assert vote._drive(x[0], p[0], jay.PERIOD) == (v.SENSOR, CURRENT)
@@ -405,7 +405,7 @@ def test_a_misread_velocity_is_told_from_a_torque_by_both_shares_at_once(felt, m
         gamma += misread * drive.read(twin[0], 4, f / p["b_motor"][0], p[0])
         drive.watch(x[0], f, True, 0.0, 0.0, True, gamma + rng.normal(), p[0], jay.PERIOD)
         x["f_timer"], x["count"] = 1.0, 1.0
-    x["drive_name"], x["hot_f"], x["left"] = v.OFC_LIQUID, 1.0, 1.0
+    x["drive_name"], x["hot_f"], x["residual"] = v.OFC_LIQUID, 1.0, 1.0
     assert x["felt"][0] == pytest.approx(felt, abs=0.1) and x["misread"][0] == pytest.approx(misread, abs=0.05)
     assert vote._drive(x[0], p[0], jay.PERIOD)[0] == said
 

@@ -25,7 +25,7 @@ def listen(innovations, rod=1.0, surface=0.0, **at):
 @pytest.mark.parametrize(("rod", "surface", "which"), [(1.0, 0.0, 1.0), (0.0, 1.0, 2.0)])
 def test_a_jump_that_stays_for_three_samples_is_the_sensors(rod, surface, which):
     x = listen([0.0, 10 * SIGMA, 10 * SIGMA, 10 * SIGMA], rod, surface)
-    assert x["jump_of"] == which and x["quiet"] >= decision.T_DISTURBED
+    assert x["jump_of"] == which and x["t_settling"] >= decision.T_DISTURBED
     briefly(iotsekf.jumped, x, 1.0, 1.0, 0.005)
     assert x["jump_of"] == 0.0
 
