@@ -346,12 +346,14 @@ def inside(x, p):
 @kernel
 def swings_valve(x, o, top, span):
     """Return whether octave `top`, the longest that shows a fault, of `span` [s], bears out an oscillation of the valve
-    that the rules have found; octave `o` has just been evaluated."""
-    if x.own_fits[top] > 0.5 and x.own_class[top] != LIQUID and x.own_class[top] != SOLID:
+    that the rules have found; octave `o` has just been evaluated. A loss leaves a share of the command, as one in place
+    does, and none of one added."""
+    fits = x.own_fits[top] > 0.5 and not (x.own_class[top] == WEAK and x.named == OFC_LIQUID)
+    if fits and x.own_class[top] != LIQUID and x.own_class[top] != SOLID:
         return False
     if o == top and max(told(x, ev.ADDED), told(x, ev.IN_PLACE)) > of_class(x, OF_PRESSURE)[0]:
         return True
-    if x.own_fits[top] > 0.5 or span * x.ofc_hz < RESOLVED:
+    if fits or span * x.ofc_hz < RESOLVED:
         return False
     for o in range(OCTAVES):
         if x.own_ratio[o] >= 1.0 and x.own_class[o] == OF_PRESSURE:
@@ -373,7 +375,7 @@ def judge(x, p, o, dt):
     top, c = longest(x), candidate(x)
     if top >= 0 and swings_valve(x, o, top, p.length[top] * p.block * dt):
         x.borne = 1.0
-    if c >= 0 and (x.own_class[c] == OF_PRESSURE or x.own_class[c] == WEAK):
+    if c >= 0 and (x.own_class[c] == OF_PRESSURE or (x.own_class[c] == WEAK and x.named != OFC_LIQUID)):
         x.borne = 0.0
     if o == OCTAVES - 1:
         in_a_row(x, p)
