@@ -115,7 +115,7 @@ def close(x, p, suspicious, dt):
         anew = by_evidence.judge(x, p, o, dt)
         if x.alarm < 0.5 and x.speaks_timer == 0.0:
             adaptation.learn_load_swing(x, p, o, sums.apart(o) * p.block * dt)
-    if x.window_age[0] >= p.length[0] and (quiet or x.h_clock < LEARN_S):
+    if x.window_age[0] >= p.length[0] and (quiet or (x.h_clock < LEARN_S and x.alarm < 0.5)):
         adaptation.learn(x, p, dt)
     sums.fold(x, p)
     if blocks % int(sums.SOLVE_BLOCKS) == 0:

@@ -38,7 +38,7 @@ def test_a_word_beyond_the_class_stands_while_the_alarm_does():
     trace[20:30, 3] = decide.OF_LOAD  # while it is ambiguous
     trace[40:, 1] = verdict.EFFECTIVENESS
     trace[50:55, 3] = decide.WEAK
-    finer, dt = {"likely": 3}, 0.05
+    finer, dt = {"kind": 3}, 0.05
     said = ["ambiguous", "ambiguous friction", "effectiveness loss_of_effectiveness"]
     assert train_joint._tokens(watch, trace[10:], finer, dt) == [*said, said[-1]]  # phases of 5, 15, 60, 10 ticks
     trace[45, 0] = 0.0
