@@ -308,7 +308,7 @@ def merge(x, freeze, asked):
         x.verdict = OFC_LIQUID
     elif x.likely == SOLID and x.sure[1] > 0.0:
         x.verdict = OFC_SOLID
-    elif x.likely == WEAK or (x.likely == OF_LOAD and moved):
+    elif (x.likely == WEAK and x.dp_out < 0.5) or (x.likely == OF_LOAD and moved):
         x.verdict = EFFECTIVENESS
     elif x.likely == OF_ROD or x.likely == OF_SURFACE:
         x.verdict, x.culprit = SENSOR, x.likely - OF_ROD + 1.0
@@ -316,8 +316,10 @@ def merge(x, freeze, asked):
 
 @kernel
 def of_actuator(x):
-    """Return whether nothing says that the fault is of a sensor."""
-    return x.sensor < 0.5 and x.verdict != SENSOR and x.likely != OF_PRESSURE and x.candidate != OF_PRESSURE
+    """Return whether nothing says that the fault is of a sensor. The evidence of a pressure sensor knows no model of
+    joined chambers: while these lead, they outrank it."""
+    pressure = x.likely == OF_PRESSURE or x.candidate == OF_PRESSURE
+    return x.sensor < 0.5 and x.verdict != SENSOR and (not pressure or x.rival_lead[JOINED] > multiple_models.SURE)
 
 
 @kernel

@@ -35,6 +35,7 @@ LEAST = 0.2  # for which likelihoods are gathered before they say anything [s]
 P0 = (1e-7, 1e-2, 1e-2, 1e-1)  # variances of (q, q', z, F) at the start
 THETA, THETA_SD = (-1.6, 0.0, 0.0, 0.0), (0.9, 0.006, 0.03, 0.03)  # theta at the start
 WALK = (0.1, 0.0, 0.03, 0.03)  # of theta: a fault that grows, a valve that moves [1/sqrt s, -, m/s/sqrt s]
+SOFT_MOST = -0.4  # two thirds of the stiffness are left: more may be tolerances and the hinge
 SOFT_LEAST = -3.0  # 5 % of the stiffness are left: softer, and the oil follows any valve, too
 OFFSET_MOST = 0.015  # of a pressure sensor within tolerances [1]
 RUBS = 3e-4  # what friction, of which joined chambers show more, may do to the rod [m^2/s^3]
@@ -182,6 +183,8 @@ def predict(x, h, u, v, p, dt):
 @kernel
 def lead(x, h):
     """Return by how much the logarithm of the likelihood of filter `h` leads all others, 0 where its model is poor."""
+    if h == SOFT and x.rival_hat[SOFT, 4] > SOFT_MOST:
+        return 0.0
     if x.rival_s < LEAST or x.rival_Q[h] > min(FAIR * x.rival_n, BESIDE * x.rival_Q[IN_PLACE]):
         return 0.0
     least = 1e300

@@ -59,6 +59,7 @@ def test_a_large_oscillation_in_still_air_has_its_name_and_keeps_it(start_s, amp
         (["faults.0.kind=air_in_oil", "faults.0.loss_pct=80"], "effectiveness"),
         (["faults.0.kind=air_in_oil", "faults.0.loss_pct=90"], "effectiveness"),
         (["faults.0.kind=free_float"], "effectiveness"),
+        (["faults.0.kind=free_float", "faults.0.start_s=8"], "effectiveness"),
         (
             ["faults.0.kind=ofc_solid", "faults.0.at=valve", "faults.0.amplitude_mm=0.3", "faults.0.frequency_hz=0.6"],
             "ofc_solid",
