@@ -55,6 +55,7 @@ STATE = [
     ("rival_Q", "f8", (RIVALS + 1,)),  # squared innovations over their variances; the last: of the healthy filter
     ("rival_ln", "f8", (RIVALS + 1,)),  # logarithms of the variances
     ("rival_lead", "f8", (2,)),  # lead of SOFT and of JOINED over all others, where they fit
+    ("rival_poor", "f8", (2,), "s"),  # for which SOFT and JOINED have not led
     ("shown", "f8", (2,)),  # 1 where the alarm has shown that the oil is soft, that the chambers are joined
 ]
 
@@ -223,5 +224,8 @@ def update(x, u, p, dt):
     x.rival_s += dt
     for h in range(2):
         x.rival_lead[h] = lead(x, h)
+        x.rival_poor[h] = x.rival_poor[h] + dt if x.rival_lead[h] <= 0.0 else 0.0
+        if x.rival_poor[h] > MEMORY:  # it does not hold: a small oscillation in place fits at first
+            x.shown[h] = 0.0
         if x.rival_lead[h] > SURE:
             x.shown[h], x.shown[1 - h] = 1.0, 0.0
