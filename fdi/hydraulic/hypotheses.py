@@ -8,7 +8,7 @@ the pressure difference. Over a window of averaged samples each hypothesis leave
 | healthy | f = t d, t within GAIN_ERROR of the learned gain | H | |
 | oscillation added | f = g d + a cos + b sin | L | OFC_LIQUID |
 | oscillation in place | f = -d + a cos + b sin | S | OFC_SOLID |
-| less than commanded | f = t d, t z or t z': valve, supply; leakage; soft oil | E | (by `fdi.isolation`) |
+| less than commanded | f = t d or t z: valve, supply; leakage | E | (by `fdi.isolation`) |
 | a valve that stands open | f = -d + c from its jump on | | RUNAWAY |
 
 A name is given when its hypothesis leaves what noise leaves, and every other several times as much; until then the
@@ -30,10 +30,8 @@ from fdi.hydraulic.sample_rings import SLOW, SLOW_K, SLOW_S, N
 SHORT, LONG = 1.25, 2.0  # windows of an oscillation [periods]
 BESIDE, CLEAR = 2.0, 3.0  # an energy of so many times the noise's own is no noise; is enough for a name
 STEP, WIDE = 0.1, 0.13  # of its frequency, before an alarm and after it; a neighbour in the bank is 0.27 away
-OWN_FAST = 0.35  # above OWN_HZ
 ASKED = 0.2  # since the alarm rose before one added is voted for, unless the valve is known to obey [s]
 BEHIND = 0.6  # periods since the alarm rose before an oscillation in place is voted for
-OWN, OWN_HZ = 0.6, 2.0  # f is w - d, d in quadrature to w: up to OWN_HZ f mostly has no less than this of w's energy
 OFFSET = 0.3  # energy of the mean over that about it
 PART = 0.35  # share that an oscillation about a mean may leave before its frequency is looked for
 PURE_SURE = 0.16  # share that an oscillation added leaves where the valve is known to obey
@@ -44,7 +42,7 @@ LEAD = 12.0  # the next best hypothesis leaves so many variances more (twice the
 TAUGHT = 0.5  # of what the gain may be off by, where names are compared: one sigma, not the limit of an alarm
 PERIODS, SWITCH = 3.0, 5.0  # periods for which a name must be the best; ... where another has been given
 LOSS_ADDED = 0.6  # a loss leaves more than this of an added oscillation
-LOSS_INSTEAD, LOSS_LITTLE = 0.2, 0.6  # ... and of one in place of the command; where f is little, as of soft oil
+LOSS_INSTEAD = 0.2  # ... and of one in place of the command
 GOOD, FIRM = 0.06, 6.0  # a hypothesis that leaves less than this, of so many times the noise's energy, is good
 SLOW_ONE, SLOW_LEFT = 0.56, 0.3  # a slow one [Hz] is named where the other leaves this share
 STAYS, SAME_LEAST = 0.7, 0.6  # an oscillation found stays: least fit over its threshold, and over its amplitude
@@ -131,7 +129,7 @@ def oscillates(x, p, j, n, angle):
 def replaced(x, p, j, n, h, hz):
     """Vote for an oscillation in place of the command where w swings about a mean; the command is not obeyed.
 
-    `h` [s] is a sample of the ring. A loss and joined chambers must leave more over.
+    `h` [s] is a sample of the ring. A loss must leave more over.
     """
     angle = 6.283185307179586 * hz * h
     variance = x.noise_scale * x.noise_scale * p.sigma[j] * p.sigma[j]
@@ -141,9 +139,8 @@ def replaced(x, p, j, n, h, hz):
         return False, hz
     m = losses.even_window(n, h)
     if m <= x.even_seen:
-        H, E, W, _ = losses.losses(x, m)
-        little = H < (OWN if hz < OWN_HZ else OWN_FAST) * M * m / n
-        if E < (LOSS_LITTLE if little else LOSS_INSTEAD) * H or W < LOSS_INSTEAD * M * m / n:
+        H, E, _ = losses.loss(x, m)
+        if E < LOSS_INSTEAD * H:
             return False, hz
     if M < CLEAR * n * variance or R > PART * M + NOISY * n * variance:
         return False, hz
@@ -191,7 +188,7 @@ def compare(x, p, H, L, W, S, B, n, h, variance, hz_L, hz_S, plain, stands, bonu
     other = 1.0
     m = losses.even_window(n, h)
     if p.load == 2.0 and x.noise_scale < 2.0 and m <= x.even_seen:
-        all, E, _ = losses.loss(x, p, m)
+        all, E, _ = losses.loss(x, m)
         floor = m * p.sigma[SLOW + 1] * p.sigma[SLOW + 1]
         other = max(E - floor, 0.0) / max(all - floor, 1e-300) if all > 2.0 * floor else 1.0
     yes = x.declared > 0.5 and command_response.present(x)  # before the alarm of the healthy valve

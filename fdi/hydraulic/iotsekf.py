@@ -30,7 +30,7 @@ from fdi.common import bank, decision
 from fdi.common.decision import confirm, usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
-from fdi.common.verdict import NONE, RUNAWAY, SENSOR
+from fdi.common.verdict import NONE, SENSOR
 from fdi.hydraulic import command_response, hypotheses, pressure_test, runaway_test, sample_rings, sensor_noise
 from fdi.hydraulic import two_stage_ekf as two_stage
 from fdi.isolation import backlash, filter, likelihood, multiple_models
@@ -363,8 +363,6 @@ def decide(x, u, p, dt):
         one = x.run > 0.5 and x.swings < 1.5 and x.proof < 0.5 * command_response.SURE and not (lost and still)
         x.opens = 1.0 if one and runaway_test.runs_away(x, p, dt) else 0.0
     before, named = x.declared, x.named
-    if x.swings > 1.5 and x.named == RUNAWAY and not command_response.absent(x):
-        x.named = NONE
     hypotheses.conclude(x, x.jam > 0.5, x.run > 0.5)
     if before > 0.5 and x.declared < 0.5:  # half a period of a slow oscillation rises, falls and has no name
         hypotheses.forget(x, named != NONE)

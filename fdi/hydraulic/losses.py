@@ -1,6 +1,6 @@
-"""Losses: f = t d of valve or supply, f = t z of a leakage, w = t z of joined chambers.
+"""Losses: f = t d of valve or supply, f = t z of a leakage.
 
-f is the input fault, d the command behind the same lag, w = f + d, z the pressure.
+f is the input fault, d the command behind the same lag, z the pressure.
 """
 
 from actuators.block import kernel
@@ -23,24 +23,15 @@ def least(ff, fd, dd, gain):
 
 
 @kernel
-def loss(x, p, n):
-    """Return (H, least energy that a loss leaves, sum of d d) of the newest `n` even samples; see `losses`."""
-    H, E, _, dd = losses(x, n)
-    return H, E, dd
-
-
-@kernel
-def losses(x, n):
-    """Fit each loss alone to the newest `n` even samples: f = t d or t z, and w = t z of joined chambers.
-
-    Return (H, least energy of the first two, energy of the last, sum of d d).
+def loss(x, n):
+    """Fit each loss alone to the newest `n` even samples: f = t d or t z; return (H, least energy left, sum of d d).
 
     A valve that passes less, or a lower supply: t d; leakage: t z. Both take away: t is negative.
     """
     i = int(x.even_head) - n
     if i < 0:
         i += N
-    ff, fd, dd, fz, zz, dz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    ff, fd, dd, fz, zz = 0.0, 0.0, 0.0, 0.0, 0.0
     for _ in range(n):
         f, d, z = x.even_ring[0, i], x.even_ring[1, i], x.even_ring[2, i]
         ff += f * f
@@ -48,7 +39,6 @@ def losses(x, n):
         dd += d * d
         fz += f * z
         zz += z * z
-        dz += d * z
         i = 0 if i == N - 1 else i + 1
     H = least(ff, fd, dd, x.gain)
     E = H
@@ -56,10 +46,7 @@ def losses(x, n):
         E = min(E, ff - fd * fd / dd)
     if zz > 0.0 and -LEAK_MOST < fz / zz < -LEAK_LEAST:
         E = min(E, ff - fz * fz / zz)
-    W = ff + 2.0 * fd + dd
-    if zz > 0.0 and fz + dz < 0.0:
-        W -= (fz + dz) * (fz + dz) / zz
-    return H, max(E, 0.0), max(W, 0.0), dd
+    return H, max(E, 0.0), dd
 
 
 @kernel

@@ -10,11 +10,11 @@ window bears it out (`swings_valve`).
 import math
 
 from actuators.block import kernel
-from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
+from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, SENSOR
 from fdi.isolation import backlash, multiple_models, sums
 from fdi.isolation import evidence as ev
 from fdi.isolation.filter import N
-from fdi.isolation.multiple_models import DOUBT, JOINED, SOFT
+from fdi.isolation.multiple_models import JOINED, SOFT
 from fdi.isolation.sums import OCTAVES
 
 LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, APART, FREE_FLOAT, DRIVEN = range(1, 12)
@@ -259,10 +259,6 @@ def follow(x, u, own, dt):
     if x.candidate < 0.5:
         return
     x.candidate_s += dt
-    if x.candidate == FREE_FLOAT and x.likely > 0.5:
-        x.candidate_s = 0.0
-    if x.likely == OF_LOAD and x.rod_high - x.rod_low < STILL:
-        x.candidate_s = 0.0
     if x.candidate != OF_LOAD and x.candidate_hz > 0.0 and x.speaking_s < PART / x.candidate_hz:
         x.candidate_s = 0.0
     slow = x.candidate == WEAK or (x.candidate == OF_PRESSURE and x.candidate_hz == 0.0)
@@ -324,11 +320,8 @@ def of_actuator(x):
 
 @kernel
 def conclude(x, freeze, asked):
-    """Write alarm, verdict and culprit (`merge`); a fault of the valve is ambiguous while another model explains it."""
+    """Write alarm, verdict and culprit (`merge`), and which kind of fault a loss of effectiveness is."""
     merge(x, freeze, asked)
-    valve = x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID or x.verdict == RUNAWAY or x.verdict == JAM_SOLID
-    if valve and of_actuator(x) and max(x.rival_lead[SOFT], x.rival_lead[JOINED]) > DOUBT:
-        x.verdict = AMBIGUOUS
     x.kind = x.likely
     if x.loose > 0.5:
         x.kind = APART

@@ -41,7 +41,7 @@ OFFSET_MOST = 0.015  # of a pressure sensor within tolerances [1]
 RUBS = 3e-4  # what friction, of which joined chambers show more, may do to the rod [m^2/s^3]
 FAIR = 1.25  # times noise that a model leaves if it holds
 BESIDE = 1.11  # ... and times what IN_PLACE leaves, which follows part of the noise
-SURE, DOUBT = 30.0, 8.0  # lead of a name; of what makes other names doubtful
+SURE = 30.0  # lead of a name
 LOST_S = 0.2  # without a sensor for longer nothing is asked [s]
 
 STATE = [
