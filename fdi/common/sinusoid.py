@@ -1,8 +1,19 @@
-"""Products of two signals with a sine of a given frequency, over the newest samples of a ring."""
+"""Rings of averaged samples, and products of two signals with a sine of a given frequency over the newest of them."""
 
 import math
 
 from actuators.block import kernel
+
+
+@kernel
+def put(ring, sums, count, head):
+    """Write the means of `count` ticks, from their `sums` (signals,), to place `head` of `ring` (signals, samples),
+    clear the sums, and return the next place."""
+    at = int(head)
+    for s in range(sums.size):
+        ring[s, at] = sums[s] / count
+        sums[s] = 0.0
+    return 0.0 if at == ring.shape[1] - 1 else head + 1.0
 
 
 @kernel

@@ -40,7 +40,7 @@ import math
 
 from actuators.block import kernel
 from fdi.common.decision import clipped, confirm
-from fdi.common.sinusoid import beside
+from fdi.common.sinusoid import beside, put
 from fdi.common.verdict import EFFECTIVENESS, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY
 from fdi.ema.gains import RELEASE, doubt, doubt_b, gains, tick
 from fdi.ema.torque import push, read
@@ -399,19 +399,13 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     if x.even_ticks < p.even:
         return
     head = int(x.even_head)
+    x.even_head = put(x.even_ring, x.even_sum, p.even, x.even_head)
     for s in range(5):
-        x.even_ring[s, head] = x.even_sum[s] / p.even
         x.slow_sum[s] += x.even_ring[s, head]
-        x.even_sum[s] = 0.0
-    x.even_head = 0.0 if head == RING - 1 else head + 1.0
     x.even_ticks = 0.0
     x.slow_count += 1.0
     if x.slow_count >= SLOW:
-        slow = int(x.slow_head)
-        for s in range(5):
-            x.slow_ring[s, slow] = x.slow_sum[s] / SLOW
-            x.slow_sum[s] = 0.0
-        x.slow_head = 0.0 if slow == RING - 1 else slow + 1.0
+        x.slow_head = put(x.slow_ring, x.slow_sum, SLOW, x.slow_head)
         x.slow_count = 0.0
     whole = x.even_lost < 0.5
     x.even_whole = x.even_whole + 1.0 if whole else 0.0

@@ -8,7 +8,7 @@ from typing import Any
 
 from actuators.block import kernel
 from fdi.common import bank
-from fdi.common.sinusoid import products
+from fdi.common.sinusoid import products, put
 
 N = bank.N
 SLOW = bank.LEVELS  # index of the slow ring
@@ -60,11 +60,7 @@ def push(x, p, f, d, z):
     x.even_sum[2] += z
     x.even_count += 1.0
     if x.even_count >= p.even_block:
-        head = int(x.even_head)
-        for s in range(3):
-            x.even_ring[s, head] = x.even_sum[s] / x.even_count
-            x.even_sum[s] = 0.0
-        x.even_head = 0.0 if head == N - 1 else head + 1.0
+        x.even_head = put(x.even_ring, x.even_sum, x.even_count, x.even_head)
         x.even_count = 0.0
         x.even_seen += 1.0
         fresh = 1.0
@@ -76,11 +72,7 @@ def push(x, p, f, d, z):
             x.slow_sum[s] += x.bank_ring[s, bank.LEVELS - 1, last]
         x.slow_count += 1.0
         if x.slow_count >= p.slow_block:
-            head = int(x.slow_head)
-            for s in range(2):
-                x.slow_ring[s, head] = x.slow_sum[s] / x.slow_count
-                x.slow_sum[s] = 0.0
-            x.slow_head = 0.0 if head == N - 1 else head + 1.0
+            x.slow_head = put(x.slow_ring, x.slow_sum, x.slow_count, x.slow_head)
             x.slow_count = 0.0
             x.slow_seen += 1.0
             fresh += 2.0

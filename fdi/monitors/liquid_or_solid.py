@@ -13,7 +13,7 @@ well, with the command or with the gusts.
 import math
 
 from actuators.block import kernel
-from fdi.common.sinusoid import beside
+from fdi.common.sinusoid import beside, put
 from fdi.common.verdict import AMBIGUOUS, OFC_LIQUID, OFC_SOLID
 
 SAMPLE, RING = 0.02, 250  # a sample of the ring [s]: five of a period at 10 Hz; 2.5 periods at 0.5 Hz
@@ -51,11 +51,7 @@ def keep_sample(x, rod, healthy, p):
     x.ticks += 1.0
     if x.ticks < p.even:
         return
-    head = int(x.head)
-    for s in range(2):
-        x.ring[s, head] = x.sums[s] / x.ticks
-        x.sums[s] = 0.0
-    x.head = 0.0 if head == RING - 1 else head + 1.0
+    x.head = put(x.ring, x.sums, x.ticks, x.head)
     x.ticks = 0.0
     x.since += 1.0
 
