@@ -18,7 +18,7 @@ import numpy as np
 from actuators.block import kernel
 from actuators.constants import RAD_PER_DEG
 from fdi.common.decision import usable
-from fdi.common.why import BOX_ALPHA, LOST_SENSOR, NOT_READY, RATE, VALID
+from fdi.common.why import BANK, BOX_ALPHA, LOST_SENSOR, NOT_READY, RATE, VALID
 from fdi.rfafe import correction
 from fdi.rfafe import decision as rfafe_decision
 
@@ -222,7 +222,9 @@ def estimate(x, p, good, beyond, dt):
             x.y_old[j] = x.y[j]
     # a command that keeps running ahead of the rate limit makes the linear actuator's model worthless
     x.valid = 1.0 if x.started > 0.5 and x.age >= p.t_settle and x.ahead <= p.ahead_max else 0.0
-    if x.taught < p.t_learn and x.valid > 0.5:
+    if x.banked > 0.0 and x.valid > 0.5:
+        x.valid, x.why = 0.0, BANK
+    elif x.taught < p.t_learn and x.valid > 0.5:
         x.valid, x.why = 0.0, NOT_READY
     elif x.steep > 0.0 and x.valid > 0.5:
         x.valid, x.why = 0.0, BOX_ALPHA

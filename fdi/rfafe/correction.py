@@ -18,8 +18,13 @@ is, in part. An extension: [Sun13] knows one point, and takes E for what its mod
 import math
 
 from actuators.block import kernel
+from actuators.constants import G0
 
 M = 4  # terms: angle of attack, pitch rate, elevator, rate of the angle of attack
+# of a turn, V / g (q - theta') = sin(phi) tan(phi): that of 40 deg of bank. At 60 deg what is left in f_hat at 0.5 to
+# 1 Hz is twice that of level flight in the same air
+TURN = 0.54
+TAU_TURN = 2.0  # of its slow part [s]
 
 PARAMS = [
     ("t_learn", "f8", "s"),  # for so long the correction is learned, 0 for none
@@ -46,6 +51,9 @@ STATE = [
     ("alpha_0", "f8", "rad"),  # slow part of the angle of attack where theta was learned
     ("away", "f8", "rad"),  # distance from it
     ("steep", "f8", "s"),  # time for which the angle of attack still counts as beyond alpha_max
+    ("pitch", "f8", "rad"),  # slow parts of attitude and pitch rate
+    ("rate", "f8", "rad/s"),
+    ("banked", "f8", "s"),  # time for which a turn still counts as beyond TURN
 ]
 
 
@@ -58,13 +66,14 @@ def correct(x, p, dt):
     x.steep = max(x.steep - dt, 0.0)
     if p.unit * (x.y0[1] + p.y_trim[1]) + max(x.lagged[0], x.low[0]) > p.alpha_max:
         x.steep = p.t_recover
+    _turn(x, p, tas, dt)
     x.low[M] = x.low[M] + s * (f - x.low[M]) if x.age > 0.0 else f
     if x.taught == 0.0:
         for i in range(M):
             x.theta[i] = p.prior[i]
             for j in range(M):
                 x.P[i, j] = p.spread[i] * p.spread[i] if i == j else 0.0
-    if x.age >= p.t_settle and x.taught < p.t_learn and x.steep == 0.0:
+    if x.age >= p.t_settle and x.taught < p.t_learn and x.steep == 0.0 and x.banked == 0.0:
         x.taught += dt
         x.speed += (tas - x.speed) * dt / x.taught
         _learn(x, p, f - x.low[M], dt)
@@ -99,6 +108,19 @@ def _follow(x, p, dt):
     x.lagged[3] += (1.0 - math.exp(-dt / p.tau_tail)) * ((x.lagged[0] - before) / dt - x.lagged[3])
     for i in range(M):
         x.low[i] += s * (x.lagged[i] - x.low[i])
+
+
+@kernel
+def _turn(x, p, tas, dt):
+    """Set x.banked in a steep turn: there pitch rate is not the rate of attitude, whatever the elevators do."""
+    q, theta = p.unit * (x.y[2] + x.y0[2] + p.y_trim[2]), p.unit * x.y[3]
+    if x.age == 0.0:
+        x.pitch, x.rate = theta, q
+    s = 1.0 - math.exp(-dt / TAU_TURN)
+    x.pitch += s * (theta - x.pitch)
+    x.rate += s * (q - x.rate)
+    turning = (x.rate - (theta - x.pitch) / TAU_TURN) * tas / G0
+    x.banked = p.t_recover if turning > TURN else max(x.banked - dt, 0.0)
 
 
 @kernel

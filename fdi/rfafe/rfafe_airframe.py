@@ -65,7 +65,7 @@ DETECTOR = Detector(
     places={"head": ("line", 0), **bank.PLACES, "suspect": ("energy", 0)},
     design="rfafe_airframe",
     # moments are scaled by (V / V where the correction was learned)^2, and linear in the others; how far they are so in
-    # the angle of attack is decided on its slow part (fdi/rfafe/correction.py)
+    # the angle of attack, and how steep a turn may be, is decided on slow parts (fdi/rfafe/correction.py)
     range={"tas": FLYING, "alpha": ALPHA, "q": PITCH_RATE, "theta": PITCH},
     fit=lambda site: params(technology=side_kinds(site.technologies), dt=site.dt, own=site.own),
 )

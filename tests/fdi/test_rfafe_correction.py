@@ -8,7 +8,7 @@ from cosim import load_scenario
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect, fly
-from fdi.common.why import BOX_ALPHA, NOT_READY
+from fdi.common.why import BANK, BOX_ALPHA, NOT_READY, VALID
 from fdi.rfafe import rfafe_airframe
 
 FAR = ("flight.mass_t=330", "flight.cg_pct=27", "flight.altitude_ft=12000", "flight.cas_kt=225", "seed=700001")
@@ -92,3 +92,24 @@ def test_learned_terms_grow_with_dynamic_pressure():
     assert last["speed"] == pytest.approx(100.0, abs=0.1)
     expected = ((own[0] + last["theta"][0]) * 4.0 - own[0]) * last["lagged"][0]
     assert last["f"][0] - last["free"][0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_turn_at_60_degrees_of_bank_is_beyond_its_range_and_one_at_30_is_not():
+    air = "flight.turbulence=light"
+    given = ["detectors.enabled=[]", air, "duration_s=30"]
+    why = {}
+    for bank in (30, 60):
+        frame = fly(load_scenario("cruise", [*given, f"flight.bank_deg={bank}"]), sources("rfafe_airframe").values())
+        log = detect(frame, rfafe_airframe, sources("rfafe_airframe"), rfafe_airframe.params(), ("alarm", "why"))
+        why[bank] = np.unique(log["why"][frame.index > 10.0]).tolist()
+        assert not log["alarm"].any()
+    assert why == {30: [VALID], 60: [BANK]}
+
+
+def test_it_is_valid_again_after_a_steep_turn_and_finds_an_oscillation_then():
+    turn = ("manoeuvre.kind=coordinated_turn", "manoeuvre.bank_deg=60", "manoeuvre.start_s=11", "manoeuvre.duration_s=22")
+    late = [text.replace(f"start_s={ONSET}", "start_s=48.0") for text in oscillation(1.0, 1.5)]
+    t, log = flown("duration_s=56", "flight.cas_kt=260", "flight.turbulence=light", *turn, *late)
+    assert (log["why"][(t > 29.0) & (t < 40.0)] == BANK).all() and (log["why"][(t > 46.0) & (t < 48.0)] == VALID).all()
+    on = t[log["alarm"] > 0.5]
+    assert 48.0 < on[0] < 54.0
