@@ -23,7 +23,6 @@ from cosim.flight.detection.detectors import unfit
 from cosim.scenario.aircraft import load_aircraft
 from cosim.training import lpv, rfafe, train_aircraft, train_rfafe
 from cosim.training.flights import FLIGHT_S, TURBULENCE, reach
-from cosim.training.threshold_fit import PROBABILITY
 from cosim.training.train_aircraft import ALL_HYDRAULIC, elevators, fits, fitted, flown
 from cosim.training.trainer import significant
 from fdi import registry
@@ -165,7 +164,7 @@ def _thresholds(own, values, answers, prior, flights, first_seed):
             fields["alpha_max"] = math.radians(reach(own)[0])
         if t.detector == "control_redundancy":
             fields |= {f"t_{axis}": max(fields[f"t_{axis}"], FLOOR * TRANSPORT[f"n_{axis}"][1]) for axis in "xyz"}
-        about = {**how, "probability_per_flight": PROBABILITY, "air": t.found["air"]}
+        about = {**how, **{k: t.found[k] for k in ("probability_per_flight", "air")}}
         written.append(_write(own, "thresholds", t.detector, {"flight": fields, "training": about}))
     fields, _ = train_rfafe.fields("rfafe", [v["rfafe"] for v in values if "rfafe" in v], np.array(answers))
     about = {**how, "margin": train_rfafe.MARGIN, "air": list(TURBULENCE)}

@@ -2,8 +2,8 @@
 
 FLIGHTS of 60 s at points drawn over mass, CG, altitude and speed, eight manoeuvres, four airs, every aerodynamic
 coefficient 5 % up or down, noise NOISE_SCALE, and STILL long ones. Each statistic is held against what it may grow
-with, all of it measured (`cosim.training.threshold_fit`), at one PROBABILITY of a false alarm per flight and detector,
-shared among what it tests.
+with, all of it measured (`cosim.training.threshold_fit`), at one PROBABILITY (RARE) of a false alarm per flight and
+detector, shared among what it tests.
 """
 
 import math
@@ -50,6 +50,8 @@ GUSTS = ("light", "moderate")  # that teach what the airframe has in rfafe_airfr
 IN_SEVERE = {"rfafe_airframe": ("band2", "band3")}
 BANK = ("bank_threshold", "bank_doubt", "bank_stir", "bank_share")
 TAUGHT_S, ALIKE_S = 50.0, 0.25  # to learn what the airframe has in rfafe_airframe's estimate; it is alike for so long
+# in place of PROBABILITY: four tests share it, the floor and three least limits take a quarter each, too: 1 in 100 h
+RARE = {"lpv_smo": 8e-5}
 LARGEST = {"gust_max"}
 # a row for each PIECE_S of a flight; they have no share in PROBABILITY: other tests need gusts
 PIECES = {"floor", *(f"least_{part}" for part in LPV_PARTS)}
@@ -57,7 +59,7 @@ PIECES = {"floor", *(f"least_{part}" for part in LPV_PARTS)}
 # neither in gusts nor in the angle of attack; with LEAST 2 of 352 other flights alarmed, long after one
 CONSTANT = 3.0
 DOUBLE = 2.0  # of the deviations over the training flights
-LPV = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha", "f_sigma", "sigma", "rms", "path", "alpha_0", "valid")
+LPV = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha", "f_sigma", "sigma", "rms", "apart", "valid")
 ALL_HYDRAULIC = 32  # the first flight with such elevators
 FLIGHTS, FIRST_SEED = 384, 31_000
 # and for lpv_smo STILL flights in still air with every coefficient as it is known: then nothing but noise is in its
@@ -123,7 +125,7 @@ def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray, still: bool = False) -> d
     does, whatever that limit is, so that the floor does not hang on the limit of the training before.
     """
     log = watched(frame, "lpv_smo", p, LPV)
-    features = [1.0, log["rms"], np.abs(log["path"] - log["alpha_0"])]
+    features = [1.0, log["rms"], log["apart"]]
     hold, valid, dt = HELD * float(p["t_confirm"][0]), log["valid"] > 0.5, frame.attrs["dt"]
     n = round(PIECE_S / dt)
     pieces = [slice(k, k + n) for k in range(0, max(len(frame) - n // 2, 1), n)]
@@ -349,8 +351,8 @@ def collect(
 
 
 def limits(values: list[dict], prior: dict) -> list[Trained]:
-    """Return the thresholds of every detector that `values` are of, at PROBABILITY per flight, shared among its parts;
-    rfafe_airframe's with the `prior` that `known` found.
+    """Return the thresholds of every detector that `values` are of, at PROBABILITY or RARE per flight, shared among its
+    parts; rfafe_airframe's with the `prior` that `known` found.
 
     Where a part stands in LARGEST, its limit is the largest that was seen: beyond it nothing is said.
     """
@@ -359,7 +361,8 @@ def limits(values: list[dict], prior: dict) -> list[Trained]:
         own = [v[name] for v in values if v.get(name)]
         parts = [part for part in dict.fromkeys(part for v in own for part in v) if part not in LARGEST]
         tests = [part.split()[0] for part in parts]  # "swing 3" is of the test "swing"
-        share = PROBABILITY / len(set(tests) - PIECES)
+        probability = RARE.get(name, PROBABILITY)
+        share = probability / len(set(tests) - PIECES)
         made: dict[str, list] = {}
         found: dict[str, Any] = {}
         for part in LARGEST & own[0].keys():
@@ -373,7 +376,7 @@ def limits(values: list[dict], prior: dict) -> list[Trained]:
             kinds = [v["air"] for v in values if v.get(name)] if name == "kinematic" else None
             w, found[part] = limit(rows, share / tests.count(test), f"{name}, {part}", least, kinds)
             made[part] = w.tolist()
-        about: dict[str, Any] = {"air": list(TRAINED_IN[name]), "found": found}
+        about: dict[str, Any] = {"air": list(TRAINED_IN[name]), "found": found, "probability_per_flight": probability}
         more, digits = {}, 7
         if name == "lpv_smo":
             about |= {"still_flights": STILL, "still_s": STILL_S}
@@ -409,5 +412,5 @@ def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
 
 
 TRAININGS = {"aircraft": Training("aircraft", FIRST_SEED, FLIGHTS, collect, lambda found: limits(*found), {
-    "probability_per_flight": PROBABILITY, "flight_s": FLIGHT_S, "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE,
+    "flight_s": FLIGHT_S, "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE,
 })}  # fmt: skip

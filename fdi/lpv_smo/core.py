@@ -321,6 +321,7 @@ def learn(x, p, dt, elevator, n_z, alpha):
     x.sums[1] += (n_z - x.sums[1]) / x.n_learn
     x.sums[2] += (alpha - x.sums[2]) / x.n_learn
     x.alpha_0 += (x.path - x.alpha_0) / x.n_learn
+    x.trim_0 += (x.trim - x.trim_0) / x.n_learn
     if x.age >= p.t_learn and (x.n_learn + 1.5) * dt >= p.t_learn - p.t_settle:
         x.learned = 1.0
         for i in range(3):
@@ -374,7 +375,7 @@ def reconstruct(x, u, p, dt):
     x.f_hat_n_z = f_n - x.offset[1]
     x.f_hat_alpha = (f_a - x.offset[2]) * RAD_PER_DEG
     if p.noise[b, 0] > 0.0:
-        x.f_sigma = p.noise[b, 0] / math.fabs(E)
+        x.f_sigma = math.hypot(p.noise[b, 0], p.noise[b, 3] * x.A[4, 4] / x.A[0, 0]) / math.fabs(E)
         x.sigma[0], x.sigma[1] = p.noise[b, 1] * math.fabs(k / x.A[0, 0]), p.noise[b, 2] / math.fabs(x.A[0, 0])
     else:  # white noise of q through a difference and the lag: variance (c / h)^2 (1 + c / (2 - c)) sigma^2
         x.f_sigma = p.sigma_q * c / dt * math.sqrt(1.0 + c / (2.0 - c)) / math.fabs(E)

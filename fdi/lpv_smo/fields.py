@@ -32,7 +32,7 @@ PARAMS = dtype(
         ("rate_a", "f8", "deg/s"),  # at most so fast is the command followed, 0 for no limit
         ("delay", "f8", "-"),  # of the commands, as long as that of q
         ("sigma_q", "f8", "rad/s"),  # noise of q per sample, for f_sigma of the paper's observer
-        ("noise", "f8", (NB, 3)),  # sd of the estimates from sensor noise, as `fdi.lpv_smo.noise` scales them
+        ("noise", "f8", (NB, 4)),  # sd of the estimates from sensor noise, as `fdi.lpv_smo.noise` scales them
         ("floor", "f8", "-"),  # sd of f_hat_elevator below which no half period counts
         ("bank", "f8", "-"),  # 1: bank and lateral rates are taken into account
         ("adot", "f8", "-"),  # share of the damping in pitch that is due to the rate of the angle of attack
@@ -44,8 +44,8 @@ PARAMS = dtype(
         ("t_n_z", "f8", "g"),
         ("t_alpha", "f8", "rad"),
         ("least", "f8", (3,), "-"),  # no less, in standard deviations that sensor noise gives each estimate
-        # growth with the distance of the angle of attack from where offsets were learned, or from trim: what the
-        # coefficients and the affine model have wrong
+        # growth with the distance of trim, and of the angle of attack from trim, from where offsets were learned: what
+        # the coefficients and the affine model have wrong
         ("s_elevator", "f8", "-"),
         ("s_n_z", "f8", "g/rad"),
         ("s_alpha", "f8", "-"),
@@ -173,7 +173,10 @@ STATE = dtype(
         ("offset", "f8", (3,)),
         ("path", "f8", "rad"),  # alpha_hat through a lag of tau_f
         ("alpha_0", "f8", "rad"),  # its mean while offsets were learned, which hold there
+        ("trim", "f8", "rad"),  # alpha_eq through a lag, and its mean while offsets were learned
+        ("trim_0", "f8", "rad"),
         ("away", "f8", "rad"),  # path less alpha_eq
+        ("apart", "f8", "rad"),  # how far the flight is from where offsets were learned, or from trim
         ("calm", "f8", "s"),  # time since it was beyond away_max
         ("gust", "f8", "rad2"),  # mean square of gusts
         ("rms", "f8", "rad"),  # its root, with the doubt about the wind: what limits grow with

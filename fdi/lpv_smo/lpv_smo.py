@@ -71,6 +71,7 @@ ADOT = 0.3  # of a transport: Cm_alphadot over Cm_q + Cm_alphadot
 GRADIENT = 0.6  # of the damping in pitch: what a gust that grows along the body does, by training flights
 CULPRITS = ("", "elevator", "n_z", "alpha")
 STAYS = 0.7  # of its threshold: above it a fault that is declared has not ended
+TREND = 3.0  # lag of alpha_eq, which follows airspeed, where its change is judged: gusts change airspeed, too [s]
 HELD = 0.6  # an oscillation is held to be there for so long after the last fit that found it [s]
 OUTPUTS = (
     "r", "alarm", "verdict", "culprit", "alarm_elevator", "alarm_n_z", "alarm_alpha", "valid", "why", "box",
@@ -240,8 +241,7 @@ def _oscillation(x, p, gust, away, dt):
 @kernel
 def _decide(x, p, dt):
     """Declare each fault by its own estimate; of those declared the summary names the one that has been so longest."""
-    away = math.fabs(x.path - x.alpha_0 if x.learned > 0.5 else x.away)
-    gust = x.rms
+    away, gust = x.apart, x.rms
     x.since += dt
     _oscillation(x, p, gust, away, dt)
     most_e = max(p.t_elevator + p.s_elevator * away + p.g_elevator * gust, p.least[0] * x.f_sigma)
@@ -310,18 +310,28 @@ def step(x, u, p, dt):
         gust(x, u, p, dt)
     if x.age == 0.0:
         x.gust, x.path, x.calm = max(x.gust, p.gust_0 * p.gust_0), x.alpha_hat, 0.0
+        x.trim = x.eq[0] * RAD_PER_DEG
     x.age += dt
     x.path += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat - x.path)
     x.away = x.path - x.eq[0] * RAD_PER_DEG
+    x.trim += (1.0 - math.exp(-dt / TREND)) * (x.eq[0] * RAD_PER_DEG - x.trim)
     reconstruct(x, u, p, dt)
+    if x.learned > 0.5:
+        # in a dive the angle of attack may be that of slower level flight: it does not tell how far the model is off
+        from_trim, learned_at = x.path - x.trim, x.alpha_0 - x.trim_0
+        x.apart = math.fabs(x.trim - x.trim_0) + math.fabs(from_trim - learned_at)
+    else:
+        x.apart = math.fabs(x.away)
     if x.age > p.t_settle:  # also while nothing is said: what comes after is judged by it
         # gust_hat is not one of the three estimates, so that no fault of a sensor passes for weather
         more = min(math.fabs(x.gust_hat), p.gust_max) ** 2 - x.gust
         x.gust += (1.0 - math.exp(-dt / (p.tau_blow if more > 0.0 else p.tau_gust))) * more
     x.rms = math.sqrt(x.gust + x.doubt * x.doubt)
-    air = x.path + x.gust_hat  # without the vane, whose fault is no stall
+    # without the vane, whose fault is no stall; beyond a stall alpha_hat is wrong, but not the angle over the ground
+    flown = max(x.path, x.path - x.slip * RAD_PER_DEG) if p.gust > 0.5 else x.path
     # where lift has bent, gust_hat is what is missing of it: level flight in the gusts that blow must not get there
-    steep = max(max(x.path, air), x.eq[0] * RAD_PER_DEG + math.sqrt(x.gust)) > p.alpha_max or -x.A[0, 0] < p.lift_min
+    most = max(flown + max(x.gust_hat, 0.0), x.eq[0] * RAD_PER_DEG + math.sqrt(x.gust))
+    steep = most > p.alpha_max or -x.A[0, 0] < p.lift_min
     blown = math.fabs(x.gust_hat) > p.gust_max or x.gust > (NEAR * p.gust_max) ** 2
     linear = math.fabs(x.away) <= p.away_max and not steep and not blown
     x.calm = x.calm + dt if linear else 0.0

@@ -21,9 +21,10 @@ LASTS = 8.0  # the response is summed for so many of both lags
 
 @functools.cache
 def deviations(given: bytes, dt: float) -> np.ndarray:
-    """Return (boxes, 3): standard deviation of f_hat_elevator times |E| [rad], of f_hat_n_z times |A_11 / k| [g], k the
-    load factor per angle of a gust, and of f_hat_alpha times |A_11| [rad], at the middle of every box: with E, k and
-    A_11 of where it flies they hold over a box.
+    """Return (boxes, 4): standard deviation of f_hat_elevator times |E| [rad], of f_hat_n_z times |A_11 / k| [g], k the
+    load factor per angle of a gust, of f_hat_alpha times |A_11| [rad], and of f_hat_elevator times |E A_11 / A_55|
+    [rad], what the angle over the ground gives it; the first is of the other readings. They are those of the middle
+    of every box: with E, k, A_11 and A_55 of where it flies they hold over a box.
 
     `given` is one record of PARAMS as bytes, with `gust`. Noise of another rate has the same power per time as at DT.
     """
@@ -49,7 +50,7 @@ def deviations(given: bytes, dt: float) -> np.ndarray:
     s = phi = np.zeros((n, len(SIGMA), P))
     f = free = np.zeros((n, len(SIGMA), 3))
     v = w = ground = rate = slip = wind = push = gust = np.zeros((n, len(SIGMA)))
-    square = np.zeros((n, 3))
+    square = np.zeros((n, 4))
     for tick in range(round(LASTS * (tau + one["tau_g"]) / dt)):  # as `core` does, all boxes and sources at once
         theta, speed, q, measured = size.T if tick == 0 else 0.0 * size
         v = v + lag["tau_v"] * (speed - v)
@@ -78,5 +79,8 @@ def deviations(given: bytes, dt: float) -> np.ndarray:
         f_n = f[..., 1] - D51 * f_e - k * (a - slip) - k_v * wind
         free = free + d * (np.stack([f_e, f_n, f[..., 2] - (a - slip)], -1) - free)
         gust = gust + d * (a - gust)
-        square = square + (free**2).sum(1)
-    return np.sqrt(square * (DT / dt)) * np.abs(np.hstack([E * RAD_PER_DEG, A00 / k, A00 * RAD_PER_DEG]))
+        power = free**2
+        others = [power[:, :-1, 0].sum(1), power[..., 1].sum(1), power[..., 2].sum(1)]
+        square = square + np.stack([*others, power[:, -1, 0]], axis=1)
+    scale = np.abs(np.hstack([E * RAD_PER_DEG, A00 / k, A00 * RAD_PER_DEG, E * A00 / A[:, 4, 4:5] * RAD_PER_DEG]))
+    return np.sqrt(square * (DT / dt)) * scale

@@ -107,7 +107,8 @@ def test_a_turn_at_60_degrees_of_bank_is_beyond_its_range_and_one_at_30_is_not()
 
 
 def test_it_is_valid_again_after_a_steep_turn_and_finds_an_oscillation_then():
-    turn = ("manoeuvre.kind=coordinated_turn", "manoeuvre.bank_deg=60", "manoeuvre.start_s=11", "manoeuvre.duration_s=22")
+    given = {"kind": "coordinated_turn", "bank_deg": 60, "start_s": 11, "duration_s": 22}
+    turn = [f"manoeuvre.{k}={v}" for k, v in given.items()]
     late = [text.replace(f"start_s={ONSET}", "start_s=48.0") for text in oscillation(1.0, 1.5)]
     t, log = flown("duration_s=56", "flight.cas_kt=260", "flight.turbulence=light", *turn, *late)
     assert (log["why"][(t > 29.0) & (t < 40.0)] == BANK).all() and (log["why"][(t > 46.0) & (t < 48.0)] == VALID).all()

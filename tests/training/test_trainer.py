@@ -68,7 +68,7 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
     "aircraft": {
         "lpv_smo flight": {
             "t_elevator": 0.00350669, "g_elevator": 0.0, "s_elevator": 0.0, "t_n_z": 0.0015481,
-            "g_n_z": 1.08214, "s_n_z": 0.0307026, "t_alpha": 0.00158077, "g_alpha": 0.0140427, "s_alpha":
+            "g_n_z": 1.08214, "s_n_z": 0.0277268, "t_alpha": 0.00158077, "g_alpha": 0.0140427, "s_alpha":
             0.0, "floor": 0.0, "swing_threshold": 0.00122688, "swing_gust": 0.0136927, "swing_away": 0.0,
         },
         "kinematic flight": {
