@@ -15,7 +15,7 @@ EARLIER = FOLDER / "earlier"  # of the last release: older noise
 # on purpose since then: another state or other outputs
 CHANGED = {
     *("lpv_smo", "ofc_monitor", "ema_kalman_flight", "iotsekf"),
-    *("position_monitor", "rfafe", "rfafe_airframe", "rtsekf_flight"),
+    *("position_monitor", "rfafe", "rfafe_airframe", "rtsekf", "rtsekf_flight"),
 }
 flown = pytest.mark.parametrize(
     ("name", "folder"), [(n, f) for f in (FOLDER, EARLIER) for n in FLIGHTS if (f / f"{n}.mcap").is_file()],
