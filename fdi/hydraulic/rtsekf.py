@@ -28,7 +28,7 @@ from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import rk4
-from fdi.common.decision import confirm, held, usable
+from fdi.common.decision import clipped, confirm, held, usable
 from fdi.common.linalg import congruence
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
@@ -42,6 +42,7 @@ ALONE = 0.4  # a rod that oscillates at 10 Hz by a foreign valve command is slow
 MOVED = 0.3e-3  # a lagged rod that has moved further has moved: eight sigma [m]
 STILL = 0.15e-3  # one that has moved less in `t_rest` is at rest [m]
 JUMP = 1e-3  # in one tick: a sensor's, no rod's; ten sigma of the sensor [m]
+LARGEST = 10.0 * JUMP  # beyond it a jump is not remembered longer: a wild sample may be kilometres away [m]
 HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 
 PARAMS = dtype(
@@ -96,7 +97,7 @@ STATE = dtype(
         ("f_last", "f8", "m"),  # fault at the tick before
         ("y_last", "f8", "m"),  # rod at the tick before
         ("jump", "f8", "m"),  # largest change of the fault in a tick beyond what a rod can do
-        ("f_was", "f8", "m"),  # what it was: follows by `wash`, held during an alarm
+        ("f_was", "f8", "m"),  # what it was: follows by `wash` while the fault is within its thresholds
         ("y_slow", "f8", "m"),  # lagged rod
         ("rest", "f8", "m"),  # where the lagged rod last moved
         ("rest_time", "f8", "s"),  # since then
@@ -254,9 +255,9 @@ def decide(x, p, dt):
     """Confirm the fault and name it by the motion of the measured rod."""
     a = 1.0 - math.exp(-dt / p.tau)
     jump = min(math.fabs(x.f_hat - x.f_last) - FASTEST * dt, math.fabs(x.y - x.y_last) - ALONE * dt)
-    x.jump = max(jump, x.jump * math.exp(-dt / (4.0 * p.t_confirm)))
+    x.jump = max(min(jump, LARGEST), x.jump * math.exp(-dt / (4.0 * p.t_confirm)))
     x.f_last, x.y_last = x.f_hat, x.y
-    x.f_slow += a * (x.f_hat - x.f_slow)
+    x.f_slow += clipped(a * (x.f_hat - x.f_slow), FASTEST * dt)  # a few wild samples move it little
     x.y_slow += a * (x.y - x.y_slow)
     x.v_slow += a * (x.x_hat[1] - x.v_slow)
     x.rest_time += dt
@@ -268,7 +269,7 @@ def decide(x, p, dt):
     elif (x.y_slow - x.far) * away > 0.0:
         x.far = x.y_slow
     x.r = max(math.fabs(x.f_slow) / p.threshold, math.fabs(x.f_slow - x.f_was) / p.step)
-    if x.alarm < 0.5:
+    if x.alarm < 0.5 and x.r < 1.0:  # learned from what is beyond, it would stand apart when that is over
         x.f_was += (1.0 - math.exp(-dt / p.wash)) * (x.f_slow - x.f_was)
     before = x.alarm
     x.timer, x.alarm = confirm(x.timer, x.alarm, x.r >= 1.0, dt, p.t_confirm, p.t_release)

@@ -46,6 +46,7 @@ MEMORY = 2.0  # of the reference's motion, in periods of the band's lower edge
 LEARN = 20.0  # memory of the servo's response: some ten periods of the lowest sub-band [s]
 BLOCK = 3.0  # what is learned is one to two blocks old: an oscillation has been counted by then [s]
 PRIOR = 1e-6  # the usual response counts as much as two seconds of a motion of 1 mm [m^2 s]
+WILD, T_WILD = 0.02, 0.1  # a residual that steps farther [m] is not believed for so long [s]: no rod moves so
 N = 4  # Laguerre functions
 AT = (0.9, 2.3, 5.0)  # frequencies at which the departure is taken: the middle of the sub-bands, servo's pole [Hz]
 
@@ -90,7 +91,6 @@ STATE = dtype(
     [
         ("started", "f8", "-"),
         ("target", "f8", "m"),  # last finite command
-        ("y", "f8", "m"),  # last usable rod
         ("x3", "f8", "-"),  # lagged pressure difference
         ("q_est", "f8", "m"),  # rod estimate: `actuators.common.reference` by other names, r being the statistic
         ("qd_est", "f8", "m/s"),
@@ -118,8 +118,8 @@ STATE = dtype(
         ("departure", "f8", "-"),  # largest gain of what it is beside the usual one
         *liquid_or_solid.STATE,
         ("timer", "f8", "s"),  # time for which the alarm is still held
-        ("age", "f8", "s"),  # time since the last usable rod sample
-        ("e", "f8", "m"),  # residual
+        ("age", "f8", "s"),  # time since the last believed rod sample
+        ("e", "f8", "m"),  # residual, held while the rod has no reading or a wild one
         ("ofc_hz", "f8", "Hz"),  # counted frequency
         ("r", "f8", "-"),  # largest band residual over its threshold
         ("alarm", "f8", "-"),  # 1 while a fault is declared
@@ -327,20 +327,22 @@ def step(x, u, p, dt):
     if math.isfinite(u.command):
         x.target = min(max(p.arm * u.command, p.r_lo), p.r_hi)
     good = usable(u.y_rod, u.y_rod_valid)
-    x.y = held(u.y_rod, u.y_rod_valid, x.y)
     if x.started < 0.5:
         if good < 0.5:
             return
         x.started = x.unknown = 1.0
-        x.q_est = x.y  # the first command, noise of the law's sensors in it, is still to be followed
-        x.past[:] = x.origin = x.y
-        x.wide[1, 1] = x.y  # the high-pass starts in equilibrium
+        x.q_est = min(max(u.y_rod, p.r_lo), p.r_hi)  # the first command, with its noise, is still to be followed
+        x.past[:] = x.origin = x.q_est
+        x.wide[1, 1] = x.q_est  # the high-pass starts in equilibrium
         for k in range(N):
             x.response[k] = p.usual[k]
         x.ages[:] = LONG_AGO
-    x.age = 0.0 if good > 0.5 else x.age + dt
     reference = x.past[int(p.delay)]
-    x.e = x.y - reference
+    if good > 0.5 and math.fabs(u.y_rod - reference - x.e) > WILD and x.age < T_WILD:
+        good = 0.0
+    x.age = 0.0 if good > 0.5 else x.age + dt
+    if good > 0.5:
+        x.e = u.y_rod - reference
     _, e, _ = filtered(x.wide[0], x.e, p.wide[0], p.wide[1])
     _, m, _ = filtered(x.wide[1], reference, p.wide[0], p.wide[1])
     laguerre(x, x.lags, x.moves, m, p)

@@ -10,6 +10,7 @@ from ema_bench import fly_bench, script, three_two_one_one
 from lu17_bench import DT, doublets, fly, inputs, roll
 
 from actuators.constants import RAD_PER_DEG
+from fdi.common import verdict
 from fdi.ema import ema_kalman, ema_kalman_flight
 from fdi.hydraulic import iotsekf, rtsekf, rtsekf_flight
 from fdi.monitors import ofc_monitor, position_monitor
@@ -60,6 +61,38 @@ def test_a_hydraulic_detector_survives_and_recovers(flights, module, bad):
     assert (error[:, late] < healthy[:, late] + 2e-4).all()
     held = (error[:, BEGIN:END] < healthy[:, BEGIN:END] + 3e-3) | (log["valid"][:, BEGIN:END] < 0.5)
     assert held.all() or bad == "frozen"  # all sensors frozen at once look healthy for as long
+
+
+@pytest.mark.parametrize("samples", [1, 3, 10])
+@pytest.mark.parametrize("module", HYDRAULIC[1:], ids=lambda m: m.__name__)
+def test_some_wild_samples_of_a_position_sensor_are_no_lasting_fault(flights, module, samples):
+    """As recordings have them: off by 50 mm or 11 deg, or a number that stands for no measurement."""
+    for name in [n for n in ("y_rod", "y_surface", "surface") if n in module.INPUTS.names]:
+        u = inputs(module, flights)
+        part = slice(BEGIN, BEGIN + samples)
+        u[name][0, part] += SPIKE[name]
+        u[name][1, part], u[name][2, part] = 9999.0, -32768.0
+        alarm = roll(module, np.repeat(module.params(), 3), u)["alarm"]
+        lasts = 0 if samples == 1 or module in (rtsekf, ofc_monitor, position_monitor) else 240  # release, 1 s
+        assert alarm[:, : BEGIN + lasts].sum() == alarm.sum() and alarm.sum() <= 3 * lasts
+
+
+def test_a_wild_sample_changes_nothing_of_what_is_said_about_a_later_fault():
+    """A runaway and an oscillation, 1.5 s after it."""
+
+    def runaway(k, x, w):
+        if k >= BEGIN + 300:
+            x["f_u"], x["s_u"] = 0.1, 1.0
+
+    def oscillation(k, x, w):
+        if k >= BEGIN + 300:
+            x["f_u"], x["s_u"] = 0.1 * np.sin(4.0 * np.pi * k * DT), 1.0
+
+    for module, fault, named in ((rtsekf, runaway, verdict.RUNAWAY), (ofc_monitor, oscillation, verdict.OFC_SOLID)):
+        u = inputs(module, [fly(doublets(16.0), seed=4, faults=fault)] * 2)
+        u["y_rod"][1, BEGIN] = 9999.0
+        clean, wild = roll(module, np.repeat(module.params(), 2), u)["verdict"]
+        assert named in clean and (clean == wild).all()
 
 
 @pytest.mark.parametrize("bad", BAD)
