@@ -34,6 +34,7 @@ from actuators.subprocess_env import command, surroundings
 from cosim.papers.claims import load
 from cosim.papers.row import Planned
 
+
 class Break(BaseModel, frozen=True, extra="forbid"):
     """One thing that is broken, and the rows (parts of their items) that must leave their bands."""
 

@@ -31,7 +31,8 @@ def render(rows: pd.DataFrame, thresholds: dict) -> str:
         limit = thresholds.get(name, (None,))[0]
         seen = own["r_fault"] >= limit if limit is not None else own["detected"] & False
         each = seen.astype(int).groupby([octave[own.index], own["frequency_hz"]])
-        n, hit = (x.unstack().reindex(index=sizes, columns=hz).fillna(0).to_numpy(int) for x in (each.size(), each.sum()))
+        counts = (x.unstack().reindex(index=sizes, columns=hz) for x in (each.size(), each.sum()))
+        n, hit = (x.fillna(0).to_numpy(int) for x in counts)
         text = [[f"{k}/{of}" if of else "" for k, of in zip(*row)] for row in zip(hit, n)]
         for key, marks in (("xaxis", [f"{v:g}" for v in hz]), ("yaxis", told)):
             about = {"type": "category", "categoryarray": marks, "range": [-0.5, len(marks) - 0.5]}
