@@ -144,7 +144,6 @@ class LogWriter:
         _STORE.call(_address(self._head), _address(v))
 
     def _room(self):
-        """Write the chunk when it is full."""
         if self._count[0] == self._rows:
             self.flush()
 

@@ -56,7 +56,6 @@ def still(figure: Figure, title: str) -> str:
 
 
 def _number(trace):
-    """Return the number of the panel that a trace is drawn in."""
     return int(trace["yaxis"][1:] or 1)
 
 
