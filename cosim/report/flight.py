@@ -45,7 +45,7 @@ def panels(
 
 
 def drawn(flown: LoggedFlight, topic: str, field: str, factor: float = 1.0, add: float = 0.0) -> tuple[Any, float]:
-    """Return (samples of a logged signal, seconds between two) as its curve needs them: the signal itself is let go."""
+    """Return (samples of a logged signal, seconds between two) as its curve needs them; the signal is not kept."""
     y, every = envelope(flown.values(topic, field))
     return factor * y + add, flown.dt * every
 
