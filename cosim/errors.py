@@ -15,7 +15,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 Raised = TypeVar("Raised", bound="CosimError")
 
-LONGEST = 1000  # letters of a part of a message: a value of a megabyte is not repeated
+LONGEST = 1000  # characters of a part of a message: a value of a megabyte is not repeated
 
 
 def shortened(text: str) -> str:

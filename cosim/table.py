@@ -221,14 +221,12 @@ def text(cell: Any) -> str:
 
 
 def _marked(cell):
-    """Return a cell as Markdown."""
     tone = cell.tone if isinstance(cell, Cell) else ""
     mark = {"code": "`", "bad": "**"}.get(tone, "")
     return f"{mark}{text(cell)}{mark}" if text(cell) else ""
 
 
 def _tagged(cell):
-    """Return a cell as HTML; lines stay lines."""
     told = html.escape(text(cell)).replace("\n", "<br>")
     tone = cell.tone if isinstance(cell, Cell) else ""
     tag = {"bold": "b", "code": "code"}.get(tone)

@@ -156,8 +156,9 @@ def read(path: str | Path, *, error: type[CosimError] = CosimError, what: str = 
         raise error(f"cannot be read: {getattr(wrong, 'strerror', None) or wrong}", place=str(path)) from None
 
 
-def half_letter(text: str) -> bool:
-    """Tell whether `text` holds a lone surrogate, as JSON and a command line may: no file can be written with it."""
+def unpaired_surrogate(text: str) -> bool:
+    """Tell whether `text` contains an unpaired surrogate, as JSON and a command line may: no file can be written with
+    it."""
     return not text.isascii() and _SURROGATE.search(text) is not None
 
 
@@ -174,8 +175,8 @@ def _bounded(value: Any, place: str, error: type[CosimError]) -> Any:
             todo += [(item, depth + 1) for item in node]
         elif isinstance(node, datetime.date | datetime.time):
             raise error(f"holds a date or a time, {node}", place=place, remedy="Write it as text, in quotes")
-        elif isinstance(node, str) and half_letter(node):
-            raise error("holds half a letter (a lone surrogate)", place=place, remedy="Write it in UTF-8")
+        elif isinstance(node, str) and unpaired_surrogate(node):
+            raise error("contains an unpaired surrogate", place=place, remedy="Write it in UTF-8")
         elif isinstance(node, int) and not -INTEGER <= node < INTEGER:
             raise error("holds an integer beyond 64 bits", place=place, remedy="Write it as a float")
     return value

@@ -84,7 +84,7 @@ def draw(table: dict, place: str) -> Draw:
         raise CampaignError(f"low = {made.low:g} and high = {made.high:g} are beyond what can be drawn", place=place,
                             allowed="-1e15 to 1e15")
     if made.scale not in ("linear", "log"):
-        raise CampaignError(f"scale = {made.scale!r} is none", place=place, allowed="linear, log")
+        raise CampaignError(f"unknown scale {made.scale!r}", place=place, allowed="linear, log")
     if made.scale == "log" and made.low <= 0.0:
         raise CampaignError(f"low = {made.low:g} has no logarithm", place=place, allowed="above 0")
     if made.integer and any(x != int(x) for x in (made.low, made.high)):

@@ -134,7 +134,6 @@ def run_many(
 
 
 def _manifest(store, brought):
-    """Write the manifest of a folder whose rows are consolidated."""
     import pyarrow.parquet as pq
 
     seeds, took = store.scenarios["seed"], store.timing()["core_s"].dropna()

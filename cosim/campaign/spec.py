@@ -351,7 +351,7 @@ class Space:
         self, campaign: Campaign, *, first_seed: int, seeds: int = 100_000, detectors: Sequence[str] | None = None,
         part: str = "",
     ):  # fmt: skip
-        """Raises CampaignError for a campaign with several parts of which `part` is none."""
+        """Raises CampaignError for a campaign with several parts, or without the part `part`."""
         chosen = [p for p in campaign.parts if part in ("", p.name)]
         if len(chosen) != 1:
             names = ", ".join(p.name for p in campaign.parts if p.name)

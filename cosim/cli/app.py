@@ -142,7 +142,6 @@ def _say(text):
 
 
 def _line(text):
-    """Return a message as one line, which is not too long."""
     return shortened(text.replace("\r", r"\r").replace("\n", r"\n"))
 
 

@@ -43,7 +43,6 @@ def campaign(result: CampaignResult) -> Group:
 
 
 def _detector(level, name, rows):
-    """Return the record of one detector from its rows."""
     mine, false = rows[rows["concerned"].astype(bool)], rows.groupby("run")["false_alarms"].max() > 0
     late = {key: delays(mine[key].to_numpy()).median if len(mine) else None for key in ("delay_s", "delay_periods")}
     return {

@@ -249,7 +249,7 @@ def linearize(
 
 
 # the modules of the other commands
-PARTS = ("replay", "campaigns", "score", "false_alarms", "guests", "identify", "envelope", "study", "bench")
+PARTS = ("replay", "campaigns", "score", "false_alarms", "user_files", "identify", "envelope", "study", "bench")
 for part in PARTS:
     importlib.import_module(f"cosim.cli.{part}")
 names = {str(c.name or getattr(c.callback, "__name__", "")).replace("_", "-"): c for c in app.registered_commands}

@@ -35,7 +35,6 @@ def shown(found: dict[str, Any], scenario: "Scenario") -> Group:
 
 
 def _faults(found):
-    """Return a line per fault, and its note."""
     for i, (line, note) in enumerate(found):
         name = f"fault {i}  " if len(found) > 1 else "fault  "  # as in --set faults.1.kind
         yield Text.assemble((name, "red"), line)

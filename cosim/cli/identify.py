@@ -10,9 +10,9 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from cosim.cli.app import answer, app
-from cosim.cli.guests import edited
 from cosim.cli.output import JsonOption, OverwriteOption, output_option, reserve
 from cosim.cli.tables import whole
+from cosim.cli.user_files import edited
 from cosim.table import DASH, Table
 
 

@@ -233,7 +233,6 @@ def _verdict(found):
 
 
 def _detection(rows, changed):
-    """Return the table of lanes as logged and as replayed, a line each."""
     from cosim.judge.lanes import part, seconds
 
     t = Table("Detection, as logged and as replayed", "detector", "watches", "at, s>", "now, s>", "isolated", "now",

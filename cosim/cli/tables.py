@@ -14,11 +14,6 @@ def progress(console: Console, text: str, unit: str = "s", waiting: str = "") ->
     return Progress(text, unit, waiting=waiting, console=console)
 
 
-def bare(value: Any) -> Any:
-    """Return a NumPy number as JSON can hold it."""
-    return value.item()
-
-
 def word(path: Any) -> str:
     """Return a path as it stands in a command: quoted where it must be, one with a leading dash no option."""
     text = str(path)

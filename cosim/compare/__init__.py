@@ -137,7 +137,6 @@ def _tidy(frame, tomls, source):
 
 
 def _made(rows, timing, runs, frames, source, **more):
-    """Return the Comparison of `rows`, made of the campaigns' `frames`."""
     above = bound.beyond(rows)
     each = [d | {"beyond_physics": d["id"] in above} for d in compare_stats.detectors(rows, timing)]
     failed = sum(int(frame.drop_duplicates("run")["status"].isin(FAILED).sum()) for frame in frames)

@@ -80,7 +80,6 @@ def _overrides(changes):
 
 
 def _set(scenario, changes):
-    """Return the scenario with some keys changed."""
     table = tomllib.loads(scenario.expanded_toml())
     if "manoeuvre.kind" in changes:
         table["manoeuvre"] = {}

@@ -49,7 +49,7 @@ def proportion(k: int, n: int, confidence: float = 0.95) -> Share:
 def rate(k: int, hours: float, confidence: float = 0.95) -> Share:
     """Return the Share k/hours [1/h], exact Poisson interval [Garwood 1936]. Raises ValueError without hours."""
     if k < 0 or not hours > 0.0:
-        raise ValueError(f"{k} events in {hours} h is no count")
+        raise ValueError(f"{k} events in {hours} h: the count must be 0 or more, the exposure above 0 h")
     a = (1.0 - confidence) / 2.0
     low, high = (stats.gamma.ppf(q, shape) if shape else 0.0 for q, shape in ((a, k), (1.0 - a, k + 1)))
     return Share(k / hours, float(low) / hours, float(high) / hours)

@@ -141,7 +141,6 @@ def joined(each: list[pd.DataFrame], names: list[str]) -> tuple[pd.DataFrame, li
 
 
 def _same(a, b):
-    """Return the detectors whose rows are the same in both."""
     one, other = (own.set_index(AT)[list(TOLD)].sort_index() for own in (a, b))
     of = lambda rows, name: rows[rows.index.get_level_values("id") == name]  # noqa: E731
     return [i for i in dict.fromkeys(a["id"]) if of(one, i).equals(of(other, i))]

@@ -142,7 +142,6 @@ def flight(text: str) -> str:
 
 
 def _about(text):
-    """Return what a row needs of the scenario."""
     s = flown(text)
     cases = coverage.cases(s)
     return {
@@ -161,7 +160,6 @@ def _earliest(about, lane):
 
 
 def _fault(f, case, segments):
-    """Return what a row says of fault `f` of a scenario, or of none."""
     if f is None:
         return {"case": None, "kind": None, "target": None, "family": None, "frequency_hz": np.nan}
     swings = f.kind.startswith("ofc")

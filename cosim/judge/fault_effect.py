@@ -29,9 +29,10 @@ def sine(t: NDArray, y: NDArray, w: float) -> complex:
     return c[0] - 1j * c[1]
 
 
-def amplitude(d: Any, w: float, start: float, end: float, dt: float) -> float | None:
-    """Return the amplitude of the sine of `w` [rad/s] in d (ticks,), in its unit; None when no whole period is left.
-    Taken over the last whole periods, MOST ticks of them, of [start + SETTLE_PERIODS periods, end] [s]."""
+def amplitude(d: Any, column: int, w: float, start: float, end: float, dt: float) -> float | None:
+    """Return the amplitude of the sine of `w` [rad/s] in a column of d (ticks, columns), in its unit; None when no
+    whole period is left. Taken over the last whole periods, MOST ticks of them, of [start + SETTLE_PERIODS periods,
+    end] [s]."""
     period = 2 * math.pi / w
     first = round((start + SETTLE_PERIODS * period) / dt)
     longest = math.floor(MOST * dt / period) or 1
@@ -39,25 +40,13 @@ def amplitude(d: Any, w: float, start: float, end: float, dt: float) -> float | 
     whole = min(longest, math.floor((last - first) * dt / period + 1e-9))
     if whole < 1:
         return None
-    cut = d[last - round(whole * period / dt) : last]
+    cut = d[last - round(whole * period / dt) : last, column]
     return float(abs(sine(np.arange(len(cut)) * dt, cut, w))) if np.isfinite(cut).all() else None
 
 
-class _Column:
-    """One column of (ticks, columns), of which a part is fetched when it is asked for."""
-
-    def __init__(self, all_: Any, column: int):
-        self._all, self._column = all_, column
-
-    def __len__(self) -> int:
-        return len(self._all)
-
-    def __getitem__(self, rows: slice) -> NDArray:
-        return self._all[rows, self._column]
-
-    def blocks(self, first: int, stop: int) -> Iterator[NDArray]:
-        """Yield the rows first <= k < stop in blocks."""
-        return (self[a : min(a + BLOCK, stop)] for a in range(first, stop, BLOCK))
+def _blocks(d: Any, column: int, first: int, stop: int) -> Iterator[NDArray]:
+    """Yield the rows first <= k < stop of a column of (ticks, columns), of which a part is fetched at a time."""
+    return (d[a : min(a + BLOCK, stop), column] for a in range(first, stop, BLOCK))
 
 
 def moved(difference: Any, faults: Sequence, dt: float, travel: float) -> dict[str, float | None]:
@@ -70,21 +59,22 @@ def moved(difference: Any, faults: Sequence, dt: float, travel: float) -> dict[s
     start = min(j.start for j in faults)
     end = max(j.end for j in faults) + 1.0
     last = len(difference) if math.isinf(end) else min(len(difference), round(end / dt))
-    columns = [_Column(difference, c) for c in (0, 1)]
-    rod, surface = (_largest(d.blocks(round(start / dt), last)) for d in columns)
+    first = round(start / dt)
+    rod, surface = (_largest(_blocks(difference, c, first, last)) for c in (0, 1))
     s = next((j for j in faults if math.isfinite(j.omega) and j.shape != "chirp"), None)
-    swing = [amplitude(d, s.omega, s.start + s.ramp, s.end, dt) if s else None for d in columns]
+    swing = [amplitude(difference, c, s.omega, s.start + s.ramp, s.end, dt) if s else None for c in (0, 1)]
     deg = DEG_PER_RAD
     values = (rod, surface, surface, *swing)
     sizes = {n: None if v is None else v * k for n, v, k in zip(NAMES, values, (1e3, deg, 100 / travel, 1e3, deg))}
-    return sizes | {"moved_at_s": _moved_at(columns[0], columns[1], round(start / dt), dt)}
+    return sizes | {"moved_at_s": _moved_at(difference, first, dt)}
 
 
-def _moved_at(rod, surface, first, dt):
+def _moved_at(difference, first, dt):
     """Return the first time from tick `first` on at which the rod, or the surface's share of it, is MOVED away, or
     None."""
-    known = all(np.isfinite(block).all() for block in rod.blocks(0, len(rod)))
-    for block in (rod if known else surface).blocks(first, len(rod)):
+    n = len(difference)
+    known = all(np.isfinite(block).all() for block in _blocks(difference, 0, 0, n))
+    for block in _blocks(difference, 0 if known else 1, first, n):
         away = np.flatnonzero(np.abs(block if known else ARM * block) >= MOVED)
         if len(away):
             return float((first + away[0]) * dt)

@@ -222,7 +222,6 @@ def listed(items: Iterable[str]) -> str:
 
 
 def _own(fault):
-    """Return a fault's own numbers, as they stand in the scenario."""
     given = (fault.model_extra or {}).items()
     return ", ".join(f"{k} {v:g}" for k, v in given if not (k == "phase_deg" and v == 0.0))
 

@@ -1,6 +1,5 @@
 """The log of a run: one self-contained MCAP file, written while the run goes on and read back bit for bit."""
 
-from .fingerprint import fingerprint
 from .format import Limits, LogError, Topic, TopicInfo
 from .foxglove import Pose
 from .layouts import viewer_layouts
@@ -9,6 +8,6 @@ from .recover import compact, recover
 from .writer import LogWriter, fits
 
 __all__ = [
-    "Limits", "Log", "LogError", "LogWriter", "Pose", "Topic", "TopicInfo", "compact", "fingerprint", "fits",
-    "open_log", "recover", "viewer_layouts",
+    "Limits", "Log", "LogError", "LogWriter", "Pose", "Topic", "TopicInfo", "compact", "fits", "open_log",
+    "recover", "viewer_layouts",
 ]  # fmt: skip

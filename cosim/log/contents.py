@@ -1,4 +1,4 @@
-"""Hold what the records of one log say, and refuse a record that does not belong where it stands."""
+"""Contents of one log: what its records say; a record out of order is refused."""
 
 import io
 import struct

@@ -1,4 +1,4 @@
-"""Speak the well-known Foxglove messages for what people look at: texts, fault windows, and where the aircraft is.
+"""Speak the well-known Foxglove messages for what people look at: fault windows, and where the aircraft is.
 
 The schemas are those of Foxglove's own package (same names, numbers and types), built here from descriptors, so that
 the core does not need that package. These messages are for viewers: replay reads none of them.
@@ -40,7 +40,6 @@ _MESSAGES = {
         ("metadata", 9, "KeyValuePair*"),
     ),
 }  # fmt: skip
-LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4, "fatal": 5}
 
 
 def _file(name):
@@ -105,18 +104,6 @@ TOPICS = {topic: (f"foxglove.{name}", partial(schema, name)) for topic, name in 
 
 def _time(ns):
     return {"seconds": ns // 1_000_000_000, "nanos": ns % 1_000_000_000}
-
-
-def log(ns: int, text: str, level: str) -> Any:
-    """Return the bytes of a foxglove.Log of simulated time `ns`; raises ValueError for an unknown level."""
-    if level not in LEVELS:
-        raise ValueError(f"level {level!r}: one of {', '.join(LEVELS)}")
-    return message("Log")(timestamp=_time(ns), level=LEVELS[level], message=text, name="cosim").SerializeToString()
-
-
-def text(data: Any) -> str:
-    """Return the text of a foxglove.Log."""
-    return message("Log").FromString(data).message
 
 
 def event(start_ns: Any, end_ns: Any, texts: dict) -> Any:

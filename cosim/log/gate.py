@@ -1,4 +1,4 @@
-"""A door before the servers of a live flight: only programs, and pages that show flights, come in.
+"""Origin and token check of the live server: only programs, and pages that show flights, may connect.
 
 Any web page that the user has open may connect to a port of this machine; a browser says in `Origin` whose page it is,
 and no page can leave that out. The gate reads it, and passes the rest on to a server behind, which listens at an

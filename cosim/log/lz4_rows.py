@@ -13,12 +13,11 @@ from numba import njit
 
 from actuators import numba_intrinsics
 from actuators.numba_intrinsics import wholes
-from cosim.log.message_layout import HEAD, LOG_TIME, MIDDLE, SEQUENCE, SHORT
+from cosim.log.message_layout import LOG_TIME, MIDDLE, SEQUENCE, SHORT
 
 LEAST = 5
 MATCH, LAST = 4, 12  # of the format: a reference is to four bytes or more, and to none of the last twelve
 RAW = 1 << 31  # of the format of a frame: the block that follows is not compressed
-HEAD_BYTES = HEAD.itemsize
 byte: Any = numba_intrinsics.byte  # Numba gives them the context
 quad: Any = numba_intrinsics.quad
 word: Any = numba_intrinsics.word

@@ -169,7 +169,6 @@ class Log:
         return list(self.topics).index(topic)
 
     def _place(self, topic, field):
-        """Return the column of a field of a topic."""
         self._number(topic)
         known = self.topics[topic].fields
         if field not in known:

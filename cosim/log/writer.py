@@ -144,7 +144,6 @@ class LogWriter:
         _STORE.call(_address(self._head), _address(v))
 
     def _room(self):
-        """Write the chunk when it is full."""
         if self._count[0] == self._rows:
             self.flush()
 
@@ -152,10 +151,6 @@ class LogWriter:
         """Tell a tape to log the bus."""
         tape.first(lambda k: self._room())
         tape.log(self._head)
-
-    def event(self, k: int, message: str, level: str = "info") -> None:
-        """Log a text at tick k on /log (foxglove.Log); level is debug, info, warning, error or fatal."""
-        self._pending.append((k, self._sink.ids["/log"], foxglove.log(k * self.dt_ns, message, level)))
 
     def window(self, k: Any, start: Any, end: Any, **texts: Any) -> None:
         """Log a foxglove.Event on /events at tick k: something lasts from tick `start` to `end` (None: open)."""
@@ -209,9 +204,7 @@ class LogWriter:
             self._settle()
             self.flush()
             if self._pending:  # no tick came after them, so no chunk can hold them
-                log, window = self._sink.ids["/log"], "a window of /events"
-                texts = {str(i): f"tick {k}: {foxglove.text(data) if channel == log else window}"
-                         for i, (k, channel, data) in enumerate(self._pending)}  # fmt: skip
+                texts = {str(i): f"tick {k}: a window of /events" for i, (k, *_) in enumerate(self._pending)}
                 self._sink.metadata("late_events", texts)
             if result is not None:
                 self._sink.metadata("result", {**result, "content": content_hash(self._sink.chunks)})

@@ -25,18 +25,17 @@ import types
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+from pydantic import BaseModel
 
 from actuators.object_cache import PLAIN
 from actuators.subprocess_env import command, surroundings
 from cosim.papers.claims import load
 from cosim.papers.row import Planned
 
-KINDS = ("equation", "method", "flown", "option")
 
-
-@dataclass(frozen=True)
-class Break:
+class Break(BaseModel, frozen=True, extra="forbid"):
     """One thing that is broken, and the rows (parts of their items) that must leave their bands."""
 
     what: str
@@ -44,11 +43,7 @@ class Break:
     was: str
     now: str
     rows: list[str]
-    kind: str = "equation"  # one of KINDS
-
-    def __post_init__(self):
-        if self.kind not in KINDS:
-            raise ValueError(f"{self.what}: kind {self.kind!r} is not one of {', '.join(KINDS)}")
+    kind: Literal["equation", "method", "flown", "option"] = "equation"
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,42 @@ import importlib
 import inspect
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from cosim.papers.row import Planned
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
-NEEDED = {"kind": str, "item": str, "says": str, "measure": str, "band": list}
-ALLOWED = {**NEEDED, "with": dict, "reason": str, "found": list, "spread": str, "piece": str}
+from cosim.papers.row import ANY, Kind, Planned
+
+Number = Annotated[float, Field(strict=True)]
+Band = tuple[Number, Number]
+
+
+class Claim(BaseModel, extra="forbid"):
+    """A row as it stands in a claims.toml."""
+
+    kind: Kind
+    item: str
+    says: str
+    measure: str
+    with_: dict[str, Any] = Field({}, alias="with")
+    band: Band
+    reason: str = ""
+    found: Band | None = None
+    spread: str = ""
+    piece: str = ""
+
+    @model_validator(mode="after")
+    def _together(self):
+        if len({bool(self.reason), self.found is not None, bool(self.spread)}) > 1:
+            raise ValueError("reason, found and spread stand together: why it differs, where, and how wide")
+        for low, high in filter(None, (self.band, self.found)):
+            if not low <= high:
+                raise ValueError(f"[{low:g}, {high:g}] is not [least, largest]")
+        if self.kind == "claim" and self.band == ANY:
+            raise ValueError("a claim needs a band")
+        if self.kind != "claim" and self.reason:
+            raise ValueError("without a claim there is no difference to explain")
+        return self
 
 
 def load(paper: str, text: str | None = None) -> list[Planned]:
@@ -43,28 +73,12 @@ def load(paper: str, text: str | None = None) -> list[Planned]:
 
 def _planned(paper, number, row):
     where = f"{paper}/claims.toml, row {number} ({row.get('item', 'without item')})"
-    for key in row:
-        if key not in ALLOWED:
-            raise ValueError(f"{where}: unknown key {key}; allowed: {', '.join(ALLOWED)}")
-        if not isinstance(row[key], ALLOWED[key]):
-            raise ValueError(f"{where}: {key} = {row[key]!r} is no {ALLOWED[key].__name__}")
-    for key in NEEDED:
-        if key not in row:
-            raise ValueError(f"{where}: {key} is missing")
-    together = [key in row for key in ("reason", "found", "spread")]
-    if any(together) and not all(together):
-        raise ValueError(f"{where}: reason, found and spread stand together: why it differs, where, and how wide")
-    measure = _measure(paper, where, row["measure"], row.get("with", {}))
-    low, high = _band(where, "band", row["band"])
-    found = _band(where, "found", row["found"]) if "found" in row else None
-    return Planned(paper, row["item"], row["says"], measure, low, high, row.get("reason", ""), row["kind"],
-                   row.get("piece", ""), found, row.get("spread", ""), row["measure"])  # fmt: skip
-
-
-def _band(where, key, band):
-    if [type(v) in (int, float) for v in band] != [True, True] or not band[0] <= band[1]:
-        raise ValueError(f"{where}: {key} = {band} is not [least, largest]")
-    return float(band[0]), float(band[1])
+    try:
+        c = Claim.model_validate(row)
+    except ValidationError as error:
+        raise ValueError(f"{where}: {error}") from None
+    measure = _measure(paper, where, c.measure, c.with_)
+    return Planned(paper, c.item, c.says, measure, *c.band, c.reason, c.kind, c.piece, c.found, c.spread, c.measure)
 
 
 def _measure(paper, where, name, arguments):

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.table import Table
+
 DT = 0.005
 
 
@@ -36,14 +38,6 @@ def estimated(
 ) -> Panel:
     """Return the Panel of an estimate over what is true of it, dotted."""
     return Panel(title, unit, (Curve("estimate", ours), Curve(word, true, "true", "dot")), least=least)
-
-
-@dataclass(frozen=True)
-class Table:
-    """Column names and rows of text; marks "good" or "bad" cells by a leading + or -."""
-
-    columns: tuple
-    rows: tuple
 
 
 @dataclass(frozen=True)

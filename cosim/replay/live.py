@@ -110,7 +110,6 @@ class _Player:
                 server.broadcast_playback_state(self.state(False, self.k * self._dt_ns, self.speed))
 
     def _follow(self, live, reel):
-        """Do what viewers have asked for."""
         while not self._asked.empty():
             request = self._asked.get()
             self.playing = request.playback_command == self._sdk.websocket.PlaybackCommand.Play

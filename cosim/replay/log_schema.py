@@ -246,7 +246,6 @@ def attached(log: Log, name: str, kind: Any, lanes: int) -> np.ndarray:
 
 
 def _alike(found: np.dtype, kind: np.dtype) -> bool:
-    """Tell whether numbers of one field's dtype fit into another's."""
     return found == kind or (found.shape == kind.shape and found.base.kind in "biuf" and kind.base.kind in "biuf")
 
 

@@ -205,7 +205,6 @@ def _unit(word: str, si: str, named: str, y: np.ndarray) -> tuple[str, str, bool
 
 
 def _point(word: str, value: float, own: Aircraft) -> float:
-    """Return a number of [flight] within what the aircraft's record allows."""
     low, high = {"mass": own.mass.mass_t, "cg": own.mass.cg_pct, "h_baro": own.limits.altitude_ft,
                  "cas": own.limits.cas_kt}[word]  # fmt: skip
     return min(max(value, low), high)

@@ -159,7 +159,6 @@ def matrix(rows: pd.DataFrame) -> Table | None:
 
 
 def _cell(name, cell):
-    """Return the Cell of one detector and case."""
     if cell is None:
         return Cell("", "c-none")
     found = sorted(cell["outcomes"].items(), key=lambda pair: -pair[1])

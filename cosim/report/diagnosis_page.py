@@ -105,7 +105,6 @@ def _summary_of(name: str) -> str:
 
 
 def _summary(watched: Watched) -> list[tuple[str, list[Any]]]:
-    """Return who noticed something first, and who was quiet."""
     alarmed = [lane for lane in watched.lanes if lane.entry["alarm"]]
     at = {lane.name: watched.verdicts[lane.id, lane.target] for lane in alarmed}
     first = sorted(at, key=lambda name: at[name]["first_alarm_s"])

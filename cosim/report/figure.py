@@ -50,7 +50,7 @@ class Figure:
              gap: float = 0.085) -> None:  # fmt: skip
         """Lay out panels row by row with a title each; `y_titles` is a list, or the text left of each row; `x_title`
         stands below. `span` is the (first, last) time, `gap` the share of the width between two columns."""
-        n, rows = len(titles), -(-len(titles) // columns)
+        n, rows = len(titles), max(1, -(-len(titles) // columns))
         if isinstance(y_titles, str):
             y_titles = ["" if i % columns else y_titles for i in range(n)]
         gap_x, height = gap if columns > 1 else 0.0, self.layout["height"]

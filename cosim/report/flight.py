@@ -45,7 +45,7 @@ def panels(
 
 
 def drawn(flown: LoggedFlight, topic: str, field: str, factor: float = 1.0, add: float = 0.0) -> tuple[Any, float]:
-    """Return (samples of a logged signal, seconds between two) as its curve needs them: the signal itself is let go."""
+    """Return (samples of a logged signal, seconds between two) as its curve needs them; the signal is not kept."""
     y, every = envelope(flown.values(topic, field))
     return factor * y + add, flown.dt * every
 
@@ -76,7 +76,6 @@ def motion(flown: LoggedFlight) -> Figure:
 
 
 def _inline_legend(figure, panel):
-    """Write the names of a panel's curves above it, in their colours."""
     named = [(t["line"], n) for t in figure.data if t["xaxis"] == place(panel)["xaxis"] for n in [t["name"]] if n]
     at = {"x": figure.layout[axis("xaxis", panel)]["domain"][1], "y": figure.layout[axis("yaxis", panel)]["domain"][1]}
     for k, (line, name) in enumerate(reversed(named)):

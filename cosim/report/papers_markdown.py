@@ -27,7 +27,6 @@ def markdown(found: Iterable[Row], held: str = "") -> str:
 
 
 def _block(text, name):
-    """Return the folded rows of a paper as they stand in a written table."""
     start = text.index(f"<details><summary>{name}, row by row")
     return text[start : text.index("</details>", start) + len("</details>")]
 

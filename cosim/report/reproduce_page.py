@@ -9,7 +9,6 @@ from cosim.papers.row import Row as PaperRow
 from cosim.report import svg
 from cosim.report.figure import axis, curve, envelope, still
 from cosim.report.page import PICTURE, page, write
-from cosim.table import Cell, Table
 
 TITLES = {
     "lu17": "Lu17: hydraulic actuator, two-stage and three-step filters",
@@ -37,11 +36,15 @@ def render(rows: list[PaperRow], drawings: list) -> str:
             number += 1
             look = f"Look at {d.look} " if d.look else ""
             caption = f"{look}{d.caption} Beside [{paper_key(name)}] {d.beside}."
-            figure = None if d.table else _figure(d, f"f{number}", caption)
+            figure = None
+            if d.table:
+                d.table.caption = caption
+            else:
+                figure = _figure(d, f"f{number}", caption)
             figures.append(figure)
             shown.append({
                 "heading": f"Figure {number}. {d.title}",
-                "table": _table(d.table, caption) if d.table else None,
+                "table": d.table,
                 "figure": figure,
                 "narrow": NARROW[min(d.columns, len(d.panels))] if figure else None,
             })  # fmt: skip
@@ -82,14 +85,6 @@ def _count(rows):
     return [sum(r.verdict == v for r in rows) for v in tables.VERDICTS]
 
 
-def _table(t, caption):
-    """Return the page's Table of a drawing that holds a table; a + before a value marks it as good."""
-    made = Table("", *t.columns, caption=caption, kind="")
-    for row in t.rows:
-        made.add(*(Cell(v[1:], "good") if v.startswith("+") else v for v in row))
-    return made
-
-
 def _figure(d, name, caption):
     columns = min(d.columns, len(d.panels))
     lines = -(-len(d.panels) // columns)
@@ -116,7 +111,6 @@ def _figure(d, name, caption):
 
 
 def _inside(c, span):
-    """Return the slice of samples within `span`."""
     if span is None:
         return slice(None)
     first = max(0, math.floor((span[0] - c.t0) / c.dt))

@@ -15,6 +15,9 @@ TITLE = 24  # height of a still picture's title
 FONT = "system-ui,Segoe UI,Roboto,Liberation Sans,sans-serif"  # page.py knows a picture of ours by it
 LETTER = 0.56  # width of a letter as a share of the font's size, on average
 DASHED = {"dash": "6 4", "dot": "1.5 3", "dashdot": "6 3 1.5 3"}
+# of a share: cividis (Nunez, Anderton, Renslow 2018) at eighths, read alike with and without colour vision
+STOPS = np.array([[0, 34, 78], [18, 53, 112], [59, 73, 108], [87, 93, 109], [112, 113, 115], [138, 134, 120],
+                  [165, 156, 116], [195, 179, 105], [254, 232, 56]])  # fmt: skip
 
 
 def drawn(figure: Figure) -> str:
@@ -28,7 +31,8 @@ def drawn(figure: Figure) -> str:
     out += [_shape(panels, s) for s in layout["shapes"] if s.get("layer") == "below"]
     at = None
     for trace in figure.data:
-        at, text = _drawn(panels[_number(trace)], trace, at)
+        panel = panels[_number(trace)]
+        at, text = (None, _cells(panel, trace)) if trace["type"] == "heatmap" else _drawn(panel, trace, at)
         out.append(text)
     out += [_shape(panels, s) for s in layout["shapes"] if s.get("layer") != "below"]
     out += [_note(panels, layout, a) for a in layout["annotations"]]
@@ -52,7 +56,6 @@ def still(figure: Figure, title: str) -> str:
 
 
 def _number(trace):
-    """Return the number of the panel that a trace is drawn in."""
     return int(trace["yaxis"][1:] or 1)
 
 
@@ -175,6 +178,20 @@ def _drawn(panel, trace, before):
         dashed = f' stroke-dasharray="{dash}"' if dash else ""
         out += f'<path d="{_path(at)}" fill="none" {_colour(line["color"])} stroke-width="{line["width"]:g}"{dashed}/>'
     return at, f'<g clip-path="url(#c-{panel.id})"{_of((trace.get("meta") or {}).get("detector"))}>{out}</g>'
+
+
+def _cells(panel, trace):
+    """Draw the shares (rows, columns) of a heat map over two axes of names, those that have a text."""
+    x, y = panel.x.at(trace["x"]), panel.y.at(trace["y"])
+    w, h, out = panel.box[2] / len(x), panel.box[3] / len(y), []
+    for (i, j), share in np.ndenumerate(trace["z"]):
+        if told := trace["text"][i][j]:
+            red, green, blue = (np.interp(8.0 * share, range(9), stop) for stop in STOPS.T)
+            paint = f'fill="#{round(red):02x}{round(green):02x}{round(blue):02x}"'
+            box = f'x="{x[j] - w / 2:.1f}" y="{y[i] - h / 2:.1f}" width="{w - 0.7:.1f}" height="{h - 0.7:.1f}"'
+            out.append(f'<rect {box} {paint}/><text x="{x[j]:.1f}" y="{y[i] + 3:.1f}" text-anchor="middle" '
+                       f'font-size="9" fill="{"#fff" if share < 0.5 else "#1c2128"}">{told}</text>')  # fmt: skip
+    return "".join(out)
 
 
 def _path(at):

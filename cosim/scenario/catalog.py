@@ -229,7 +229,7 @@ KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers st
         "fault.0.active, fault.0.since: of another fault",
         "lasts_s": "of one with a condition: healed after so long",
         "end_s": "healed; left out: until the end",
-        "ramp_s": "grows from nothing over so long; not for what is switched at once",
+        "ramp_s": "grows from nothing over so long; not for a jam, freeze, free float or dropout",
         "at": "where it enters; default: the first that the kind names",
         "path": f"of an aircraft sensor {' | '.join(SENSOR_PATHS)}: observers leaves the law's copy healthy; "
         f"of an actuator's sensor {' | '.join(ACTUATOR_PATHS)}: monitor leaves the servo's copy healthy",

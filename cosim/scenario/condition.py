@@ -85,7 +85,7 @@ def condition(text: str) -> Condition:
         raise _wrong(text, f"more than {DEPTH} parentheses within each other")
     made, rest = _joined("or", tokens, text)
     if rest:
-        raise _wrong(text, f"{rest[0]!r} is one too many")
+        raise _wrong(text, f"unexpected {rest[0]!r}")
     return made
 
 
@@ -126,7 +126,7 @@ def _signal(name, text):
         near = did_you_mean(name, [TIME, *vocabulary.words()])
         raise _wrong(text, f"{name!r} is no signal", near or "`cosim list signals` has them") from None
     if vocabulary.words()[name.rpartition(".")[2]].technologies and "." not in name:
-        raise _wrong(text, f"{name!r} is of which segment?", f"Say left_inner.{name}, or another segment")
+        raise _wrong(text, f"{name!r} needs a segment", f"For example left_inner.{name}")
     return name
 
 

@@ -14,7 +14,7 @@ from cosim.scenario.flight import PATHS, SPEEDS
 from cosim.scenario.inputs import RANGES
 from cosim.scenario.manoeuvre import KINDS
 from cosim.scenario.toml import inline
-from cosim.texts import half_letter, toml
+from cosim.texts import toml, unpaired_surrogate
 
 LISTS = ("faults", "flight.air", "flight.gusts")
 FORM, EXAMPLE = "is not of the form key=value", "Example: --set faults.0.frequency_hz=3"
@@ -38,7 +38,7 @@ def applied(
         key, equals, value = text.partition("=")
         key, place = key.strip(), f"--set {text}"
         with wrong.caught():
-            if half_letter(text):
+            if unpaired_surrogate(text):
                 raise ScenarioError("is not UTF-8", place=place)
             if not equals:
                 raise ScenarioError(FORM, place=place, remedy=EXAMPLE)
@@ -61,7 +61,7 @@ def assigned(table: dict[str, Any], pairs: Iterable[tuple[str, Any]]) -> tuple[d
 
 
 def _parse(value):
-    """Return a TOML value; what is none is a string, so that words need no quotes."""
+    """Return a TOML value; a text that is not TOML is a string, so that words need no quotes."""
     try:
         parsed = toml(f"x = {value}", place="")
     except CosimError:

@@ -33,7 +33,6 @@ def place(value: Any) -> str:
 
 
 def _classes(hint: Any) -> list[type]:
-    """Return our classes in a type hint."""
     if inspect.isclass(hint) and not isinstance(hint, types.GenericAlias):
         return [hint] if hint.__module__.split(".")[0] in OURS else []
     return [c for part in typing.get_args(hint) for c in _classes(part)]
@@ -119,6 +118,5 @@ def attributes(kind: type) -> dict[str, tuple[str, str]]:
 
 
 def _directive(name: str, **options: str) -> str:
-    """Return mkdocstrings' directive for an object."""
     told = {"show_root_heading": "false", "heading_level": "4", **options}
     return f"::: {name}\n    options:\n" + "".join(f"      {key}: {value}\n" for key, value in told.items())

@@ -103,7 +103,6 @@ def _write(own, kind, name, content):
 
 
 def _estimators(aircraft: str, digest: str, form: str) -> dict[str, Any]:
-    """Return the designs of a form of the Sun13 estimators."""
     return getattr(rfafe, form)(lambda text: None, aircraft)
 
 

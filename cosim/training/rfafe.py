@@ -102,7 +102,6 @@ def unknown_inputs(turbulence: str = "none", aero: tuple = (), aircraft: str = D
 
 
 def _flight(own):
-    """Return the point of the designs as keys of a scenario's [flight]."""
     return own.points[point_of(own)]
 
 

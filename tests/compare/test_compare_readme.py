@@ -55,7 +55,7 @@ def test_picture_counts_flights_beyond_the_common_threshold(found):
     words = [t.text for t in svg.iter("{http://www.w3.org/2000/svg}text")]
     # three oscillations each, of 1, 2 and 4 mm: |r| 0.7, 3, 9 against fault-free maxima of 0.8 and 1.5
     assert sorted(w for w in words if "/" in w) == ["0/1", "0/1", "1/1", "1/1", "1/1", "1/1"]
-    assert {"iotsekf", "lpv_smo", "actuator filters", "airframe motion"} <= set(words)
+    assert {"iotsekf: actuator filters", "lpv_smo: airframe motion"} <= set(words)
     never = {name: (None, 0, 4, 1.0) for name in ("iotsekf", "lpv_smo")}
     words = [t.text for t in ElementTree.fromstring(render(found.rows, never)).iter() if t.text and "/1" in t.text]
     assert set(words) == {"0/1"}

@@ -54,7 +54,7 @@ def test_no_index_takes_a_value_beyond_its_range(name):
 def test_scenario_with_an_index_beyond_its_array_is_refused(key):
     scenario = load_scenario(DEFAULT, [f"detectors.{key}"])
     name = key.split(".")[0]
-    with pytest.raises(ScenarioError, match="does not fit the detector's arrays; allowed: a whole number from"):
+    with pytest.raises(ScenarioError, match="is out of range; allowed: a whole number from"):
         {d.id: d for d in detectors.chosen(scenario)}[name].params(scenario, DT)
 
 
@@ -123,4 +123,4 @@ def test_command_line_ends_with_one_line(tmp_path):
          str(tmp_path / "a.mcap")],
         capture_output=True, text=True,
     )  # fmt: skip
-    assert told.returncode == 2 and "does not fit the detector's arrays" in told.stderr and "Trace" not in told.stderr
+    assert told.returncode == 2 and "is out of range" in told.stderr and "Trace" not in told.stderr

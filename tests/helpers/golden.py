@@ -10,7 +10,9 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from cosim.log import compact, fingerprint, open_log
+from fingerprint import fingerprint
+
+from cosim.log import compact, open_log
 
 FOLDER = Path(__file__).resolve().parents[2] / "logs" / "golden"
 HYDRAULIC = ("iotsekf", "rtsekf", "rtsekf_flight", "position_monitor", "ofc_monitor")

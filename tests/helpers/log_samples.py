@@ -47,7 +47,6 @@ def write(path, ticks=230, seed=0, result=True, pose=False, **options):
     with LogWriter(path, TOPICS, n_values=N_VALUES, **options) as log:
         for k, row in enumerate(v):
             if k == 70:
-                log.event(k, "left inner: jam declared", "warning")
                 log.window(k, 40, None, kind="jam", target="elevator.left_inner")
             log.append(row)
         if result:

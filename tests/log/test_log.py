@@ -6,11 +6,12 @@ import textwrap
 
 import numpy as np
 import pytest
+from fingerprint import fingerprint
 from log_samples import N_VALUES, TOPICS, expected, same_bits, vectors, write
 
 from cosim.errors import CosimError
 from cosim.files import left_by
-from cosim.log import LogError, LogWriter, Topic, fingerprint, open_log
+from cosim.log import LogError, LogWriter, Topic, open_log
 from cosim.log.overview import log_info
 
 
@@ -46,8 +47,8 @@ def test_what_describes_the_run_comes_back(path):
     topic = log.topics["/actuators/left_inner"]
     assert (topic.fields, topic.units, topic.every) == (("q_rod", "u"), ("m", "-"), 1)
     assert (topic.group, topic.description) == ("actuators", "rod")
-    (tick, text), (_, window) = log.messages("/log")[0], log.messages("/events")[0]
-    assert (tick, text.message, text.level) == (70, "left inner: jam declared", 3)
+    [(tick, window)] = log.messages("/events")
+    assert tick == 70 and log.messages("/log") == []
     assert window.start_time.ToNanoseconds() == 200_000_000 and not window.HasField("end_time")
     assert {m.key: m.value for m in window.metadata} == {"kind": "jam", "target": "elevator.left_inner"}
 
@@ -138,7 +139,7 @@ def test_ctrl_c_at_any_line_leaves_every_tick_readable(path, n):
                 log.append(row)
                 logged = k + 1
                 if k % 20 == 0:
-                    log.event(k, "tick", "debug")
+                    log.window(k, k, k)
                     texts += 1
         finally:
             sys.settrace(before)
@@ -146,7 +147,7 @@ def test_ctrl_c_at_any_line_leaves_every_tick_readable(path, n):
     assert not log.complete and log.n_ticks in (logged, logged + 1)  # the strike may come after the row was taken
     for topic in TOPICS:
         assert same_bits(log.array(topic.name), expected(v[: log.n_ticks], topic))
-    assert [k for k, _ in log.messages("/log")][:texts] == [20 * i for i in range(texts)]
+    assert [k for k, _ in log.messages("/events")][:texts] == [20 * i for i in range(texts)]
 
 
 def test_an_error_in_the_run_leaves_a_readable_incomplete_log(path):
@@ -158,11 +159,11 @@ def test_an_error_in_the_run_leaves_a_readable_incomplete_log(path):
 
 def test_a_log_without_a_tick_is_readable_and_keeps_its_texts(path):
     with LogWriter(path, TOPICS, n_values=N_VALUES) as log:
-        log.event(0, "trim failed", "error")
+        log.window(0, 0, 1)
         log.close({"status": "diverged"})
     log = open_log(path)
     assert log.n_ticks == 0 and log.complete and log.array("/truth").shape == (0, 20)
-    assert "trim failed" in log.metadata["late_events"]["0"]
+    assert log.metadata["late_events"] == {"0": "tick 0: a window of /events"}
     assert log_info(path)["problem"] is None
 
 
@@ -170,9 +171,9 @@ def test_a_text_of_any_tick_is_kept_with_its_own_time(path):
     with LogWriter(path, TOPICS, n_values=N_VALUES, rows_per_chunk=10) as log:
         for row in vectors(25):
             log.append(row)
-        log.event(3, "late")  # its chunk is written
-        log.event(99, "early")
-    times = [m.timestamp.ToNanoseconds() for _, m in open_log(path).messages("/log")]
+        log.window(3, 3, 4)  # its chunk is written
+        log.window(99, 99, 100)
+    times = [m.start_time.ToNanoseconds() for _, m in open_log(path).messages("/events")]
     assert sorted(times) == [15_000_000, 495_000_000]
 
 

@@ -37,13 +37,13 @@ def test_the_mcap_package_decodes_every_message(log, reader):
                 fields = [f.name for f in proto.DESCRIPTOR.fields]
                 got[channel.topic].append((message.sequence, [getattr(proto, f) for f in fields]))
                 assert fields == list(next(t for t in TOPICS if t.name == channel.topic).fields)
-            elif channel.topic == "/log":
-                texts.append(proto.message)
+            elif channel.topic == "/events":
+                texts.append({m.key: m.value for m in proto.metadata})
     for topic in TOPICS:
         ticks, values = zip(*got[topic.name])
         assert list(ticks) == list(range(0, 230, topic.every))
         assert same_bits(np.array(values), expected(v, topic))
-    assert texts == ["left inner: jam declared"]
+    assert texts == [{"kind": "jam", "target": "elevator.left_inner"}]
 
 
 def test_every_record_passes_the_packages_own_checks(log):
@@ -164,7 +164,7 @@ def test_the_node_reader_accepts_a_log(log):
     assert told.returncode == 0, told.stderr
     answer = json.loads(told.stdout)
     ours = open_log(log[0])
-    assert answer["done"] and answer["counts"]["/log"] == 1
+    assert answer["done"] and answer["counts"]["/events"] == 1
     assert {name: answer["counts"][name] for name in ours.topics} == {t.name: t.rows for t in ours.topics.values()}
 
 

@@ -69,10 +69,6 @@ def test_a_number_is_judged_by_its_band_and_by_what_was_found_for_a_reason(kind,
 def test_what_no_row_can_be_is_refused():
     assert judged(7.0, kind="ours").tolerance == "none"
     assert Planned("x", "y", "z", lambda: 0.6, 0, 0.5, "why").judge().verdict == "differs"  # nothing was found
-    with pytest.raises(ValueError, match="without a claim"):
-        judged(1.0, 0.0, 2.0, reason="because", kind="ours")
-    with pytest.raises(ValueError, match="a claim needs a band"):
-        judged(1.0)
     with pytest.raises(ValueError, match="is not one of"):
         Row("p", "i", "s", 0.0, "", "perhaps", "", "")
     with pytest.raises(ValueError, match="needs a reason"):
@@ -167,14 +163,17 @@ band = [1.0, 2.0]
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (('kind = "claim"', 'kind = "claims"'), "jay, figure 3: kind = 'claims'; allowed: claim, ours, beyond"),
-        (("band = [1.0, 2.0]", "band = [2.0, 1.0]"), r"band = \[2.0, 1.0\] is not \[least, largest\]"),
-        (("band = [1.0, 2.0]", ""), "band is missing"),
+        (('kind = "claim"', 'kind = "claims"'), r"figure 3.*\n.*kind\n.* 'claim', 'ours' or 'beyond'"),
+        (("band = [1.0, 2.0]", "band = [2.0, 1.0]"), r"\[2, 1\] is not \[least, largest\]"),
+        (("band = [1.0, 2.0]", ""), r"band\n.*Field required"),
         (("rows.settles", "rows.settled"), "measure = 'rows.settled'"),
         (("reconfigure", "reconfigured"), "measure = 'rows.settles' with {'reconfigured': True}"),
-        (("says =", "say ="), "unknown key say; allowed: kind, item"),
-        (('item = "figure 3"', "item = 3"), "item = 3 is no str"),
+        (("says =", "say ="), r"says\n.*Field required(.|\n)*say\n.*Extra inputs"),
+        (('item = "figure 3"', "item = 3"), r"item\n.*valid string"),
         (("band = [1.0, 2.0]", 'band = [1.0, 2.0]\nreason = "r"'), "reason, found and spread stand together"),
+        (("band = [1.0, 2.0]", "band = [-inf, inf]"), "a claim needs a band"),
+        (("band = [1.0, 2.0]", 'band = ["1", true]'), r"band.0\n.*valid number(.|\n)*band.1\n.*valid number"),
+        (('kind = "claim"', 'kind = "ours"\nreason = "r"\nfound = [1, 2]\nspread = "s"'), "without a claim"),
     ],
 )
 def test_a_wrong_row_is_refused_with_its_place(change, told):

@@ -4,11 +4,12 @@ import shutil
 import subprocess
 
 import pytest
+from fingerprint import fingerprint
 from golden import FLIGHTS, FOLDER, fly
 from mcap.reader import NonSeekingReader
 
 from cosim.errors import LogError
-from cosim.log import fingerprint, open_log
+from cosim.log import open_log
 from cosim.replay import replay
 
 EARLIER = FOLDER / "earlier"  # of the last release: older noise

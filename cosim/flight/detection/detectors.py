@@ -142,7 +142,7 @@ class Installed:
 
     def params(self, scenario: Scenario, dt: float) -> np.ndarray:
         """Return the PARAMS of all lanes; the scenario's own values replace fields. Raises ScenarioError for one that
-        is none."""
+        is no number or out of range."""
         table, options = scenario.detectors.table(self.id), self.record.options
         if self.id not in registry.SHIPPED:
             table = {name: value for name, value in table.items() if name not in plugins.KEYS}
@@ -159,7 +159,7 @@ class Installed:
             assign(self.record, self.module, p, name, float(value), dt, error=ScenarioError, place=place)
         if wrong := table and wrong_parameter(self.record, self.module, p, dt):
             name, value, low, high = wrong
-            said, allowed = f"{value:g} does not fit the detector's arrays", f"a whole number from {low:g} to {high:g}"
+            said, allowed = f"index {value:g} is out of range", f"a whole number from {low:g} to {high:g}"
             raise ScenarioError(said, place=f"detectors.{self.id}.{name}", allowed=allowed)
         return p
 

@@ -34,7 +34,7 @@ def assign(record: Any, module: Any, p: Any, name: str, value: Any, dt: float, *
     span = parameter_range(base, record, module, dt)
     if span is not None and not (span[0] <= value <= span[1] and value == round(value)):
         said = f"a whole number from {span[0]:g} to {span[1]:g}"
-        raise error(f"{value:g} does not fit the detector's arrays", place=place, allowed=said)
+        raise error(f"index {value:g} is out of range", place=place, allowed=said)
     try:
         at = tuple(int(i) for i in index.rstrip("]").split(",")) if index else ()
         p[base][(slice(None), *at)] = value

@@ -173,7 +173,6 @@ def _places(trace):
 
 
 def _columns(trace):
-    """Return the columns of the trace that `_stored` takes."""
     return [column for column, _ in _places(trace) if column is not None]
 
 

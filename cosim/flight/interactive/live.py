@@ -28,7 +28,7 @@ EVERY = 20  # ticks between two words of progress
 
 
 def checked_speed(value: Any) -> float:
-    """Return `value` as a speed in multiples of the clock's; raises CosimError for what is none."""
+    """Return `value` as a speed in multiples of the clock's; raises CosimError for another value."""
     low, high = SPEEDS
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
         raise CosimError(f"{value!r} is no speed", place="speed", allowed=f"{low:g} to {high:g} times the clock's")

@@ -46,7 +46,6 @@ def _both(point, trim, dt):
 
 
 def _made(point, trim, dt):
-    """Return both, one behind the other."""
     aircraft = point.record
     sketch = Plant(point, dt=dt)  # moved about to take derivatives
     level = linearize(point.level)

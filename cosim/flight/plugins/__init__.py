@@ -23,7 +23,7 @@ from cosim.errors import did_you_mean
 from cosim.flight.plugins.contract import GuestError, is_block, is_guest
 from cosim.flight.plugins.plain import PlainDetector
 from cosim.scenario import Scenario, parse, user_file, vocabulary
-from cosim.texts import half_letter
+from cosim.texts import unpaired_surrogate
 from fdi import registry
 from fdi.common.record import Detector
 
@@ -56,7 +56,7 @@ def load(name: str | os.PathLike) -> PlainDetector:
     Raises GuestError for a file that is not there, does not run, or holds no detector or several.
     """
     path = Path(os.path.expanduser(name))
-    if half_letter(str(path)):
+    if unpaired_surrogate(str(path)):
         raise GuestError("its name is not UTF-8, which a log needs", place=str(path), remedy="Rename it")
     if not os.path.isfile(path):
         return _entry_point(str(name))

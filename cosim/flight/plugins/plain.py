@@ -126,7 +126,6 @@ class Runner:
         return self.problems[0] + (f" (and {more} more lane{'s' * (more > 1)})" if more else "") if more >= 0 else ""
 
     def _start(self, p, dt):
-        """Make the objects of the lanes, once."""
         if self._status:
             return
         names = [n for n in self.guest.PARAMS.names if n != "limit_s"]

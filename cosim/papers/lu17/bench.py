@@ -161,7 +161,6 @@ def _seed(tick, noise, s, c, pi, pr, x, i, r, us, ui, ur, dt, out):
 
 @kernel
 def _fly(tick, noise, s, c, pi, pr, x, i, r, us, ui, ur, dt, out):
-    """Fly every seed."""
     for n in range(out.shape[0]):
         _seed(tick, noise[n], s, c, pi, pr, x[n], i[n], r[n], us, ui, ur, dt, out[n])
 

@@ -32,7 +32,6 @@ def _beyond(e):
 
 
 def _summary(out):
-    """Return the numbers that the rows need of one case."""
     found = {}
     for phase in bench.PHASES:
         on = span(phase)

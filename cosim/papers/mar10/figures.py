@@ -3,10 +3,11 @@
 import numpy as np
 
 from cosim.flight.loop.signals import fly
-from cosim.papers.drawing import Curve, Drawing, Panel, Table
+from cosim.papers.drawing import Curve, Drawing, Panel
 from cosim.papers.mar10 import flights, vehicle_rows
 from cosim.papers.mar10.rows import own_structure, throttle_in_error
 from cosim.scenario import load_scenario
+from cosim.table import Cell, Table
 from fdi.control_redundancy import control_redundancy
 from fdi.control_redundancy import structure as redundancy_structure
 
@@ -62,11 +63,11 @@ def _reconfigured():
 
 
 def _signatures(structure):
-    rows = []
+    made = Table("", "family", "signature", *redundancy_structure.TALK_INPUTS, "residuals>", kind="")
     for family in redundancy_structure.families(structure):
-        marks = tuple("+1" if v else "0" for v in family.signature)
-        rows.append((family.name, "".join(str(int(v)) for v in family.signature), *marks, str(len(family.solved))))
-    return Table(("family", "signature", *redundancy_structure.TALK_INPUTS, "residuals>"), tuple(rows))
+        marks = (Cell("1", "good") if v else "0" for v in family.signature)
+        made.add(family.name, "".join(str(int(v)) for v in family.signature), *marks, str(len(family.solved)))
+    return made
 
 
 def _table():

@@ -150,7 +150,6 @@ def on_grid(made: Prepared, names: list[str]) -> tuple[list[np.ndarray], float]:
 
 
 def _noise(made, name, level):
-    """Return what a channel's own samples say."""
     mapped, source = made.map.signals[name], made.sources[name]
     t, y, flags = made.channels[name]
     factor = mapped.factor(source.unit, shares(made.scenario, name, source))

@@ -44,7 +44,6 @@ def names(module: Any) -> list[str]:
 
 
 def _scaled(start, factor):
-    """Return {parameter or element of it: value times factor}."""
     out = {}
     for name, value in start.items():
         for at in np.ndindex(np.shape(value)):

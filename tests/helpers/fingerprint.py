@@ -1,4 +1,4 @@
-"""Tell in a few lines of text what numbers a log holds, so that a change of numbers shows in review."""
+"""Text fingerprint of a log: a few lines about its numbers, so that a change of them shows in review."""
 
 import hashlib
 import math
