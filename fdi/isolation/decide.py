@@ -28,6 +28,7 @@ SURE = 5.0  # odds e^5 against every other class
 FAIR, PLAIN = 1.1, 0.08  # times noise; share of what health leaves beyond noise
 HELD_S, HELD_WEAK_S = 0.1, 0.5  # a name must stand so long; a loss, whose command may yet be gone [s]
 OUTSIDE = 3.0  # standard deviations of the tolerances
+UNTAUGHT = 1.5  # thresholds that evidence for other than an oscillation must pass in the first seconds
 RELEASE_S = 1.0  # an alarm outlives its evidence by this [s]
 RESOLVED = 1.5  # periods of an oscillation that a window resolves
 PART = 0.75  # of its period that an oscillation has lasted: before, it is a step
@@ -133,7 +134,9 @@ def hear(x, p, o):
     """Keep what the evaluation of octave `o` says."""
     at_best, ratio = 0, 0.0
     for h in range(ev.HYPOTHESES):
-        ratio = max(ratio, x.ev[h] / p.limit[h])
+        known = x.blocks > sums.FIRST or h <= ev.SWING_LOAD
+        if known or h < ev.NOISE_ROD or h > ev.NOISE_PRESSURE:
+            ratio = max(ratio, x.ev[h] / (p.limit[h] if known else UNTAUGHT * p.limit[h]))
         if told(x, h) > told(x, at_best):
             at_best = h
     mine, best = class_of(x, at_best), told(x, at_best)
