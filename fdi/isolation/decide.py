@@ -373,7 +373,8 @@ def judge(x, p, o, dt):
     top, c = longest(x), candidate(x)
     if top >= 0 and swings_valve(x, o, top, p.length[top] * p.block * dt):
         x.borne = 1.0
-    if c >= 0 and (x.own_class[c] == OF_PRESSURE or (x.own_class[c] == WEAK and x.named != OFC_LIQUID)):
+    against = c >= 0 and (x.own_class[c] == OF_PRESSURE or (x.own_class[c] == WEAK and x.named != OFC_LIQUID))
+    if against and x.own_fits[top] > 0.5:  # where nothing fits the longest window a short one has no say
         x.borne = 0.0
     if o == OCTAVES - 1:
         in_a_row(x, p)
