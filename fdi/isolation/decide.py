@@ -11,6 +11,7 @@ import math
 
 from actuators.block import kernel
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, SENSOR
+from fdi.hydraulic import hypotheses
 from fdi.isolation import backlash, multiple_models, sums
 from fdi.isolation import evidence as ev
 from fdi.isolation.filter import N
@@ -303,7 +304,7 @@ def merge(x, freeze, asked):
         return
     elif x.sensor > 0.5 and x.likely != OF_ROD and (x.likely != OF_SURFACE or x.backlash_suspected > 0.5):
         return
-    elif x.likely == LIQUID and x.proof > 0.0:
+    elif x.likely == LIQUID and x.proof > -hypotheses.DOUBT:
         x.verdict = OFC_LIQUID
     elif x.likely == SOLID and x.sure[1] > 0.0:
         x.verdict = OFC_SOLID
