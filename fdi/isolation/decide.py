@@ -19,7 +19,7 @@ from fdi.isolation.multiple_models import JOINED, SOFT
 from fdi.isolation.sums import OCTAVES
 
 LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, APART, FREE_FLOAT, DRIVEN = range(1, 12)
-CALM = 0.35  # of a threshold: below, nothing speaks for a fault
+CALM = 0.35  # of a threshold: below, nothing speaks for a fault; down to it an alarm stands
 CLEAR = 40.0  # evidence of a plain onset
 SILENT_PART, SILENT_S = 0.4, 0.4  # of an oscillation's period; of what has no name [s]
 AGAINST = -2.0  # evidence of a fault that is no longer there
@@ -369,7 +369,7 @@ def judge(x, p, o, dt):
         x.evidence = max(x.evidence, x.own_ratio[i])
     if x.own_ratio[o] >= CALM:
         x.since = 0.0
-    if x.own_ratio[o] >= 1.0 and (inside(x, p) or x.speaks > 0.5):
+    if x.own_ratio[o] >= (1.0 if x.speaks < 0.5 else CALM) and (inside(x, p) or x.speaks > 0.5):
         x.speaks_timer = RELEASE_S
     top, c = longest(x), candidate(x)
     if top >= 0 and swings_valve(x, o, top, p.length[top] * p.block * dt):
@@ -397,4 +397,7 @@ def judge(x, p, o, dt):
         return False
     h = x.likely_fault  # a small oscillation added to a quiet command may be silent and come again
     x.ended = 1.0 if h == ev.IN_PLACE or h > ev.SWING_LOAD else 0.0
+    if longest(x) == OCTAVES - 1 and x.own_ratio[OCTAVES - 2] < 1.0:  # a fault that no other shows
+        again = (sums.YOUNG * p.length[OCTAVES - 1] + sums.apart(OCTAVES - 1)) * p.block * dt
+        x.speaks_timer = max(x.speaks_timer, again)
     return True
