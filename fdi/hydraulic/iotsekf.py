@@ -396,8 +396,6 @@ def step(x, u, p, dt):
     by_evidence.follow(x, u, x.declared > 0.5, dt)
     x.alarm = x.declared
     asked = p.asks > 0.5 and x.h_lost[filter.PRESSURE] <= likelihood.LOST_S and x.sensor < 0.5
-    if x.h_clock <= likelihood.LEARN_S:
-        x.borne = 1.0  # there is no evidence yet that could speak against the rules
     by_evidence.conclude(x, by_evidence.frozen(x, u, dt), asked)
     x.r = max(x.r, x.evidence)
 

@@ -5,30 +5,30 @@ import math
 from actuators.block import kernel
 from fdi.isolation.evidence import at, factor, inverse
 from fdi.isolation.filter import SENSORS, SETTLES_S, N
-from fdi.isolation.sums import ENERGY, NUMBER, PAIRS
+from fdi.isolation.sums import ENERGY, NUMBER, PAIRS, gather
 
 NOISE_LEAST = 0.05  # of the sensors' variance: one that reports no noise at all is not that good
 FOREIGN = 2.0  # a swing of the load beyond so many times the usual counts for no more
 
 
 @kernel
-def learn(x, p, dt):
-    """Take the lesson of the shortest window: the columns, and each sensor's noise."""
-    span = p.length[0] * p.block * dt
+def learn(x, p, o, dt):
+    """Take the lesson of the window of octave `o`: the columns, and each sensor's noise."""
+    gather(x, o)
+    span = p.length[o] * p.block * dt
     keep = math.exp(-span / p.memory)
-    J = x.window_J[0]
     for a in range(N):
-        lesson = x.window_b[0, a]
+        lesson = x.bb[a]
         for b in range(N):
-            lesson += J[at(a, b)] * x.mu[b]
+            lesson += x.JJ[at(a, b)] * x.mu[b]
         x.lesson_b[a] = keep * x.lesson_b[a] + lesson
     for i in range(PAIRS):
-        x.lesson_J[i] = keep * x.lesson_J[i] + J[i]
+        x.lesson_J[i] = keep * x.lesson_J[i] + x.JJ[i]
     share = span / min(p.memory, max(x.h_clock - SETTLES_S, span))
     for j in range(SENSORS):
-        n = x.window_t[0, NUMBER, j]
+        n = x.tt[NUMBER, j]
         if n > 0.0:
-            ratio = min(x.window_t[0, ENERGY, j] / n, 2.0)
+            ratio = min(x.tt[ENERGY, j] / n, 2.0)
             x.noise[j] = max(x.noise[j] * (1.0 + share * (ratio - 1.0)), NOISE_LEAST)
 
 

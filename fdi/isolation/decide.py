@@ -11,6 +11,7 @@ import math
 
 from actuators.block import kernel
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, SENSOR
+from fdi.hydraulic import hypotheses
 from fdi.isolation import backlash, multiple_models, sums
 from fdi.isolation import evidence as ev
 from fdi.isolation.filter import N
@@ -18,7 +19,7 @@ from fdi.isolation.multiple_models import JOINED, SOFT
 from fdi.isolation.sums import OCTAVES
 
 LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, APART, FREE_FLOAT, DRIVEN = range(1, 12)
-CALM = 0.35  # of a threshold: below, nothing speaks for a fault
+CALM = 0.35  # of a threshold: below, nothing speaks for a fault; down to it an alarm stands
 CLEAR = 40.0  # evidence of a plain onset
 SILENT_PART, SILENT_S = 0.4, 0.4  # of an oscillation's period; of what has no name [s]
 AGAINST = -2.0  # evidence of a fault that is no longer there
@@ -28,6 +29,7 @@ SURE = 5.0  # odds e^5 against every other class
 FAIR, PLAIN = 1.1, 0.08  # times noise; share of what health leaves beyond noise
 HELD_S, HELD_WEAK_S = 0.1, 0.5  # a name must stand so long; a loss, whose command may yet be gone [s]
 OUTSIDE = 3.0  # standard deviations of the tolerances
+UNTAUGHT = 1.5  # thresholds that evidence for other than an oscillation must pass in the first seconds
 RELEASE_S = 1.0  # an alarm outlives its evidence by this [s]
 RESOLVED = 1.5  # periods of an oscillation that a window resolves
 PART = 0.75  # of its period that an oscillation has lasted: before, it is a step
@@ -133,7 +135,9 @@ def hear(x, p, o):
     """Keep what the evaluation of octave `o` says."""
     at_best, ratio = 0, 0.0
     for h in range(ev.HYPOTHESES):
-        ratio = max(ratio, x.ev[h] / p.limit[h])
+        known = x.blocks > sums.FIRST or h <= ev.SWING_LOAD
+        if known or h < ev.NOISE_ROD or h > ev.NOISE_PRESSURE:
+            ratio = max(ratio, x.ev[h] / (p.limit[h] if known else UNTAUGHT * p.limit[h]))
         if told(x, h) > told(x, at_best):
             at_best = h
     mine, best = class_of(x, at_best), told(x, at_best)
@@ -300,7 +304,7 @@ def merge(x, freeze, asked):
         return
     elif x.sensor > 0.5 and x.likely != OF_ROD and (x.likely != OF_SURFACE or x.backlash_suspected > 0.5):
         return
-    elif x.likely == LIQUID and x.proof > 0.0:
+    elif x.likely == LIQUID and x.proof > -hypotheses.DOUBT:
         x.verdict = OFC_LIQUID
     elif x.likely == SOLID and x.sure[1] > 0.0:
         x.verdict = OFC_SOLID
@@ -365,12 +369,13 @@ def judge(x, p, o, dt):
         x.evidence = max(x.evidence, x.own_ratio[i])
     if x.own_ratio[o] >= CALM:
         x.since = 0.0
-    if x.own_ratio[o] >= 1.0 and (inside(x, p) or x.speaks > 0.5):
+    if x.own_ratio[o] >= (1.0 if x.speaks < 0.5 else CALM) and (inside(x, p) or x.speaks > 0.5):
         x.speaks_timer = RELEASE_S
     top, c = longest(x), candidate(x)
     if top >= 0 and swings_valve(x, o, top, p.length[top] * p.block * dt):
         x.borne = 1.0
-    if c >= 0 and (x.own_class[c] == OF_PRESSURE or (x.own_class[c] == WEAK and x.named != OFC_LIQUID)):
+    against = c >= 0 and (x.own_class[c] == OF_PRESSURE or (x.own_class[c] == WEAK and x.named != OFC_LIQUID))
+    if against and x.own_fits[top] > 0.5:  # where nothing fits the longest window a short one has no say
         x.borne = 0.0
     if o == OCTAVES - 1:
         in_a_row(x, p)
@@ -392,4 +397,7 @@ def judge(x, p, o, dt):
         return False
     h = x.likely_fault  # a small oscillation added to a quiet command may be silent and come again
     x.ended = 1.0 if h == ev.IN_PLACE or h > ev.SWING_LOAD else 0.0
+    if longest(x) == OCTAVES - 1 and x.own_ratio[OCTAVES - 2] < 1.0:  # a fault that no other shows
+        again = (sums.YOUNG * p.length[OCTAVES - 1] + sums.apart(OCTAVES - 1)) * p.block * dt
+        x.speaks_timer = max(x.speaks_timer, again)
     return True

@@ -23,10 +23,10 @@ from fdi.isolation.filter import SENSORS
 from fdi.isolation.response import HEARD, PLACES, responses
 
 PERIOD = 0.005  # of the samples whose variance stands in `filter.NOISE` [s]
-LEARN_S = 4.0  # what is learned until then starts the windows [s]
+LEARN_S = filter.SETTLES_S + sums.FIRST * sums.BLOCK_S  # after which the flight has taught [s]
 STOP = 1e-3  # so near a stop the rod may lean on it [m]
 DT_MOST = 0.0101  # of longer ticks a filter that is linear over a tick leaves too much: it is not asked there [s]
-YOUNG = 1.0 / 3.0  # of its length, from which on a window is asked
+LESSON = 2  # octave whose window is a lesson: long enough that a fault is seen before the window it began in is over
 LOST_S = 0.2  # without positions, or without pressure, for longer nothing is asked [s]
 QUIET_S = 1.0  # after the last sign of a fault the flight teaches again [s]
 SPARSE = 4  # blocks of which one is asked while nothing is suspicious
@@ -89,7 +89,7 @@ def _responses(p, dt, hz):
 def begin(x: np.ndarray, p: np.ndarray) -> None:
     """Write into STATE records `x` that nothing is learned."""
     x["mu"], x["sd"], x["noise"], x["phase_c"] = p["prior_mean"], p["prior_sd"], 1.0, 1.0
-    x["ev_octave"] = -1.0
+    x["ev_octave"], x["since"] = -1.0, QUIET_S
 
 
 @kernel
@@ -109,18 +109,19 @@ def close(x, p, suspicious, dt):
         o = sums.octave(blocks)
     else:
         o = sums.octave(blocks // SPARSE) if blocks % SPARSE == 0 else -1
-    if o >= 0 and x.window_age[o] >= YOUNG * p.length[o] and x.h_clock >= LEARN_S:
+    if o >= 0 and x.window_age[o] >= sums.YOUNG * p.length[o]:
         evidence.evaluate(x, p, o)
         parts.in_parts(x, o)
         anew = by_evidence.judge(x, p, o, dt)
         if x.alarm < 0.5 and x.speaks_timer == 0.0:
             adaptation.learn_load_swing(x, p, o, sums.apart(o) * p.block * dt)
-    if x.window_age[0] >= p.length[0] and (quiet or (x.h_clock < LEARN_S and x.alarm < 0.5)):
-        adaptation.learn(x, p, dt)
+    first = blocks <= int(sums.FIRST) and x.alarm < 0.5
+    if (quiet or first) and x.window_age[LESSON] >= p.length[LESSON]:
+        adaptation.learn(x, p, LESSON, dt)
     sums.fold(x, p)
-    if blocks % int(sums.SOLVE_BLOCKS) == 0:
+    if blocks % int(sums.SOLVE_BLOCKS) == 0 and (quiet or (first and blocks == int(sums.FIRST))):
         adaptation.solve(x, p)
-        anew = anew or x.h_clock < LEARN_S
+        anew = anew or first
     if anew:
         restart(x)
 

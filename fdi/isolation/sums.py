@@ -23,12 +23,14 @@ OCTAVES, LINES = 5, 2
 WAVES = 2 * LINES  # cosines and sines
 TOP_HZ = 8.0  # middle of the fastest octave
 PERIODS = 2.0
+YOUNG = 1.0 / 3.0  # of its length, from which on a window is asked
 PAIRS = N * (N + 1) // 2
 ENERGY, NUMBER, MEAN, NEXT = range(4)  # sums of e^2, 1, e, and of e with that of the tick before
 TOLD = 4
 PARTED = 3  # oscillations that are asked for in the parts of a window: added, in place, of the pressure sensor
 REFUSED = 1e12  # left by an oscillation that is not in a part
 SOLVE_BLOCKS = 50  # so often the lesson is solved for
+FIRST = 3 * SOLVE_BLOCKS  # until then little is known of the actuator [blocks]
 
 PARAMS = [
     ("block", "f8"),  # ticks of a block

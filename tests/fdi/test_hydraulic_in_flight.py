@@ -14,7 +14,7 @@ from cosim.scenario import load_scenario
 from cosim.scenario.catalog import SEGMENTS
 from cosim.training import train_hydraulic, trainer
 from cosim.training.flights import DT, POINTS, draw, scenario
-from fdi.common.verdict import OFC_LIQUID
+from fdi.common.verdict import OFC_LIQUID, OFC_SOLID
 
 CASES = {c.name: c for c in (*hydraulic_cases.oscillations(), *hydraulic_cases.others())}
 
@@ -51,6 +51,31 @@ def test_a_large_oscillation_in_still_air_has_its_name_and_keeps_it(start_s, amp
     said = fly(load_scenario("liquid-ofc", changes), ["iotsekf.left_inner.verdict"]).iloc[:, 0]
     named = (said[said.index >= start_s] == OFC_LIQUID).to_numpy()
     assert named[-1] and named.mean() >= share, named.mean()
+
+
+@pytest.mark.parametrize(("amplitude_mm", "frequency_hz"), [(5, 5), (8, 5)])
+def test_the_name_of_a_large_oscillation_in_place_does_not_flicker(amplitude_mm, frequency_hz):
+    changes = [f"faults.0.amplitude_mm={amplitude_mm}", f"faults.0.frequency_hz={frequency_hz}", "duration_s=24"]
+    scenario = load_scenario("solid-ofc", [*changes, 'detectors.enabled=["iotsekf"]'])
+    said = fly(scenario, ["iotsekf.left_inner.verdict"]).iloc[:, 0]
+    said = said[said.index >= scenario.faults[0].start_s + 2.0]
+    assert (said == OFC_SOLID).all()
+
+
+@pytest.mark.parametrize("start_s", [1, 2, 3])
+@pytest.mark.parametrize(
+    ("name", "changes", "given"),
+    [
+        ("liquid-ofc", ["amplitude_mm=0.5", "frequency_hz=1"], "ofc_liquid"),
+        ("solid-ofc", ["amplitude_mm=1", "frequency_hz=1"], "ofc_solid"),
+        ("pressure-bias", ["kind=oscillation", "amplitude_pct=8", "frequency_hz=1.9"], "sensor"),
+    ],
+)
+def test_a_fault_that_begins_before_the_flight_has_taught_has_its_name(name, changes, given, start_s):
+    keys = [f"faults.0.{c}" for c in (*changes, f"start_s={start_s}")]
+    flown = simulate(load_scenario(name, [*keys, "duration_s=14", 'detectors.enabled=["iotsekf"]'])).detectors
+    own = next(d for d in flown if d["target"] == "elevator.left_inner")
+    assert own["isolated"]["class"] == given and not own["first_sure_wrong"], own
 
 
 @pytest.mark.parametrize(
