@@ -47,6 +47,13 @@ def _span(start_s, end_s, dt, t0):
     return round((start_s - t0) / dt), end
 
 
+def acts(fault: Mapping, ticks: int, dt: float) -> bool:
+    """Return whether a fault is there in one of the `ticks` of a flight (cosim/flight/blocks/faults.py): it begins
+    before the last one, and does not end before its own first one."""
+    first = span(fault, dt)[0]
+    return first < ticks and first < fault["end_s"] / dt - 0.5
+
+
 def during(faults: Iterable[Mapping], ticks: ArrayLike, dt: float) -> NDArray[np.bool_]:
     """Return whether each of `ticks` (n,) is one of a fault, as `faulty` does for all of a flight."""
     spans = [(first, math.inf if end is None else end) for first, end in (span(f, dt) for f in faults)]

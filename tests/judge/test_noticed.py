@@ -251,3 +251,10 @@ def test_a_name_is_judged_beside_any_number_of_faults(before):
     e = judge(LANE, rows, DT, [jam | {"start_s": 4.0}, *early, rod])
     mine = next(d for d in e["by_fault"] if d["fault"] == 0)
     assert mine["right"] and mine["isolated"]["class"] == "jam_solid" and mine["class_changes"] == 0
+
+
+@pytest.mark.parametrize(("start_s", "end_s"), [(3.01, 3.02), (9.97, math.inf)])
+def test_a_fault_that_acts_in_no_tick_is_not_missed(start_s, end_s):
+    e = judge(LANE, flown(), DT, [OFC | {"start_s": start_s, "end_s": end_s}])
+    assert not e["concerned"] and e["by_fault"] == []
+    assert judge(LANE, flown(), DT, [OFC | {"start_s": 3.01, "end_s": 3.11}])["concerned"]
