@@ -118,6 +118,14 @@ def hypotheses(technology: Mapping[str, str]) -> list[Hypothesis]:
     return [*out, *(Hypothesis(name, "jam_solid", f"surface.{name}") for name in OTHERS)]
 
 
+def turned(name: Any, own: Any) -> Any:
+    """Return a name in a fault on segments `own` as it is in the same fault on left_inner, or of the left side, and
+    back."""
+    if len(own) == 1 and own[0].endswith("outer"):
+        name = name.replace("outer", "?").replace("inner", "outer").replace("?", "inner")
+    return mirrored(name) if own and all(s.startswith("right") for s in own) else name
+
+
 def mirrored(name: Any) -> Any:
     """Return a name with left and right exchanged; one of both sides, left and right, stays."""
     if re.match(r"(\w*)left(\w*) and \1right\2\b", name):

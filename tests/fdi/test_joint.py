@@ -251,7 +251,7 @@ def test_a_name_that_its_detector_has_never_given_wrongly_is_believed_though_nob
 def test_who_would_have_spoken_by_now_counts_as_silent_for_good():
     said = [("position_monitor", "left_inner", "ambiguous", "", 1.0)]
     said += [("rfafe", AIRCRAFT, "ambiguous", "elevator_left", 1.6)]
-    log = heard(*said, duration_s=20.0)
+    log = heard(*said, duration_s=20.0, finer=[("rfafe", AIRCRAFT, "segment", 2, 1.6, 20.0)])
     assert name(log, 20) == ("ambiguous", "elevator_left_inner_command", "")  # iotsekf would have blamed its pressure
     assert name(log) == ("jam_liquid", "elevator_left_inner_command", "")  # ofc_monitor has not come: no oscillation
 
