@@ -143,8 +143,8 @@ def _culprits(detector, hypothesis):
 
 def keeps(detector: str, rates: dict, phase: int = -1) -> tuple[float, float, float, float]:
     """Return P(a class of its record | a class), likewise of the culprit, and P(ambiguous | alarm), over every kind
-    that it is designed for; P(it does not say more | an open class) over every kind for which it has a word: in a
-    phase of its alarm; and P(alarm | a kind that it is designed for)."""
+    that it is designed for; P(it does not say more | an open class, or one segment) over every kind for which it has
+    a word: in a phase of its alarm; and P(alarm | a kind that it is designed for)."""
     counts = rates.get("seen", {}).get(detector, {})
     right, wrong, left = WEIGHT * RIGHT**2, WEIGHT * (1.0 - RIGHT**2), 0.0
     mute, open_ = WEIGHT * OPEN, WEIGHT
@@ -153,14 +153,15 @@ def keeps(detector: str, rates: dict, phase: int = -1) -> tuple[float, float, fl
         word, classes = stands(detector, h.kind, technology)
         if h.kind not in counts:
             continue
-        if any(not isinstance(k, str) for k in _told(detector, h, technology)):
-            for token, n in counts[h.kind]["said"][phase].items():
-                mute += n * (token in OPEN_CLASSES)
-                open_ += n * (token.partition(" ")[0] in OPEN_CLASSES)
+        told = _told(detector, h, technology)
+        part = told[0] if told and isinstance(told[0], str) else ""
+        for token, n in counts[h.kind]["said"][phase].items() if told else ():
+            mute += n * (not token.startswith(part) if part else token in OPEN_CLASSES)
+            open_ += n * bool(part or token.partition(" ")[0] in OPEN_CLASSES)
         if word != "designed":
             continue
         shares.append(sum(counts[h.kind]["said"][-1].values()) / counts[h.kind]["flights"])
-        own = ((), *_told(detector, h, technology))
+        own = ((), *told)
         good = {name(detector, v, c, k) for v in _classes(classes) for c in _culprits(detector, h) or {""} for k in own}
         for token, n in counts[h.kind]["said"][phase].items():
             if token in good:

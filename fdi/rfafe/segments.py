@@ -29,7 +29,7 @@ STATE = [
 
 @kernel
 def compare(x, u, p, dt):
-    """Learn d_0 with the trim, then take the residuals of this sample; x.y still holds positions, not less their trim."""
+    """Learn d_0 with the trim, then take the residuals of this sample; x.y holds positions, trim included."""
     a, b = 1.0 - math.exp(-dt / p.tau_slow), 1.0 - math.exp(-dt / p.tau_energy)
     for j in range(2):
         one, two = 2 * j, 2 * j + 1

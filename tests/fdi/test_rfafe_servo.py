@@ -16,7 +16,7 @@ DT, ROLL_S = 0.005, 12.0
 
 
 def judged(command, surface, technology="hydraulic"):
-    """Return the STATE log of rfafe under a command (ticks,) and the surface (ticks,) or (ticks, 4) of segments [rad]."""
+    """Return the STATE log of rfafe under a command (ticks,) and the surface, of all or (ticks, 4) [rad]."""
     u = np.zeros((1, len(command)), rfafe.INPUTS)
     for name in ("tas", "alpha", "q", "theta", "surface"):
         u[f"{name}_valid"] = 1.0
