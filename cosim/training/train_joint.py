@@ -109,7 +109,7 @@ def _tokens(watch: Watch, trace: np.ndarray, finer: dict[str, int], dt: float) -
     """Return the token that stood longest in each of `tables.PHASES` of the alarm that `trace` begins with, that of the
     phase before where none stood in one; what tells more than a class stands while the alarm does."""
     more, out = registry.record(watch.id).finer, []
-    kinds: tuple[str, ...] = ()
+    kinds: tuple[str, ...] | str = ()
     own = trace[:, [watch.alarm, watch.verdict, watch.culprit, *finer.values()]].astype(int)
     for rows in np.split(own, [round(age / dt) for age in tables.PHASES[1:]]):
         said: Counter = Counter()
