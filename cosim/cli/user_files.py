@@ -132,9 +132,9 @@ def estimate(
     """Write an aircraft's JSBSim files from its dimensions."""
     from cosim.files import replace_text
     from cosim.flight.plant.aero.estimate import build
-    from cosim.scenario.aircraft import load_aircraft
+    from cosim.scenario.aircraft import load_record
 
-    made = build(load_aircraft(aircraft))
+    made = build(load_record(aircraft))
     stale = [path for path, text in made.items() if not path.is_file() or path.read_text(encoding="utf-8") != text]
     for path in () if check else stale:
         path.parent.mkdir(exist_ok=True)

@@ -159,6 +159,8 @@ def _timed(frame, path, stem, time, on_reset, part):
     said = name
     if name not in frame.columns and time and (unit := _UNIT.search(time)):
         name, said = time[: unit.start()], time
+    if (text := time or time_of(frame.attrs.get("texts", ()))) in frame.attrs.get("texts", ()):
+        raise LogError(f"its time column {text!r} is text", place=str(path), remedy="Save its columns as numbers")
     if name is None or name not in frame.columns:
         allowed = f"one of its columns: {', '.join(map(str, frame.columns[:20]))}"
         remedy = "--time COLUMN names it; without names: columns = [...] in the map, or cosim map --columns"
@@ -260,7 +262,8 @@ def _parquet(path):
     frame.attrs = {"texts": [n for n in schema.names if n not in taken]}
     own = (schema.metadata or {}).get(b"pandas", b"{}")
     with contextlib.suppress(CosimError, AttributeError, LookupError, TypeError):
-        frame.attrs["index"] = str(from_json(own, place=str(path))["index_columns"][0])
+        index = from_json(own, place=str(path))["index_columns"][0]
+        frame.attrs["index"] = index if isinstance(index, str) else None  # a range of rows has no name
     return frame
 
 

@@ -114,7 +114,9 @@ def draft(
     told = f"{rates[0]} Hz" if len(rates) == 1 else f"{rates[0]} to {rates[-1]} Hz" if rates else ""
     other = f": the recording's {told} is brought to it" if rates and rates != [200] else ""
     tick = f"rate_hz = 200  # tick at which the detectors were designed{other}"
-    return _text(Path(path), proved, found, [tick, *head], own, {c: more for c, (_, more) in looks.items() if more})
+    more = {c: more for c, (_, more) in looks.items() if more}
+    texts = [c for frame in tables.values() for c in frame.attrs.get("texts", ())]
+    return _text(Path(path), proved, found, [tick, *head], own, more, texts)
 
 
 def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, engines: int = 4) -> Iterable[Guess]:
@@ -243,7 +245,7 @@ def _point(word: str, value: float, own: Aircraft) -> float:
 
 def _text(
     path: Path, taken: Mapping[str, Guess], columns: Mapping[str, np.ndarray], head: list[str], own: Aircraft,
-    looks: Mapping[str, str]
+    looks: Mapping[str, str], texts: Sequence[str]
 ) -> str:  # fmt: skip
     lines = [f"# Draft of a map for {path.name}: check every unit, sign and meaning."]
     lines += [*head, '# aircraft = "NAME"  # that was recorded', "", "[flight]"]
@@ -274,7 +276,8 @@ def _text(
     lanes = sorted({g.lane for g in taken.values() if g.lane and g.flies})
     for lane in lanes:
         if not {f"{lane}.hm0", f"{lane}.hinge_moment"} & taken.keys():
-            lines.append(f'"{lane}.hinge_moment" = {{ constant = 0.0 }}  # no column: none, as on a bench without load')
+            lines.append(f'# "{lane}.hinge_moment" = {{ constant = 0.0 }}  # without load; not in the recording')
     left = [c for c in columns if c not in {g.channel for g in taken.values()}]
     lines += ["", *(f"# not used: {inline(c)}" if not c.isprintable() else f"# not used: {c}" for c in left)]
+    lines += [f"# text, not numbers: {inline(c)}" for c in texts]
     return "\n".join(lines).rstrip() + "\n"

@@ -9,9 +9,10 @@ import os
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationError, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
 
 from actuators.constants import M_PER_FT, RAD_PER_DEG
+from actuators.registry import SHIPPED
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario.problem import Table
 from cosim.texts import read, toml
@@ -20,7 +21,15 @@ FOLDER = Path(__file__).resolve().parents[2] / "aircraft"
 RECORD = "aircraft.toml"
 DEFAULT = "transport"
 Positive = Annotated[float, Field(gt=0.0)]
-Span = Annotated[tuple[float, float], Field(strict=False)]
+
+
+def _rising(span: tuple[float, float]) -> tuple[float, float]:
+    if not span[0] < span[1]:
+        raise ValueError(f"[{span[0]:g}, {span[1]:g}] is not [lowest, highest]")
+    return span
+
+
+Span = Annotated[tuple[float, float], Field(strict=False), AfterValidator(_rising)]
 
 
 class Geometry(Table):
@@ -53,6 +62,15 @@ class Mass(Table):
     fuel_t: Positive
     gyration2_m2: Gyration
 
+    @model_validator(mode="after")
+    def _loads(self) -> Any:
+        least, (fore, aft) = self.empty_t + self.fuel_t, self.cg_pct
+        if not self.mass_t[0] > least:
+            raise ValueError(f"mass_t begins at {self.mass_t[0]:g} t; allowed: above empty_t + fuel_t = {least:g} t")
+        if not 0.0 <= fore < aft <= 100.0:
+            raise ValueError(f"cg_pct = [{fore:g}, {aft:g}]; allowed: 0 to 100 % of the mean chord")
+        return self
+
 
 class Limits(Table):
     """What a scenario may ask for, and the angle below which no wing of this aircraft stalls."""
@@ -61,7 +79,7 @@ class Limits(Table):
     cas_kt: Span
     tas_kt: Span
     mach: Span
-    alpha_surely_flies_deg: Positive
+    alpha_surely_flies_deg: Annotated[float, Field(gt=0.0, lt=90.0)]
 
 
 class Segment(Table):
@@ -135,6 +153,17 @@ class Aircraft(Table):
             raise ValueError("two elevator segments have the same short name")
         if wrong := [n for n in segments if n.split("_")[0] not in ("left", "right")]:
             raise ValueError(f"elevator segment {wrong[0]!r}: a name begins with left or right")
+        return self
+
+    @model_validator(mode="after")
+    def _parameters(self) -> Any:
+        for technology in (t for t in SHIPPED if t.name in self.actuators):
+            place, nominal = f"actuators.{technology.name}", technology.parameters(())
+            for key, value in self.actuators[technology.name].items():
+                if key not in nominal:
+                    raise ValueError(f"unknown parameter {place}.{key}; allowed: {', '.join(nominal)}")
+                if nominal[key] * value <= 0.0 < abs(nominal[key]):
+                    raise ValueError(f"{place}.{key} = {value:g}; allowed: of the sign of {nominal[key]:g}")
         return self
 
     @property
@@ -236,11 +265,17 @@ def placed(sha256: str, folder: Path | None = None) -> Path | None:
 
 def load_aircraft(name: str = DEFAULT, sha256: str | None = None) -> Aircraft:
     """Return the record of a bundled aircraft, or of the folder `name`, or of the one that a log has brought with the
-    digest `sha256`; raises ScenarioError."""
+    digest `sha256`; raises ScenarioError, also where there is no JSBSim model."""
+    made = _read(_placed[sha256]) if sha256 in _placed and not ships(name) else load_record(name)
+    if not (made.folder / f"{made.name}.xml").is_file():
+        raise ScenarioError(f"there is no {made.name}.xml, its JSBSim model", place=made.name)
+    return made
+
+
+def load_record(name: str) -> Aircraft:
+    """Return the record of a bundled aircraft or folder `name`, which may lack its model; raises ScenarioError."""
     if ships(name):
         return _read(FOLDER / name)
-    if sha256 in _placed:
-        return _read(_placed[sha256])
     known = bundled()
     folder = FOLDER / name if name in known else Path(os.path.expanduser(name))
     if not os.path.isfile(folder / RECORD):
@@ -260,14 +295,12 @@ def _read(folder: Path) -> Aircraft:
     path = folder / RECORD
     try:
         table = toml(read(path, error=ScenarioError), place=f"{folder.name}/{RECORD}", error=ScenarioError)
-        made = Aircraft.model_validate({**table, "name": folder.name, "folder": folder})
+        return Aircraft.model_validate({**table, "name": folder.name, "folder": folder})
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise ScenarioError(first["msg"], place=f"{folder.name}/{RECORD}: {where}".rstrip(": ")) from None
-    if not (folder / f"{folder.name}.xml").is_file():
-        raise ScenarioError(f"there is no {folder.name}.xml, its JSBSim model", place=str(folder.name))
-    return made
+        said = first["msg"].removeprefix("Value error, ")
+        raise ScenarioError(said, place=f"{folder.name}/{RECORD}: {where}".rstrip(": ")) from None
 
 
 @functools.cache

@@ -123,7 +123,7 @@ def find(name: str, lane: str = "") -> Signal:
     segment, _, word = name.rpartition(".")
     known = words()
     if word not in known or "." in segment or (segment and not known[word].technologies):
-        raise KeyError(f"{name!r} is no signal. {did_you_mean(name, known)}".strip())
+        raise KeyError(". ".join(filter(None, (f"{name!r} is no signal", did_you_mean(name, known)))))
     return known[word].at(segment or lane)
 
 

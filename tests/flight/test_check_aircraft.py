@@ -26,6 +26,16 @@ def test_a_shipped_aircraft_keeps_the_contract(name):
         ("Systems/surfaces.xml", "fcs/rudder-applied-rad", "fcs/rudder-gone-rad", "JSBSim model", "rudder-applied"),
         ("aircraft.toml", "mass_t = [48.0", "mas_t = [48.0", "record", "mass"),
         ("aircraft.toml", "mach = 0.78", "mach = 0.90", "point cruise", "beyond the aerodynamic data"),
+        ("aircraft.toml", "[48.0, 77.0]", "[4.0, 77.0]", "record", "mass_t begins at 4 t; allowed: above empty_t"),
+        ("aircraft.toml", "[48.0, 77.0]", "[77.0, 48.0]", "record", "mass.mass_t: [77, 48] is not [lowest, highest]"),
+        ("aircraft.toml", "[17.0, 40.0]", "[-90.0, 40.0]", "record", "cg_pct = [-90, 40]; allowed: 0 to 100 %"),
+        ("aircraft.toml", "xx = 16.6", "xx = 166.0", "JSBSim model", "radii of gyration of mass.gyration2_m2"),
+        ("aircraft.toml", "arm = 0.075", "armm = 0.075", "record", "unknown parameter actuators.hydraulic.armm"),
+        ("aircraft.toml", "arm = 0.075", "arm = -0.075", "record", "actuators.hydraulic.arm = -0.075; allowed: of"),
+        ("aircraft.toml", 'actuator = "ema"', 'actuator = "steam"', "actuators", "unknown steam; allowed: hydraulic"),
+        ("narrowbody.xml", "</fdm_config>", "", "JSBSim model", "XML parse error: no element found"),
+        ("narrowbody.xml", "<emptywt unit=\"KG\"> 33000.0", "<emptywt unit=\"KG\"> 3000.0", "JSBSim model",
+         "it weighs 40.0 t where the record asks for 70.0 t"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path, file, old, new, point, says):

@@ -115,6 +115,7 @@ def test_new_writes_a_detector_and_a_test_that_passes(parity):
         ({"level": "global"}, "level = 'global'; allowed: local, aircraft"),
         ({"technologies": ("pneumatic",)}, "allowed: hydraulic, ema, simple"),
         ({"inputs": ("rodd",)}, "'rodd' is no signal. Did you mean 'rod'?"),
+        ({"inputs": ("zzzzzz",)}, "'zzzzzz' is no signal. `cosim"),
         ({"inputs": ("current",)}, "'current' is of ema only"),
         ({"level": "aircraft"}, "Name the segment"),
         ({"designed_for": ("ofc_fluid",)}, "'ofc_fluid' is no kind of fault"),

@@ -3,13 +3,16 @@ handbooks' formulas, and it flies with two segments and two engines.
 """
 
 import math
+import shutil
 import tomllib
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import cosim
 from actuators.constants import G0
+from cosim.cli import commands as cli
 from cosim.errors import ScenarioError, TrimError
 from cosim.flight.detection.detectors import left_out
 from cosim.flight.plant.aero import estimate
@@ -27,6 +30,40 @@ NUMBERS = estimate.numbers(AIRCRAFT.folder)
 def test_the_files_are_what_the_numbers_make():
     for path, text in estimate.build(AIRCRAFT).items():
         assert path.read_text(encoding="utf-8") == text, path.name
+
+
+def test_two_files_are_enough_to_make_the_others(tmp_path):
+    folder = tmp_path / "narrowbody"
+    folder.mkdir()
+    for name in ("aircraft.toml", "numbers.toml"):
+        shutil.copy(AIRCRAFT.folder / name, folder)
+    told = CliRunner().invoke(cli.app, ["estimate", str(folder)])
+    assert told.exit_code == 0 and "aerodynamics.xml" in told.stdout, told.output
+    made = sorted(p.relative_to(folder) for p in folder.rglob("*.xml"))
+    assert made == sorted(p.relative_to(AIRCRAFT.folder) for p in AIRCRAFT.folder.rglob("*.xml"))
+    assert all((folder / p).read_text() == (AIRCRAFT.folder / p).read_text() for p in made)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("{ value = 122.4,", "{ value = 0.0,", "wing.area_m2.value: Input should be greater than 0"),
+        ("{ value = 33.91,", "{ value = 1e9,", "wing.span_m.value: Input should be less than or equal to 200"),
+        ("{ value = 122.4,", "{ value = nan,", "wing.area_m2.value: Input should be a finite number"),
+        ("{ value = 122.4,", "{", "wing.area_m2.value: Field required"),
+        ("oswald =", "oswlad =", "drag.oswald: Field required"),
+        ("[engine]", "[engi", "not valid TOML"),
+        ("{ value = 33.91,", "{ value = 1.0,", "the formulas have no value for these"),  # the tail is higher
+    ],
+)
+def test_dimensions_without_an_aircraft_are_named(tmp_path, old, new, says):
+    folder = shutil.copytree(AIRCRAFT.folder, tmp_path / "narrowbody")
+    text, model = (folder / "numbers.toml").read_text(), (folder / "narrowbody.xml").read_text()
+    assert old in text
+    (folder / "numbers.toml").write_text(text.replace(old, new))
+    told = CliRunner().invoke(cli.app, ["estimate", str(folder)])
+    assert told.exit_code == 2 and f"numbers.toml: {says}" in " ".join(told.stderr.split()), told.output
+    assert (folder / "narrowbody.xml").read_text() == model
 
 
 def test_every_number_has_its_provenance():

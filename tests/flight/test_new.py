@@ -1,11 +1,13 @@
 """What `cosim new` writes runs as it is, and its test passes; a name that would shadow a module is refused."""
 
+import shlex
 import subprocess
 import sys
 
 import pytest
 from typer.testing import CliRunner
 
+import cosim
 from cosim.cli import commands as cli
 from cosim.flight.plugins.new import KINDS, shadows
 
@@ -27,6 +29,20 @@ def test_the_tests_that_are_written_pass(folder):
         cwd=folder, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert done.returncode == 0 and f"{2 + len(OWN)} passed" in done.stdout, done.stdout + done.stderr
+
+
+def test_the_next_command_of_an_actuator_is_a_scenario_that_can_be_flown(folder):
+    (step,) = KINDS["actuator"]
+    words = shlex.split(step.format(file=folder / "own_actuator.py", name="own_actuator").removeprefix("cosim run "))
+    scenario = cosim.load_scenario(words[0], words[2::2])
+    assert scenario.elevator.technology["left_inner"] == "own_actuator"
+
+
+@pytest.mark.parametrize(("kind", "name"), [("aircraft", "transport"), ("actuator", "ema"), ("detector", "iotsekf")])
+def test_a_name_that_ships_is_refused(kind, name, tmp_path):
+    """`flight.aircraft = "transport"` is the shipped one, whatever folder stands beside it."""
+    told = CliRunner().invoke(cli.app, ["new", kind, name, "-o", str(tmp_path)])
+    assert told.exit_code == 2 and "that ships" in told.stderr and not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("name", ["numpy", "os", "test", "cosim", "json", "typing", "class", "Upper", "1st"])

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.cli import commands as cli
+from cosim.errors import LogError
 from cosim.replay.map import diagnose, prepare
 from cosim.replay.map_draft import draft
 from cosim.replay.map_file import load_map
@@ -57,7 +58,11 @@ def test_a_draft_flies_as_it_stands_and_names_what_it_left(tmp_path):
     path = bench(tmp_path, ROD_MM=ROD, SURF_DEG=1.2 * ROD, HUM=T, **moved)
     made = CliRunner().invoke(cli.app, ["map", str(path), "-o", str(tmp_path / "map.toml"), "--json"])
     assert made.exit_code == 0 and "# not used: HUM" in json.loads(made.stdout)["toml"]
-    assert load_map(tmp_path / "map.toml")[0].signals["left_inner.hinge_moment"].constant == 0.0
+    assert "left_inner.hinge_moment" not in load_map(tmp_path / "map.toml")[0].signals  # it was not measured
+    lacks = {row["id"]: row["missing"] for row in diagnose(path, tmp_path / "map.toml").not_run}
+    assert lacks["iotsekf"] == ["left_inner.hm0", "left_inner.hmd"]
+    text = (tmp_path / "map.toml").read_text()
+    (tmp_path / "map.toml").write_text(text.replace('# "left_inner.hinge_moment"', '"left_inner.hinge_moment"'))
     told = diagnose(path, tmp_path / "map.toml")
     assert {"iotsekf", "rtsekf_flight"} <= {d["id"] for d in told.detectors}
     assert told.duration_s == pytest.approx(5.0)  # of a clock in milliseconds
@@ -65,6 +70,20 @@ def test_a_draft_flies_as_it_stands_and_names_what_it_left(tmp_path):
     assert again.exit_code == 2 and "is there already" in again.stderr
     nothing = CliRunner().invoke(cli.app, ["map", str(bench(tmp_path, a=["x"] * 1000))])
     assert nothing.exit_code == 0 and "[signals]" in nothing.stdout
+
+
+def test_parquet_columns_of_text_are_named(tmp_path):
+    """pandas notes a range of rows as the index, which is no column."""
+    frame = pd.DataFrame({"time": 0.01 * np.arange(100), "alpha": 0.05, "q": 0.01 * np.arange(100)})
+    path = tmp_path / "bench.parquet"
+    frame.astype({"alpha": str}).to_parquet(path)
+    assert '# text, not numbers: "alpha"' in draft(path)
+    frame.astype(str).to_parquet(path)
+    with pytest.raises(LogError, match="its time column 'time' is text"):
+        draft(path)
+    frame.drop(columns="time").to_parquet(path)
+    with pytest.raises(LogError, match="no time column; allowed: one of its columns: alpha, q"):
+        draft(path)
 
 
 def test_a_column_of_no_number_or_a_strange_name_does_no_harm(tmp_path):

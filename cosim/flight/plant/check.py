@@ -40,6 +40,9 @@ def check(name: str) -> list[Finding]:
     except ScenarioError as error:
         return [Finding("record", False, str(error))]
     out = [Finding("record", True, f"{aircraft.title}: {len(aircraft.segments)} segments, {aircraft.engines} engines")]
+    unknown = sorted({*aircraft.technology.values(), *aircraft.actuators} - {*TECHNOLOGIES})
+    if unknown:
+        return [*out, Finding("actuators", False, f"unknown {', '.join(unknown)}; allowed: {', '.join(TECHNOLOGIES)}")]
     if said := fatal(aircraft.folder, aircraft.name):
         return [*out, Finding("JSBSim model", False, said)]
     point = _middle(name, aircraft)

@@ -34,5 +34,5 @@ def _fatal(folder, name, files):
         return ""
     said = [line.strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", done.stderr + done.stdout).splitlines()]
     telling = re.compile(r"error|not found|could not|undefined|does not exist|what\(\)", re.IGNORECASE)
-    reason = [line for line in said if telling.search(line)]
-    return "cannot be loaded: " + ("; ".join(reason[:3]) or f"JSBSim ended with {done.returncode}")
+    reason = [re.sub(r"^_jsbsim\.\w+:\s*", "", line) for line in said if telling.search(line)]
+    return "cannot be loaded: " + ("; ".join([*dict.fromkeys(reason)][:3]) or f"JSBSim ended with {done.returncode}")

@@ -26,7 +26,7 @@ import jsbsim
 import numpy as np
 
 from actuators.block import briefly
-from actuators.constants import M_PER_FT, M_S_PER_KT
+from actuators.constants import G0, M_PER_FT, M_S_PER_KT, N_PER_LBF
 from cosim.errors import ScenarioError, TrimError
 from cosim.flight.plant import gusts
 from cosim.flight.plant.jsbsim_signals import border, to_si
@@ -137,6 +137,10 @@ class Plant:
                          "p-rad_sec", "q-rad_sec", "r-rad_sec")
         ]  # fmt: skip
         self._initialise()
+        mass = self.port.getter("inertia/weight-lbs")() * N_PER_LBF / G0
+        if abs(mass - flight.mass) > 1e-3 * flight.mass:
+            said = f"it weighs {mass / 1e3:.1f} t where the record asks for {flight.mass / 1e3:.1f} t"
+            raise ValueError(f"{said}: its empty mass is not mass.empty_t")
 
     def _initialise(self):
         fdm, flight = self._fdm, self.flight

@@ -107,10 +107,14 @@ def loading(aircraft: Aircraft, mass: float, cg: float) -> dict[str, float]:
     apart = empty * load / mass * offset**2
     J = {k: load * v for k, v in allowed.gyration2_m2}
     w = (load - fuel) / 6.0
-    X = math.sqrt(((J["yy"] + J["zz"] - J["xx"]) / 2 - apart) / (2 * w))
-    Y = math.sqrt((J["xx"] + J["zz"] - J["yy"]) / 2 / (2 * w))
-    Zx = J["xz"] / (2 * w * X)
-    Z = math.sqrt((J["xx"] + J["yy"] - J["zz"]) / 2 / (2 * w) - Zx**2)
+    try:
+        X = math.sqrt(((J["yy"] + J["zz"] - J["xx"]) / 2 - apart) / (2 * w))
+        Y = math.sqrt((J["xx"] + J["zz"] - J["yy"]) / 2 / (2 * w))
+        Zx = J["xz"] / (2 * w * X)
+        Z = math.sqrt((J["xx"] + J["yy"] - J["zz"]) / 2 / (2 * w) - Zx**2)
+    except (ValueError, ZeroDivisionError):
+        said = "two of xx, yy, zz must exceed the third, xz be small and the CG near geometry.reference_pct"
+        raise ValueError(f"no load has the radii of gyration of mass.gyration2_m2: {said}") from None
     x0 = geometry.station_in + offset / 0.0254
     out = {"propulsion/tank/contents-lbs": fuel * G0 / N_PER_LBF, "propulsion/tank/x-position": x0}
     # forward of the centroid is low, aft is high: a positive product of inertia in body axes

@@ -8,18 +8,18 @@ import sys
 from importlib import resources
 
 from cosim.flight.plugins.contract import GuestError
-from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario.aircraft import bundled, load_aircraft
 from cosim.scenario.catalog import TECHNOLOGIES
 from fdi import registry
 
 KINDS = {  # kind -> what to do with it next
     "detector": ("cosim check {file}", "cosim run --detector {file}"),
     "law": ("cosim check {file}", "cosim run --set law.file={file}"),
-    "actuator": ("cosim run --set actuators.{name}.file={file} --set elevator.left_inner={name}",),
+    "actuator": ("cosim run cruise --set actuators.{name}.file={file} --set elevator.left_inner={name}",),
     "aircraft": ("cosim check {file}", "cosim run cruise --set flight.aircraft={file}"),
     "campaign": ("cosim campaign {file}",),
 }
-TAKEN = {"detector": ("enabled", *registry.SHIPPED), "actuator": tuple(TECHNOLOGIES)}
+TAKEN = {"detector": ("enabled", *registry.SHIPPED), "actuator": tuple(TECHNOLOGIES), "aircraft": tuple(bundled())}
 ALLOWED = "lower-case letters, digits and _"
 
 

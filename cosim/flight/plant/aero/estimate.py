@@ -14,17 +14,21 @@ Rigid body, coefficients about the CG reference, per rad; x_q = q c / 2V and so 
                revolution [DATCOM, Nelson]
 """
 
+import functools
 import math
-import tomllib
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field, ValidationError, create_model
 
 from actuators.constants import M_PER_FT
+from cosim.errors import ScenarioError, joined
 from cosim.flight.plant.aero.xml import Shape, aerodynamics_xml, engine_xml, multipliers_xml
 from cosim.scenario.aircraft import Aircraft
+from cosim.scenario.problem import Table
+from cosim.texts import read, toml
 
 ALPHA = np.radians(
     np.concatenate([np.arange(-10.0, -4.0, 2.0), np.arange(-4.0, 12.0, 0.5), np.arange(12.0, 30.1, 1.5)])
@@ -36,11 +40,53 @@ QBAR = np.array([50.0, 800.0])  # psf: rigid, nothing changes between them
 MIDDLE = 0.6  # Mach of what has one number
 
 
+POSITIVE, SHARE = (0.0, 1e6), (0.0, 1.0)  # above the first, up to the second
+LENGTH, AREA, SWEEP, SLOPE = (0.0, 200.0), (0.0, 3000.0), (-45.0, 60.0), (-1.0, 0.0)
+BOUNDS = {  # group -> number -> bounds within which the formulas are those of a subsonic transport
+    "wing": {"area_m2": AREA, "span_m": LENGTH, "chord_m": LENGTH, "taper": SHARE, "sweep_deg": SWEEP,
+             "thickness": (0.0, 0.3), "dihedral_deg": (-20.0, 20.0), "CL_0": (-1.0, 1.0), "Cm_0": (-1.0, 1.0),
+             "CL_max": (0.0, 4.0), "CL_max_transonic": (0.0, 4.0)},
+    "fuselage": {"length_m": LENGTH, "width_m": LENGTH, "position_factor": (0.0, 5.0), "volume_m3": (0.0, 1e4)},
+    "tail": {"area_m2": AREA, "span_m": LENGTH, "sweep_deg": SWEEP, "taper": SHARE, "arm_m": LENGTH,
+             "height_m": (-20.0, 20.0), "efficiency": (0.0, 1.5), "elevator_chord": SHARE, "elevator_area_m2": AREA,
+             "elevator_span_m": LENGTH, "Ch_alpha": SLOPE, "Ch_delta": SLOPE},
+    "fin": {"area_m2": AREA, "height_m": LENGTH, "sweep_deg": SWEEP, "taper": SHARE, "arm_m": LENGTH,
+            "centre_m": (-20.0, 20.0), "endplate": (0.0, 3.0), "rudder_chord": SHARE},
+    "aileron": {"chord": SHARE, "inner": SHARE, "outer": SHARE, "Cn_da": (-1.0, 1.0), "flexible": SHARE},
+    "drag": {"friction": SHARE, "wetted": (0.0, 20.0), "oswald": SHARE, "korn": SHARE, "CD_beta": (-1.0, 10.0)},
+    "engine": {"thrust_N": POSITIVE, "bypass": (-1.0, 30.0), "station_m": (-1.0, 100.0), "below_m": (-20.0, 20.0),
+               "pitch_deg": (-20.0, 20.0)},
+}  # fmt: skip
+
+
+def _number(low, high):
+    value = Annotated[float, Field(gt=low, le=high)]
+    fields: dict[str, Any] = {"from": (Literal["published", "handbook", "assumption"], ...)}
+    return create_model("Number", __base__=Table, value=(value, ...), source=(str, ...), **fields)
+
+
+@functools.cache
+def _record():
+    """Return the model of numbers.toml."""
+    groups: dict[str, Any] = {}
+    for group, rows in BOUNDS.items():
+        fields: dict[str, Any] = {name: (_number(*bounds), ...) for name, bounds in rows.items()}
+        groups[group] = (create_model(group, __base__=Table, **fields), ...)
+    return create_model("Numbers", __base__=Table, **groups)
+
+
 def numbers(folder: Path) -> SimpleNamespace:
-    """Return numbers.toml as names: numbers(folder).wing.span_m. KeyError for one without a value."""
-    table = tomllib.loads((folder / "numbers.toml").read_text(encoding="utf-8"))
-    groups = {g: SimpleNamespace(**{k: v["value"] for k, v in rows.items()}) for g, rows in table.items()}
-    return SimpleNamespace(**groups)
+    """Return numbers.toml as names: numbers(folder).wing.span_m. Raises ScenarioError with every number that is
+    missing, unknown, out of BOUNDS or without its provenance."""
+    path = folder / "numbers.toml"
+    table = toml(read(path, error=ScenarioError), place=str(path), error=ScenarioError)
+    try:
+        _record().model_validate(table)
+    except ValidationError as error:
+        places = ((f"{path}: {'.'.join(map(str, one['loc']))}", one["msg"]) for one in error.errors())
+        raise joined([ScenarioError(said, place=place) for place, said in places]) from None
+    groups = {g: {name: number["value"] for name, number in rows.items()} for g, rows in table.items()}
+    return SimpleNamespace(**{g: SimpleNamespace(**values) for g, values in groups.items()})
 
 
 def stalled(lift: Any, top: Any) -> Any:
@@ -66,7 +112,7 @@ def downwash(n: Any) -> float:
     K_A = 1.0 / aspect - 1.0 / (1.0 + aspect**1.7)
     K_taper = (10.0 - 3.0 * w.taper) / 7.0
     K_h = (1.0 - n.tail.height_m / w.span_m) / (2.0 * n.tail.arm_m / w.span_m) ** (1.0 / 3.0)
-    return 4.44 * (K_A * K_taper * K_h * math.sqrt(math.cos(math.radians(w.sweep_deg)))) ** 1.19
+    return 4.44 * math.pow(K_A * K_taper * K_h * math.sqrt(math.cos(math.radians(w.sweep_deg))), 1.19)
 
 
 def effectiveness(chord: float) -> float:
@@ -170,10 +216,15 @@ def shape(n: Any, aircraft: Aircraft) -> Shape:
 
 
 def build(aircraft: Aircraft) -> dict[Path, str]:
-    """Return {path: text} of every JSBSim file of the aircraft."""
+    """Return {path: text} of every JSBSim file of the aircraft; raises ScenarioError for numbers that are wrong."""
     n, folder = numbers(aircraft.folder), aircraft.folder
-    own = shape(n, aircraft)
-    aero = aerodynamics_xml(ALPHA, MACH, 200.0, tables(n), MACH_COARSE, derivative_tables(n), own)
+    try:
+        with np.errstate(divide="raise", invalid="raise", over="raise"):
+            own = shape(n, aircraft)
+            aero = aerodynamics_xml(ALPHA, MACH, 200.0, tables(n), MACH_COARSE, derivative_tables(n), own)
+    except (ArithmeticError, ValueError) as error:  # a tail that is higher than the wing's span has no downwash
+        said = f"the formulas have no value for these dimensions together: {error}"
+        raise ScenarioError(said, place=str(folder / "numbers.toml")) from None
     return {
         folder / f"{aircraft.name}.xml": model_xml(n, aircraft),
         folder / "aerodynamics.xml": aero,
