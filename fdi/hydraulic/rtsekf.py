@@ -38,6 +38,7 @@ from fdi.hydraulic.two_stage_ekf import transition
 CULPRITS = ("", "rod")
 FORMS = {"hinge model": 1, "published": 0}  # how the load is known: load form
 FASTEST = 0.5  # a rod and its model part by less: each moves at 45 deg/s of surface at most, 0.24 m/s
+WILD = 2.0  # times a threshold: so far a slow error of the model is still learned, a wild sample is not [-]
 ALONE = 0.4  # a rod that oscillates at 10 Hz by a foreign valve command is slower [m/s]
 MOVED = 0.3e-3  # a lagged rod that has moved further has moved: eight sigma [m]
 STILL = 0.15e-3  # one that has moved less in `t_rest` is at rest [m]
@@ -269,7 +270,7 @@ def decide(x, p, dt):
     elif (x.y_slow - x.far) * away > 0.0:
         x.far = x.y_slow
     x.r = max(math.fabs(x.f_slow) / p.threshold, math.fabs(x.f_slow - x.f_was) / p.step)
-    if x.alarm < 0.5 and x.r < 1.0:  # learned from what is beyond, it would stand apart when that is over
+    if x.alarm < 0.5 and x.r < WILD:
         x.f_was += (1.0 - math.exp(-dt / p.wash)) * (x.f_slow - x.f_was)
     before = x.alarm
     x.timer, x.alarm = confirm(x.timer, x.alarm, x.r >= 1.0, dt, p.t_confirm, p.t_release)
