@@ -30,7 +30,7 @@ def from_file(name: str, path: Path, servo: str, load: Callable, error: Callable
         states = ("delta", *(("q_rod", "x3") if servo else ()))
         lacks = [word for word in needed if not hasattr(made, word)]
         lacks = lacks or [f"INPUTS.{i}" for i in inputs if i not in made.INPUTS.names]
-        lacks = lacks or [f"STATE.{s}" for s in states if s not in made.STATE.names]
+        lacks = lacks or [f"STATE.{s}" for s in (*states, *made.OUTPUTS) if s not in made.STATE.names]
         if lacks:
             raise error(f"{path.name} has no {lacks[0]}")
         return _servo(servo), made
@@ -38,8 +38,14 @@ def from_file(name: str, path: Path, servo: str, load: Callable, error: Callable
     def build(own, truth, believed, trim, travel, dt, age):
         made = blocks()[1]
         try:
-            p = np.concatenate([made.params(**lane) for lane in truth])
+            rows = [made.params(**lane) for lane in truth]
+            wrong = next((np.shape(row) for row in rows if np.shape(row) != (1,)), None)
+            if wrong is not None:
+                raise ValueError(f"params() returns an array of shape {wrong}; allowed: PARAMS of shape (1,)")
+            p = np.concatenate(rows)
             x = made.init_at(p, *trim)
+            if np.shape(x) != p.shape:
+                raise ValueError(f"init_at() returns an array of shape {np.shape(x)}; allowed: STATE of {p.shape}")
         except (Exception, SystemExit) as said:
             raise error(f"{path.name}: {told(said)}") from None
         return [*_served(name, servo, own, believed, trim, travel, dt, age), (name, _guarded(made, path, error), p, x)]
@@ -62,6 +68,8 @@ def _guarded(made, path, error):
     def rollout(x, u, p, dt):
         try:
             made.rollout(x, u, p, dt)
+            if not np.isfinite(x["delta"]).all():
+                raise ValueError(f"delta = {x['delta'].tolist()}")
         except (Exception, SystemExit) as said:
             raise error(f"{path.name}: at {tick[0] * dt:.3f} s {told(said)}") from None
         tick[0] += 1

@@ -56,9 +56,10 @@ class Setup:
 
     @property
     def notes(self) -> list[Any]:
-        """Return sentences about guests that did not do what a detector does."""
+        """Return sentences about guests that did not do what a detector, or a law, does."""
         runners = [d.runner for d in self.guests]
-        own = [line for r in runners for line in (*r.notes, *([r.problem] if r.problem else []))]
+        own = [*getattr(self.loop.law.module.rollout, "notes", ())]
+        own += [line for r in runners for line in (*r.notes, *([r.problem] if r.problem else []))]
         return own + [line for d in self.loop.detectors for line in getattr(d.module, "problems", ())]
 
     @property

@@ -4,6 +4,7 @@ Arrays are over the ticks of one detector lane, `dt` [s] apart; a fault is a dic
 latter inf for one that stays.
 """
 
+import functools
 import math
 from collections.abc import Iterable, Mapping
 
@@ -37,17 +38,27 @@ def faulty(faults: Iterable[Mapping], ticks: int, dt: float, t0: float = 0.0) ->
 
 def span(fault: Mapping, dt: float, t0: float = 0.0) -> tuple[int, int | None]:
     """Return the ticks (first, end), first <= k < end, of a fault, GRACE_S after its end included; None: all."""
-    end = None if math.isinf(fault["end_s"]) else math.ceil((fault["end_s"] + GRACE_S - t0) / dt)
-    return round((fault["start_s"] - t0) / dt), end
+    return _span(fault["start_s"], fault["end_s"], dt, t0)
+
+
+@functools.lru_cache(maxsize=4096)  # each fault is asked for beside every other one
+def _span(start_s, end_s, dt, t0):
+    end = None if math.isinf(end_s) else math.ceil((end_s + GRACE_S - t0) / dt)
+    return round((start_s - t0) / dt), end
+
+
+def acts(fault: Mapping, ticks: int, dt: float) -> bool:
+    """Return whether a fault is there in one of the `ticks` of a flight (cosim/flight/blocks/faults.py): it begins
+    before the last one, and does not end before its own first one."""
+    first = span(fault, dt)[0]
+    return first < ticks and first < fault["end_s"] / dt - 0.5
 
 
 def during(faults: Iterable[Mapping], ticks: ArrayLike, dt: float) -> NDArray[np.bool_]:
     """Return whether each of `ticks` (n,) is one of a fault, as `faulty` does for all of a flight."""
-    k = np.asarray(ticks)
-    out = np.zeros(k.shape, bool)
-    for first, end in (span(f, dt) for f in faults):
-        out |= (k >= first) & (k < (math.inf if end is None else end))
-    return out
+    spans = [(first, math.inf if end is None else end) for first, end in (span(f, dt) for f in faults)]
+    begun, over = np.sort(np.array(spans, float).reshape(-1, 2), axis=0).T
+    return np.searchsorted(begun, ticks, side="right") > np.searchsorted(over, ticks, side="right")
 
 
 def exposure_s(valid: ArrayLike, faults: Iterable[Mapping], dt: float) -> float:

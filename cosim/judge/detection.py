@@ -137,9 +137,7 @@ def _two(watch, runs, fault, others):
     return Said(runs[watch.alarm] > 0.5, np.array(verdicts)[which], which.astype(float), tuple(parts))
 
 
-def noticed(
-    watch: Watch, runs: Runs, fault: Mapping, until: float, dt: float, others: Sequence[Mapping] = ()
-) -> dict:
+def noticed(watch: Watch, runs: Runs, fault: Mapping, until: float, dt: float, others: Sequence[Mapping] = ()) -> dict:
     """Return what the lane made of `fault` before the next one begins at `until` [s]; times [s], None for never.
 
     It noticed when its alarm rose or, while one stands on account of earlier ones of the `others`, took this fault's
@@ -293,14 +291,16 @@ class _Lane:
     def names(self, fault: Mapping, run: NDArray) -> tuple[list[Name], NDArray]:
         """Return (the different Names of `fault` that are said in these runs, index of that of each (n,)). Of the
         `others`, those count that are there then."""
-        s, there = self.said, np.zeros(len(run), np.int64)
-        for i, f in enumerate(self.others):
-            there += during([f], self.runs.at[run], self.dt).astype(np.int64) << i
-        keys, which = _distinct([s.verdict[run], s.part[run], there])
+        if not len(run):
+            return [], run
+        s, at = self.said, self.runs.at[run]
+        spans = ((f, *span(f, self.dt)) for f in self.others)
+        near = [f for f, first, end in spans if first <= at[-1] and (end is None or end > at[0])]
+        keys, which = _distinct([s.verdict[run], s.part[run], *(during([f], at, self.dt) for f in near)])
         names = []
-        for c, p, mask in keys.T:
+        for c, p, *there in keys.T:
             part = s.parts[int(p)] if 0 <= p < len(s.parts) else ""
-            met = [f for i, f in enumerate(self.others) if int(mask) >> i & 1]
+            met = [f for f, here in zip(near, there) if here]
             names.append(name_of(fault, self.watch.level, code.class_name(c), part, met))
         return names, which
 

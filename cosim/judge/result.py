@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.judge import coverage
-from cosim.judge.alarms import during, span
+from cosim.judge.alarms import acts, during
 from cosim.judge.detection import ABLE, Watch, last_name, noticed, runs_of, said, valid, validity
 from cosim.judge.runs import BLOCK
 from cosim.scenario import Scenario
@@ -147,13 +147,13 @@ def judge(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dic
     `trace` is (ticks, columns); `faults` are those of `judged`: dicts with `fault` (its number), `case`, `kind`,
     `targets` (tuple), `start_s`, `end_s`, `period_s` (nan without one) and perhaps `moved_at_s`. `by_fault` has an
     entry (cosim/judge/detection.py) for each fault that concerns the lane and to which its detector is not blind (to
-    all that concern it: for each), between its onset and the next one's; a fault that did not begin before the flight
-    ended concerns none. The lane's own figures are those of the fault
+    all that concern it: for each), between its onset and the next one's; a fault that acts in no tick of the flight
+    concerns none. The lane's own figures are those of the fault
     that it noticed first, else of the earliest. Alarm onsets outside every fault that concerns the lane are false
     alarms, `standing_s` is how long its alarm stands there, `exposed_s` how long one would count. `valid_share` counts
     from SETTLE_S on.
     """
-    begun = (f for f in faults if span(f, dt)[0] < len(trace))  # others are not there to be noticed
+    begun = (f for f in faults if acts(f, len(trace), dt))  # others are not there to be noticed
     mine = sorted((f for f in begun if concerns(watch, f["targets"])), key=lambda f: f["start_s"])
     runs = runs_of(watch, trace, mine, dt)
     alarm, false = runs[watch.alarm] > 0.5, ~during(mine, runs.at[:-1], dt)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from cosim.errors import LogError
 
 LATEST = 1e12  # [s]: 30,000 years
+IN_SECONDS = "Is time in seconds? time = 'NAME [us]' in the map, or --time, says the unit: ns, us, ms, s, min, h"
 MOST = 3  # oddities of a kind that are told one by one
 
 
@@ -16,7 +17,9 @@ def finite(t: NDArray, name: str, path: object) -> None:
     bad = np.flatnonzero(~(np.abs(t) < LATEST))
     if len(bad):
         more = f" ({len(bad)} such rows)" if len(bad) > 1 else ""
-        place = f"{path}, row {bad[0] + 1}"
+        place, value = f"{path}, row {bad[0] + 1}", t[bad[0]]
+        if np.isfinite(value):
+            raise LogError(f"{name} holds {value:.6g} s{more}", place=place, allowed=f"{LATEST:g} s", remedy=IN_SECONDS)
         raise LogError(f"{name} holds no time{more}", place=place, remedy="Every row needs a finite time")
 
 
@@ -39,6 +42,8 @@ def rising(t: NDArray, path: object, on_reset: str | None, part: int = 0) -> tup
         k, place = found[1].start, f"{path}, row {found[1].start + 1}"
         said = f"the clock goes back from {t[k - 1]:.9g} to {t[k]:.9g} s"
         remedy = f"--on-reset split: each of the {len(found)} stretches apart; offset: each follows the one before"
+        if len(found) > len(t) / 2:
+            remedy = "Sort the rows by time"
         raise LogError(said, place=place, allowed="times that rise", remedy=remedy)
     if on_reset == "split":
         return t[found[part]], found[part]

@@ -28,7 +28,10 @@ MOST_BYTES = 20 * MOST_VALUES  # of a text, whose numbers take some twenty chara
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|[-+]?nan|[-+]?inf", re.IGNORECASE)
 TIME_NAMES = ("t_s", "t", "time", "time_s", "timestamp", "t_ns", "time_ns", "timestamp_ns")  # looked for in this order
 TIME_WORDS = {*"time clock timestamp seconds zeit uhrzeit temps tiempo datum date utc gmt".split()}
-_SCALES = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "min": 60.0, "h": 3600.0}  # ends of a name: clock_ms, Zeit [ms]
+_SCALES = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}  # ends of a name: Zeit [ms]
+_UNIT = re.compile(r"(?<=\S)\s*\[(ns|us|ms|s|min|h)\]$")  # said of a column without one: timestamp [us]
+_DAY_S = 86400.0
+LEAST_MS = 4  # whole numbers farther apart are no seconds: 200 Hz in ms, 1 Hz in ms is up to 1e3, in us up to 1e6
 
 
 def read_channels(
@@ -39,8 +42,9 @@ def read_channels(
 
     A text, MATLAB or Parquet file is one channel, named by the file's stem; `time` names its time column (default: the
     first of TIME_NAMES in any case, else one with a word for time in its name, else Parquet's own index). Its name ends
-    in _ns, (us) or [ms], say, where it is not in seconds; dates count from the first. `columns` name those of a file
-    without names. A folder has a channel per table, and one for its files of a single column.
+    in _ns, (us) or [ms], say, where it is not in seconds, or `time` says so: "timestamp [us]" of a column `timestamp`.
+    Dates count from the first. `columns` name those of a file without names. A folder has a channel per table, and one
+    for its files of a single column.
     An MCAP file has a channel per topic, times from its first message. Columns without numbers are left out and named
     in `attrs["texts"]`. A clock that goes back is an error, unless `on_reset` says what to do ("offset", or "split" for
     stretch number `part`); `attrs["oddities"]` tells of gaps, doubled times and changes of rate. Of an MCAP file only
@@ -125,22 +129,41 @@ def columns_of(path: str | Path, columns: tuple[str, ...] = ()) -> list[str]:
     return [c for f in frames.values() for c in (*map(str, f.columns), *f.attrs.get("texts", ()))]
 
 
+def unit_of_time(path: str | Path, name: str, columns: tuple[str, ...] = ()) -> str:
+    """Return the unit, "ms", "us" or "ns", of a time column whose name has none and whose whole numbers are too far
+    apart for seconds, else ""; `path`, `columns` as in `columns_of`."""
+    frames, _ = _frames(Path(path), columns, rows=200)
+    t = next((f[name] for f in frames.values() if name in f.columns), None)
+    if t is None or t.dtype.kind not in "iuf" or t.isna().any() or _scale(_apart(name)) or (t % 1 != 0).any():
+        return ""
+    step = clock.interval(t.to_numpy(np.float64))
+    return next((unit for unit, least in (("ns", 1e6), ("us", 1e3), ("ms", LEAST_MS)) if step > least), "")
+
+
 def time_of(names: Any) -> str | None:
     """Return which of a table's columns is its time by its name, or None."""
     small = {re.split(r"\s*[\[(]", str(n).lower())[0]: n for n in reversed(list(names))}
     exact = next((small[n] for n in TIME_NAMES if n in small), None)
-    return exact or next((n for n in names if set(re.split(r"[^a-z]+", str(n).lower())) & TIME_WORDS), None)
+    return exact or next((n for n in names if set(re.split(r"[^a-z]+", _apart(n).lower())) & TIME_WORDS), None)
+
+
+def _apart(name):
+    """Return the name of a column with its unit apart: Time_US of TimeUS."""
+    return re.sub(r"(?<=[a-z])(US|MS|NS|S)$", r"_\1", str(name))
 
 
 def _timed(frame, path, stem, time, on_reset, part):
     import pandas as pd
 
     name = time or time_of(frame.columns) or frame.attrs.get("index")
+    said = name
+    if name not in frame.columns and time and (unit := _UNIT.search(time)):
+        name, said = time[: unit.start()], time
     if name is None or name not in frame.columns:
         allowed = f"one of its columns: {', '.join(map(str, frame.columns[:20]))}"
         remedy = "--time COLUMN names it; without names: columns = [...] in the map, or cosim map --columns"
         raise LogError(f"no time column {name or ''}".rstrip(), place=str(path), allowed=allowed, remedy=remedy)
-    t = _seconds(frame[name], str(name), path)
+    t = _seconds(frame[name], _apart(said), path)
     numbers = frame.drop(columns=name).select_dtypes(["number", "bool"], exclude="timedelta").astype(np.float64)
     numbers.columns = numbers.columns.map(str)
     texts = {str(c): _word(frame[c]) for c in frame.columns if c != name and str(c) not in numbers.columns}
@@ -175,10 +198,18 @@ def _seconds(column, name, path):
         return column.dt.total_seconds().to_numpy()
     t = pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
     if column.dtype.kind not in "iuf" and not np.isfinite(t).any():
-        dates = pd.to_datetime(column, errors="coerce", format="mixed", dayfirst=_day_first(column))
-        return (dates - dates.iloc[0]).dt.total_seconds().to_numpy()
+        dates = pd.to_datetime(column, errors="coerce", format="mixed", dayfirst=_day_first(column), utc=True)
+        t = (dates - dates.iloc[0]).dt.total_seconds().to_numpy()
+        if re.fullmatch(r"\s*\d{1,2}:[\d:.,]+\s*Z?", str(column.iloc[0])):  # times of day alone: past midnight
+            t = t + _DAY_S * np.cumsum(np.diff(t, prepend=0.0) < -0.5 * _DAY_S)
+        return t
+    return t * (_scale(name) or 1.0)
+
+
+def _scale(name):
+    """Return what one of a time column is in seconds, by the end of its name; None without a unit there."""
     unit = re.search(r"[\W_]([a-z]+)[)\]]?$", name.lower())
-    return t * _SCALES.get(unit[1] if unit else "", 1.0)
+    return _SCALES.get(unit[1]) if unit else None
 
 
 def _day_first(column):

@@ -17,6 +17,7 @@ from cosim.flight.detection import detectors as table
 from cosim.flight.plugins import load, with_detectors
 from cosim.judge.result import plain
 from cosim.log import LogWriter, TopicInfo, viewer_layouts
+from cosim.replay import clock
 from cosim.replay import map_signals as signals_of
 from cosim.replay.caveats import caveats
 from cosim.replay.detector_replay import elements, flat, inputs, judgement, output_names, replay_lane, unlogged
@@ -100,8 +101,8 @@ def prepare(
     t_0, n = signals_of.ticks(spans, dt, start_s or None)
     if n > MOST_TICKS:
         allowed = f"{MOST_TICKS * dt:.3g} s at {m.rate_hz} Hz"
-        remedy = "Is time in seconds? A column in other units ends in _ms, _us or _ns"
-        raise ReplayError(f"the channels last {n * dt:.3g} s", place=str(path), allowed=allowed, remedy=remedy)
+        what = f"the channels last {n * dt:.3g} s"
+        raise ReplayError(what, place=str(path), allowed=allowed, remedy=clock.IN_SECONDS)
     if n < 2:
         once = all(len(frame) and frame.index[0] == frame.index[-1] for frame in tables.values())
         said = "holds a single time" if once else "the channels have no time in common"

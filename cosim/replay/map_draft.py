@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.replay.foreign import TIME_NAMES, columns_of, read_channels, time_of
+from cosim.replay.foreign import TIME_NAMES, columns_of, read_channels, time_of, unit_of_time
 from cosim.replay.map_proof import SURE, Guess, Proof, speed_from
 from cosim.replay.units import factors, known
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
@@ -22,18 +22,19 @@ ELEVATOR = tuple(f"{a} {b}" for a in ("elevator", "elev")
                  for b in ("position", "pos", "deflection", "defl", "angle", "surface"))  # fmt: skip
 NAMES = {  # word of the vocabulary -> what people call it, as tokens that a column's name must hold
     "alpha": ("alpha", "aoa", "angle of attack", "al", "alf"), "beta": ("beta", "aos", "sideslip", "be", "bet"),
-    "cas": ("cas", "kcas", "ias", "kias", "vcas"), "tas": ("tas", "ktas", "vtas", "airspeed", "va"), "mach": ("mach",),
+    "cas": ("cas", "kcas", "ias", "kias", "vcas", "indicated airspeed", "calibrated airspeed"),
+    "tas": ("tas", "ktas", "vtas", "airspeed", "va", "true airspeed"), "mach": ("mach",),
     "h_inertial": ("h inertial", "inertial altitude"),
     "h_baro": ("h baro", "baro", "altitude", "pressure altitude", "alt", "palt", "hp", "hqnh"),
     "hdot": ("hdot", "vertical speed", "climb rate", "vs", "alt rate"),
-    "v_ground": ("v ground", "ground speed", "gs"), "p": ("p", "roll rate", "prgx"), "q": ("q", "pitch rate", "qrgy"),
-    "r": ("r", "yaw rate", "rrgz"),
+    "v_ground": ("v ground", "ground speed", "gs"), "p": ("p", "roll rate", "prgx", "gyr x"),
+    "q": ("q", "pitch rate", "qrgy", "gyr y"), "r": ("r", "yaw rate", "rrgz", "gyr z"),
     "phi": ("phi", "bank", "roll", "roll att", "roll attitude", "roll angle", "bank angle"),
     "theta": ("theta", "pitch", "the", "pitch att", "pitch attitude", "pitch angle"),
     "psi": ("psi", "heading", "hdg", "yaw"), "pdot": ("pdot", "p dot", "roll acceleration"),
     "qdot": ("qdot", "q dot", "pitch acceleration"), "rdot": ("rdot", "r dot", "yaw acceleration"),
-    "n_x": ("n x", "nx", "ax", "long acc"), "n_y": ("n y", "ny", "ay", "lat acc"),
-    "n_z": ("n z", "nz", "load factor", "az", "an", "norm acc"), "n1": ("n1",),
+    "n_x": ("n x", "nx", "ax", "long acc", "acc x"), "n_y": ("n y", "ny", "ay", "lat acc", "acc y"),
+    "n_z": ("n z", "nz", "load factor", "az", "an", "norm acc", "acc z"), "n1": ("n1",),
     "mass": ("mass", "gross weight", "gw"), "cg": ("cg",),
     "deflection": ("delv", "de", "delta e", "elev", "elevator", *ELEVATOR),
     "de_cmd": ("de cmd", "elev cmd", "elevator cmd", "elevator command"),
@@ -67,6 +68,9 @@ MOST_RAD = {"alpha": 0.5, "beta": 0.5, "phi": 3.2, "psi": 6.3, "q": 1.0, "r": 1.
             **dict.fromkeys(("deflection", "surface", "de_cmd", "da_cmd", "dr_cmd", "stab_cmd"), 0.9)}  # fmt: skip
 # up to which it is hardly in degrees: less than the noise of a sensor all along. Between the two, either may be meant
 LEAST_DEG = {"alpha": 0.1, "rad": 0.05, "rad/s": 0.02, "rad/s2": 0.05}
+MISSING = (*(float(10**n - 1) for n in range(3, 10)), 32767.0, 32768.0, 1e30)  # written for a lost sample, either sign
+FAR = 10.0  # times as far from zero as the others: a number of MISSING, or wild
+WILD = 1000  # samples of which one may be wild
 FIXED = ("mass", "cg", "hm0", "hmd", "hinge_moment")  # may be constant; a sensor or a command that is says nothing
 LARGEST = {  # of the SI unit, beyond which a column is in another one
     "rad": 1.6, "m": 1.0, "rad/s": 3.0, "rad/s2": 6.0, "-": 1.6,
@@ -90,6 +94,8 @@ def draft(
     tables = read_channels(path, time=time, on_reset="split", part=0, columns=named)
     one = len(tables) == 1
     found = {c if one else f"{t}.{c}": frame[c].to_numpy() for t, frame in tables.items() for c in frame.columns}
+    looks = {c: _looked_at(y) for c, y in found.items()}
+    found = {c: y for c, (y, _) in looks.items()}
     clocks = {c if one else f"{t}.{c}": f.index.to_numpy() for t, f in tables.items() for c in f.columns}
     best: dict[str, Guess] = {}
     for channel, y in found.items():
@@ -108,7 +114,7 @@ def draft(
     told = f"{rates[0]} Hz" if len(rates) == 1 else f"{rates[0]} to {rates[-1]} Hz" if rates else ""
     other = f": the recording's {told} is brought to it" if rates and rates != [200] else ""
     tick = f"rate_hz = 200  # tick at which the detectors were designed{other}"
-    return _text(Path(path), proved, found, [tick, *head], own)
+    return _text(Path(path), proved, found, [tick, *head], own, {c: more for c, (_, more) in looks.items() if more})
 
 
 def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, engines: int = 4) -> Iterable[Guess]:
@@ -159,10 +165,35 @@ def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, eng
         yield Guess(channel, word, _segment(place, segments) if local else "", unit_, why, fit, up or 1, open=either)
 
 
+def _looked_at(y: np.ndarray) -> tuple[np.ndarray, str]:
+    """Return (the samples without those that say nothing of the others, what the map has to say of them): numbers that
+    stand for lost samples, single wild ones, cells that are empty because the channel is slower than the table."""
+    size, more = np.sort(np.abs(y[np.isfinite(y)])), ""
+    wild = len(size) // WILD + 1
+    if not len(size):
+        return y, more
+    for value in (y[np.isfinite(y)].min(), y[np.isfinite(y)].max()):
+        rest = np.abs(y[np.isfinite(y) & (y != value)])
+        if abs(value) in MISSING and len(rest) and abs(value) > FAR * rest.max():
+            more, y, size = f", missing = {value:.10g}", np.where(y == value, np.nan, y), np.sort(rest)
+            break
+    if len(size) > wild and size[-wild - 1] > 0.0:
+        y = np.where(np.abs(y) > FAR * size[-wild - 1], np.nan, y)
+    filled = np.diff(np.flatnonzero(np.isfinite(y)))
+    if len(filled) > 1 and np.median(filled) > 1 and filled.max() <= 2 * np.median(filled):
+        more += ", sparse = true"
+    return np.where(np.isfinite(y), y, np.nan), more
+
+
 def _time(path: Path, columns: tuple[str, ...] = ()) -> str | None:
-    """Return the time column of a table by its name, None where `read_channels` finds it alone or there is none."""
+    """Return the time column of a table by its name, with a unit where its numbers ask for one; None where
+    `read_channels` finds it alone or there is none."""
     names = columns_of(path, columns)
-    return None if set(names) & set(TIME_NAMES) or path.is_dir() else time_of(names)
+    name = time_of(names) if names and not path.is_dir() else None
+    unit = unit_of_time(path, name, columns) if name else ""
+    if unit:
+        return f"{name} [{unit}]"
+    return None if set(names) & set(TIME_NAMES) else name
 
 
 def _tokens(channel: str) -> list[str]:
@@ -211,8 +242,9 @@ def _point(word: str, value: float, own: Aircraft) -> float:
 
 
 def _text(
-    path: Path, taken: Mapping[str, Guess], columns: Mapping[str, np.ndarray], head: list[str], own: Aircraft
-) -> str:
+    path: Path, taken: Mapping[str, Guess], columns: Mapping[str, np.ndarray], head: list[str], own: Aircraft,
+    looks: Mapping[str, str]
+) -> str:  # fmt: skip
     lines = [f"# Draft of a map for {path.name}: check every unit, sign and meaning."]
     lines += [*head, '# aircraft = "NAME"  # that was recorded', "", "[flight]"]
     if own.name != DEFAULT:
@@ -232,7 +264,7 @@ def _text(
         unit = "" if g.unit == ("N m" if g.word == "hinge_moment" else words()[g.word].unit) else f', unit = "{g.unit}"'
         key = f'"{name}"' if "." in name else name
         sign = ", sign = -1" if g.sign < 0 else ""
-        more = f", offset = {g.offset:g}" if g.offset else ""
+        more = looks.get(g.channel, "") + (f", offset = {g.offset:g}" if g.offset else "")
         more += f", proxy = {inline(g.proxy)}" if g.proxy else ""
         said = "proved" if g.proof and g.flies else "likely" if g.flies else "a guess"
         line = f"{key} = {{ channel = {inline(g.channel)}{unit}{sign}{more} }}  # {said}: {g.why}"

@@ -41,6 +41,7 @@ class Signal(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     valid: str | None = None
     held: bool = False  # of a command to an actuator: what acted until the sample's time; else what is sent at it
     proxy: str = ""  # what the channel is in truth, where it only stands for the signal
+    missing: float | None = None  # a number of the channel that stands for a lost sample, -9999 say
     sparse: bool = False  # empty cells are no samples, as in a table of several rates; otherwise they are lost ones
 
     @model_validator(mode="after")

@@ -33,6 +33,8 @@ from cosim.scenario.vocabulary import Signal, find, words
 from fdi import registry
 
 HINGE = ".hinge_moment"  # of a map: hm0, and hmd of zero
+TURN = 2.0 * np.pi  # [rad]
+TURNS = ("psi", "phi")  # angles that jump by a turn: between two samples they go the short way
 STEPS = 2  # of a channel's own samples on either side of a derivative
 SNAP = 1e-3  # of a tick: a sample that near to a tick lies on it, so that rounded times lose nothing
 
@@ -125,6 +127,7 @@ def channels_of(m: Any, tables: dict, path: str | Path, place: Any) -> dict:
         if signal.channel is None:
             continue
         t, y = column(key, signal.channel)
+        y = y if signal.missing is None else np.where(y == signal.missing, np.nan, y)
         if signal.sparse:
             t, y = t[np.isfinite(y)], y[np.isfinite(y)]
         out[key] = (t, y, column(key, signal.valid) if signal.valid else None)
@@ -140,7 +143,7 @@ def derived(m: Any, channels: dict, place: Any) -> dict:
     for name, s in m.signals.items():
         if s.derivative_of:
             t, y = _si(m, out, name, s.derivative_of, place)
-            out[name] = t, _rate(t, y), None
+            out[name] = t, _rate(t, y, s.derivative_of in TURNS), None
     for name, s in m.signals.items():
         if s.speed_of:
             t, y = _si(m, out, name, s.speed_of, place)
@@ -164,13 +167,19 @@ def _si(m, channels, name, base, place):
     return t, y
 
 
-def _rate(t, y):
+def _rate(t, y, turns):
     """Return the central difference of y over 2 STEPS samples; NaN at the ends."""
     out = np.full(len(y), np.nan)
     width = t[2 * STEPS :] - t[: -2 * STEPS]
     with np.errstate(divide="ignore", invalid="ignore"):
-        out[STEPS:-STEPS] = np.where(width > 0.0, (y[2 * STEPS :] - y[: -2 * STEPS]) / width, np.nan)
+        out[STEPS:-STEPS] = np.where(width > 0.0, _change(y[: -2 * STEPS], y[2 * STEPS :], turns) / width, np.nan)
     return out
+
+
+def _change(before, after, turns):
+    """Return after - before, of an angle that `turns` the short way [rad]."""
+    change = after - before
+    return change - TURN * np.round(change / TURN) if turns else change
 
 
 def _path(m, channels, name, place):
@@ -234,7 +243,8 @@ def sampled(
     y = y if factor == 1.0 else factor * y
     y = y if signal.offset == 0.0 else y + signal.offset
     linear = (signal.resample or ("linear" if source.kind in ("sensor", "model") else "hold")) == "linear"
-    values, valid = resample(t, y, t_0, dt, n, linear=linear, max_gap=signal.max_gap_s)
+    how = {"linear": linear, "max_gap": signal.max_gap_s, "turns": source.word in TURNS}
+    values, valid = resample(t, y, t_0, dt, n, **how)
     if flags is not None:
         on, there = resample(flags[0], flags[1], t_0, dt, n, linear=False)
         valid = valid * ((on > 0.5) & (there > 0.0))
@@ -250,13 +260,15 @@ def ticks(spans: Any, dt: float, start: float | None = None) -> tuple[Any, ...]:
     return t_0, max(0, int(np.floor((end - t_0) / dt + SNAP)) + 1)
 
 
-def resample(t: np.ndarray, y: np.ndarray, t_0: Any, dt: float, n: Any, *, linear: bool, max_gap: Any = None) -> Any:
+def resample(
+    t: np.ndarray, y: np.ndarray, t_0: Any, dt: float, n: Any, *, linear: bool, max_gap: Any = None, turns: bool = False
+) -> Any:
     """Return (values, valid) (n,) of samples `y` at ascending times `t` [s] on the ticks t_0 + k dt.
 
     A sample within SNAP of a tick is taken as it is. Elsewhere the value is interpolated between its neighbours
-    (`linear`) or the last one is held. It is valid (1.0) where the samples used are finite and their distance, or for
-    a held one its age, is at most `max_gap` [s] (default: three median intervals); elsewhere the value is NaN and the
-    flag 0.0.
+    (`linear`; the short way of an angle [rad] that `turns`) or the last one is held. It is valid (1.0) where the
+    samples used are finite and their distance, or for a held one its age, is at most `max_gap` [s] (default: three
+    median intervals); elsewhere the value is NaN and the flag 0.0.
     """
     at = t_0 + np.arange(n) * dt
     near = SNAP * dt
@@ -270,7 +282,7 @@ def resample(t: np.ndarray, y: np.ndarray, t_0: Any, dt: float, n: Any, *, linea
         width = t[following] - t[held]
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.where(width > 0.0, (at - t[held]) / width, 0.0)
-            values = y[held] + share * (y[following] - y[held])
+            values = y[held] + share * _change(y[held], y[following], turns)
         good = (last >= 0) & (last + 1 < len(t)) & (width <= max_gap + near)
     else:
         values = y[held]

@@ -287,6 +287,8 @@ class Scenario(Table):
                 late = f"starts at {f.start_s:g} s, after the flight's end at {self.duration_s:g} s"
                 never = f"never began: {f.when} did not come true"
                 lines.append(f"faults.{i} ({f.kind}) {late if f.when is None else never}")
+            elif not f.waits and _acts_in_none(f, self.ticks, self.dt):
+                lines.append(f"faults.{i} ({f.kind}) acts in no tick: they are {self.dt:g} s apart")
         for i, f in enumerate(self.faults):
             rate, limit = ((f.model_extra or {}).get(k, 0.0) for k in ("rate_deg_s", "limit_deg"))
             if rate * limit < 0.0 and f.target != "stabiliser":  # the others trim at zero
@@ -320,3 +322,9 @@ def _valid(model: type[BaseModel], raw: Any, context: Any) -> Any:
         return model.model_validate(raw, context=context)
     except ValidationError:
         return None
+
+
+def _acts_in_none(fault, ticks, dt):
+    """Tell whether no tick is nearer to the time of a fault than half a tick: of its start, before its end."""
+    first = round(fault.start_s / dt)
+    return first >= ticks or (fault.end_s is not None and first >= fault.end_s / dt - 0.5)

@@ -2,7 +2,8 @@
 
 The flights are those of `cosim campaign joint` with one fault, with other seeds and draws, without the kinds of
 fault that it keeps from the rates. Of each lane and flight counts the name that stood longest in the first WITHIN_S of
-the fault, and how much later than the first witness it came; names of a fault on the right side count as on the left.
+the fault, and how much later than the first witness it came; names of a fault count as on the left, of one segment as
+on left_inner.
 """
 
 import dataclasses
@@ -57,10 +58,9 @@ def surveyed(index: int, first_seed: int = FIRST_SEED) -> dict[str, Any]:
 
 
 def told(scenario: Scenario) -> dict[str, Any]:
-    """Fly a scenario with one fault or none and return plain data: the `kind` of the fault, its `segments`, whether it
-    is on the `right` side, the `technology` of all segments, of every lane that could judge [detector, lane, `_tokens`,
-    seconds after the first witness], and `before` the fault {detector: [alarms that still stood in each of
-    `tables.PHASES`, minutes]}."""
+    """Fly a scenario with one fault or none and return plain data: the `kind` of the fault, its `segments`, the
+    `technology` of all segments, of every lane that could judge [detector, lane, `_tokens`, seconds after the first
+    witness], and `before` the fault {detector: [alarms that still stood in each of `tables.PHASES`, minutes]}."""
     setup = build(scenario)
     index, finer = columns(setup)
     trace, _, _ = fly(setup, keep=(index, np.float32))
@@ -88,10 +88,8 @@ def told(scenario: Scenario) -> dict[str, Any]:
     first = min(rises.values(), default=np.inf)
     lanes = [[*s, round(float(rises[i] - first), 3) if s[2] else None] for i, s in enumerate(said)]
     kind, segments = kind_of(scenario) if scenario.faults else ("", ())
-    right = bool(segments) and all(s.startswith("right") for s in segments)
     own = dict(scenario.elevator.technology)
-    return {"kind": kind, "segments": list(segments), "technology": own, "right": right, "lanes": lanes,
-            "before": before}
+    return {"kind": kind, "segments": list(segments), "technology": own, "lanes": lanes, "before": before}
 
 
 def columns(setup: Any) -> tuple[np.ndarray, dict]:
@@ -111,7 +109,7 @@ def _tokens(watch: Watch, trace: np.ndarray, finer: dict[str, int], dt: float) -
     """Return the token that stood longest in each of `tables.PHASES` of the alarm that `trace` begins with, that of the
     phase before where none stood in one; what tells more than a class stands while the alarm does."""
     more, out = registry.record(watch.id).finer, []
-    kinds: tuple[str, ...] = ()
+    kinds: tuple[str, ...] | str = ()
     own = trace[:, [watch.alarm, watch.verdict, watch.culprit, *finer.values()]].astype(int)
     for rows in np.split(own, [round(age / dt) for age in tables.PHASES[1:]]):
         said: Counter = Counter()
@@ -172,7 +170,7 @@ def counted(flights: list[dict[str, Any]]) -> dict[str, Any]:
             cell = seen.setdefault(detector, {}).setdefault(own, new)
             cell["flights"] += 1
             for phase, token in zip(cell["said"], tokens):
-                token = places.mirrored(token) if f["right"] else token
+                token = places.turned(token, f["segments"])
                 phase[token] = phase.get(token, 0) + 1
             if tokens:
                 cell["late"] = [a + b for a, b in zip(cell["late"], _late([delay]), strict=True)]

@@ -82,7 +82,8 @@ class Detector:
     # whether it flies where a detector among its inputs does not: that input is then 0 all the time
     may_lack: bool = False
     shares: tuple[tuple[str, ...], ...] = ()  # culprits whose faults one equation cannot tell apart
-    # what it tells beyond the class, where that is open: output -> its value -> kinds of fault that it then means
-    finer: Mapping[str, Mapping[int, tuple[str, ...]]] = field(default_factory=dict)
+    # what it tells beyond class and culprit: output -> its value -> kinds of fault that it then means where the class
+    # is open, or the part of the culprit, "" for all of it
+    finer: Mapping[str, Mapping[int, tuple[str, ...] | str]] = field(default_factory=dict)
     every: int = 1  # ticks of the loop from step to step
     fit: Callable = field(default=lambda site, **options: None)  # (site, **options) -> PARAMS of one lane

@@ -6,7 +6,7 @@ from fdi.joint import tables
 from fdi.joint.places import AIRCRAFT, LANES, LOCAL, PLACES, SETS
 
 NL, NP, NG, NC = len(LANES), len(PLACES), len(SETS), 10
-NH, NR, NN, NA, NV = 128, 480, 30, 8, 6  # most hypotheses, rows, tokens; ages; sizes x variants
+NH, NR, NN, NA, NV = 128, 480, 33, 8, 6  # most hypotheses, rows, tokens; ages; sizes x variants
 NQ = len(tables.PHASES)
 NK, NCUL = 10, 24  # single hypotheses that a second one is tried with; culprits of a detector
 # (lane, detector, output) of what tells more than a class; of one lane the first that says anything counts
@@ -42,7 +42,7 @@ PARAMS = dtype([
     ("use", "f8", (NL,)),  # 1 where the lane is listened to
     ("token", "f8", (NL, NC, NCUL)),  # of class code and culprit
     ("finer", "f8", (NL, NC, NW)),  # of class code and word, 0 where the word adds nothing
-    ("word", "f8", (NF, NV_F)),  # that an output's value is, 0 for none
+    ("word", "f8", (NF, NV_F)),  # that an output's value is, 0 for none, -1 where it takes the last one back
     ("ages", "f8", (NA,), "s"),
     ("phases", "f8", (NQ,), "s"),
     ("set_of", "f8", (NG, NP)),  # 1 where the set has the place

@@ -121,8 +121,8 @@ def params(
         for out, codes in ((token, tables.codes(detector)), (finer, tables.finer_codes(detector))):
             out[i, :, : codes.shape[1]] = codes
     for f, (_, detector, output) in enumerate(FINER):
-        for value, kinds in registry.record(detector).finer[output].items():
-            word[f, value] = tables.words(detector).index(kinds)
+        for value, told in registry.record(detector).finer[output].items():
+            word[f, value] = tables.words(detector).index(told) if told else -1.0
     size = np.repeat([1.0 - tables.UNSEEN, tables.UNSEEN], 3) / 3.0
     spoken = (size * alarm).reshape(-1, 2, 3).sum(axis=2)
     mean, said_mean = alarm @ size, (spoken[:, :, None, None] * said).sum(axis=1)
@@ -180,14 +180,14 @@ def _token(x, i):
 
 @kernel
 def _told(x, u, p):
-    """Keep of every lane the word that it said last while its alarm stands."""
+    """Keep of every lane the word that it said last while its alarm stands; a part is taken back."""
     for i in range(NL):
         if u.alarm[i] < 0.5:
             x.word[i] = 0.0
     for f in range(NF - 1, -1, -1):
         v, i = int(u.finer[f]), int(LANE_OF[f])
-        if 0 < v < NV_F and p.word[f, v] > 0.5 and u.alarm[i] > 0.5:
-            x.word[i] = p.word[f, v]
+        if 0 <= v < NV_F and p.word[f, v] != 0.0 and u.alarm[i] > 0.5:
+            x.word[i] = max(p.word[f, v], 0.0)
 
 
 @kernel

@@ -7,7 +7,7 @@ on every segment: `hydraulic.drive.ofc_liquid`; by kind its records are looked u
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -116,6 +116,14 @@ def hypotheses(technology: Mapping[str, str]) -> list[Hypothesis]:
     out += [Hypothesis(name, "sensor", f"sensor.{name}") for name in AIRFRAME]
     out += [Hypothesis(name, "thrust", "engine.one" if name[-1].isdigit() else "engine.all") for name in ENGINES]
     return [*out, *(Hypothesis(name, "jam_solid", f"surface.{name}") for name in OTHERS)]
+
+
+def turned(name: str, own: Sequence[str]) -> str:
+    """Return a name in a fault on segments `own` as it is in the same fault on left_inner, or of the left side, and
+    back."""
+    if len(own) == 1 and own[0].endswith("outer"):
+        name = name.replace("outer", "?").replace("inner", "outer").replace("?", "inner")
+    return mirrored(name) if own and all(s.startswith("right") for s in own) else name
 
 
 def mirrored(name: Any) -> Any:

@@ -32,7 +32,7 @@ from fdi.joint.places import (
     Hypothesis,
     case,
     hypotheses,
-    mirrored,
+    turned,
 )
 
 WEIGHT = 3.0  # flights that a record counts for
@@ -64,16 +64,19 @@ ALONE = {"local": 0.5, "aircraft": 0.01}
 
 
 @functools.cache
-def words(detector: str) -> tuple[tuple[str, ...], ...]:
-    """Return the kinds of fault that a detector tells apart where it leaves the class open; the first: none of them."""
-    told = (kinds for of in registry.module(detector).DETECTOR.finer.values() for kinds in of.values())
+def words(detector: str) -> tuple[tuple[str, ...] | str, ...]:
+    """Return the kinds of fault that a detector tells apart where it leaves the class open, and the parts that it tells
+    apart beyond its culprit; the first: none of them."""
+    told = (word for of in registry.module(detector).DETECTOR.finer.values() for word in of.values() if word)
     return ((), *dict.fromkeys(told))
 
 
-def name(detector: str, verdict: str, culprit: str, kinds: tuple[str, ...] = ()) -> str:
-    """Return the token of a lane that says class `verdict` of `culprit`; `kinds` is one of `words`."""
-    if kinds and verdict in OPEN_CLASSES:
-        return f"{verdict} {kinds[0]}"
+def name(detector: str, verdict: str, culprit: str, word: tuple[str, ...] | str = ()) -> str:
+    """Return the token of a lane that says class `verdict` of `culprit`; `word` is one of `words`."""
+    if isinstance(word, str):
+        culprit = word or culprit
+    elif word and verdict in OPEN_CLASSES:
+        return f"{verdict} {word[0]}"
     if detector in ("kinematic", "control_redundancy"):
         return culprit or "ambiguous"
     if verdict == "sensor":
@@ -101,8 +104,8 @@ def codes(detector: str) -> np.ndarray:
 def finer_codes(detector: str) -> np.ndarray:
     """Return (class code, one of `words`) -> 1 + index of the token in `names`, 0 where the word adds nothing."""
     own = names(detector)
-    said = [[1.0 + own.index(name(detector, v, "", k)) if k and v in OPEN_CLASSES else 0.0 for k in words(detector)]
-            for v in NAMES[1:]]  # fmt: skip
+    said = [[1.0 + own.index(name(detector, v, "", k)) if k and (isinstance(k, str) or v in OPEN_CLASSES) else 0.0
+             for k in words(detector)] for v in NAMES[1:]]  # fmt: skip
     return np.array([[0.0] * len(words(detector)), *said])
 
 
@@ -119,14 +122,15 @@ def stands(detector: str, kind: str, technology: str) -> tuple[str, tuple[str, .
 
 
 _LEFT = {h.kind: (h, t) for t in DRIVE for h in hypotheses(dict.fromkeys(SEGMENTS, t))
-         if h.side != "right"}  # of every kind one on the left, as rates are counted
+         if h.side != "right"}  # of every kind one on the left, left_inner if of one segment: as rates are counted
 
 
 def _culprits(detector, hypothesis):
     """Return the culprits that are right for a hypothesis; those that share one equation with it are as right."""
     record, place = registry.module(detector).DETECTOR, hypothesis.place
     if hypothesis.segments:
-        sensor = place.removesuffix("_sensor").rpartition("_")[2] if place.endswith("_sensor") else ""
+        # a surface that has come loose looks as if its sensor were wrong
+        sensor = place.removesuffix("_sensor").rpartition("_")[2] if place.endswith(("_sensor", "_surface")) else ""
         right = {sensor, "elevator", f"elevator_{hypothesis.side}"}
         if not hypothesis.side and len(hypothesis.segments) > 1:
             right |= {"elevator_left", "elevator_right", "elevator_left and elevator_right"}
@@ -139,8 +143,8 @@ def _culprits(detector, hypothesis):
 
 def keeps(detector: str, rates: dict, phase: int = -1) -> tuple[float, float, float, float]:
     """Return P(a class of its record | a class), likewise of the culprit, and P(ambiguous | alarm), over every kind
-    that it is designed for; P(it does not say more | an open class) over every kind for which it has a word: in a
-    phase of its alarm; and P(alarm | a kind that it is designed for)."""
+    that it is designed for; P(it does not say more | an open class, or one segment) over every kind for which it has
+    a word: in a phase of its alarm; and P(alarm | a kind that it is designed for)."""
     counts = rates.get("seen", {}).get(detector, {})
     right, wrong, left = WEIGHT * RIGHT**2, WEIGHT * (1.0 - RIGHT**2), 0.0
     mute, open_ = WEIGHT * OPEN, WEIGHT
@@ -149,14 +153,15 @@ def keeps(detector: str, rates: dict, phase: int = -1) -> tuple[float, float, fl
         word, classes = stands(detector, h.kind, technology)
         if h.kind not in counts:
             continue
-        if _told(detector, h.kind, technology):
-            for token, n in counts[h.kind]["said"][phase].items():
-                mute += n * (token in OPEN_CLASSES)
-                open_ += n * (token.partition(" ")[0] in OPEN_CLASSES)
+        told = _told(detector, h, technology)
+        part = told[0] if told and isinstance(told[0], str) else ""
+        for token, n in counts[h.kind]["said"][phase].items() if told else ():
+            mute += n * (not token.startswith(part) if part else token in OPEN_CLASSES)
+            open_ += n * bool(part or token.partition(" ")[0] in OPEN_CLASSES)
         if word != "designed":
             continue
         shares.append(sum(counts[h.kind]["said"][-1].values()) / counts[h.kind]["flights"])
-        own = ((), *_told(detector, h.kind, technology))
+        own = ((), *told)
         good = {name(detector, v, c, k) for v in _classes(classes) for c in _culprits(detector, h) or {""} for k in own}
         for token, n in counts[h.kind]["said"][phase].items():
             if token in good:
@@ -175,9 +180,11 @@ def level(detector: str) -> str:
     return "local" if detector in LOCAL else "aircraft"
 
 
-def _told(detector, kind, technology):
-    """Return those of `words` that mean a kind of fault."""
-    return [k for k in words(detector) if case(kind, technology).partition(".")[2] in k]
+def _told(detector, hypothesis, technology):
+    """Return those of `words` that are right for a hypothesis."""
+    part = f"elevator_{hypothesis.segments[0]}" if len(hypothesis.segments) == 1 else ""
+    own = case(hypothesis.kind, technology).partition(".")[2]
+    return [k for k in words(detector) if (k == part if isinstance(k, str) else own in k)]
 
 
 def _classes(classes):
@@ -205,7 +212,7 @@ def believed(
         of_v = {v: (1.0 - kept[1]) * share + kept[1] * (v == "ambiguous") for v, share in of_v.items()}
     of_c = _shares(culprits, _culprits(detector, hypothesis), kept[0])
     told = words(detector)
-    of_k = _shares(told, set(_told(detector, hypothesis.kind, technology)) or {()}, kept[0])
+    of_k = _shares(told, set(_told(detector, hypothesis, technology)) or {()}, kept[0])
     of_k = {k: (1.0 - kept[2]) * share + kept[2] * (not k) for k, share in of_k.items()}
     p = np.zeros(len(own))
     for c, v, k in itertools.product(culprits, said, told):
@@ -231,8 +238,7 @@ def measured(
         return alarm, said
     flights, own = counted["flights"], np.zeros(len(said))
     for token, n in counted["said"][phase].items():
-        token = mirrored(token) if hypothesis.side == "right" else token
-        own[names(detector).index(token)] += n
+        own[names(detector).index(turned(token, hypothesis.segments))] += n
     mean = (WEIGHT * alarm.mean() + own.sum()) / (WEIGHT + flights)
     return _shifted(alarm, mean), (WEIGHT * said + own) / (WEIGHT + own.sum())
 

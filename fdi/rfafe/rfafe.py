@@ -25,7 +25,7 @@ from fdi.common.decision import held, usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.rfafe import core as rfafe_core
-from fdi.rfafe import servo
+from fdi.rfafe import segments, servo
 from fdi.rfafe.core import AIRFRAME, advance, estimate, fill_stored, learned, read_airframe
 from fdi.rfafe.model import estimate_E, first_order, fit_first_order, global_model, reduce_E
 from fdi.rfafe.store import choose, read, side_kinds
@@ -58,6 +58,7 @@ INPUTS = dtype([
 STATE = dtype([
     *rfafe_core.STATE,
     *servo.STATE,
+    *segments.STATE,
     ("f_hat", "f8", "rad"),  # the larger of the two sides
     ("f_hat_left", "f8", "rad"),
     ("f_hat_right", "f8", "rad"),
@@ -66,7 +67,7 @@ STATE = dtype([
     ("past", "f8", (2, 4), "rad"),  # of the filters: in, in before, out, out before
 ])
 OUTPUTS = ("f_hat", "f_hat_left", "f_hat_right", "r", "alarm", "verdict", "culprit", "alarm_elevator_left",
-           "alarm_elevator_right", "valid", "why")
+           "alarm_elevator_right", "segment", "valid", "why")
 DETECTOR = Detector(
     id="rfafe",
     level="aircraft",
@@ -94,6 +95,7 @@ DETECTOR = Detector(
     remark="as published its whole gain stands on the elevator position sensors: a position monitor with a model "
     "of the actuator, at aircraft level by name",
     estimates=(Estimate("elevator.left", "f_hat_left", "rad"), Estimate("elevator.right", "f_hat_right", "rad")),
+    finer={"segment": dict(enumerate(segments.NAMES))},
     looks_back={"u_delay": "line"},
     sizes={"ns": 0, "ny": 0, "nu": 0, "nf": 0, "n_trim": 0, "n_forget": 0, **bank.SIZES},
     places={"head": ("line", 0), **bank.PLACES, "suspect": ("energy", 0)},
@@ -189,6 +191,7 @@ def step(x, u, p, dt):
         known = learned(x, p, good)
         if good > 0.5:
             servo.learn(x, p, AIRFRAME, dt)
+            segments.compare(x, u, p, dt)
         if known:
             estimate(x, p, good, 0.0, dt)  # its model holds beyond the rate limit, too
     x.f_hat_left = _evened(x, p, 0)
@@ -196,6 +199,7 @@ def step(x, u, p, dt):
     x.f_hat = x.f_hat_left if math.fabs(x.f_hat_left) >= math.fabs(x.f_hat_right) else x.f_hat_right
     if x.alarm > 0.5 and x.both > 0.5:
         x.culprit = 3.0
+    segments.name(x)
     x.alarm_elevator_left = 1.0 if x.culprit == 1.0 or x.culprit == 3.0 else 0.0
     x.alarm_elevator_right = 1.0 if x.culprit >= 2.0 else 0.0
 

@@ -64,6 +64,18 @@ def test_both_sides_named_by_one_witness_weigh_against_the_command_of_one():
     assert places.mirrored("elevator_left and elevator_right ofc_solid") == "elevator_left and elevator_right ofc_solid"
 
 
+def test_a_segment_that_only_the_positions_of_the_elevators_show_is_told_from_its_side():
+    said = ("rfafe", AIRCRAFT, "ofc_liquid", "elevator_right", 1.0)
+    named = {v: heard(said, finer=[("rfafe", AIRCRAFT, "segment", v, 2.0, 8.0)]) for v in (0, 3, 4)}
+    assert name(named[3])[1] == "elevator_right_inner_command" and name(named[4])[1] == "elevator_right_outer_command"
+    assert name(named[0])[1] == "elevator_right_command"
+    back = heard(said, finer=[("rfafe", AIRCRAFT, "segment", 3, 2.0, 4.0)])
+    assert name(back, 35)[1] == "elevator_right_inner_command" and name(back)[1] == "elevator_right_command"
+    own = [places.turned(f"elevator_{s} ofc_solid", (s,)) for s in places.SEGMENTS]
+    assert set(own) == {"elevator_left_inner ofc_solid"}
+    assert places.turned(own[0], ("right_outer",)) == "elevator_right_outer ofc_solid"
+
+
 def test_nothing_is_said_while_nobody_alarms_and_an_alarm_ends_with_its_last_witness():
     quiet = heard()
     assert not quiet["alarm"].any() and quiet["valid"].all()
@@ -130,7 +142,10 @@ def test_every_word_of_a_record_is_one_of_the_tokens_and_says_kinds_that_there_a
         assert output in registry.module(detector).OUTPUTS
         for kinds in own.finer[output].values():
             assert tables.name(detector, "effectiveness", "", kinds) in tables.names(detector)
-            assert set(kinds) <= set(ELEVATOR_KINDS)
+            if isinstance(kinds, str):
+                assert not kinds or f"{kinds}_command" in places.PLACES
+            else:
+                assert set(kinds) <= set(ELEVATOR_KINDS)
 
 
 def test_q_and_theta_stay_open_until_something_tells_them_apart():
@@ -236,7 +251,7 @@ def test_a_name_that_its_detector_has_never_given_wrongly_is_believed_though_nob
 def test_who_would_have_spoken_by_now_counts_as_silent_for_good():
     said = [("position_monitor", "left_inner", "ambiguous", "", 1.0)]
     said += [("rfafe", AIRCRAFT, "ambiguous", "elevator_left", 1.6)]
-    log = heard(*said, duration_s=20.0)
+    log = heard(*said, duration_s=20.0, finer=[("rfafe", AIRCRAFT, "segment", 2, 1.6, 20.0)])
     assert name(log, 20) == ("ambiguous", "elevator_left_inner_command", "")  # iotsekf would have blamed its pressure
     assert name(log) == ("jam_liquid", "elevator_left_inner_command", "")  # ofc_monitor has not come: no oscillation
 

@@ -7,7 +7,7 @@ from actuators.constants import RAD_PER_DEG
 from cosim.flight.loop.signals import fly
 from cosim.scenario import parse
 from cosim.training.flights import COMMAND, POINT, SURFACES
-from fdi.rfafe import rfafe, servo
+from fdi.rfafe import rfafe, segments, servo
 from fdi.rfafe.store import read
 
 pytestmark = pytest.mark.usefixtures("plain_kernels")
@@ -16,11 +16,11 @@ DT, ROLL_S = 0.005, 12.0
 
 
 def judged(command, surface, technology="hydraulic"):
-    """Return the STATE log of rfafe under a command (ticks,) and the surface (ticks,) of all segments [rad]."""
+    """Return the STATE log of rfafe under a command (ticks,) and the surface, of all or (ticks, 4) [rad]."""
     u = np.zeros((1, len(command)), rfafe.INPUTS)
     for name in ("tas", "alpha", "q", "theta", "surface"):
         u[f"{name}_valid"] = 1.0
-    u["tas"], u["command"][0], u["surface"][0] = 200.0, command[:, None], surface[:, None]
+    u["tas"], u["command"][0], u["surface"][0] = 200.0, command[:, None], surface.reshape(len(surface), -1)
     p, log = rfafe.params(technology=technology), np.zeros(u.shape, rfafe.STATE)
     rfafe.rollout(rfafe.init(p), u, p, DT, log)
     return log[0]
@@ -88,3 +88,24 @@ def test_a_piston_that_is_not_as_stated_is_learned_but_no_fault_that_comes_later
     assert (found["more"][-1] == log["more"][-1]).all()
     early = judged(command * RAD_PER_DEG, (late + fault(1.0)) * RAD_PER_DEG)
     assert early["alarm"][-1] and np.ptp(early["f"][after], axis=0).min() > 1.6 * RAD_PER_DEG
+
+
+@pytest.mark.parametrize("who", [(0,), (1,), (2,), (3,), (0, 1), (2, 3)])
+@pytest.mark.parametrize("kind", ["ofc_liquid", "ofc_solid", "bias"])
+def test_the_segment_that_does_not_follow_is_told_from_its_side(who, kind):
+    """Of two kinds of servo, each with its own response to a command that moves by degrees."""
+    t = np.arange(round(24.0 / DT)) * DT
+    command = 1.5 * np.sin(2.0 * np.pi * 0.3 * t) + np.sin(2.0 * np.pi * 0.9 * t + 0.4)
+    wrong = command * (kind != "ofc_solid") + (2.0 if kind == "bias" else 1.5 * np.sin(2.0 * np.pi * 1.3 * t))
+    wrong = np.where(t > 12.0, wrong, command)
+    m = np.zeros((len(t), 4))
+    for i, own in enumerate(("hydraulic", "ema", "hydraulic", "ema")):
+        servo.run(wrong if i in who else command, np.array(servo.row(read("rfafe")["servos"][own], DT)), m[:, i], DT)
+    m += 1e-2 * np.random.default_rng(5).standard_normal(m.shape)
+    log = judged(command * RAD_PER_DEG, np.concatenate([m[:1], m[:-1]]) * RAD_PER_DEG, "mixed")
+    late = log[(t > 16.0) & (log["alarm"] > 0.5)]
+    assert not log["alarm"][t < 12.0].any() and len(late) > 4.0 / DT
+    assert set(late["segment"]) == {1.0 + who[0] if len(who) == 1 else 0.0}
+    assert not log["segment"][log["alarm"] < 0.5].any()
+    if len(who) == 1:
+        assert segments.NAMES[1 + who[0]].startswith(rfafe.CULPRITS[int(late["culprit"][-1])])

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -22,6 +23,32 @@ REFERENCE = {
     3: (0.0753, 0.0310, 1.3641, 0.5754), 4: (0.0368, 0.1100, 1.6359, 0.6370), 6: (0.0652, 0.0260, 1.2565, 0.4722),
     8: (0.0781, 0.0633, 0.8798, 0.3565), 9: (0.0673, 0.0485, 0.9616, 0.3866),
 }  # fmt: skip
+
+
+def test_the_file_as_written_has_the_geometry_mass_and_inertia_that_are_printed():
+    """NASA CR-2144, table IX-1: 5500 ft2, 195.68 ft, 27.31 ft; 636,636 lb at 25 % with 18.2, 33.1 and 49.7e6 slug ft2,
+    0.970056e6 the product. Sums of m and m r^2 over what the XML says, without JSBSim."""
+    root = ElementTree.parse(ROOT / "aircraft/transport/transport.xml").getroot()
+    assert [float(root.find(f"metrics/{n}").text) for n in ("wingarea", "wingspan", "chord")] == [5500.0, 195.68, 27.31]
+    balance, tank = root.find("mass_balance"), root.find("propulsion/tank")
+
+    def at(location):
+        scale = {"IN": 0.0254, "M": 1.0}[location.get("unit")]
+        return scale * np.array([float(location.find(axis).text) for axis in "xyz"])
+
+    parts = [(float(balance.find("emptywt").text), at(balance.find("location")))]
+    parts += [(float(p.find("weight").text), at(p.find("location"))) for p in balance.findall("pointmass")]
+    parts += [(float(tank.find("contents").text), at(tank.find("location")))]
+    mass, where = (np.array(v) for v in zip(*parts))
+    assert mass.sum() == pytest.approx(1e3 * CRUISE_T, rel=1e-5)
+    r = where - mass @ where / mass.sum()
+    np.testing.assert_allclose(mass @ where / mass.sum(), at(root.find("metrics/location[@name='AERORP']")), atol=1e-6)
+    empty = [float(balance.find(n).text) * 1.3558179 for n in ("ixx", "iyy", "izz", "ixz")]
+    square = mass @ r**2
+    found = [empty[0] + square[1] + square[2], empty[1] + square[0] + square[2], empty[2] + square[0] + square[1],
+             empty[3] + mass @ (r[:, 0] * r[:, 2])]  # fmt: skip
+    printed = [1.3558179 * value for value in (18.2e6, 33.1e6, 49.7e6, 0.970056e6)]
+    np.testing.assert_allclose(found, printed, rtol=1e-2)
 
 
 @pytest.fixture(scope="module")

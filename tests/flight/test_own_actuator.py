@@ -192,6 +192,7 @@ def test_a_file_that_is_no_block_is_told(tmp_path):
     [
         ("if u[0, 0].f_cmd > 0: raise ValueError('pump\\nis dry')", r"own\.py: at 2\.\d+ s ValueError: pump is dry$"),
         ("raise SystemExit(3)", r"own\.py: at 0\.000 s SystemExit: 3"),
+        ("x[0].delta *= float('nan') if u[0, 0].f_cmd > 0 else 1", r"at 2\.\d+ s ValueError: delta = \[nan\]$"),
     ],
 )
 def test_a_block_that_raises_or_exits_is_told_with_its_time_and_leaves_a_readable_log(tmp_path, line, says):
@@ -208,6 +209,22 @@ def test_a_block_that_cannot_be_made_is_told(tmp_path, where):
     path = tmp_path / "own.py"
     path.write_text(textwrap.dedent(BLOCK).replace(where, f"{where}\n    raise RuntimeError('no rig')"))
     with pytest.raises(ScenarioError, match=r"actuators\.rig: own\.py: RuntimeError: no rig"):
+        cosim.fly(loaded(path, "faults.0.at=command", "faults.0.amplitude_deg=1.0", key="file", spec={}), SEEN[:2])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("np.zeros(1, PARAMS)", "np.zeros(2, PARAMS)", r"params\(\) returns an array of shape \(2,\); allowed: PARAMS"),
+        ('OUTPUTS = ("delta",', 'OUTPUTS = ("delta", "force",', r"own\.py has no STATE\.force"),
+    ],
+)
+def test_a_block_of_another_shape_is_told(tmp_path, old, new, says):
+    path = tmp_path / "own.py"
+    text = textwrap.dedent(BLOCK)
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(ScenarioError, match=says):
         cosim.fly(loaded(path, "faults.0.at=command", "faults.0.amplitude_deg=1.0", key="file", spec={}), SEEN[:2])
 
 

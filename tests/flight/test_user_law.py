@@ -67,6 +67,7 @@ def test_a_compiled_law_of_the_shipped_records_flies_like_the_shipped_one(tmp_pa
     ("old", "new", "says"),
     [
         ('"aileron"', '"flaps"', r"commands 'flaps'; a law may command elevator, aileron, rudder"),
+        ("return {", "return {'rudder': [1.0], ", r"commands rudder = \[1\.0\], which is no number"),
         ("y.q", "y.qq", r"mine\.py: at 0\.000 s AttributeError"),
         ("elevator = ", "elevator = 1 / (t < 0.5) + ", r"mine\.py: at 0\.500 s ZeroDivisionError: division by zero"),
         ("return {", "return None and {", r"at 0\.000 s TypeError: update answers NoneType; allowed: a dictionary"),
@@ -89,6 +90,8 @@ def test_commands_are_cut_and_what_is_no_number_is_held(tmp_path):
     found = cosim.fly(s, ["law.law.throttle_cmd", "law.law.dr_cmd"]).to_numpy()
     assert np.ptp(found[:, 0]) == 0.0 and 0.2 < found[0, 0] < 0.9
     assert found[-1, 1] == pytest.approx(s.aircraft.travels["rudder"][1])
+    told = "mine.py: throttle = nan at 0.000 s; a command that is not finite keeps its last value"
+    assert cosim.simulate(s).extra["notes"] == [told]
 
 
 def test_what_a_law_may_read_and_command_is_listed():

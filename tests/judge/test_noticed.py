@@ -237,3 +237,24 @@ def test_a_lane_that_names_two_parts_at_once_is_judged_by_each_with_its_own_clas
     ofc, second = judge(lane, rows, DT, [OFC, alpha])["by_fault"]
     assert second["detected_at_s"] is None and not second["right"]
     assert judge(lane, rows, DT, [OFC])["by_fault"][0]["place_given"] == "wrong"
+
+
+@pytest.mark.parametrize("before", [0, 62, 63, 64, 200])
+def test_a_name_is_judged_beside_any_number_of_faults(before):
+    """What names another fault alone says nothing of this one, however many stand between the two in the scenario."""
+    jam = OFC | {"fault": 0, "case": "hydraulic.jam_solid", "kind": "jam_solid"}
+    early = [jam | {"fault": 1 + i, "start_s": 0.0, "end_s": 0.1 + 1e-3 * i} for i in range(before)]
+    rod = {"case": "hydraulic.rod.bias", "kind": "bias", "targets": ("elevator.left_inner.rod",), "start_s": 1.0}
+    rod = OFC | rod | {"fault": 1 + before}
+    rows = flown((45, 60, v.JAM_SOLID), (60, 100, v.SENSOR))
+    rows[60:, 2] = 1.0  # the rod's
+    e = judge(LANE, rows, DT, [jam | {"start_s": 4.0}, *early, rod])
+    mine = next(d for d in e["by_fault"] if d["fault"] == 0)
+    assert mine["right"] and mine["isolated"]["class"] == "jam_solid" and mine["class_changes"] == 0
+
+
+@pytest.mark.parametrize(("start_s", "end_s"), [(3.01, 3.02), (9.97, math.inf)])
+def test_a_fault_that_acts_in_no_tick_is_not_missed(start_s, end_s):
+    e = judge(LANE, flown(), DT, [OFC | {"start_s": start_s, "end_s": end_s}])
+    assert not e["concerned"] and e["by_fault"] == []
+    assert judge(LANE, flown(), DT, [OFC | {"start_s": 3.01, "end_s": 3.11}])["concerned"]

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.cli import commands as cli
-from cosim.replay.map import diagnose
+from cosim.replay.map import diagnose, prepare
 from cosim.replay.map_draft import draft
 from cosim.replay.map_file import load_map
 
@@ -193,3 +193,33 @@ def test_a_speed_is_in_knots_by_its_name_where_nothing_proves_it(tmp_path):
     columns = {n: y for n, y in air_data().items() if n not in ("MACH", "HP_FT")}
     found = drafted(tmp_path, columns)[1]
     assert found["cas"]["unit"] == found["tas"]["unit"] == "kt"
+
+
+def test_lost_samples_wild_ones_and_slow_channels_do_not_hide_a_column(tmp_path):
+    columns = air_data()
+    t, altitude = columns["UTC_SEC"], columns["HP_FT"]
+    angle = 3.0 + np.sin(t)
+    columns |= {"AOA_DEG": np.where((t > 5.0) & (t < 7.0), -9999.0, angle), "BETA_DEG": np.sin(t)}
+    columns["BETA_DEG"][500] = 1e9
+    columns["HP_FT"] = np.where(np.arange(len(t)) % 100, np.nan, altitude)
+    found = drafted(tmp_path, columns)[1]
+    assert found["alpha"] == {"channel": "AOA_DEG", "unit": "deg", "missing": -9999}
+    assert found["beta"] == {"channel": "BETA_DEG", "unit": "deg"}
+    assert found["h_baro"] == {"channel": "HP_FT", "unit": "ft", "sparse": True}
+    values = prepare(tmp_path / "flight.csv", tmp_path / "map.toml").values
+    alpha, valid = values["alpha"]
+    assert np.nanmin(alpha) > 0.03 and 0.92 < valid.mean() < 0.94
+    assert values["h_baro"][1].mean() > 0.99
+
+
+def test_the_names_of_an_autopilots_log_are_known(tmp_path):
+    t = np.arange(0.0, 30.0, 0.02)
+    pitch, roll = np.radians(3.0 + np.sin(0.9 * t)), np.radians(2.0 * np.sin(0.6 * t))
+    columns = {
+        "ATT_Roll": np.degrees(roll), "ATT_Pitch": np.degrees(pitch), "IMU_GyrX": np.gradient(roll, t),
+        "IMU_GyrY": np.gradient(pitch, t), "IMU_AccZ": -9.80665 * np.cos(pitch) * np.cos(roll),
+    }  # fmt: skip
+    text, found = drafted(tmp_path, {"TimeUS": np.round(1e6 * t).astype(np.int64), **columns})
+    assert "the recording's 50 Hz" in text
+    assert found["n_z"] == {"channel": "IMU_AccZ", "unit": "m/s2", "sign": -1}
+    assert (found["p"]["channel"], found["q"]["channel"]) == ("IMU_GyrX", "IMU_GyrY")

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tomllib
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,7 @@ from cosim.cli import commands as cli
 from cosim.errors import LogError
 from cosim.replay.foreign import read_channels, read_table
 from cosim.replay.map import diagnose
+from cosim.replay.map_draft import draft
 from cosim.replay.units import factors, known
 
 T = np.arange(200) / 25.0
@@ -104,11 +106,34 @@ def test_tables_of_a_folder_are_joined_on_time(tmp_path):
         ("Datum", [f"24.11.2026 10:00:{t:06.3f}" for t in T]),
         ("UTC date", [f"2026-11-24T10:00:{t:06.3f}Z" for t in T]),
         ("t (min)", [f"{t / 60:.12g}" for t in T]),
+        ("TimeUS", [f"{1e6 * t:.0f}" for t in T]),  # ArduPilot
+        ("UTC", [f"{'23:59' if t < 4 else '00:00'}:{(56 + t) % 60:06.3f}" for t in T]),  # past midnight
+        (
+            "Date",
+            [
+                f"2026-03-29 0{1 if t < 4 else 3}:{'59' if t < 4 else '00'}:{(56 + t) % 60:06.3f}"
+                f"+0{1 if t < 4 else 2}:00"
+                for t in T
+            ],
+        ),  # the night in which summer time begins
     ],
 )
 def test_a_time_is_known_in_the_writings_of_people(tmp_path, name, cells):
     pd.DataFrame({name: cells, "x": T}).to_csv(tmp_path / "a.csv", index=False)
     np.testing.assert_allclose(read_channels(tmp_path / "a.csv")["a"].index, T, atol=1e-6)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_a_clock_of_whole_numbers_without_a_unit_is_drafted_with_one(tmp_path, unit, scale):
+    stamps = 1_774_745_970 * int(scale) + np.round(scale * T).astype(np.int64)
+    pd.DataFrame({"timestamp": stamps, "elevator_cmd_deg": np.sin(T)}).to_csv(tmp_path / "a.csv", index=False)
+    made = tomllib.loads(draft(tmp_path / "a.csv"))
+    assert made["time"] == f"timestamp [{unit}]"
+    index = read_channels(tmp_path / "a.csv", time=made["time"])["a"].index
+    np.testing.assert_allclose(index - index[0], T, atol=1e-6)
+    if unit != "ns":
+        with pytest.raises(LogError, match=r"1\.77475e\+\d\d s .*NAME \[us\]"):
+            read_channels(tmp_path / "a.csv")
 
 
 def test_a_map_reads_a_matrix_without_names(tmp_path):

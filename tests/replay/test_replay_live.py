@@ -26,8 +26,8 @@ def log(tmp_path_factory):
 
 
 @pytest.fixture
-def served(log):
-    """Serve the log at a tenth of the clock's speed; give the server."""
+def served(log, request):
+    """Serve the log at a tenth of the clock's speed, from 0 s or the time given [s]; give the server."""
     up, ended, kept = threading.Event(), threading.Event(), []
 
     def ready(server):
@@ -35,7 +35,8 @@ def served(log):
         up.set()
 
     thread = threading.Thread(target=show, args=(log,), daemon=True,
-                              kwargs={"port": 0, "speed": 0.1, "ready": ready, "ended": ended})  # fmt: skip
+                              kwargs={"port": 0, "speed": 0.1, "start_s": getattr(request, "param", 0.0),
+                                      "ready": ready, "ended": ended})  # fmt: skip
     thread.start()
     assert up.wait(30)
     yield kept[0]
@@ -62,6 +63,14 @@ def test_a_log_is_played_scrubbed_and_paused(served, log):
         for ns, payload in got():
             assert frame["alpha"].iloc[ns // (5 * MS)].tobytes() in payload
             assert frame["de_li"].iloc[ns // (5 * MS)].tobytes() in payload
+
+
+@pytest.mark.parametrize("served", [5.0], indirect=True)
+def test_a_log_is_played_from_the_time_that_is_asked_for(served):
+    with Viewer(served.url) as v:
+        v.watch(TOPIC)
+        v.until(lambda: v.samples.get(TOPIC, ()))
+        assert 5000 * MS <= v.samples[TOPIC][0][0] < 5100 * MS
 
 
 def test_what_is_no_log_is_refused(tmp_path):

@@ -20,7 +20,7 @@ from cosim.log import open_log
 from cosim.replay import replay
 from cosim.replay.detector_replay import manifest
 from cosim.replay.log_schema import ReplayError
-from cosim.replay.map import diagnose
+from cosim.replay.map import diagnose, prepare
 from cosim.replay.map_file import load_map
 from cosim.replay.map_signals import resample, ticks
 from cosim.report.diagnosis_page import Watched
@@ -288,6 +288,24 @@ def test_a_map_without_signals_says_so(tmp_path):
     (tmp_path / "map.toml").write_text('time = "clock_ms"\n')
     with pytest.raises(ReplayError, match=r"map.toml: signals: is missing$"):
         load_map(tmp_path / "map.toml")
+
+
+def test_a_heading_passes_north_between_two_samples(tmp_path):
+    t = np.arange(0.0, 4.0, 0.04)
+    frame = pd.DataFrame({"t_s": t, "HDG": (355.0 + 5.0 * t) % 360.0, "cmd": 0.0, "surf": 0.0})
+    frame.to_csv(tmp_path / "turn.csv", index=False)
+    signals = """[signals]
+psi = { channel = "HDG", unit = "deg" }
+r = { derivative_of = "psi" }
+de_cmd = { channel = "cmd", unit = "deg" }
+"left_inner.surface" = { channel = "surf", unit = "deg" }
+"""
+    (tmp_path / "map.toml").write_text(f"{POINT}{signals}")
+    values = prepare(tmp_path / "turn.csv", tmp_path / "map.toml").values
+    psi, there = values["psi"]
+    flown = np.radians(355.0 + 5.0 * 0.005 * np.arange(len(psi)))
+    np.testing.assert_allclose(np.exp(1j * psi[there > 0]), np.exp(1j * flown[there > 0]), atol=1e-9)
+    np.testing.assert_allclose(values["r"][0][values["r"][1] > 0], np.radians(5.0), atol=1e-9)
 
 
 def test_samples_on_a_tick_are_kept_and_others_interpolated_or_held():

@@ -168,6 +168,13 @@ def test_speed_is_needed_once():
         parse({"flight": {**POINT, "mach": 0.5}})
 
 
+@pytest.mark.parametrize("times", [("start_s=3.001", "end_s=3.002"), ("start_s=5.998",)])
+def test_a_fault_between_two_ticks_is_told(times):
+    (line,) = load_scenario("liquid-ofc", ["duration_s=6", *(f"faults.0.{t}" for t in times)]).warnings()
+    assert line == "faults.0 (ofc_liquid) acts in no tick: they are 0.005 s apart"
+    assert not load_scenario("liquid-ofc", ["duration_s=6", "faults.0.start_s=3", "faults.0.end_s=3.005"]).warnings()
+
+
 def test_fault_after_the_end_is_legal_and_pointed_out():
     (line,) = load_scenario("liquid-ofc", ["duration_s=5"]).warnings()
     assert "12 s" in line and "5 s" in line

@@ -50,7 +50,7 @@ def test_voices_that_stayed_alone_and_false_ones_are_counted():
     def flight(second, wrong):
         lanes = [["kinematic", "aircraft", ["q"] * 4, 0.0], ["lpv_smo", "aircraft", *second]]
         before = {"kinematic": [wrong, wrong, 0, 0, 0.2], "lpv_smo": [0, 0, 0, 0, 0.1]}
-        return {"kind": "sensor.q", "segments": [], "technology": {}, "right": False, "lanes": lanes, "before": before}
+        return {"kind": "sensor.q", "segments": [], "technology": {}, "lanes": lanes, "before": before}
 
     late, quiet = flight((["ambiguous"] * 4, 6.0), 0), flight(([], None), 0) | {"kind": "", "lanes": []}
     found = train_joint.counted([flight(([], None), 0), flight((["ambiguous"] * 4, 0.5), 1), late, quiet])

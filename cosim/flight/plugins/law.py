@@ -95,6 +95,7 @@ def _wrong(path, text):
 def _plain(kind: Callable, path: Path) -> Callable:
     """Return the rollout of a class: one object, made at the first tick."""
     own: list[Any] = []
+    notes: list[str] = []
     ticks = [0]
 
     def rollout(x, u, p, dt):
@@ -112,12 +113,18 @@ def _plain(kind: Callable, path: Path) -> Callable:
                 if word not in SURFACES:
                     raise KeyError(f"commands {word!r}; a law may command {', '.join(SURFACES)}")
                 field, ends, *_ = SURFACES[word]
+                if not isinstance(value, int | float | np.number) or isinstance(value, complex):
+                    raise TypeError(f"commands {word} = {value!r:.40}, which is no number")
                 if math.isfinite(value):
                     low, high = ends(record)
                     now[field] = min(max(float(value), low), high)
+                elif not notes:
+                    at = f"{word} = {value} at {ticks[0] * dt:.3f} s"
+                    notes.append(f"{path.name}: {at}; a command that is not finite keeps its last value")
         except (Exception, SystemExit) as error:  # whatever a user's law raises
             names = "; `cosim list law` has every name" if isinstance(error, AttributeError) else ""
             raise _wrong(path, f"at {ticks[0] * dt:.3f} s {told(error)}{names}") from None
         ticks[0] += 1
 
+    rollout.notes = notes  # type: ignore[attr-defined]
     return rollout
