@@ -183,6 +183,8 @@ def run_all(made: Prepared, overrides: Mapping[str, Any], only: str = "") -> tup
         ready = replace(d, lanes=tuple(lane for lane in d.lanes if not missing[lane]))
         if ready.lanes:
             p = made.params(ready)
+            for name, value in d.record.recorded.items():
+                p[name] = value
             override(d.record, d.module, p, overrides.get(d.id, {}), dt)
             for i, lane in enumerate(ready.lanes):
                 u = _inputs(ready, wires[d.id, lane], values, n)

@@ -397,7 +397,7 @@ def judge(x, p, o, dt):
         return False
     h = x.likely_fault  # a small oscillation added to a quiet command may be silent and come again
     x.ended = 1.0 if h == ev.IN_PLACE or h > ev.SWING_LOAD else 0.0
-    if longest(x) == OCTAVES - 1 and x.own_ratio[OCTAVES - 2] < 1.0:  # a fault that no other shows
+    if longest(x) == OCTAVES - 1 and x.own_ratio[OCTAVES - 2] < 1.0:  # only the longest window shows the fault
         again = (sums.YOUNG * p.length[OCTAVES - 1] + sums.apart(OCTAVES - 1)) * p.block * dt
         x.speaks_timer = max(x.speaks_timer, again)
     return True

@@ -26,7 +26,7 @@ PERIOD = 0.005  # of the samples whose variance stands in `filter.NOISE` [s]
 LEARN_S = filter.SETTLES_S + sums.FIRST * sums.BLOCK_S  # after which the flight has taught [s]
 STOP = 1e-3  # so near a stop the rod may lean on it [m]
 DT_MOST = 0.0101  # of longer ticks a filter that is linear over a tick leaves too much: it is not asked there [s]
-LESSON = 2  # octave whose window is a lesson: long enough that a fault is seen before the window it began in is over
+LESSON = 2  # octave whose window is learned from: a fault that begins in it is seen before it ends
 LOST_S = 0.2  # without positions, or without pressure, for longer nothing is asked [s]
 QUIET_S = 1.0  # after the last sign of a fault the flight teaches again [s]
 SPARSE = 4  # blocks of which one is asked while nothing is suspicious
@@ -45,6 +45,7 @@ PARAMS = [
     *evidence.PARAMS,
     ("limit", "f8", (evidence.HYPOTHESES,), "-"),  # evidence that is an alarm
     ("asks", "f8"),  # 1 where ticks are short enough and the pressure is measured, ALL: every block is asked
+    ("untaught", "f8"),  # blocks for which the flight teaches before evidence is asked
     ("q_lo", "f8", "m"),  # stops of the rod
     ("q_hi", "f8", "m"),
 ]
@@ -109,7 +110,7 @@ def close(x, p, suspicious, dt):
         o = sums.octave(blocks)
     else:
         o = sums.octave(blocks // SPARSE) if blocks % SPARSE == 0 else -1
-    if o >= 0 and x.window_age[o] >= sums.YOUNG * p.length[o]:
+    if o >= 0 and x.window_age[o] >= sums.YOUNG * p.length[o] and blocks > p.untaught:
         evidence.evaluate(x, p, o)
         parts.in_parts(x, o)
         anew = by_evidence.judge(x, p, o, dt)

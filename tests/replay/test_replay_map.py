@@ -39,6 +39,9 @@ def flight(tmp_path_factory):
     return open_log(path)
 
 
+EXACT = {"iotsekf": {"untaught": 0.0}}  # of a recording whose command is not a tick off
+
+
 @pytest.fixture(scope="module")
 def signals(flight):
     """Return {signal: (samples, SI)} of all that the detectors of the flight read, by the names of a map."""
@@ -91,7 +94,7 @@ def test_a_lossless_export_gives_the_same_bits_as_the_native_replay(flight, sign
     recording = tmp_path / f"bench.{kind}"
     WRITERS[kind](frame, recording)
     map_ = exact_map(tmp_path / "map.toml", signals, "/bench." if kind == "mcap" else "")
-    told = diagnose(recording, map_, output=tmp_path / "out.mcap")
+    told = diagnose(recording, map_, overrides=EXACT, output=tmp_path / "out.mcap")
     assert not told.not_run and len(told.detectors) == sum(len(d["lanes"]) for d in manifest(flight))
     new = open_log(tmp_path / "out.mcap")
     for d in manifest(flight):
@@ -130,7 +133,7 @@ def test_other_units_and_signs_agree_to_rounding(flight, signals, tmp_path):
     frame.to_csv(tmp_path / "bench.csv", index=False)
     text = EXAMPLE.read_text().replace('"VALVE_PCT", unit = "%"', '"VALVE_PCT", unit = "%", held = true')
     (tmp_path / "map.toml").write_text(text)
-    told = diagnose(tmp_path / "bench.csv", tmp_path / "map.toml", output=tmp_path / "out.mcap")
+    told = diagnose(tmp_path / "bench.csv", tmp_path / "map.toml", overrides=EXACT, output=tmp_path / "out.mcap")
     new = open_log(tmp_path / "out.mcap")
     names = {"iotsekf", "rtsekf", "rtsekf_flight", "position_monitor", "ofc_monitor"}
     for name in names:
@@ -195,7 +198,8 @@ def test_a_command_counts_from_when_it_is_sent(flight, signals, tmp_path):
     frame.to_csv(tmp_path / "own.csv", index=False)
     lines = [f'"left_inner.{n}" = {{ channel = "{n}" }}' for n in ("valve_command", *names)]
     (tmp_path / "map.toml").write_text(POINT + "[signals]\n" + "\n".join(lines))
-    told = diagnose(tmp_path / "own.csv", tmp_path / "map.toml", detectors=["iotsekf"], output=tmp_path / "out.mcap")
+    how = {"detectors": ["iotsekf"], "overrides": EXACT}
+    told = diagnose(tmp_path / "own.csv", tmp_path / "map.toml", output=tmp_path / "out.mcap", **how)
     alarm = flight.frame("/detectors/iotsekf/left_inner")["alarm"].to_numpy()
     assert told.detectors[0]["first_alarm_s"] == pytest.approx(np.argmax(alarm > 0.5) / 200.0, abs=1e-9)
     where = "/replay/detectors/iotsekf/left_inner"
@@ -203,9 +207,20 @@ def test_a_command_counts_from_when_it_is_sent(flight, signals, tmp_path):
     np.testing.assert_array_equal(again["alarm"], alarm)
     lines[0] = lines[0].replace(" }", ", held = true }")
     (tmp_path / "map.toml").write_text(POINT + "[signals]\n" + "\n".join(lines))
-    diagnose(tmp_path / "own.csv", tmp_path / "map.toml", detectors=["iotsekf"], output=tmp_path / "early.mcap")
+    diagnose(tmp_path / "own.csv", tmp_path / "map.toml", output=tmp_path / "early.mcap", **how)
     early = open_log(tmp_path / "early.mcap").frame(where)
     assert (early["f_hat"] - again["f_hat"]).iloc[200:500].abs().max() > 1e-3  # of u: taken a tick too soon
+
+
+def test_a_command_a_tick_off_without_a_fault_is_no_alarm(signals, tmp_path):
+    """Recorded elsewhere, a command may be a tick early: what it leaves is learned before `iotsekf` asks."""
+    frame = bench_frame(signals, 200)[: 480]  # the fault begins at 2.5 s
+    frame.assign(VALVE_PCT=frame.VALVE_PCT.shift(-1)).to_csv(tmp_path / "off.csv", index=False)
+    how = {"detectors": ["iotsekf"]}
+    (row,) = diagnose(tmp_path / "off.csv", EXAMPLE, **how).detectors
+    assert not row["alarm"]
+    (row,) = diagnose(tmp_path / "off.csv", EXAMPLE, overrides=EXACT, **how).detectors
+    assert row["alarm"]
 
 
 def test_half_the_rate_is_interpolated_and_slow_detectors_agree(flight, signals, tmp_path):

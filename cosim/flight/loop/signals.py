@@ -77,7 +77,8 @@ def detect(
 
     `wires` is {input field: signal}, an element of an array as `field[2]`; a list of them stands for lanes, and the
     result is (lanes, ticks). `p` is one record of PARAMS or one for each lane, by default `module.params()`; `fields`
-    names what is kept, by default all.
+    names what is kept, by default all. A row has what the servos sent in its tick, a detector of the loop reads what
+    they sent the tick before: where a wire is a servo's command, name the detector's input (`iotsekf_in.left_inner.u`).
     """
     u = inputs(frame, module, wires)
     lanes = len(u)
