@@ -43,7 +43,7 @@ FEED_TAU = 2.0  # slower than the filter forgets, so that a signature holds for 
 MODEL_TAU = 0.2  # within which friction and inertia of the model's pressure are forgotten [s]
 RATE_TAU = 0.1  # for so long a fast load or flow leaves the model in doubt [s]
 GATE = 25.0  # of an innovation: beyond so many sigma of a healthy one a sample counts for no more
-# Beyond WILD sigma the first `spikes` samples in a row are not taken: one alone would do for a noisy sensor. A sample
+# Beyond WILD sigma the first `spikes` samples within a second are not taken: one would do for a noisy sensor. A sample
 # that rises from one before it, of RISES of it, is of an oscillation or of a load
 WILD, RISES = 10.0, 0.4
 
@@ -78,7 +78,7 @@ STATE = [
     ("h_s", "f8", (SENSORS,)),  # their variances; 0: no sample
     ("h_lost", "f8", (SENSORS,), "s"),  # since the last sample of each
     ("h_before", "f8", (SENSORS,), "-"),  # innovation of the last sample of each, taken or not, over its sigma
-    ("h_wild", "f8", (SENSORS,)),  # samples in a row beyond WILD
+    ("h_wild", "f8", (SENSORS,)),  # samples beyond WILD, of the last second
 ]
 
 NOISE = {
@@ -170,18 +170,18 @@ def measure(x, j, y, mu, p):
 
 
 @kernel
-def wild(x, j, y, p):
+def wild(x, j, y, p, dt):
     """Return whether the sample `y` of sensor `j` is so far from its prediction, so suddenly, that it is not taken."""
     row = 2 if j == 2 else 0
     e, before = (y - x.h_hat[row]) / math.sqrt(x.h_P[row, row] + p.h_r[j]), x.h_before[j]
     x.h_before[j] = e
     if math.fabs(e) <= WILD:
-        x.h_wild[j] = 0.0
+        x.h_wild[j] = max(x.h_wild[j] - p.spikes * dt, 0.0)  # a second without: a large oscillation has no such
         return False
     rises = before > RISES * e if e > 0.0 else before < RISES * e
     if x.h_wild[j] == 0.0 and rises:
         x.h_wild[j] = p.spikes
-    x.h_wild[j] += 1.0
+    x.h_wild[j] = min(x.h_wild[j] + 1.0, 2.0 * p.spikes)
     return x.h_wild[j] <= p.spikes
 
 
@@ -191,20 +191,20 @@ def measurement_update(x, u, mu, p, dt):
     for j in range(SENSORS):
         x.h_s[j] = 0.0
         x.h_lost[j] += dt
-    rod = u.y_rod_valid > 0.5 and math.isfinite(u.y_rod) and not wild(x, ROD, u.y_rod, p)
+    rod = u.y_rod_valid > 0.5 and math.isfinite(u.y_rod) and not wild(x, ROD, u.y_rod, p, dt)
     surface = u.y_surface_valid > 0.5 and math.isfinite(u.y_surface)
     if rod:
         measure(x, ROD, u.y_rod, mu, p)
         x.h_lost[ROD] = 0.0
     y = p.arm * u.y_surface
     known = x.lever_P[0] < RIGGING_SD * RIGGING_SD
-    if surface and not (known and wild(x, SURFACE, y + x.lever_offset + x.lever * x.h_hat[0], p)):
+    if surface and not (known and wild(x, SURFACE, y + x.lever_offset + x.lever * x.h_hat[0], p, dt)):
         if rod and x.sensor < 0.5 and math.fabs(x.pair_d) < APART * x.pair_limit:
             learn_lever(x, u.y_rod - y, x.h_hat[0], p.h_r[ROD] + p.h_r[SURFACE], dt)
         if x.lever_P[0] < RIGGING_SD * RIGGING_SD:
             measure(x, SURFACE, y + x.lever_offset + x.lever * x.h_hat[0], mu, p)
             x.h_lost[SURFACE] = 0.0
-    if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp) and not wild(x, PRESSURE, u.y_dp, p):
+    if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp) and not wild(x, PRESSURE, u.y_dp, p, dt):
         measure(x, PRESSURE, u.y_dp, mu, p)
         x.h_lost[PRESSURE] = 0.0
 
