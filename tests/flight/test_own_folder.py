@@ -66,10 +66,9 @@ def test_a_record_says_what_is_wrong_with_it(tmp_path):
     folder = shutil.copytree(load_aircraft().folder, tmp_path / "own")
     with pytest.raises(ScenarioError, match=r"own: there is no own\.xml, its JSBSim model"):
         load_aircraft(str(folder))
-    (folder / "transport.xml").rename(folder / "own.xml")
-    record = folder / "aircraft.toml"
+    record = shutil.copytree(folder, tmp_path / "many") / "aircraft.toml"
     record.write_text(record.read_text().replace("engines = 4", "engines = 40"))
-    with pytest.raises(ScenarioError, match=r"own/aircraft\.toml: engines"):
-        load_aircraft(str(folder))
+    with pytest.raises(ScenarioError, match=r"many/aircraft\.toml: engines"):
+        load_aircraft(str(record.parent))
     with pytest.raises(ScenarioError, match=r"'transprt' is no aircraft.*Did you mean 'transport'"):
         load_aircraft("transprt")

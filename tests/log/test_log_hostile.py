@@ -231,7 +231,7 @@ def test_a_summary_that_tells_another_story_is_refused(whole, tmp_path):
     """Another reader trusts the summary, so it must say what the data say, even with a right checksum."""
     data = bytearray(whole.read_bytes())
     (start,) = struct.unpack_from("<Q", data, len(data) - 28)
-    at = data.index(b"\x0b" + struct.pack("<Q", 46 + 10 * 8), start)  # statistics of eight channels
+    at = data.index(b"\x0b" + struct.pack("<Q", 46 + 10 * 7), start)  # statistics of seven channels
     data[at + 9] ^= 1  # the message count
     (tmp_path / "a").write_bytes(reseal(bytes(data)))
     _refused(tmp_path / "a", "summary does not agree")

@@ -35,7 +35,7 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
         },
         "iotsekf flight_load2": {
             "bank_threshold": 0.00598626, "slow_threshold": 0.000642376, "run_threshold": 0.00511357,
-            "sum_threshold": 0.0049886, "limit": 2.63752,
+            "sum_threshold": 0.0049886, "limit": 2.55375,
         },
         "rtsekf flight_load0": {
             "threshold": 0.0267695, "step": 0.00657689,
