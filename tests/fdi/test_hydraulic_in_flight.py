@@ -53,10 +53,11 @@ def test_a_large_oscillation_in_still_air_has_its_name_and_keeps_it(start_s, amp
     assert named[-1] and named.mean() >= share, named.mean()
 
 
-@pytest.mark.parametrize(("amplitude_mm", "frequency_hz"), [(5, 5), (8, 5)])
-def test_the_name_of_a_large_oscillation_in_place_does_not_flicker(amplitude_mm, frequency_hz):
+@pytest.mark.parametrize(("amplitude_mm", "frequency_hz", "air"), [(5, 5, "none"), (8, 5, "none"), (10, 10, "light")])
+def test_the_name_of_a_large_oscillation_in_place_does_not_flicker(amplitude_mm, frequency_hz, air):
     changes = [f"faults.0.amplitude_mm={amplitude_mm}", f"faults.0.frequency_hz={frequency_hz}", "duration_s=24"]
-    scenario = load_scenario("solid-ofc", [*changes, 'detectors.enabled=["iotsekf"]'])
+    own = [f"flight.turbulence={air}", "seed=1", 'detectors.enabled=["iotsekf"]']
+    scenario = load_scenario("solid-ofc", [*changes, *own])
     said = fly(scenario, ["iotsekf.left_inner.verdict"]).iloc[:, 0]
     said = said[said.index >= scenario.faults[0].start_s + 2.0]
     assert (said == OFC_SOLID).all()
