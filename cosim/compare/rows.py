@@ -13,7 +13,7 @@ not_valid                          it could not judge; why_not_valid says why, v
                                    flight it was valid
 detected, delay_s, delay_periods, isolated_class     of the first lane that noticed, and of that lane:
 first_verdict, right, class_given, place_given, place_level, first_right, first_sure_wrong, time_to_right_s,
-right_after_motion_s, not_excited, class_changes, ambiguous_s, alarm_share, withdrawn, withdrawn_after_s: as
+right_after_motion_s, not_excited, masked, class_changes, ambiguous_s, alarm_share, withdrawn, withdrawn_after_s: as
 cosim/judge/detection.py
 outcome                            a word of cosim.judge.naming.outcome, or echo: it alarms in this manoeuvre without a
                                    fault as well; null when fault-free
@@ -183,7 +183,7 @@ def _row(run, detector, lanes, whole, about, fault):
     how = None
     if fault is not None:
         how = outcome(detector, each["case"], seen=bool(seen), class_=given["class_given"],
-                      place=given["place_given"], able=able)  # fmt: skip
+                      place=given["place_given"], able=able, masked=bool(told.get("masked")))  # fmt: skip
     return {
         "run": run, "fault": fault, **{k: v for k, v in about.items() if k not in ("each", "starts")}, **each,
         "hours": sum(_number(lane, "exposed_s") for lane in whole) / n / 3600.0 if n else np.nan,
@@ -195,7 +195,7 @@ def _row(run, detector, lanes, whole, about, fault):
         "isolated_class": best.get("isolated_class"), "first_verdict": best.get("first_verdict"),
         "right": bool(best.get("right")), **given, "place_level": best.get("place_level", ""),
         "first_right": bool(best.get("first_right")), "first_sure_wrong": bool(best.get("first_sure_wrong")),
-        "not_excited": bool(told.get("not_excited")), "withdrawn": best.get("withdrawn"),
+        **{k: bool(told.get(k)) for k in ("not_excited", "masked")}, "withdrawn": best.get("withdrawn"),
         **{k: _number(best, k) for k in NUMBERS}, "outcome": how,
         "false_alarms": sum(int(lane["false_alarms"]) for lane in whole),
         "standing_s": float(sum(_number(lane, "standing_s") for lane in whole)),

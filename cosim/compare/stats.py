@@ -29,12 +29,14 @@ CREDIBLE = 0.5  # a detector that cries in more than half of the fault-free flig
 
 def came_of_it(rows: pd.DataFrame) -> pd.Series:
     """Return one word per row of a fault: named, ambiguous or misnamed when it was seen, else not_valid (it could not
-    judge), not_excited (it never showed) or missed. Every row has one: they add up to the flights."""
-    unseen = np.select([rows["not_valid"], rows["not_excited"]], ["not_valid", "not_excited"], "missed")
+    judge), masked (by the alarm of an earlier fault), not_excited (it never showed) or missed. Every row has one: they
+    add up to the flights."""
+    unseen = np.select([rows[word] for word in UNSEEN], UNSEEN, "missed")
     return rows["outcome"].where(rows["detected"], unseen)
 
 
-WORDS = ("named", "ambiguous", "misnamed", "not_valid", "not_excited", "missed")
+UNSEEN = ("not_valid", "masked", "not_excited")
+WORDS = ("named", "ambiguous", "misnamed", *UNSEEN, "missed")
 
 
 def score(rows: pd.DataFrame) -> dict:

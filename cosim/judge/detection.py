@@ -1,7 +1,7 @@
 """Detection of one fault by one detector lane: when, under which name, whether that was right, when the alarm ended."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.judge.alarms import GRACE_S, during, span
-from cosim.judge.naming import BOTH, NOT_GIVEN, Name, blames, members_of, name_of
+from cosim.judge.naming import BOTH, NOT_GIVEN, RIGHT, Name, alike, blames, members_of, name_of, parts_of
 from cosim.judge.runs import Runs
 from fdi.common import verdict as code
 from fdi.common import why as reason
@@ -104,7 +104,7 @@ def said(watch: Watch, runs: Runs, fault: Mapping | None = None, others: Sequenc
     up = [runs[c] > 0.5 for c in own.values()]
     patterns, which = _distinct(up)
     mine = members_of(own, fault, watch.level)
-    theirs = {c for f in others for c in members_of(own, f, watch.level)} - set(mine)
+    theirs = {c for f, *_ in alike(others) for c in members_of(own, f, watch.level)} - set(mine)
     blamed = [BOTH.join(c for c, there in zip(own, pattern) if there and c not in theirs) for pattern in patterns.T]
     met = np.array([bool(set(mine) & set(names.split(BOTH))) for names in blamed])[which]
     first = np.isin(part, [i for i, c in enumerate(watch.culprits) if set(mine) & set(c.split(BOTH))])
@@ -126,11 +126,11 @@ def _two(watch, runs, fault, others):
     class is that of the name which is left; with both left, or none, that of the first."""
     columns = watch.verdict, watch.culprit, watch.verdict_2, watch.second
     told, which = _distinct([runs[c] for c in columns])
-    parts, verdicts = [], []
+    parts, verdicts, different = [], [], [f for f, *_ in alike(others)]
     for first, i, other, j in told.T:
         names = {watch.culprits[int(k)]: c for k, c in ((i, first), (j, other)) if 0 < k < len(watch.culprits)}
         mine = members_of(names, fault, watch.level)
-        theirs = {p for f in others for p in members_of(names, f, watch.level)} - set(mine)
+        theirs = {p for f in different for p in members_of(names, f, watch.level)} - set(mine)
         left = [p for p in names if p not in theirs] or list(names)
         parts.append(BOTH.join(left))
         verdicts.append(next((names[p] for p in (*mine, *left)), first))
@@ -140,9 +140,11 @@ def _two(watch, runs, fault, others):
 def noticed(watch: Watch, runs: Runs, fault: Mapping, until: float, dt: float, others: Sequence[Mapping] = ()) -> dict:
     """Return what the lane made of `fault` before the next one begins at `until` [s]; times [s], None for never.
 
-    It noticed when its alarm rose or, while one stands on account of earlier ones of the `others`, took this fault's
-    right name. An alarm that rises while several faults are there is that of the latest, unless it blames a part of
-    an earlier one and none of the latest: then it is the earlier one's, after `until`, too.
+    It noticed when its alarm rose or, while one stands on account of earlier ones of the `others`, when its name came
+    to this fault: the right one, or its place with the class not given. An alarm that rises while several faults are
+    there is that of the latest, unless it blames a part of an earlier one and none of the latest: then it is the
+    earlier one's, after `until`, too. `masked` tells that it did not notice and could not alarm anew: the alarm of an
+    earlier fault of the same part stood from before the onset to the end of the fault, or of the flight.
 
     An alarm that stood before the onset without a fault is no detection, nor is its return within GAP_S.
     `detection_delay_s` and `time_to_right_s` count from the onset, `right_after_motion_s` from when the fault has moved
@@ -173,12 +175,12 @@ def noticed(watch: Watch, runs: Runs, fault: Mapping, until: float, dt: float, o
     k = min((i for i in (*own[:1], renamed) if i is not None), default=None)
     if k is None:
         later = [f for f in others if f["start_s"] > start]
-        own = [i for i in rises[rises >= max(first, last)] if lane.late(i, fault, later)]
-        if own:
-            k, until = own[0], math.inf
+        k = lane.late(rises[rises >= max(first, last)], fault, later)
+        if k is not None:
+            until = math.inf
             healed, last = (_tick(t, dt, ticks) for t in (end, end + GRACE_S))
             # from the first right name of a later one on it speaks of that one
-            changed = (lane.first_right(f, k, healed) for f in later)
+            changed = (lane.first_right(f, k, healed) for f, *_ in alike(later))
             healed = last = min((i for i in changed if i is not None), default=healed)
     out: dict[str, Any] = dict.fromkeys(
         ("detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "named_at_s", "first_verdict",
@@ -187,6 +189,7 @@ def noticed(watch: Watch, runs: Runs, fault: Mapping, until: float, dt: float, o
     out |= {"right": False, "first_right": False, "first_sure_wrong": False, "class_changes": 0, "ambiguous_s": 0.0}
     out |= {"class_given": NOT_GIVEN, "place_given": NOT_GIVEN, "place_level": ""}
     moved = _moved_at(watch, fault)
+    out["masked"] = k is None and lane.masked(fault, first, last)
     out["not_excited"] = None if moved is None or fault.get("kind") not in MOVES else math.isinf(moved)
     if k is not None:
         late = max(0.0, k * dt - start)  # an onset lies within a tick
@@ -294,13 +297,12 @@ class _Lane:
         if not len(run):
             return [], run
         s, at = self.said, self.runs.at[run]
-        spans = ((f, *span(f, self.dt)) for f in self.others)
-        near = [f for f, first, end in spans if first <= at[-1] and (end is None or end > at[0])]
-        keys, which = _distinct([s.verdict[run], s.part[run], *(during([f], at, self.dt) for f in near)])
+        groups = alike(self.others)
+        keys, which = _distinct([s.verdict[run], s.part[run], *(during(group, at, self.dt) for group in groups)])
         names = []
         for c, p, *there in keys.T:
             part = s.parts[int(p)] if 0 <= p < len(s.parts) else ""
-            met = [f for f, here in zip(near, there) if here]
+            met = [group[0] for group, here in zip(groups, there) if here]
             names.append(name_of(fault, self.watch.level, code.class_name(c), part, met))
         return names, which
 
@@ -313,30 +315,50 @@ class _Lane:
         there = (f for f in faults if during([f], k, self.dt))
         return any(blames(part, f, self.watch.level) for f in there)
 
-    def late(self, k: int, fault: Mapping, later: Sequence[Mapping]) -> bool:
-        """Return whether the alarm that rises at tick `k`, after the onset of `later` faults, is that of `fault`
-        alone."""
-        there = [f for f in later if f["start_s"] <= k * self.dt]
-        return all(self.blamed(k, [fault], f) for f in there) if there else False
+    def late(self, rises: NDArray, fault: Mapping, later: Sequence[Mapping]) -> int | None:
+        """Return the first of the ticks `rises`, after the onset of `later` faults, at which the alarm that rises is
+        that of `fault` alone; None without one."""
+        begun = [(min(f["start_s"] for f in group), group[0]) for group in alike(later)]
+        for k in rises[during([fault], rises, self.dt)]:
+            there = [f for start, f in begun if start <= k * self.dt]
+            if there and all(self.blamed(k, [fault], f) for f in there):
+                return int(k)
+        return None
+
+    def stands(self, earlier: Sequence[Mapping], first: int) -> bool:
+        """Return whether an alarm that rose for one of the `earlier` faults stands when another begins at `first`."""
+        if not earlier or not 0 < first < self.runs.ticks or not self.said.alarm[self.runs.of(first - 1)]:
+            return False
+        rose = self.runs.onsets(self.said.alarm)
+        return bool(during(earlier, rose[rose < first][-1], self.dt))
+
+    def masked(self, fault: Mapping, first: int, stop: int) -> bool:
+        """Return whether the alarm of an earlier fault of the same part stands in all ticks first <= k < stop."""
+        earlier = [f for f in self.others if f["start_s"] < fault["start_s"] and parts_of(f) & parts_of(fault)]
+        return self.stands(earlier, first) and self.runs.count(self.said.alarm, first, stop) == stop - first
 
     def renamed(self, fault: Mapping, first: int, healed: int) -> int | None:
-        """Return the tick at which an alarm that stands on account of an earlier fault takes this one's right name.
-        None where it does not, or had that name before: it may be the earlier fault's."""
-        earlier = [f for f in self.others if f["start_s"] < fault["start_s"]]
-        if not earlier or not 0 < first < self.runs.ticks or not self.said.alarm[self.runs.of(first - 1)]:
+        """Return the tick at which the name of an alarm that stands on account of an earlier fault comes to this one:
+        the right one, or its place where the class is not given and the place was another before. None where it does
+        not, or had that name before: it may be the earlier fault's."""
+        if not self.stands([f for f in self.others if f["start_s"] < fault["start_s"]], first):
             return None
-        rose = self.runs.onsets(self.said.alarm)
-        if not during(earlier, rose[rose < first][-1], self.dt):
-            return None
-        at = self.first_right(fault, first - 1, healed)
+        (before,), _ = self.names(fault, self.runs.of(np.array([first - 1])))
+
+        def of_it(name: Name) -> bool:
+            return name.right or (name.class_ == NOT_GIVEN and name.place == RIGHT != before.place)
+
+        at = self.first_right(fault, first - 1, healed, of_it)
         return None if at == first - 1 else at
 
-    def first_right(self, fault: Mapping, first: int, end: int) -> int | None:
-        """Return the first tick in [first, end) from which an alarm has the right name of `fault` for HOLD_S, else
+    def first_right(
+        self, fault: Mapping, first: int, end: int, right: Callable[[Name], bool] = lambda name: name.right
+    ) -> int | None:
+        """Return the first tick in [first, end) from which an alarm has the `right` name of `fault` for HOLD_S, else
         None."""
         run, a, b = self.given(first, end)
         names, which = self.names(fault, run)
-        good = np.array([n.right for n in names], bool)[which]
+        good = np.array([right(n) for n in names], bool)[which]
         a, b = a[good], b[good]
         apart = np.append(True, a[1:] != b[:-1])  # one begins where the last one ends: the same stretch
         for begin, stop in zip(a[apart], b[np.append(apart[1:], True)]) if len(a) else ():

@@ -12,7 +12,7 @@ from cosim.table import DASH, Cell, Column, Table, number, of, share
 TONES = {"named": "good", "misnamed": "bad", "missed": "bad"}
 JUDGED = {
     "not_valid": "not valid", "named": "right", "ambiguous": "seen, not named", "misnamed": "another name",
-    "bonus": "not expected", "missed": "missed", "quiet": "quiet",
+    "bonus": "not expected", "missed": "missed", "masked": "masked", "quiet": "quiet",
 }  # fmt: skip
 KEY = (("good", "name", "right"), ("", "name", "ambiguous, or no fault concerns the lane"),
        ("bad", "name", "another name"), ("muted", "row", "no alarm"))  # fmt: skip
@@ -47,7 +47,7 @@ def entries(lanes: Sequence[Mapping[str, Any]], cases: Sequence[str] = ()) -> li
             if cases and e.get("fault") is not None:
                 e["case"] = cases[e["fault"]]
                 e["outcome"] = outcome(e["id"], e["case"], seen=e["detection_delay_s"] is not None, able=e["able"],
-                                       class_=e["class_given"], place=e["place_given"])  # fmt: skip
+                                       masked=e["masked"], class_=e["class_given"], place=e["place_given"])  # fmt: skip
             out.append(e)
     return out
 

@@ -77,6 +77,19 @@ def blames(part: str, fault: Mapping, level: str) -> bool:
     return bool(parts) and all(any(_level(p, t, level, fault) for p in parts) for t in true_places(fault))
 
 
+def alike(faults: Iterable[Mapping]) -> list[list[Mapping]]:
+    """Return `faults` in groups that no name can tell apart: of one case and kind on the same targets."""
+    groups: dict[tuple, list[Mapping]] = {}
+    for f in faults:
+        groups.setdefault((f.get("case"), f.get("kind"), f["targets"]), []).append(f)
+    return list(groups.values())
+
+
+def parts_of(fault: Mapping) -> set[str]:
+    """Return the parts that a fault acts on: of an actuator's sensor the actuator."""
+    return {".".join(target.split(".")[:2]) for target in fault["targets"]}
+
+
 def members_of(parts: Iterable[str], fault: Mapping, level: str) -> list[str]:
     """Return those of `parts` that name at least one place of `fault`."""
     return [p for p in parts if p and any(_level(p, t, level, fault) for t in true_places(fault))]
@@ -92,21 +105,23 @@ def true_places(fault: Mapping) -> tuple[str, ...]:
 
 
 def outcome(
-    detector: str, case: str, *, seen: bool, class_: str = NOT_GIVEN, place: str = NOT_GIVEN, able: bool = True
-) -> str:
+    detector: str, case: str, *, seen: bool, class_: str = NOT_GIVEN, place: str = NOT_GIVEN, able: bool = True,
+    masked: bool = False,
+) -> str:  # fmt: skip
     """Return what came of a case: one word.
 
     named       seen, class and place of the last name right
     ambiguous   seen, nothing wrong in the name, but class or place not given
     misnamed    seen, class or place wrong
     missed      designed for it, could judge, and missed it
+    masked      likewise, but the alarm of an earlier fault of the same part stood all the time
     quiet       not designed for it, and quiet
-    not_valid        could not judge
+    not_valid   could not judge
     bonus       an alarm though blind to it by structure: not of the fault itself
     """
     word = expected(detector, case)
     if not seen:
-        return "not_valid" if not able else "missed" if word == DESIGNED else "quiet"
+        return "not_valid" if not able else "quiet" if word != DESIGNED else "masked" if masked else "missed"
     if word == BLIND:
         return "bonus"
     given = Name(class_, place, "")

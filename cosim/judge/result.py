@@ -20,7 +20,7 @@ SETTLE_S = 8.0  # from when on every detector should be able to judge, or half o
 OF_A_FAULT = (  # what an entry says of the fault that its figures are about (cosim/judge/detection.py)
     *("fault", "detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "named_at_s"),
     *("first_verdict", "right", "class_given", "place_given", "place_level", "first_right", "first_sure_wrong"),
-    *("time_to_right_s", "right_after_motion_s", "not_excited"),
+    *("time_to_right_s", "right_after_motion_s", "not_excited", "masked"),
     *("class_changes", "ambiguous_s", "alarm_share", "withdrawn_after_s", "withdrawn", "valid_at_fault"),
 )
 

@@ -50,6 +50,7 @@ FIELDS = (
     Field("time_to_right_s", "double", "s", "from the onset to the first right name; ambiguous is no name"),
     Field("right_after_motion_s", "double", "s", "the same from when the rod is 1 mm from where it would be"),
     Field("not_excited", "bool", "", "a jam or runaway that never moved the rod so far"),
+    Field("masked", "bool", "", "not seen: the alarm of an earlier fault of the same part stood all the time"),
     Field("class_changes", "int32", "", "changes of class while the alarm stood"),
     Field("ambiguous_s", "double", "s", "time called ambiguous while the alarm stood"),
     Field("alarm_share", "double", "-", "share of the time from the alarm to the fault's end in which it stands"),

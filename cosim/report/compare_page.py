@@ -91,6 +91,7 @@ OUTCOMES = {  # outcome -> symbol, class, meaning
     "ambiguous": ("◐", "c-part", "seen, called ambiguous"),
     "misnamed": ("≠", "c-wrong", "seen under another name"),
     "missed": ("✕", "c-missed", "designed for it, and missed"),
+    "masked": ("▫", "c-quiet", "masked by the standing alarm of an earlier fault"),
     "quiet": ("·", "c-quiet", "may see it, no alarm"),
     "bonus": ("!", "c-bonus", "alarm though blind: not of the fault itself"),
     "echo": ("~", "c-bonus", "alarm that the manoeuvre raises without a fault as well"),

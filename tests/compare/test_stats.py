@@ -44,6 +44,7 @@ def hand_made():
     rows["fault"] = rows["case"].map(lambda c: None if c is None else 0)
     rows["time_to_right_s"] = 2.0 * rows["delay_s"].where(rows["outcome"] == "named")
     rows["class_changes"], rows["not_excited"], rows["why_not_valid"], rows["withdrawn"] = 1.0, False, None, None
+    rows["masked"] = False
     rows["withdrawn_after_s"], rows["standing_s"], rows["valid_share"] = np.nan, 0.0, 1.0
     rows["bound_mm"], rows["first_right"], rows["ambiguous_s"] = np.nan, rows["detected"], 0.0
     rows["alarm_share"] = np.where(rows["detected"], 1.0, np.nan)

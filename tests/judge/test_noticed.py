@@ -2,6 +2,8 @@
 
 import math
 import re
+import time
+from itertools import cycle
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from hypothesis import strategies as st
 
 from cosim.judge.alarms import GRACE_S, acts, detection, faulty, onsets
 from cosim.judge.detection import watch_of
+from cosim.judge.lanes import entries
 from cosim.judge.result import Result, judge
 from fdi.common import verdict as v
 from fdi.common import why
@@ -115,6 +118,50 @@ def test_a_second_fault_is_seen_when_a_standing_alarm_takes_its_name_and_a_false
     assert judge(LANE, rows, DT, [rod])["detection_delay_s"] is None  # the alarm stood without a fault
     same = {**OFC, "fault": 1, "start_s": 5.0}  # the same name again may be the first fault's
     assert judge(LANE, flown((23, 100, v.OFC_LIQUID)), DT, [OFC, same])["by_fault"][1]["detected_at_s"] is None
+
+
+def test_a_second_fault_of_the_part_whose_alarm_stands_all_the_time_is_masked_and_not_missed():
+    jam = {**OFC, "fault": 1, "case": "hydraulic.jam_solid", "kind": "jam_solid", "start_s": 5.0, "end_s": 9.0}
+    stands = flown((23, 100, v.OFC_LIQUID))
+    _, second = judge(LANE, stands, DT, [OFC, jam])["by_fault"]
+    assert second["masked"] and second["detected_at_s"] is None
+    (told,) = [e for e in entries([judge(LANE, stands, DT, [OFC, jam])], ["hydraulic.ofc_liquid"] * 2) if e["fault"]]
+    assert told["outcome"] == "masked"
+    for rows in (flown((23, 80, v.OFC_LIQUID)), flown((23, 45, v.OFC_LIQUID)), flown()):  # it could have risen
+        assert not judge(LANE, rows, DT, [OFC, jam])["by_fault"][1]["masked"]
+    early = judge(LANE, flown((3, 100, v.OFC_LIQUID)), DT, [OFC, jam])["by_fault"]  # a false alarm masks nothing
+    assert not any(d["masked"] for d in early)
+    stands[60:, 1] = v.JAM_SOLID  # its name comes to the second fault
+    _, second = judge(LANE, stands, DT, [OFC, jam])["by_fault"]
+    assert (second["masked"], second["right"], second["detected_at_s"]) == (False, True, pytest.approx(6.0))
+
+
+def test_a_standing_alarm_whose_place_comes_to_the_second_fault_has_seen_it_and_other_parts_mask_nothing():
+    parts = ("", "alpha", "q")
+    lane = watch_of("own", "aircraft", "aircraft", parts, {n: i for i, n in enumerate(FIELDS)})
+    alpha, q = ({**OFC, "fault": i, "case": f"sensor.{n}", "kind": "bias", "targets": (f"sensor.{n}",)}
+                for i, n in enumerate(parts[1:]))  # fmt: skip
+    rows = flown((23, 100, v.SENSOR))
+    rows[:, 2] = 1.0
+    missed = judge(lane, rows, DT, [alpha, q | {"start_s": 5.0}])["by_fault"][1]
+    assert missed["detected_at_s"] is None and not missed["masked"]
+    rows[56:, 1], rows[56:, 2] = v.AMBIGUOUS, 2.0
+    seen = judge(lane, rows, DT, [alpha, q | {"start_s": 5.0}])["by_fault"][1]
+    assert (seen["detected_at_s"], seen["class_given"], seen["place_given"]) == (
+        pytest.approx(5.6), "not given", "right")  # fmt: skip
+
+
+def test_three_hundred_faults_in_one_flight_are_judged_in_seconds():
+    rng = np.random.default_rng(1)
+    rows = flown(ticks=3000)
+    for k in range(0, 3000, 8):
+        rows[k : k + 8, :3] = rng.random() < 0.6, rng.integers(1, 9), rng.integers(0, 2)
+    kinds = (("ofc_liquid", "ofc_liquid", ""), ("jam_solid", "jam_solid", ""), ("rod", "bias", ".rod"))
+    faults = [{**OFC, "fault": i, "case": f"hydraulic.{c}", "kind": k, "targets": (OFC["targets"][0] + sensor,),
+               "start_s": 0.9 * i} for i, (c, k, sensor) in zip(range(300), cycle(kinds))]  # fmt: skip
+    begin = time.process_time()
+    assert len(judge(LANE, rows, DT, faults)["by_fault"]) == 300
+    assert time.process_time() - begin < 15.0
 
 
 def test_three_simultaneous_faults_are_each_named_by_the_alarm_of_their_part():
