@@ -27,6 +27,7 @@ TAKEN = "is being written by another run"
 OTHER = "Choose another -o, or wait for it"
 _WAIT_S, _TRIES = 0.05, 4  # a run that only looks whether it may write holds a lock for less
 _half: set[Path] = set()  # parts of this process that are neither in their place nor gone
+_stay: set[Path] = set()  # likewise, of logs: they are there for the user
 _swept: set[tuple[Path, int]] = set()  # (folder, process): once is enough, a folder may hold 100 000 files
 
 # -- what may be replaced: a file that the project wrote in the same format, or any other where the user says so
@@ -126,7 +127,7 @@ class Part:
             if not stays:  # a log in a folder that is not there is a slip
                 self.path.parent.mkdir(parents=True, exist_ok=True)
             sweep(self.path.parent)
-            _half.update(() if stays else (self.place,))  # first: an interrupt may strike between any two lines
+            (_stay if stays else _half).add(self.place)  # first: an interrupt may strike between any two lines
         file = _open_alone(self.place, 0 if self._itself else getattr(os, "O_NOFOLLOW", 0))
         if file is None:
             raise OutputError(TAKEN, place=str(path), remedy=OTHER)
@@ -140,7 +141,7 @@ class Part:
             if self.path.exists():
                 self.place.chmod(self.path.stat().st_mode & 0o777)
             self.place.replace(self.path)
-        _half.discard(self.place)
+        self._forget()
         self.file.close()
 
     def drop(self, *, stays: bool | None = None) -> None:
@@ -149,16 +150,22 @@ class Part:
             for each in (self.place, left_by(self.place)):  # the latter of a log that a flight could not finish here
                 with contextlib.suppress(OSError):
                     each.unlink()
-        _half.discard(self.place)
+            self._forget()
         with contextlib.suppress(OSError):  # code that flew with it may have closed it
             self.file.close()
 
+    def _forget(self):
+        for places in (_half, _stay):
+            places.discard(self.place)
 
-def interrupted() -> None:
-    """Remove what an interrupt has left half written: it may strike before anybody knows of a part."""
+
+def interrupted() -> list[Path]:
+    """Remove what an interrupt has left half written: it may strike before anybody knows of a part. Return the parts of
+    logs that stay, for `cosim recover`."""
     for place in tuple(_half):
         with contextlib.suppress(OSError):
             place.unlink()
+    return [place for place in _stay if place.is_file()]
 
 
 def left_by(path: str | os.PathLike) -> Path:

@@ -28,11 +28,11 @@ def main() -> None:
         try:
             run()
         except SystemExit as end:
-            _clear()
+            _clear(end.code)
             _leave(end.code)
             raise
     except KeyboardInterrupt:
-        _clear()
+        _clear(130)
         sys.exit(130)
     except ImportError as error:
         if not any(word in str(error) for word in ("failed to map segment", "annot allocate memory")):
@@ -46,10 +46,11 @@ def main() -> None:
         sys.exit(130)
 
 
-def _clear() -> None:
-    """Remove what an interrupt has left half written before anybody knew of it."""
-    if "cosim.files" in sys.modules:
-        sys.modules["cosim.files"].interrupted()
+def _clear(status: object) -> None:
+    """Remove what an interrupt has left half written before anybody knew of it; name the part of a log that stays."""
+    stay = sys.modules["cosim.files"].interrupted() if "cosim.files" in sys.modules else []
+    for part in stay if status == 130 else []:
+        print(f"{part} holds what was flown: `cosim recover {part}` makes a readable log of it", file=sys.stderr)
 
 
 def _leave(status: object) -> None:

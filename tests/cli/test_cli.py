@@ -336,6 +336,19 @@ def test_interrupted_flight_leaves_a_readable_log(tmp_path):
     assert found["ticks"] > 100 and found["status"] in ("", "interrupted")
 
 
+def test_a_second_interrupt_names_what_stays_and_how_it_is_read(tmp_path):
+    code = (
+        "import sys, cosim.log.record_writer as w; from cosim.cli import main\n"
+        "def again(self): raise KeyboardInterrupt\n"
+        "w.Sink.finish = again; sys.argv[1:] = ['run', 'cruise', '-s', 'duration_s=3', '-o', 'x.mcap']; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    part = left_by(tmp_path / "x.mcap")
+    assert done.returncode == 130 and part.is_file(), done.stderr
+    assert f"{part} holds what was flown: `cosim recover {part}`" in " ".join(done.stderr.split())
+    assert cosim("recover", part, "-o", tmp_path / "y.mcap").exit_code == 0
+
+
 def python(code):
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True).stdout
 
