@@ -41,8 +41,9 @@ def kept(key: object, kind: Any, make: Callable[[], np.ndarray], *sources: Any) 
 
 
 @functools.cache
-def contents(folder: Path) -> str:
-    """Return a digest of all files in a folder, by which to know what was worked out from it."""
+def contents(folder: Path, stamps: object = None) -> str:
+    """Return a digest of all files in a folder, by which to know what was worked out from it; it is taken anew for
+    other `stamps`."""
     found = hashlib.sha256()
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):
         found.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())

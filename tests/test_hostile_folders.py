@@ -371,7 +371,6 @@ def test_aircraft_folders(tmp_path):
         return home
 
     def record(path):
-        aircraft._read.cache_clear()
         aircraft.load_aircraft(str(path))
 
     tried("aircraft records", FEW, lambda rng: copied(rng, "toml"), [record])

@@ -6,8 +6,9 @@ The contract of a folder is aircraft/README.md. A bundled aircraft is named, ano
 import functools
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
 
@@ -20,6 +21,7 @@ from cosim.texts import read, toml
 FOLDER = Path(__file__).resolve().parents[2] / "aircraft"
 RECORD = "aircraft.toml"
 DEFAULT = "transport"
+R = TypeVar("R")
 Positive = Annotated[float, Field(gt=0.0)]
 
 
@@ -255,6 +257,26 @@ def ships(name: str) -> bool:
     return name.isidentifier() and os.path.isfile(FOLDER / name / RECORD)
 
 
+def stamps(folder: Path) -> tuple[tuple[str, int, int], ...]:
+    """Return what changes with every change of a file of an aircraft's `folder`; () for a bundled one, which stays."""
+    if folder.parent == FOLDER:
+        return ()
+    files = sorted(os.path.join(top, name) for top, _, names in os.walk(folder) for name in names)
+    told = ((file, os.stat(file)) for file in files if os.path.isfile(file))
+    return tuple((file, about.st_mtime_ns, about.st_size) for file, about in told)
+
+
+def of_folder(function: Callable[..., R]) -> Callable[..., R]:
+    """Remember what `function(folder, ...)` returns, by default of the default aircraft, until a file there changes."""
+    known = functools.lru_cache(maxsize=64)(lambda folder, _, *more: function(folder, *more))
+
+    @functools.wraps(function)
+    def called(folder: Path = FOLDER / DEFAULT, *more: Any) -> R:
+        return known(folder, stamps(folder), *more)
+
+    return called
+
+
 _placed: dict[str, Path] = {}  # digest -> folder of an aircraft that lies elsewhere than its name says
 
 
@@ -290,7 +312,7 @@ def of(info: ValidationInfo) -> Aircraft:
     return (info.context or {}).get("aircraft") or load_aircraft()
 
 
-@functools.cache
+@of_folder
 def _read(folder: Path) -> Aircraft:
     path = folder / RECORD
     try:
@@ -303,7 +325,7 @@ def _read(folder: Path) -> Aircraft:
         raise ScenarioError(said, place=f"{folder.name}/{RECORD}: {where}".rstrip(": ")) from None
 
 
-@functools.cache
+@of_folder
 def _multipliers(folder: Path) -> tuple[str, ...]:
     import re
 

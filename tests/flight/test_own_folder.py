@@ -14,6 +14,7 @@ import technologies
 import actuators.hydraulic.record as shipped
 import cosim
 from cosim.errors import ScenarioError
+from cosim.flight.plant.force_model import force_model
 from cosim.scenario import catalog
 from cosim.scenario.aircraft import load_aircraft
 
@@ -72,3 +73,18 @@ def test_a_record_says_what_is_wrong_with_it(tmp_path):
         load_aircraft(str(record.parent))
     with pytest.raises(ScenarioError, match=r"'transprt' is no aircraft.*Did you mean 'transport'"):
         load_aircraft("transprt")
+
+
+def test_an_edited_folder_is_read_again_in_the_same_process(tmp_path):
+    folder = shutil.copytree(load_aircraft().folder, tmp_path / "own")
+    (folder / "transport.xml").rename(folder / "own.xml")
+    first, model = load_aircraft(str(folder)), force_model(folder)
+    assert load_aircraft(str(folder)) is first and force_model(folder) is model
+    record, aero = folder / "aircraft.toml", folder / "aerodynamics.xml"
+    record.write_text(record.read_text().replace(f'title = "{first.title}"', 'title = "Another"'))
+    aero.write_text(aero.read_text().replace("<v> -0.02", "<v> -0.03"))
+    assert load_aircraft(str(folder)).title == "Another"
+    assert force_model(folder) is not model
+    record.write_text(record.read_text().replace("mass_t", "mas_t"))
+    with pytest.raises(ScenarioError, match=r"own/aircraft\.toml: mass"):
+        cosim.load_scenario("cruise", [f"flight.aircraft={folder}"])

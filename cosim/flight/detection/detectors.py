@@ -25,7 +25,7 @@ from cosim.flight.detection import stored_designs
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.parameters import assign, wrong_parameter
 from cosim.scenario import Scenario, vocabulary
-from cosim.scenario.aircraft import Aircraft, load_aircraft
+from cosim.scenario.aircraft import Aircraft, load_aircraft, stamps
 from cosim.scenario.catalog import SEGMENTS
 from fdi import registry
 from fdi.common.record import Detector
@@ -95,11 +95,11 @@ def _fit(detector, site, own, words, stored):
     if registry.SHIPPED.get(detector.id) != getattr(detector.module, "__name__", ""):
         return detector.record.fit(site, **words)
     place = site.dt, site.lane, site.technology, *site.technologies.items(), *sorted(site.actuator.items()), site.travel
-    key = detector.id, place, str(own.folder), *sorted(words.items()), stored
+    key = detector.id, place, str(own.folder), stamps(own.folder), *sorted(words.items()), stored
     if key not in _FITS:
         if len(_FITS) >= MOST_FITS:
             _FITS.clear()
-        about = detector.id, place, contents(own.folder), *sorted(words.items()), stored
+        about = detector.id, place, contents(own.folder, stamps(own.folder)), *sorted(words.items()), stored
         made = functools.partial(detector.record.fit, site, **words)
         read = {vocabulary.detector_of(word) for word in detector.record.inputs.values()} - {""}
         sources = [registry.module(name).__file__ for name in (detector.id, *sorted(read))]

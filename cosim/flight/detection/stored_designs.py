@@ -4,13 +4,12 @@
 numbers: a detector whose design is of other numbers than fly is left out, as one without.
 """
 
-import functools
 import hashlib
 import json
 from typing import Any
 
 from cosim.flight.plant.aero.functions import numbers_digest
-from cosim.scenario.aircraft import FOLDER, Aircraft
+from cosim.scenario.aircraft import FOLDER, Aircraft, of_folder
 
 FILE = "made.json"
 
@@ -30,12 +29,12 @@ def lacking(aircraft: Aircraft, record: Any) -> str:
     return "" if stored == digest(aircraft) else f"its design is of other numbers than {aircraft.name} has (`{remedy}`)"
 
 
-@functools.cache
-def _digest(text, folder):
+@of_folder
+def _digest(folder, text):
     return hashlib.sha256(f"{numbers_digest(folder)} {text}".encode()).hexdigest()
 
 
 def digest(aircraft: Aircraft) -> str:
     """Return the digest of the numbers of an aircraft that its designs are made from: JSBSim model and record."""
     record = aircraft.model_dump(mode="json", exclude={"folder", "name", "title", "points"})
-    return _digest(json.dumps(record, sort_keys=True), aircraft.folder)
+    return _digest(aircraft.folder, json.dumps(record, sort_keys=True))

@@ -5,7 +5,6 @@ multipliers are at 1. What does not split into t_a(alpha, Mach, qbar) + t_m(Mach
 not linear in its variable, raises ValueError instead of being approximated.
 """
 
-import functools
 import math
 from pathlib import Path
 from xml.etree import ElementTree
@@ -14,10 +13,9 @@ import numpy as np
 
 from actuators.constants import G0, KG_PER_SLUG, M_PER_FT, M_PER_IN, N_PER_LBF, PA_PER_PSF
 from cosim.flight.plant.aero.functions import AeroFunctions, _lookup, _table, find, number
-from cosim.scenario.aircraft import RECORD, load_aircraft
+from cosim.scenario.aircraft import RECORD, load_aircraft, of_folder
 from fdi.control_redundancy.force_model import VARIABLES, ForceModel
 
-FOLDER = load_aircraft().folder
 AXES = {"lift": "LIFT", "drag": "DRAG", "side": "SIDE", "roll": "ROLL", "pitch": "PITCH", "yaw": "YAW"}
 PROPERTY = {
     "alphadot": ("aero/alphadot-from-forces", "aero/alphadot-rad_sec"), "p": ("aero/p-rad_sec",),
@@ -32,8 +30,8 @@ MULTIPLIER = "aero/mult/"
 TOLERANCE = 1e-9  # of splitting and of linearity, relative to the largest coefficient of the axis
 
 
-@functools.cache
-def force_model(folder: Path = FOLDER) -> ForceModel:
+@of_folder
+def force_model(folder: Path) -> ForceModel:
     """Return the `ForceModel` of an aircraft folder; ValueError when its functions have another form."""
     folder = Path(folder)
     aero = AeroFunctions(folder)

@@ -1,11 +1,11 @@
 """Trial load of a user's aircraft model in a process of its own: JSBSim may abort on one that is wrong."""
 
-import functools
 import re
 import subprocess
 from pathlib import Path
 
 from actuators import subprocess_env
+from cosim.scenario.aircraft import of_folder
 
 _ALONE = """
 import sys
@@ -17,14 +17,9 @@ sys.exit(0 if loaded and fdm.run_ic() else 1)
 """
 
 
+@of_folder
 def fatal(folder: Path, name: str) -> str:
     """Return what JSBSim says about the model `name` of a folder that it cannot load, or ""."""
-    files = sorted(p for p in folder.rglob("*.xml") if p.is_file())
-    return _fatal(folder, name, tuple((p, p.stat().st_mtime_ns, p.stat().st_size) for p in files))
-
-
-@functools.cache
-def _fatal(folder, name, files):
     call, env = [*subprocess_env.command(_ALONE), str(folder.parent), name], subprocess_env.surroundings()
     try:
         done = subprocess.run(call, env=env, capture_output=True, text=True, errors="replace", timeout=60.0)
