@@ -88,7 +88,6 @@ def _tokens(text):
 
 
 def _toml_key(tokens):
-    """Take a dotted key from the queue, and return its parts."""
     parts = []
     while True:
         word = tokens.popleft()[1]

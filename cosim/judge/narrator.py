@@ -89,10 +89,7 @@ def consequences(f: Mapping[str, float] | None) -> str:
 def point(scenario: Scenario) -> str:
     """Return where a flight begins, through which air, with which manoeuvre."""
     f, m = scenario.flight, scenario.manoeuvre
-    units = (("cas_kt", "kt CAS"), ("mach", "Mach"), ("tas_kt", "kt TAS"))
-    speed = next(f"{getattr(f, k):g} {unit}" for k, unit in units if getattr(f, k))
-    where = f"{f.mass_t:g} t, CG {f.cg_pct:g} %, {f.altitude_ft:,.0f} ft, {speed}"
-    return ", ".join(filter(None, (where, f.path, f.weather, m.kind.replace("_", " "))))
+    return ", ".join(filter(None, (f.point, f.path, f.weather, m.kind.replace("_", " "))))
 
 
 def noticed(found: Mapping[str, Any], scenario: Scenario) -> list[str]:

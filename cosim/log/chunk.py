@@ -69,7 +69,7 @@ class Layout:
             self.topics.append((channel, every, np.frombuffer(head.tobytes() + body, "u1"), runs))
         self._rates = sorted({every for _, _, every in topics})
         self._plan = lru_cache(maxsize=16)(lambda n, phases: Plan(self, n, dict(zip(self._rates, phases))))
-        self._counts, self._heads = lru_cache(maxsize=64)(self._count), lru_cache(maxsize=64)(self._head)
+        self._counts = lru_cache(maxsize=64)(self._count)
 
     def _phases(self, k0):
         return tuple(-k0 % every for every in self._rates)
@@ -82,24 +82,6 @@ class Layout:
         first = dict(zip(self._rates, phases))
         rows = {c: len(range(first[every], n, every)) for c, every, _, _ in self.topics}
         return {c: m for c, m in rows.items() if m}, sum(rows[c] * len(t) for c, _, t, _ in self.topics)
-
-    def index_heads(self, k0: int, n: int) -> tuple[int, np.ndarray, np.ndarray, dict[int, int]]:
-        """Return (size, positions, bytes, {channel id: offset}) of the heads of the message indexes of n ticks from
-        k0.
-
-        The message indexes of the samples take `size` bytes; their heads stand at `positions` and must be `bytes`.
-        """
-        return self._heads(n, self._phases(k0))
-
-    def _head(self, n, phases):
-        counts, _ = self._count(n, phases)
-        heads = np.zeros(len(counts), INDEX_HEAD)
-        rows = np.array(list(counts.values()), np.int64)
-        heads["op"], heads["channel"], heads["bytes"], heads["length"] = 7, list(counts), 16 * rows, 16 * rows + 6
-        ends = np.cumsum(INDEX_HEAD.itemsize + 16 * rows)
-        starts = ends - INDEX_HEAD.itemsize - 16 * rows
-        places = starts[:, None] + np.arange(INDEX_HEAD.itemsize)
-        return int(ends[-1]), places.ravel(), heads.view("u1"), dict(zip(counts, starts.tolist()))
 
     def plan(self, k0: int, n: int) -> "Plan":
         """Return the Plan of n ticks from k0; the same object serves every chunk of that length and phase."""
@@ -133,6 +115,8 @@ class Plan:
         self._fixed: np.ndarray | None = None
         self._about: np.ndarray | None = None
         self._index = np.concatenate(index)
+        starts = np.array(list(self.index_offsets.values()))
+        self.heads = (starts[:, None] + np.arange(INDEX_HEAD.itemsize)).ravel()  # positions of their bytes in the index
         self._index_times = [
             (b.every, np.ndarray((b.rows,), "<u8", self._index, b.entries, (16,))) for b in self.blocks.values()
         ]

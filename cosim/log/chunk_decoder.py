@@ -34,30 +34,23 @@ def gather(table: int, n: int, content: int, k0: int, dt_ns: int, wrong: int) ->
             odd = (word(at) ^ about[6]) | (quad(at + 7) ^ about[7]) | (quad(at + 11) ^ (k & 0xFFFFFFFF))
             odd |= (word(at + 15) ^ (k * dt_ns)) | (word(at + 23) ^ (k * dt_ns))
             here = at + HEAD_BYTES
-            if low <= row < high:
-                out = reals(about[8] + 8 * fields * (row - low))
-                for j in range(min(fields, SHORT)):
-                    odd |= byte(here) ^ (8 * (j + 1) | 1)
+            wanted = low <= row < high
+            out = reals(about[8] + 8 * fields * (row - low))
+            for j in range(min(fields, SHORT)):
+                odd |= byte(here) ^ (8 * (j + 1) | 1)
+                if wanted:
                     out[j] = real(here + 1)
-                    here += 9
-                for j in range(SHORT, min(fields, MIDDLE)):
-                    odd |= pair(here) ^ _two(j + 1)
+                here += 9
+            for j in range(SHORT, min(fields, MIDDLE)):
+                odd |= pair(here) ^ _two(j + 1)
+                if wanted:
                     out[j] = real(here + 2)
-                    here += 10
-                for j in range(MIDDLE, fields):
-                    odd |= (pair(here) ^ (_two(j + 1) & 0x7FFF | 0x8000)) | (byte(here + 2) ^ (j + 1) >> 11)
+                here += 10
+            for j in range(MIDDLE, fields):
+                odd |= (pair(here) ^ (_two(j + 1) & 0x7FFF | 0x8000)) | (byte(here + 2) ^ (j + 1) >> 11)
+                if wanted:
                     out[j] = real(here + 3)
-                    here += 11
-            else:
-                for j in range(min(fields, SHORT)):
-                    odd |= byte(here) ^ (8 * (j + 1) | 1)
-                    here += 9
-                for j in range(SHORT, min(fields, MIDDLE)):
-                    odd |= pair(here) ^ _two(j + 1)
-                    here += 10
-                for j in range(MIDDLE, fields):
-                    odd |= (pair(here) ^ (_two(j + 1) & 0x7FFF | 0x8000)) | (byte(here + 2) ^ (j + 1) >> 11)
-                    here += 11
+                here += 11
             bad += odd != 0
             at += about[1]
             k += about[5]

@@ -179,18 +179,20 @@ class Contents:
         """Take all message indexes of the last chunk's samples at once; return their size, 0 where it cannot be."""
         assert self.layout is not None  # or the chunk had been refused
         chunk = self.chunks[-1]
-        at = chunk.offset + chunk.length
-        size, places, heads, offsets = self.layout.index_heads(*self.ticks(chunk))
-        if at + size > stop or self.records + len(offsets) > self.limits.records:
+        at, ticks = chunk.offset + chunk.length, self.ticks(chunk)
+        plan = self.layout.plan(*ticks)
+        expected = plan.index(ticks[0])
+        size, count = len(expected), len(plan.index_offsets)
+        if at + size > stop or self.records + count > self.limits.records:
             return 0
         file.seek(at)
         block = np.frombuffer(file.read(size), "u1")
-        if len(block) < size or not np.array_equal(block[places], heads):
+        if not np.array_equal(block, expected):
+            if len(block) == size and np.array_equal(block[plan.heads], expected[plan.heads]):
+                raise log_error("the message indexes point elsewhere than at their messages", self.path, at)
             return 0
-        if not np.array_equal(block, self.layout.plan(*self.ticks(chunk)).index(self.ticks(chunk)[0])):
-            raise log_error("the message indexes point elsewhere than at their messages", self.path, at)
-        chunk.places, chunk.counts = offsets, self.layout.counts(*self.ticks(chunk))[0]
-        chunk.index_length, self.records = size, self.records + len(offsets)
+        chunk.places, chunk.counts = plan.index_offsets, self.layout.counts(*ticks)[0]
+        chunk.index_length, self.records = size, self.records + count
         return size
 
     def ticks(self, chunk: ChunkRef) -> tuple[Any, ...]:

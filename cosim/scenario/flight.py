@@ -175,6 +175,13 @@ class Flight(Table):
         return ", ".join(tell(getattr(self, key)) for key, tell in said.items() if getattr(self, key))
 
     @property
+    def point(self) -> str:
+        """Return in words where the aircraft is trimmed: "200 t, CG 30 %, 20,000 ft, 290 kt CAS"."""
+        units = {"cas_kt": "kt CAS", "mach": "Mach", "tas_kt": "kt TAS"}
+        speed = next(f"{getattr(self, key):g} {units[key]}" for key in SPEEDS if getattr(self, key))
+        return f"{self.mass_t:g} t, CG {self.cg_pct:g} %, {self.altitude_ft:,.0f} ft, {speed}"
+
+    @property
     def speed(self) -> tuple[str, float]:
         """Return (kind, value): ("cas" or "tas", m/s) or ("mach", -)."""
         if self.mach is not None:

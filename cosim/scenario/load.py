@@ -210,7 +210,6 @@ def _walk(root, loc, table):
 
 
 def _range(field):
-    """Return the bounds of a numeric field as words, or an empty string."""
     if field is None:
         return ""
     parts = [*field.metadata]
@@ -224,5 +223,4 @@ def _range(field):
 
 
 def _plain(bound):
-    """Return a bound as text: a whole one with all its digits."""
     return str(int(bound)) if bound == int(bound) else f"{bound:g}"

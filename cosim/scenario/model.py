@@ -264,9 +264,7 @@ class Scenario(Table):
     def _about(self):
         """Return [(what, in words)] of what differs from flight to flight; `expanded_toml` has all of it."""
         f = self.flight
-        keys = (("cas_kt", "kt CAS"), ("mach", "Mach"), ("tas_kt", "kt TAS"))
-        speed = ", ".join(f"{getattr(f, k):g} {unit}" for k, unit in keys if getattr(f, k))
-        point = f"{f.aircraft}, {f.mass_t:g} t, CG {f.cg_pct:g} %, {f.altitude_ft:,.0f} ft, {speed}, {f.weather}"
+        point = f"{f.aircraft}, {f.point}, {f.weather}"
         long = f"{self.duration_s:g} s at {self.rate_hz} Hz"
         segments = ", ".join(f"{seg} {t}" for seg, t in self.elevator.technology.items())
         out = [("flight", f"{long}: {point}, {self.manoeuvre.kind}, seed {self.seed}"), ("elevator", segments)]

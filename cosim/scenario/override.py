@@ -115,7 +115,6 @@ def _item(items, index, here, place, value=None):
 
 
 def _make_room(node, path, key, value):
-    """Drop from `node` what `key` replaces."""
     gone: set = set()
     if path == ["flight", "aircraft"] or (key in ("file", "fmu") and path[0] != "manoeuvre"):
         gone = {"aircraft_sha256", "sha256"}

@@ -56,5 +56,4 @@ def site(
 
 
 def _delay(word):
-    """Return the age of a measurement [s], by its word."""
     return TRANSPORT[word][2] if word in TRANSPORT else SENSOR_DELAY

@@ -186,7 +186,6 @@ class Installed:
 
 
 def _word(detector, name, value, allowed):
-    """Return `value` when it is one of the words `allowed`; else raise ScenarioError."""
     if value not in allowed:
         raise ScenarioError(f"{value!r} is no choice", place=f"detectors.{detector}.{name}",
                             allowed=", ".join(allowed), remedy=did_you_mean(str(value), allowed))  # fmt: skip

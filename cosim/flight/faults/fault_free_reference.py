@@ -162,7 +162,6 @@ def unwatched(scenario: Scenario) -> Scenario:
 
 
 def _quiet(scenario):
-    """Return the scenario without faults, and without detectors but those in the loop."""
     return unwatched(scenario).model_copy(update={"title": "", "faults": ()})
 
 

@@ -184,7 +184,6 @@ class Flight:
         return tables
 
     def _refly(self, faults):
-        """Continue as the flight of the same scenario with `faults`, from the same tick."""
         if self.status != "flying":
             raise ScenarioError(f"the flight is {self.status}", place=f"at {self.time:g} s")
         table = self.scenario.model_dump(mode="json", exclude_none=True)

@@ -5,16 +5,10 @@ Wiring is a list of (destination, source) names, turned into index arrays; the l
 nothing of a tick can escape the log, and a detector can only read what is wired to it.
 """
 
-import functools
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-
-
-@functools.lru_cache(maxsize=16)
-def _positions(sections: tuple) -> dict[tuple[str, str], dict[str, int]]:
-    return {}
 
 
 class Bus:
@@ -33,8 +27,7 @@ class Bus:
                 raise ValueError(f"section {name!r} is declared twice")
             self.kinds[name], self.lanes[name], self._start[name] = kind, tuple(lanes), n
             n += kind.itemsize // 8 * len(lanes)
-        # {(section, lane): {field: position}} as `index` found them, for all buses that are laid out alike
-        self._positions = _positions(tuple((name, self.kinds[name], self.lanes[name]) for name in self.kinds))
+        self._positions: dict[tuple[str, str], dict[str, int]] = {}  # {(section, lane): {field: position}}
         self.v = np.zeros(n)
 
     def __getitem__(self, name):

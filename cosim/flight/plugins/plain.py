@@ -170,7 +170,6 @@ class Runner:
             row[:] = (*QUIET, SLOW)
 
     def _answer(self, said, i, t):
-        """Return the row of an answer; raises Nonsense."""
         if not isinstance(said, Mapping) or not said.keys() <= _KEYS:
             raise Nonsense(f"update returned {said!r:.80}; allowed: a dict of {', '.join(sorted(_KEYS))}, or None")
         r, alarm = _number(said.get("r", 0.0), "r"), _number(said.get("alarm", False), "alarm")

@@ -93,7 +93,6 @@ def design(model: Any, stall: Any, aircraft: Aircraft, start: Any = None) -> np.
 
 
 def _holds(p, trim):
-    """Raise TrimError where the law would leave the flight that begins in `trim`."""
     most, remedy = math.degrees(bank_limit(p, trim.tas, 1.0)), "Bank less, or fly faster"
     if abs(math.degrees(trim.phi)) > most:
         said = f"bank: {math.degrees(trim.phi):.1f} deg, beyond what the control law holds here"

@@ -67,7 +67,6 @@ def _number(low, high):
 
 @functools.cache
 def _record():
-    """Return the model of numbers.toml."""
     groups: dict[str, Any] = {}
     for group, rows in BOUNDS.items():
         fields: dict[str, Any] = {name: (_number(*bounds), ...) for name, bounds in rows.items()}
