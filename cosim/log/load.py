@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import Any, BinaryIO
 
 import numpy as np
+from isal.isal_zlib import crc32
 
 from .compression import FrameError, decompress
-from .crc import crc32
 from .format import Damage, LogError, log_error
 
 _HEAD = struct.Struct("<BQHIQQ")  # a message record up to its payload, as chunk.HEAD

@@ -6,6 +6,7 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from isal.isal_zlib import crc32
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
@@ -13,7 +14,6 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from cosim.errors import CosimError, OutputError
 from cosim.files import FULL, Part, claim, left_by, overwrites
 
-from .crc import crc32
 from .format import LIBRARY, OURS, ChunkRef, log_error
 from .records import MAGIC, closing
 

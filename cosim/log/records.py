@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from isal.isal_zlib import crc32
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, DataEnd, Footer, MetadataIndex, Statistics, SummaryOffset
 
-from .crc import crc32
 from .format import ChunkRef
 
 _OFFSETS = np.dtype([("channel", "<u2"), ("offset", "<u8")])

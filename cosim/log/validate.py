@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from google.protobuf.message import DecodeError
+from isal.isal_zlib import crc32
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex
@@ -18,7 +19,6 @@ from mcap.records import ChunkIndex
 from cosim.files import regular
 
 from .contents import HEAD_BYTES, LARGE, Contents, decode
-from .crc import crc32
 from .format import Damage, LogError, log_error
 from .records import MAGIC, closing, content_hash
 

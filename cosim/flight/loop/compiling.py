@@ -13,7 +13,7 @@ from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
 from cosim.flight.detection import detectors
 from cosim.flight.loop import schedule
 from cosim.flight.plant import gusts
-from cosim.log import chunk, crc, frame
+from cosim.log import chunk, frame
 from cosim.progress import Compiling
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
@@ -46,8 +46,6 @@ def functions(scenario: Scenario) -> dict[str, Native]:
     blocks = _blocks([*modules, *_actuators(used), *LOOP])
     others = {schedule.__name__: schedule.WALK, chunk.__name__: chunk.GATHER, frame.__name__: frame.SQUEEZE}
     others[block.__name__] = block.SWEEP
-    if crc.foldable():
-        others[crc.__name__] = crc.FOLD
     return {**{name: m.rollout.native for name, m in blocks.items()}, **others}
 
 
