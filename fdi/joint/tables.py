@@ -94,6 +94,14 @@ def names(detector: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(said))
 
 
+@functools.cache
+def _tokens(detector):
+    """Return (culprit, class, word, index in `names`) of all that a detector can say."""
+    own, culprits = names(detector), registry.module(detector).CULPRITS
+    said = itertools.product(culprits, NAMES[1:], words(detector))
+    return [(c, v, k, own.index(name(detector, v, c, k))) for c, v, k in said]
+
+
 def codes(detector: str) -> np.ndarray:
     """Return (class code, culprit) -> 1 + index of the token in `names`."""
     culprits, own = registry.module(detector).CULPRITS, names(detector)
@@ -109,6 +117,7 @@ def finer_codes(detector: str) -> np.ndarray:
     return np.array([[0.0] * len(words(detector)), *said])
 
 
+@functools.cache
 def stands(detector: str, kind: str, technology: str) -> tuple[str, tuple[str, ...]]:
     """Return (designed, may, reads or blind; the classes of its record) of a detector for a kind of fault."""
     record, own = registry.module(detector).DETECTOR, case(kind, technology)
@@ -215,8 +224,8 @@ def believed(
     of_k = _shares(told, set(_told(detector, hypothesis, technology)) or {()}, kept[0])
     of_k = {k: (1.0 - kept[2]) * share + kept[2] * (not k) for k, share in of_k.items()}
     p = np.zeros(len(own))
-    for c, v, k in itertools.product(culprits, said, told):
-        p[own.index(name(detector, v, c, k))] += of_c[c] * of_v[v] * of_k[k]
+    for c, v, k, token in _tokens(detector):
+        p[token] += of_c[c] * of_v[v] * of_k[k]
     return alarm, p
 
 
