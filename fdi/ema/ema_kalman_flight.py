@@ -373,11 +373,16 @@ def step(x, u, p, dt):
     if x.even_ticks == 0.0:
         backlash.update(x, p)
     position, surface = usable(u.y_position, u.position_valid) > 0.5, usable(u.y_surface, u.surface_valid) > 0.5
-    velocity = usable(u.y_velocity, u.velocity_valid) > 0.5
-    readings = (u.y_position, u.y_velocity, u.y_surface, u.y_current)
-    sensor_noise.hear(x, readings, (position, velocity, surface, current))
-    values = (u.y_position, gamma, p.arm * u.y_surface, x.f_now, gamma - x.twin[0, 0], x.d_now)
-    sensor_noise.take(x, values, (position, told, surface, current, told, current))
+    sensor_noise.hear(x, 0, u.y_position, position)
+    sensor_noise.hear(x, 1, u.y_velocity, usable(u.y_velocity, u.velocity_valid) > 0.5)
+    sensor_noise.hear(x, 2, u.y_surface, surface)
+    sensor_noise.hear(x, 3, u.y_current, current)
+    sensor_noise.take(x, 0, u.y_position, position)
+    sensor_noise.take(x, 1, gamma, told)
+    sensor_noise.take(x, 2, p.arm * u.y_surface, surface)
+    sensor_noise.take(x, 3, x.f_now, current)
+    sensor_noise.take(x, 4, gamma - x.twin[0, 0], told)
+    sensor_noise.take(x, 5, x.d_now, current)
     if x.count == 0.0:
         sensor_noise.judge(x, p, dt)
     decide(x, p, dt)

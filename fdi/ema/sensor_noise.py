@@ -48,21 +48,19 @@ STATE = [
 
 
 @kernel
-def take(x, values, seen):
-    """Take a sample of every reading, and of the two beside them, where it was `seen`."""
-    for k in range(N + 2):
-        if seen[k]:
-            x.rough_sum[k] += values[k]
-            x.rough_n[k] += 1.0
+def take(x, k, value, seen):
+    """Take a sample of reading `k` where it was `seen`."""
+    if seen:
+        x.rough_sum[k] += value
+        x.rough_n[k] += 1.0
 
 
 @kernel
-def hear(x, readings, seen):
-    """Count how often each raw reading has repeated itself."""
-    for k in range(N):
-        if seen[k]:
-            x.same_n[k] = x.same_n[k] + 1.0 if readings[k] == x.same_last[k] else 0.0
-            x.same_last[k] = readings[k]
+def hear(x, k, value, seen):
+    """Count how often raw reading `k` has repeated itself."""
+    if seen:
+        x.same_n[k] = x.same_n[k] + 1.0 if value == x.same_last[k] else 0.0
+        x.same_last[k] = value
 
 
 @kernel
