@@ -103,13 +103,12 @@ class Kernel:
 
         config: Any = _config  # its options are made at run time
         folder = cache_dir(Path(self.py_func.__code__.co_filename).resolve())
-        if folder is None:
-            return numba.njit(error_model="numpy", **options)(self.py_func)
         before = config.CACHE_DIR
-        config.CACHE_DIR = str(Path(folder) / part)
+        config.CACHE_DIR = str(Path(folder) / part) if folder else before
         try:
             made = numba.njit(error_model="numpy", **options)(self.py_func)
-            made._cache = _cache(self.py_func)
+            if folder:
+                made._cache = _cache(self.py_func)
             return made
         finally:
             config.CACHE_DIR = before
@@ -161,11 +160,6 @@ def _spoil_why(x):
     x.why = NOT_FINITE
 
 
-def entry(step: Any, STATE: np.dtype, INPUTS: np.dtype, PARAMS: np.dtype) -> "Entry":
-    """Return the entry point of the block whose kernel is `step`."""
-    return Entry(step, STATE, INPUTS, PARAMS)
-
-
 SWEEP = of_wholes("actuators.rollout_kernel", "sweep", 1, f"{__name__}:SWEEP")
 
 
@@ -203,12 +197,11 @@ class Entry:
             return self._plain(x, u, p, dt, log)
         if not x.flags.c_contiguous:
             raise ValueError("the states of a block stand without gaps")
-        p = np.ascontiguousarray(p)
-        if u.flags.c_contiguous and (log is None or log.flags.c_contiguous):
-            self._run(x, u, p, dt, log)
-        else:  # a part of longer arrays
-            for i in range(len(x)):
-                self._lane(x[i : i + 1], u[i], p[i : i + 1], dt, None if log is None else log[i])
+        u, p = np.ascontiguousarray(u), np.ascontiguousarray(p)
+        states = np.empty(log.shape, log.dtype) if log is not None and not log.flags.c_contiguous else log
+        self.native.call(_at(x), _at(u), _at(p), dt, *u.shape, None if states is None else _at(states))
+        if log is not None and states is not log:  # a part of a longer array
+            log[:] = states
         return None
 
     def bound(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float) -> Callable:
@@ -240,18 +233,6 @@ class Entry:
         given = np.array(about, np.int64)
         SWEEP.free(_at(given))
         return kept, held
-
-    def _lane(self, x, u, p, dt, log):
-        u = np.ascontiguousarray(u)
-        if log is None or log.flags.c_contiguous:
-            return self._run(x, u[None], p, dt, log)
-        states = np.empty(u.shape, self.kinds[0])
-        self._run(x, u[None], p, dt, states)
-        log[:] = states
-        return None
-
-    def _run(self, x, u, p, dt, log):
-        self.native.call(_at(x), _at(u), _at(p), dt, *u.shape, None if log is None else _at(log))
 
     def _plain(self, x, u, p, dt, log):
         for i in range(u.shape[0]):
@@ -297,6 +278,9 @@ class Entry:
 
         state, given, fixed = (types.CPointer(from_dtype(kind)) for kind in self.kinds)
         return rollout, (state, given, fixed, types.float64, types.int64, types.int64, state)
+
+
+entry = Entry  # of the block whose kernel is `step`, as modules of blocks write it
 
 
 def _at(array):

@@ -157,15 +157,12 @@ class Slaves:
     def _instance(self):
         from fmpy.simulation import instantiate_fmu
 
-        messages, three = self._messages, self._about.fmiVersion.startswith("3")
+        messages = self._messages  # alone: a logger that held the instances would keep them for good
+        status, text = (1, 3) if self._about.fmiVersion.startswith("3") else (2, 4)  # places among its arguments
 
-        def two(environment, instance, status, category, message, *rest):
-            messages.append((status, message.decode("utf-8", "replace")))
+        def logger(*given):
+            messages.append((given[status], given[text].decode("utf-8", "replace")))
 
-        def version_three(environment, status, category, message):
-            messages.append((status, message.decode("utf-8", "replace")))
-
-        logger = version_three if three else two
         return instantiate_fmu(self._folder.name, self._about, "CoSimulation", logger=logger, debug_logging=True)
 
     def _said(self, error):

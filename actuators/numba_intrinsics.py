@@ -46,17 +46,6 @@ def enter(context: Any, entry: Any, x: Any, u: Any, p: Any, dt: float, lanes: Se
     return types.void(whole, whole, whole, whole, real, whole, whole), code
 
 
-@intrinsic
-def put(context: Any, address: Any, value: Any) -> Any:
-    """Store a double at any address, aligned or not."""
-
-    def code(context, builder, signature, args):
-        builder.store(args[1], builder.inttoptr(args[0], _REAL.as_pointer()), align=1)
-        return context.get_dummy_value()
-
-    return types.void(types.int64, types.float64), code
-
-
 def _reader(kind, made):
     @intrinsic
     def at(context, address):
@@ -69,29 +58,23 @@ def _reader(kind, made):
     return at
 
 
-# what stands at any address, aligned or not: a double, or whole numbers without a sign of 1, 2, 4 and 8 bytes
-real, byte, pair, quad, word = (
-    _reader(kind, made)
-    for kind, made in ((types.float64, _REAL), *((types.int64, ir.IntType(bits)) for bits in (8, 16, 32, 64)))
-)
-
-
-def _layer(bits):
+def _layer(kind, made):
     @intrinsic
     def lay(context, address, value):
         def code(context, builder, signature, args):
-            made = ir.IntType(bits)
-            value = args[1] if made == _WORD else builder.trunc(args[1], made)
+            value = args[1] if made in (_REAL, _WORD) else builder.trunc(args[1], made)
             builder.store(value, builder.inttoptr(args[0], made.as_pointer()), align=1)
             return context.get_dummy_value()
 
-        return types.void(types.int64, types.int64), code
+        return types.void(types.int64, kind), code
 
     return lay
 
 
-# store the lower 1, 2, 4 or 8 bytes of a whole number at any address, aligned or not
-lay_byte, lay_pair, lay_quad, lay_word = map(_layer, (8, 16, 32, 64))
+# read and store at any address, aligned or not: a double, or the lower 1, 2, 4 and 8 bytes of a whole number, no sign
+_KINDS = ((types.float64, _REAL), *((types.int64, ir.IntType(bits)) for bits in (8, 16, 32, 64)))
+real, byte, pair, quad, word = (_reader(*kind) for kind in _KINDS)
+put, lay_byte, lay_pair, lay_quad, lay_word = (_layer(*kind) for kind in _KINDS)
 
 
 @intrinsic

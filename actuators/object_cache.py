@@ -36,13 +36,13 @@ class Native:
     """
 
     def __init__(self, name: str, source: str | Path, kinds: tuple, make: Callable, place: str):
-        self.name, self._source, self._kinds, self._make = name, Path(source).resolve(), kinds, make
+        self.name, self.source, self._kinds, self._make = name, Path(source).resolve(), kinds, make
         self.place = place
 
     @functools.cached_property
     def address(self) -> int:
         """Return the address of the machine code; compiles when there is none for these sources and this processor."""
-        file = self._file()
+        file = self.file()
         code = read_whole(file)
         if code is None:
             code = _compile(*self._make())
@@ -73,21 +73,14 @@ class Native:
         """Tell whether the machine code is loaded or stored."""
         if "address" in vars(self):
             return True
-        file = self._file()
+        file = self.file()
         return bool(file and file.is_file())
 
-    def stored(self) -> bool:
-        """Tell whether there is a place to store machine code."""
-        return self._file() is not None
-
-    def size(self) -> int:
-        """Return the size of the source [byte], by which to guess how long compiling takes."""
-        return self._source.stat().st_size
-
-    def _file(self):
-        folder = cache_dir(self._source)
+    def file(self) -> Path | None:
+        """Return where the machine code is stored, None where there is no place for it."""
+        folder = cache_dir(self.source)
         # not .o: a version that reads no digest before the code would take it for code
-        return folder and Path(folder) / f"{self.name}-{processor()}.code"
+        return Path(folder) / f"{self.name}-{processor()}.code" if folder else None
 
 
 def of_wholes(module: str, name: str, count: int, place: str) -> Native:

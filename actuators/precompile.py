@@ -35,11 +35,11 @@ def compile_ahead(wanted: Iterable[Native], progress: Callable[[int, int], None]
     """
     missing = [] if PLAIN else [native for native in dict.fromkeys(wanted) if not native.ready()]
     workers = min(cores(), len(missing))
-    if workers < 2 or not missing[0].stored():
+    if workers < 2 or missing[0].file() is None:
         return 0
     tell = progress or (lambda done, total: None)
     jobs: queue.SimpleQueue = queue.SimpleQueue()
-    for native in sorted(missing, key=lambda native: -native.size()):
+    for native in sorted(missing, key=lambda native: -native.source.stat().st_size):  # what takes longest first
         jobs.put(native.place)
     done = [0]
     running: list[subprocess.Popen] = []

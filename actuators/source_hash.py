@@ -1,21 +1,20 @@
 """Hash of the sources that a compiled kernel depends on, and the cache folder that it names."""
 
-import ast
 import contextlib
 import functools
 import hashlib
-import json
 import os
+import re
 import stat
 import tempfile
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("actuators", "fdi", "cosim")
-MOST = 600  # sources whose imports are remembered: all of a tree's, and some of their older versions
-TREES = 40  # trees of sources whose tables are kept: those written last
+# an import, with the names behind it, and what stands before it in its line, with the module of a "from"
+IMPORT = re.compile(r"\bimport\b[ \t]*(\((?:[^)#]|#[^\n]*)*\)|[^\n;]*)")
+FROM = re.compile(r"(?:^|[;:])[ \t]*(?:from\b[ \t]*([.\w]+)[ \t]*)?$", re.MULTILINE)
 _DIGEST = 32  # bytes before what is stored: its SHA-256, for LLVM would crash on half a file
 
 
@@ -30,16 +29,25 @@ def _digest(path):
 
 
 def _imports(path):
-    """Return the names that the source at `path` imports, wherever it does so; packages of ours that hold them too."""
+    """Return the names that the source at `path` imports, wherever it does so; packages of ours that hold them too.
+
+    What looks like an import inside a string counts as well, which costs a compilation at worst: a parser would take a
+    second over the sources of a flight.
+    """
     package = path.relative_to(ROOT).parts[:-1] if path.is_relative_to(ROOT) else ()
+    text = _source(path).decode("utf-8-sig", "replace").replace("\r\n", "\n").replace("\\\n", " ")
     out = set()
-    for node in ast.walk(ast.parse(_source(path))):
-        if isinstance(node, ast.Import):
-            out |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            above = package[: len(package) - node.level + 1] if node.level else ()
-            base = ".".join((*above, *([node.module] if node.module else ())))
-            out |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+    for found in IMPORT.finditer(text):
+        begin = text.rfind("\n", 0, found.start()) + 1
+        head = FROM.search(text, begin, found.start())
+        names = [part.split()[0] for part in re.sub(r"#[^\n]*|[()]", " ", found[1]).split(",") if part.strip()]
+        if head and head[1] is None:
+            out |= set(names)
+        elif head:
+            level = len(head[1]) - len(head[1].lstrip("."))
+            above = package[: len(package) - level + 1] if level else ()
+            base = ".".join((*above, *filter(None, [head[1].lstrip(".")])))
+            out |= {base, *(f"{base}.{name}" for name in names)}
     outside = not path.is_relative_to(ROOT)  # a user's block imports its neighbours, too
     return sorted(name for name in out if outside or name.partition(".")[0] in PACKAGES)
 
@@ -60,49 +68,13 @@ def installed(name: str) -> str:
 
 @functools.cache
 def _links(path):
-    """Return our files that the source at `path` imports; what it imports is remembered by its content."""
-    known = _remembered()
-    key = hashlib.sha256(os.fsencode(path.parent) + _digest(path)).hexdigest()
-    if key not in known:
-        known[key] = _imports(path)
-        _new.append(key)
-        for old in list(known)[: max(0, len(known) - MOST)]:  # of versions that are gone
-            del known[old]
-    found = [file for name in known[key] for file in _files(name)]
+    """Return our files that the source at `path` imports."""
+    names = _imports(path)
+    found = [file for name in names for file in _files(name)]
     if not path.is_relative_to(ROOT):
-        beside = (path.parent.joinpath(*name.split(".")).with_suffix(".py") for name in known[key])
+        beside = (path.parent.joinpath(*name.split(".")).with_suffix(".py") for name in names)
         found += [file for file in beside if file.is_file()]
     return tuple(dict.fromkeys(found))
-
-
-@functools.cache
-def _remembered():
-    """Return what sources import, {digest: names}, as this tree's table has it: parsing them costs half a second."""
-    file = _memory()
-    found: Any = {}
-    with contextlib.suppress(OSError, ValueError, RecursionError):
-        found = json.loads(file.read_bytes()) if file else {}
-    whole = isinstance(found, dict) and all(isinstance(names, list) for names in found.values())
-    return found if whole and all(isinstance(n, str) for names in found.values() for n in names) else {}
-
-
-def _memory():
-    """Return the file of this tree's table: trees that share one would push each other's sources out."""
-    root = cache_root()
-    return root and root / f"imports-{hashlib.sha256(os.fsencode(ROOT)).hexdigest()[:12]}.json"
-
-
-_new: list[str] = []  # what was found since it was written down
-
-
-def _write_down():
-    """Keep what was remembered for the next process."""
-    _new.clear()
-    if file := _memory():
-        _put(file, json.dumps(_remembered()).encode())
-        with contextlib.suppress(OSError):
-            for old in sorted(file.parent.glob("imports-*.json"), key=lambda f: f.stat().st_mtime)[:-TREES]:
-                old.unlink()
 
 
 def read_whole(file: Path | None) -> bytes | None:
@@ -117,17 +89,11 @@ def read_whole(file: Path | None) -> bytes | None:
 
 def write_whole(file: Path, data: bytes) -> None:
     """Put `data` behind its digest there, whole or not at all; a folder that takes no file costs only time."""
-    _put(file, hashlib.sha256(data).digest() + data)
-
-
-def _put(file, data):
-    try:
+    with contextlib.suppress(OSError):
         handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
         with os.fdopen(handle, "wb") as out:
-            out.write(data)
+            out.write(hashlib.sha256(data).digest() + data)
         os.replace(beside, file)
-    except OSError:
-        pass
 
 
 @functools.cache
@@ -139,8 +105,6 @@ def closure(path: Path) -> set:
         if here not in seen:
             seen.add(here)
             todo += _links(here)
-    if _new:
-        _write_down()
     return seen
 
 

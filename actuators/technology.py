@@ -87,6 +87,11 @@ class Sensor:
     may_fail: bool = True  # a fault may be on it
 
 
+SURFACE = Sensor(  # noise, and a constant error of rigging
+    "delta", "surface position, trailing edge down +", (SURFACE_DEG,), 0.02 * RAD_PER_DEG, 0.08 * RAD_PER_DEG
+)
+
+
 @dataclass(frozen=True)
 class Effect:
     """What a kind of fault does to the actuator: its magnitude, or its envelope when it is switched, is added to an

@@ -15,8 +15,3 @@ RATE = math.radians(45.0)  # surface rate at no load [rad/s]
 def rod(delta: Any, arm: Any = ARM) -> Any:
     """Return the rod position of a surface angle, q = r delta [m]; arrays broadcast."""
     return arm * delta
-
-
-def surface(q: float, arm: float = ARM) -> Any:
-    """Return the surface angle of a rod position, delta = q / r [rad]; arrays broadcast."""
-    return q / arm

@@ -145,12 +145,7 @@ def params(
     return record(PARAMS, **{**fields, **values})
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return the state at rest, surface at zero, no load."""
-    return init_at(p, 0.0, 0.0, 0.0)
-
-
-def init_at(p: np.ndarray, delta: Any, hm0: Any, hmd: float) -> np.ndarray:
+def init_at(p: np.ndarray, delta: Any = 0.0, hm0: Any = 0.0, hmd: Any = 0.0) -> np.ndarray:
     """Return the state in load equilibrium: the spring and K_T x5 hold the hinge moment; arguments broadcast over p.
 
     The demand that holds it is `holding(p, x5)`.
@@ -165,19 +160,12 @@ def init_at(p: np.ndarray, delta: Any, hm0: Any, hmd: float) -> np.ndarray:
     return x
 
 
+init = init_at  # surface at zero, no load
+
+
 def holding(p: np.ndarray, i: Any) -> Any:
     """Return the demand that holds the current `i` [A] at rest: u = (K_ic + R) i / K_gi b / a."""
     return (p["K_ic"] + p["R"]) * np.asarray(i) / p["K_gi"] * p["b"] / p["a"]
-
-
-def linearised(p: np.ndarray, *, hmd: float = 0.0) -> tuple[Any, ...]:
-    """Return (A, B, C, D) of x1..x6 from u to the surface angle, shapes (6, 6), (6, 1), (1, 6), (1, 1); one lane.
-
-    Continuous, without friction, backlash or limits, with hinge stiffness `hmd` [N m/rad].
-    """
-    names = jay.values("elevator")
-    m = jay.continuous("elevator", hinge_stiffness=hmd, **{n: float(p[0][n]) for n in names})
-    return m.A, m.B.reshape(6, 1), np.eye(6)[:1], np.zeros((1, 1))
 
 
 @kernel

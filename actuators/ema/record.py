@@ -3,8 +3,7 @@
 import functools
 import math
 
-from actuators.constants import RAD_PER_DEG
-from actuators.technology import ARM_DEG, LOSS, MM, SURFACE_DEG, Design, Effect, Key, Kind, Sensor, Technology, Unit
+from actuators.technology import ARM_DEG, LOSS, MM, SURFACE, Design, Effect, Key, Kind, Sensor, Technology, Unit
 
 
 def _modules():
@@ -52,9 +51,10 @@ def _build(own, truth, believed, trim, travel, dt, age):
 def _solid_gain(omega, own):
     import numpy as np
 
-    _, actuator = _modules()
-    A, B, _, _ = actuator.linearised(actuator.params(symbols=dict(own)))
-    return abs(complex(np.linalg.solve(1j * omega * np.eye(6) - A, B)[2, 0])) * _design(own).gains["position"]
+    from actuators.ema import jay
+
+    m = jay.continuous("elevator", **dict(own))
+    return abs(complex(np.linalg.solve(1j * omega * np.eye(6) - m.A, m.B)[2])) * _design(own).gains["position"]
 
 
 TECHNOLOGY = Technology(
@@ -79,10 +79,7 @@ TECHNOLOGY = Technology(
             "i", "motor current, + extends",
             (Unit("a", 1.0, "A", 500.0), Unit("pct", 0.01, "of stall current", 100.0)), 0.1, drive=("s_i", "f_i"),
         ),
-        "surface": Sensor(
-            "delta", "surface position, trailing edge down +", (SURFACE_DEG,),
-            0.02 * RAD_PER_DEG, 0.08 * RAD_PER_DEG,  # noise, and a constant error of rigging
-        ),
+        "surface": SURFACE,
     },
     loop_sensor="position",
     sent=("current_command", "current demand held over the last tick, + extends", "A"),

@@ -125,12 +125,7 @@ def params(
     return record(PARAMS, **{**fields, **values})
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return the state at rest, surface at zero, no load."""
-    return init_at(p, 0.0, 0.0)
-
-
-def init_at(p: np.ndarray, position: Any, i: Any) -> np.ndarray:
+def init_at(p: np.ndarray, position: Any = 0.0, i: Any = 0.0) -> np.ndarray:
     """Return the state at rest at screw `position` N x3 [m] with the holding current `i` [A]; both broadcast over p."""
     x = np.zeros(p.shape, STATE)
     x["r"] = position / p["arm"]
@@ -139,6 +134,9 @@ def init_at(p: np.ndarray, position: Any, i: Any) -> np.ndarray:
     x["z"] = x["i_d"] / p["amps"]
     x["u"] = p["g_i"] * x["i_d"]
     return x
+
+
+init = init_at  # surface at zero, no load
 
 
 @kernel

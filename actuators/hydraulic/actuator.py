@@ -33,7 +33,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import briefly, dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage
 from actuators.common.limits import clip, finite, share, sign
 from actuators.hydraulic import lu17
@@ -103,12 +103,7 @@ def params(**values: Any) -> np.ndarray:
     return record(PARAMS, **{**NOMINAL, **values})
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return the state at rest, surface at zero, no load."""
-    return init_at(p, 0.0, 0.0, 0.0)
-
-
-def init_at(p: np.ndarray, delta: Any, hm0: Any, hmd: float) -> np.ndarray:
+def init_at(p: np.ndarray, delta: Any = 0.0, hm0: Any = 0.0, hmd: Any = 0.0) -> np.ndarray:
     """Return the state in load equilibrium: x3 = -F_d / (A_p P_s); `delta` [rad] and the load pair broadcast over p.
 
     The valve opening that holds it is `holding(p, x3)`.
@@ -126,22 +121,13 @@ def init_at(p: np.ndarray, delta: Any, hm0: Any, hmd: float) -> np.ndarray:
     return x
 
 
+init = init_at  # surface at zero, no load
+
+
 def holding(p: Any, x3: Any) -> Any:
     """Return the valve opening that feeds the leakage at rest: u = L A_p x3 / (phi_n sqrt(1 - |x3|)) [1]."""
     x3 = np.asarray(x3)
     return p["L"] * p["A_p"] / p["phi_n"] * x3 / np.sqrt(np.maximum(1.0 - np.abs(x3), lu17.ROOT_FLOOR**2))
-
-
-def linearised(p: np.ndarray, *, q: float = 0.0, x3: float = 0.0, hmd: float = 0.0) -> tuple[Any, ...]:
-    """Return (A, B, C, D) of q', q'', x3' from the valve to the surface angle, shapes (3, 3), (3, 1), (1, 3), (1, 1).
-
-    Continuous, without friction, at rod `q` [m] and pressure `x3` [1], with hinge stiffness `hmd` [N m/rad]; one lane.
-    """
-    r = p[0]
-    u = float(holding(r, x3))
-    a22, a23, a31, a32, a33, b3, e2 = briefly(lu17.jacobian, q, 0.0, x3, u, u, 0.0, r)
-    A = np.array([[0, 1, 0], [hmd / r.arm**2 * e2, a22, a23], [a31, a32, a33]])
-    return A, np.array([[0.0], [0.0], [b3]]), np.array([[1 / r.arm, 0, 0]]), np.zeros((1, 1))
 
 
 @kernel

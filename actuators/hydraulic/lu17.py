@@ -26,7 +26,9 @@ Numba warns of a record that begins like another one).
 import math
 from typing import Any
 
-from actuators.block import dtype, kernel, record
+import numpy as np
+
+from actuators.block import briefly, dtype, kernel, record
 from actuators.common.limits import sign
 
 FIELDS = [
@@ -104,6 +106,12 @@ def jacobian(x1, x2, x3, v, u, f, p):
         slope = -0.5 * s / max(root, ROOT_FLOOR)
     a33 = k * (gain * slope * (u + f) - p.L)
     return -p.B / p.M, p.A_p * p.P_s / p.M, a31, -k, a33, k * gain * root, 1.0 / p.M
+
+
+def linear(p: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return (A, B) of (q, q', x3) over u by (4) at rest and centre, without a load, shapes (3, 3), (3, 1)."""
+    a22, a23, a31, a32, a33, b3, _ = briefly(jacobian, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p)
+    return np.array([[0, 1, 0], [0, a22, a23], [a31, a32, a33]]), np.array([[0.0], [0.0], [b3]])
 
 
 @kernel

@@ -3,8 +3,7 @@
 import functools
 import math
 
-from actuators.constants import RAD_PER_DEG
-from actuators.technology import ARM_DEG, LOSS, MM, SURFACE_DEG, Design, Effect, Key, Kind, Sensor, Technology, Unit
+from actuators.technology import ARM_DEG, LOSS, MM, SURFACE, Design, Effect, Key, Kind, Sensor, Technology, Unit
 
 
 def _modules():
@@ -61,9 +60,12 @@ def _build(own, truth, believed, trim, travel, dt, age):
 def _solid_gain(omega, own):
     import numpy as np
 
-    _, actuator = _modules()
-    A, B, C, _ = actuator.linearised(actuator.params(**_parameters(own)))
-    return abs(complex((C @ np.linalg.solve(1j * omega * np.eye(3) - A, B))[0, 0])) * _design(own).arm
+    from actuators.hydraulic import lu17
+
+    p, arm = _parameters(own), _design(own).arm
+    A, B = lu17.linear(lu17.params(**{name: p[name] for name in lu17.NOMINAL})[0])
+    surface = np.linalg.solve(1j * omega * np.eye(3) - A, B)[0, 0] * (1.0 / arm)
+    return abs(complex(surface)) * arm
 
 
 TECHNOLOGY = Technology(
@@ -79,10 +81,7 @@ TECHNOLOGY = Technology(
         "rod": Sensor(
             "q_rod", "rod position, + extends = trailing edge down", (MM, ARM_DEG), 1e-4, servo=("q_meas", "q_valid")
         ),
-        "surface": Sensor(
-            "delta", "surface position, trailing edge down +", (SURFACE_DEG,),
-            0.02 * RAD_PER_DEG, 0.08 * RAD_PER_DEG,  # noise, and a constant error of rigging
-        ),
+        "surface": SURFACE,
         "pressure": Sensor(
             "x3", "pressure difference over the supply pressure, + extends",
             (Unit("pct", 0.01, "of supply", 100.0), Unit("mpa", 1e6, "Pa", 30.0)), 0.005, 0.01,

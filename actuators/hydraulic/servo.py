@@ -20,13 +20,12 @@ flag is 1 (and the number is finite); it is of this tick.
 INPUTS f_cmd, s_cmd: command-level faults, delta_c = (1 - s_cmd) command + f_cmd.
 """
 
-import functools
 import math
 from typing import Any
 
 import numpy as np
 
-from actuators.block import briefly, dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage, reference
 from actuators.common.ackermann import place
 from actuators.common.limits import clip
@@ -120,12 +119,7 @@ def params(
     return record(PARAMS, **{**fields, **values})
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return the state at rest, rod at zero, no load."""
-    return init_at(p, 0.0, 0.0)
-
-
-def init_at(p: np.ndarray, delta: Any, load: Any) -> np.ndarray:
+def init_at(p: np.ndarray, delta: Any = 0.0, load: Any = 0.0) -> np.ndarray:
     """Return the state at rest at surface angle `delta` [rad] against a rod `load` [N]; both broadcast over p."""
     x = np.zeros(p.shape, STATE)
     x["delta_c"] = delta
@@ -134,6 +128,9 @@ def init_at(p: np.ndarray, delta: Any, load: Any) -> np.ndarray:
     x["x3"] = x["x3_hat"] = -x["load"] / (p["A_p"] * p["P_s"])
     x["u"] = hydraulic.holding(p, x["x3"])
     return x
+
+
+init = init_at  # rod at zero, no load
 
 
 @kernel
@@ -222,18 +219,12 @@ def step(x, u, p, dt):
 rollout = entry(step, STATE, INPUTS, PARAMS)
 
 
-def _linear(model):
-    """Return (A, B) of q, q', x3 at rest and centre, shapes (3, 3), (3, 1)."""
-    a22, a23, a31, a32, a33, b3, _ = briefly(lu17.jacobian, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, model)
-    return np.array([[0, 1, 0], [0, a22, a23], [a31, a32, a33]]), np.array([[0.0], [0.0], [b3]])
-
-
 def error_gains(model: Any, *, pole: Any, dt: float) -> dict[str, Any]:
     """Return {k_q, k_v, k_a} for which the sampled linear loop has its poles at -pole, 0.97 pole and 1.03 pole.
 
     (13) in linear form is u = -K (q, q', x3): K follows from pole placement, the gains from comparing coefficients.
     """
-    A, B = _linear(model)
+    A, B = lu17.linear(model)
     Phi, Gamma = jay.discretise(A, B, dt)
     K = rounded(place(Phi, Gamma, np.exp(-pole * dt * np.array([0.97, 1.0, 1.03]))), 10)
     a23, beta, k = A[1, 2], model.B / model.M, -A[2, 1]
@@ -244,22 +235,15 @@ def error_gains(model: Any, *, pole: Any, dt: float) -> dict[str, Any]:
 
 def observer_gains(model: Any, *, dt: float) -> list[Any]:
     """Return (K, K_rod), shapes (4, 2), (4,): steady Kalman gains of (q, q', x3, F), linear at rest and centre."""
-    both = _gains(model.dtype, model.tobytes(), dt)
-    return [both[:8].reshape(4, 2).copy(), both[8:].copy()]
-
-
-@functools.lru_cache(maxsize=64)
-def _gains(kind, numbers, dt):
-    """Return both of `observer_gains`, one behind the other."""
-    model = np.frombuffer(numbers, kind)[0]
-    given = kind.descr, model.tolist(), dt
-    return kept(given, float, lambda: np.concatenate(_observer_gains(model, dt)), __file__)
+    given = model.dtype.descr, model.tolist(), dt
+    both = kept(given, float, lambda: np.concatenate(_observer_gains(model, dt)), __file__)
+    return [both[:8].reshape(4, 2), both[8:]]
 
 
 def _observer_gains(model, dt):
     from scipy.linalg import expm, solve_discrete_are  # a tenth of a second that a start need not wait for
 
-    A3, _ = _linear(model)
+    A3, _ = lu17.linear(model)
     A = np.zeros((4, 4))
     A[:3, :3] = A3
     A[1, 3] = 1.0 / model.M

@@ -71,17 +71,26 @@ def params(
     return record(PARAMS, **{**fields, **values})
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return the state at rest at zero."""
-    return init_at(p, 0.0)
-
-
-def init_at(p: np.ndarray, delta: Any) -> np.ndarray:
+def init_at(p: np.ndarray, delta: Any = 0.0) -> np.ndarray:
     """Return the state at rest at `delta` [rad], which broadcasts over p."""
     x = np.zeros(p.shape, STATE)
     x["delta"] = delta
     x["delta_c"] = x["delta"]
     return x
+
+
+init = init_at  # at zero
+
+
+@kernel
+def move(x, a, p, dt):
+    """Integrate the acceleration `a` [rad/s2], held over the tick, up to the stops."""
+    x.delta += dt * (x.delta_d + 0.5 * dt * a)
+    x.delta_d += dt * a
+    if x.delta > p.hi:
+        x.delta, x.delta_d = p.hi, min(x.delta_d, 0.0)
+    elif x.delta < p.lo:
+        x.delta, x.delta_d = p.lo, max(x.delta_d, 0.0)
 
 
 @kernel
@@ -102,12 +111,7 @@ def step(x, u, p, dt):
     if not abs(v) < 1e6:
         v, x.status = 0.0, 1.0
     a = clip((v - x.delta_d) * (1.0 - math.exp(-p.k2 * dt)) / dt, -p.a_max, p.a_max)
-    x.delta += dt * (x.delta_d + 0.5 * dt * a)
-    x.delta_d += dt * a
-    if x.delta > p.hi:
-        x.delta, x.delta_d = p.hi, min(x.delta_d, 0.0)
-    elif x.delta < p.lo:
-        x.delta, x.delta_d = p.lo, max(x.delta_d, 0.0)
+    move(x, a, p, dt)
     x.delta_d = flush(x.delta_d)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage
 from actuators.common.limits import clip
+from actuators.simple.actuator import move
 
 PAST = 128  # commands kept: a dead time of 0.6 s at 200 Hz
 
@@ -75,13 +76,7 @@ def step(x, u, p, dt):
     e = (1.0 - part) * x.past[whole] + part * x.past[whole + 1] - x.delta
     e = e - clip(e, -p.dead_band, p.dead_band)
     v = clip(p.k1 * e, -p.v_max, p.v_max)
-    a = (v - x.delta_d) * (1.0 - math.exp(-p.k2 * dt)) / dt
-    x.delta += dt * (x.delta_d + 0.5 * dt * a)
-    x.delta_d += dt * a
-    if x.delta > p.hi:
-        x.delta, x.delta_d = p.hi, min(x.delta_d, 0.0)
-    elif x.delta < p.lo:
-        x.delta, x.delta_d = p.lo, max(x.delta_d, 0.0)
+    move(x, (v - x.delta_d) * (1.0 - math.exp(-p.k2 * dt)) / dt, p, dt)
 
 
 rollout = entry(step, STATE, INPUTS, PARAMS)

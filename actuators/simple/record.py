@@ -1,10 +1,10 @@
 """What the testbed knows about the plain actuator: its record (see actuators/technology.py)."""
 
+import dataclasses
 import math
 
 from actuators.common import linkage
-from actuators.constants import RAD_PER_DEG
-from actuators.technology import SURFACE_DEG, Design, Effect, Sensor, Technology
+from actuators.technology import SURFACE, Design, Effect, Technology
 
 
 def _modules():
@@ -23,11 +23,6 @@ TECHNOLOGY = Technology(
     modules=_modules,
     design=_design,
     build=None,  # with the other surfaces that have plain actuators, in one block (cosim/flight/blocks/actuation.py)
-    sensors={
-        "surface": Sensor(
-            "delta", "surface position, trailing edge down +", (SURFACE_DEG,),
-            0.02 * RAD_PER_DEG, 0.08 * RAD_PER_DEG, may_fail=False,
-        ),
-    },
+    sensors={"surface": dataclasses.replace(SURFACE, may_fail=False)},
     effects={"jam_solid": Effect("jam"), "loss_of_effectiveness": Effect("loss")},
 )

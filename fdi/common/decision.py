@@ -12,6 +12,7 @@ estimate.
 import math
 
 from actuators.block import kernel
+from actuators.common.limits import within as clipped
 from fdi.common import bank
 
 T_DISTURBED = 0.6  # [s] after the blame, or for as long as there is none, the input-fault estimate rings
@@ -128,12 +129,6 @@ def confirm(timer, alarm, beyond, dt, t_confirm, t_release):
     elif timer < 0.5 * dt:
         alarm = 0.0
     return timer, alarm
-
-
-@kernel
-def clipped(v, most):
-    """Return v within -most .. most."""
-    return min(max(v, -most), most)
 
 
 @kernel

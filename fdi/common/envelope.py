@@ -16,8 +16,6 @@ MACH = (0.19, 0.95)
 ALPHA = (-6.0 * RAD_PER_DEG, 20.0 * RAD_PER_DEG)  # angle of attack [rad]
 PITCH_RATE = (-0.15, 0.15)  # [rad/s]
 PITCH = (-15.0 * RAD_PER_DEG, 35.0 * RAD_PER_DEG)  # attitude [rad]
-SUBSONIC = (0.1, 1.0)  # Mach numbers for which CAS is that of the subsonic formula
-ATMOSPHERE = (-500.0, 20e3)  # altitudes of the two lowest layers of the standard atmosphere [m]
 
 
 @kernel

@@ -6,8 +6,6 @@ else is. The summary is then: `alarm` is 1 while any of them is; `culprit` is th
 still stand, and `verdict` is its class. Names of a detector without such outputs come from `culprit` alone.
 """
 
-from typing import Any
-
 NONE = 0.0
 OFC_LIQUID = 1.0
 OFC_SOLID = 2.0
@@ -32,14 +30,6 @@ MEANINGS = {  # of every class, in the order of the codes above
     "ambiguous": "something is wrong; the detector cannot tell what",
 }
 NAMES = tuple(MEANINGS)
-
-
-def name(code: Any) -> Any:
-    """Return the name of class `code`; a value that is no code raises ValueError."""
-    k = int(code)
-    if k != code or not 0 <= k < len(NAMES):
-        raise ValueError(f"{code!r} is no verdict code")
-    return NAMES[k]
 
 
 def code(name: str) -> float:

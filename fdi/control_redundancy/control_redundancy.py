@@ -39,28 +39,10 @@ from fdi.common.envelope import ALPHA, FLYING, MACH, box
 from fdi.common.record import Detector, Estimate, Site
 from fdi.common.tuning import thresholds
 from fdi.common.why import BOX_ALPHA, BOX_MACH, BOX_SPEED, GUSTS, LOST_SENSOR, NOT_READY, VALID
-from fdi.control_redundancy import force_model
+from fdi.control_redundancy import core, force_model
 from fdi.control_redundancy import structure as redundancy_structure
-from fdi.control_redundancy.core import (
-    BLOCKS,
-    DELAY,
-    NC,
-    NF,
-    NH,
-    NR,
-    NX,
-    accelerometers,
-    accumulate,
-    complete,
-    delayed_commands,
-    evaluate_families,
-    learn,
-    row_errors,
-    sliding_mean,
-    vane,
-)
+from fdi.control_redundancy.core import BLOCKS, DELAY, NC, NF, NH, NR, NX
 from fdi.control_redundancy.decide import decide, withdraw
-from fdi.control_redundancy.force_model import params_dtype
 
 EFFECTORS = ("elevator", "aileron", "rudder", "engine", "engine_1", "engine_2", "engine_3", "engine_4")
 CULPRITS = ("", *EFFECTORS, "n_x", "n_z", "alpha")
@@ -68,8 +50,9 @@ LEARN = 8.0  # in flight, as the other observers of the aircraft [s]
 STRIDE = 0.005  # [s] from one command kept to the next, at least
 LAG = (0.06, 0.06, 0.09, 0.0)  # [s]: servos near 30 rad/s, the rudder's 20 rad/s, damping 0.9; the stabiliser creeps
 
-PARAMS = params_dtype(
+PARAMS = dtype(
     [
+        *force_model.PARAMS,
         ("n_rows", "f8"),  # 3 forces, or 6 with moments
         ("n_hypotheses", "f8"),  # 4, or 8 with single engines
         ("n_families", "f8"),
@@ -110,16 +93,8 @@ _MEASURED = {  # of the aircraft -> unit
     **dict.fromkeys(("pdot", "qdot", "rdot"), "rad/s2"),  # only for rows = "force+moment"
 }
 _GROUND = {"alpha_ground": "rad", "v_ground": "m/s"}  # without them accelerometers are believed
-_COMMANDS = (
-    "de_lo",
-    "de_li",
-    "de_ri",
-    "de_ro",
-    "da_l",
-    "da_r",
-    "dr",
-    "stab",
-)  # of the surfaces, trailing edge down + (rudder: yaws left) [rad]
+# of the surfaces, trailing edge down + (rudder: yaws left) [rad]
+_COMMANDS = ("de_lo", "de_li", "de_ri", "de_ro", "da_l", "da_r", "dr", "stab")
 INPUTS = dtype([(n, "f8", "rad") for n in _COMMANDS]
                + [(n + t, "f8", "-" if t else unit)
                   for n, unit in (_MEASURED | _GROUND).items() for t in ("", "_valid")])
@@ -316,13 +291,13 @@ def init(p: np.ndarray) -> np.ndarray:
 @kernel
 def step(x, u, p, dt):
     """Compare measured with computed forces at one tick, average, evaluate the residuals, decide."""
-    delayed_commands(x, u, p, dt)
+    core.delayed_commands(x, u, p, dt)
     x.started = 1.0
     gyro.compare(x, u, dt)
     beyond = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], BOX_SPEED, VALID)
     beyond = box(u.mach, u.mach_valid, MACH[0], MACH[1], BOX_MACH, beyond)
     beyond = box(u.alpha_ground, u.alpha_ground_valid, ALPHA[0], ALPHA[1], BOX_ALPHA, beyond)
-    if beyond != VALID or complete(u, p) < 0.5:
+    if beyond != VALID or core.complete(u, p) < 0.5:
         x.gone += dt
         x.valid, x.why = 0.0, beyond if beyond != VALID else LOST_SENSOR
         if x.learned < 0.5:
@@ -336,26 +311,26 @@ def step(x, u, p, dt):
             withdraw(x, p)
         return
     x.gone = 0.0
-    row_errors(x, u, p)
-    accelerometers(x, u, p, dt)
-    vane(x, u, p, dt)
+    core.row_errors(x, u, p)
+    core.accelerometers(x, u, p, dt)
+    core.vane(x, u, p, dt)
     rough = p.gust_max > 0.0 and x.rough * u.v_ground * u.v_ground > p.gust_max * p.gust_max
     x.rougher = x.rougher + dt if rough else 0.0
     if x.learned < 0.5:
         if not rough:
-            learn(x, p, dt)
+            core.learn(x, p, dt)
         x.valid, x.why = 0.0, GUSTS if rough else NOT_READY
         return
-    full = accumulate(x, p, dt) > 0.5
+    full = core.accumulate(x, p, dt) > 0.5
     if rough:
         x.valid, x.why = 0.0, GUSTS
         if x.rougher > T_HOLD:
             withdraw(x, p)
     elif full:
-        x.valid = sliding_mean(x, p)
+        x.valid = core.sliding_mean(x, p)
         x.why = VALID if x.valid > 0.5 else NOT_READY
         if x.valid > 0.5:
-            evaluate_families(x, p)
+            core.evaluate_families(x, p)
             decide(x, p, max(p.t_mean / BLOCKS, dt))
 
 

@@ -33,22 +33,9 @@ def delayed_commands(x, u, p, dt):
     """
     new = x.phase < 0.5
     head = int(x.head) if new else (int(x.head) + DELAY - 1) % DELAY  # where the newest stands
+    given = (u.de_lo, u.de_li, u.de_ri, u.de_ro, u.da_l, u.da_r, u.dr, u.stab)
     for j in range(NC):
-        value = u.de_lo
-        if j == 1:
-            value = u.de_li
-        elif j == 2:
-            value = u.de_ri
-        elif j == 3:
-            value = u.de_ro
-        elif j == 4:
-            value = u.da_l
-        elif j == 5:
-            value = u.da_r
-        elif j == 6:
-            value = u.dr
-        elif j == 7:
-            value = u.stab
+        value = given[j]
         if not math.isfinite(value):
             value = x.line[(head + DELAY - 1) % DELAY, j]
         if x.started < 0.5:
@@ -147,15 +134,9 @@ def row_errors(x, u, p):
     for i in range(6):
         x.G[i, 3] = 0.0
     x.spool, total = 0.0, 0.0
+    n1 = (u.n1_1, u.n1_2, u.n1_3, u.n1_4)
     for m in range(4):
-        n1 = u.n1_1
-        if m == 1:
-            n1 = u.n1_2
-        elif m == 2:
-            n1 = u.n1_3
-        elif m == 3:
-            n1 = u.n1_4
-        n = min(max((n1 - p.n1_idle) / (p.n1_max - p.n1_idle), 0.0), 1.0)
+        n = min(max((n1[m] - p.n1_idle) / (p.n1_max - p.n1_idle), 0.0), 1.0)
         T = idle + (mil - idle) * n * n
         x.spool += 0.25 * n
         total += T
@@ -199,9 +180,8 @@ def _pitching(x, u, p):
 @kernel
 def _angular(x, u, p):
     """Turn moments into angular accelerations, I w' = M - w x I w, and compare with the measured ones."""
-    ixx, iyy, izz, ixz = (
-        u.mass * p.gyration2[0], u.mass * p.gyration2[1], u.mass * p.gyration2[2], u.mass * p.gyration2[3],
-    )  # fmt: skip
+    g = p.gyration2
+    ixx, iyy, izz, ixz = u.mass * g[0], u.mass * g[1], u.mass * g[2], u.mass * g[3]
     det = ixx * izz - ixz * ixz
     L = x.rows[3] + ixz * u.p * u.q + (iyy - izz) * u.q * u.r
     M = x.rows[4] + (izz - ixx) * u.p * u.r - ixz * (u.p * u.p - u.r * u.r)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, kernel
+from actuators.block import kernel
 
 AXES = ("lift", "drag", "side", "roll", "pitch", "yaw")
 VARIABLES = (
@@ -118,11 +118,6 @@ def fields(model: Any) -> Any:
         values = np.asarray(values, float)
         out[name] = np.pad(values, [(0, n - m) for n, m in zip(shape, values.shape)])
     return out
-
-
-def params_dtype(extra: Any) -> Any:
-    """Return a PARAMS dtype of the force model's fields and `extra`."""
-    return dtype([*PARAMS, *extra])
 
 
 @kernel

@@ -146,12 +146,6 @@ def demanded(u, w, own, magnets, p):
 
 
 @kernel
-def sample(x, slow, s, i):
-    """Return signal `s` (0 f, 1 d, 2 w) of sample `i` of a ring."""
-    return x.slow_ring[s, i] if slow else x.even_ring[s, i]
-
-
-@kernel
 def sine(x, slow, s, n, hz):
     """Return what a sine of `hz` leaves of f f, f d and d d over the last `n` samples; f is signal `s`, d the next."""
     h = EVEN_S * SLOW if slow else EVEN_S
@@ -212,8 +206,9 @@ def explain(x, p, slow, measured):
     i = i + RING if i < 0 else i
     ff, fd, dd, f1, d1, ww, fw, dw, ft, tt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     beyond, rubs = 0.0, HEALTHY * p.I_max
+    ring, h = (x.slow_ring, EVEN_S * SLOW) if slow else (x.even_ring, EVEN_S)
     for k in range(n):
-        f, d, w = sample(x, slow, 0, i), sample(x, slow, 1, i), sample(x, slow, 2, i)
+        f, d, w = ring[0, i], ring[1, i], ring[2, i]
         ff += f * f
         beyond += math.fabs(f) * max(math.fabs(f) - rubs, 0.0)
         fd += f * d
@@ -252,7 +247,7 @@ def explain(x, p, slow, measured):
     x.residual[7] = max(ff - fi * fi / ii, 0.0) / ff if math.fabs(fi) > LOSS_LEAST * ii else 1.0
     x.must = beyond / ff
     slowest, hz = added, SLOWEST
-    while hz < 0.5 / (n * (EVEN_S * SLOW if slow else EVEN_S)):
+    while hz < 0.5 / (n * h):
         slowest = min(slowest, sine_leaves(x, slow, 0, n, hz, False, own))
         hz *= WIDE
     x.curved = (slowest - min(bias, x.residual[6] * ff)) / (wide * wide)
@@ -271,7 +266,7 @@ def explain(x, p, slow, measured):
     said = NONE
     if pure and clear:
         hz = hz_added if which == 0 else hz_instead
-        if which < 2 and hz * n * (EVEN_S * SLOW if slow else EVEN_S) >= PERIODS:
+        if which < 2 and hz * n * h >= PERIODS:
             said, x.drive_hz = OFC_LIQUID if which == 0 else OFC_SOLID, hz
         elif which == 2 and math.fabs(c1) > STUCK * p.I_max * n:
             said = RUNAWAY
@@ -281,10 +276,10 @@ def explain(x, p, slow, measured):
             said = WEAK
     elif cc <= min(2.0 * noise_c, instead + SINES * wide * wide) and min(added, min(bias, weak)) >= CLEAR * noise:
         said = EFFECTIVENESS if x.f_age >= LOSS_SAMPLES else NONE  # nothing at all arrives
-    ring = 1 if slow else 0
-    x.drive_votes[ring] = 1.0 + (x.drive_votes[ring] if said != NONE and said == x.drive_vote[ring] else 0.0)
-    x.drive_vote[ring] = said
-    if said != NONE and x.drive_votes[ring] >= VOTES:
+    k = 1 if slow else 0
+    x.drive_votes[k] = 1.0 + (x.drive_votes[k] if said != NONE and said == x.drive_vote[k] else 0.0)
+    x.drive_vote[k] = said
+    if said != NONE and x.drive_votes[k] >= VOTES:
         x.drive_name = said
         if said == EFFECTIVENESS or said == WEAK:
             x.drive_lost = 2.0 if cc <= NOTHING * dd + 2.0 * noise_c else 1.0

@@ -19,10 +19,10 @@ def _limited(x, demand, omega, p):
     i = ((1.0 + x.gain_own) * p.K_gi * demand - (1.0 + x.magnets_own) * back) / p.R_loop
     g = min(max(i, -p.I_max), p.I_max)
     volts = p.R * g + back
-    if math.fabs(volts) > p.V_max:
+    beyond = math.fabs(volts) > p.V_max
+    if beyond:
         g = (math.copysign(p.V_max, volts) - back) / p.R
-        return (g * p.R_loop + back) / p.K_gi, 1.0
-    return (g * p.R_loop + back) / p.K_gi, 0.0
+    return (g * p.R_loop + back) / p.K_gi, 1.0 if beyond else 0.0
 
 
 @kernel

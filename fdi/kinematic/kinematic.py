@@ -50,31 +50,10 @@ from fdi.common.record import Detector
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
 from fdi.common.why import BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
+from fdi.kinematic import signatures as table
 from fdi.kinematic import wind
 from fdi.kinematic.rows import compare, present, read
-from fdi.kinematic.signatures import (
-    CLIMB,
-    CULPRITS,
-    DRIVES,
-    EITHER,
-    FADES,
-    FAST,
-    FIRST,
-    JUMPS,
-    KNOWN,
-    MAY,
-    MUST,
-    NC,
-    NR,
-    NS,
-    OF,
-    SENSORS,
-    SHOWS,
-    SIGNATURES,
-    STAYS,
-    THETA_SENSOR,
-    Q,
-)
+from fdi.kinematic.signatures import CLIMB, CULPRITS, EITHER, NR, NS, SENSORS
 
 SPEEDS = ("tas", "cas", "v_ground")
 TICK = 0.005  # of the training flights [s]
@@ -175,7 +154,7 @@ DETECTOR = Detector(
     summary="sensors of the aircraft against each other by kinematic relations [Eykeren14]",
     inputs={name: name for name in SENSORS},
     group="airframe motion",
-    designed_for={f"sensor.{name}": ("sensor",) for name in dict.fromkeys(c[0] for c in SIGNATURES)}
+    designed_for={f"sensor.{name}": ("sensor",) for name in dict.fromkeys(c[0] for c in table.SIGNATURES)}
     | {"sensor.alpha": ("sensor", "ambiguous"), "sensor.beta": ("sensor", "ambiguous"), "sensor.n_y": ("sensor",)},
     blind="no force enters: neither effectors nor actuators; of alpha, beta and n_y it sees noise and a frozen reading",
     any_aircraft=True,
@@ -211,7 +190,7 @@ def _residuals(x, p, dt):
     c, largest = 1.0 - math.exp(-dt / p.tau_r), 0.0
     learning, fades, back = x.age <= p.t_learn, -1, False
     if x.alarm > 0.5 and x.verdict == SENSOR:
-        fades = FADES[int(x.culprit) - 1]
+        fades = table.FADES[int(x.culprit) - 1]
     for i in range(NR):
         x.fired[i], x.jumped[i] = max(x.fired[i] - dt, 0.0), max(x.jumped[i] - dt, 0.0)
         if x.jumped[i] == 0.0 and x.alarm < 0.5:
@@ -238,10 +217,10 @@ def _residuals(x, p, dt):
     if back:  # what integrates starts anew from the reading that is right again [Lu15]
         x.shows = JUMPED_BACK
         for i in range(NR):
-            if KNOWN[int(x.culprit), i] > 0.5:
+            if table.KNOWN[int(x.culprit), i] > 0.5:
                 x.seen[i], x.res[i], x.fired[i] = 0.0, 0.0, 0.0
-    elif x.shows == STAYING and DRIVES[int(x.culprit) - 1] >= 0:
-        present(x, p, dt, DRIVES[int(x.culprit) - 1])
+    elif x.shows == STAYING and table.DRIVES[int(x.culprit) - 1] >= 0:
+        present(x, p, dt, table.DRIVES[int(x.culprit) - 1])
     return largest
 
 
@@ -283,26 +262,26 @@ def _named(x):
     """Return (number of sensors that explain what fired and jumped, the last of them + 1); q and theta are EITHER. What
     x.known has, another sensor may have done."""
     count, best, pair = 0, 0, 0
-    for s in range(NC):
-        fits = True
+    for s in range(table.NC):
+        fits, first = True, table.FIRST[s]
         for i in range(NR):
             on = x.fired[i] > 0.0
-            missing = not on and MUST[s, i] > 0.5
-            if missing and i != FIRST[s] and x.fired[FIRST[s]] > 0.0 and SHOWS[s, i] > 0.0:
+            missing = not on and table.MUST[s, i] > 0.5
+            if missing and i != first and x.fired[first] > 0.0 and table.SHOWS[s, i] > 0.0:
                 # gusts may hide it there
-                size = math.fabs(x.res[FIRST[s]]) * SHOWS[s, i] * (x.y[15] if FAST[s, i] > 0.5 else 1.0)
+                size = math.fabs(x.res[first]) * table.SHOWS[s, i] * (x.y[15] if table.FAST[s, i] > 0.5 else 1.0)
                 missing = size > HIDDEN * x.limit[i]
-            if missing or (on and MAY[s, i] < 0.5 and x.known[i] < 0.5):
+            if missing or (on and table.MAY[s, i] < 0.5 and x.known[i] < 0.5):
                 fits = False
-        jumped = x.jumped[FIRST[s]] > 0.0
-        if (JUMPS[s] > 0.5 and not jumped) or (JUMPS[s] < -0.5 and jumped):
+        jumped = x.jumped[first] > 0.0
+        if (table.JUMPS[s] > 0.5 and not jumped) or (table.JUMPS[s] < -0.5 and jumped):
             fits = False
-        if x.known[FIRST[s]] > 0.5:
+        if x.known[first] > 0.5:
             fits = False  # nothing is left that would show it
-        if fits and best != OF[s] + 1:
+        if fits and best != table.OF[s] + 1:
             count += 1
-            best = OF[s] + 1
-            pair += 1 if OF[s] == Q or OF[s] == THETA_SENSOR else 0
+            best = table.OF[s] + 1
+            pair += 1 if table.OF[s] == table.Q or table.OF[s] == table.THETA_SENSOR else 0
     if count == 2 and pair == 2:
         return 1, EITHER
     return count, float(best)
@@ -312,14 +291,14 @@ def _named(x):
 def _again(x, p, dt):
     """Name a second sensor: by rows that do not read the first one, or by its noise."""
     if x.noisy > 0.5 and x.noisy != x.culprit:
-        row = FADES[int(x.noisy) - 1]
-        if row >= 0 and STAYS[int(x.culprit) - 1, row] > 0.5:
+        row = table.FADES[int(x.noisy) - 1]
+        if row >= 0 and table.STAYS[int(x.culprit) - 1, row] > 0.5:
             x.culprit, x.shows = x.noisy, NOISE  # an attitude that is frozen looks like an error of its rate, too
             return
         x.second, x.verdict_2 = x.noisy, SENSOR
     left = False
     for i in range(NR):
-        x.known[i] = KNOWN[int(x.culprit), i]
+        x.known[i] = table.KNOWN[int(x.culprit), i]
         left = left or (x.fired[i] > 0.0 and x.known[i] < 0.5)
     x.beyond = x.beyond + dt if left else 0.0
     if x.beyond >= p.t_collect:
@@ -347,7 +326,7 @@ def _decide(x, p, dt):
         count, best = _named(x)
         if count == 1:
             x.alarm, x.verdict, x.culprit = 1.0, SENSOR, best
-            row = FADES[int(best) - 1]
+            row = table.FADES[int(best) - 1]
             x.shows = FADING if row >= 0 else STAYING
             x.leapt = 1.0 if row >= 0 and x.off_most[row] > 0.0 else 0.0
         elif sought and x.since >= p.t_ambiguous:
@@ -367,7 +346,7 @@ def _would_show(x):
         return x.shows > STAYING
     for i in range(NR):
         held = math.fabs(x.held[i])
-        if STAYS[int(x.culprit) - 1, i] > 0.5 and held >= SEEN * x.limit[i] and math.fabs(x.res[i]) < 0.5 * held:
+        if table.STAYS[int(x.culprit) - 1, i] > 0.5 and held >= SEEN * x.limit[i] and math.fabs(x.res[i]) < 0.5 * held:
             return True
     return False
 

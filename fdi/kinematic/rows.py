@@ -5,21 +5,8 @@ import math
 from actuators.block import kernel
 from actuators.constants import G0
 from fdi.common.decision import usable
-from fdi.kinematic.signatures import (
-    BARO,
-    CLIMB,
-    HEIGHT,
-    IMPACT,
-    INTEGRATES,
-    KNOWN,
-    NR,
-    PHI,
-    PSI,
-    SOUND,
-    SPEED,
-    THETA,
-    TURN,
-)
+from fdi.kinematic import signatures as table
+from fdi.kinematic.signatures import CLIMB, NR, NS, SPEED, TURN
 from fdi.kinematic.wind import blow, plane
 
 SPREAD = 3.0  # half of what lateral velocity may be off by, over the rms of lateral gusts: half of `side_gust`
@@ -32,36 +19,21 @@ TAU_NOW, GONE, GONE_S, PLAIN = 0.5, 0.5, 0.5, 2.0  # and only what shows PLAIN t
 
 @kernel
 def read(x, u):
-    """Copy the readings and their flags; one that is out repeats its last value."""
-    _one(x, 0, u.p, u.p_valid)
-    _one(x, 1, u.q, u.q_valid)
-    _one(x, 2, u.r, u.r_valid)
-    _one(x, 3, u.phi, u.phi_valid)
-    _one(x, 4, u.theta, u.theta_valid)
-    _one(x, 5, u.psi, u.psi_valid)
-    _one(x, 6, u.n_x, u.n_x_valid)
-    _one(x, 7, u.n_z, u.n_z_valid)
-    _one(x, 8, u.hdot, u.hdot_valid)
-    _one(x, 9, u.h_inertial, u.h_inertial_valid)
-    _one(x, 10, u.h_baro, u.h_baro_valid)
-    _one(x, 11, u.tas, u.tas_valid)
-    _one(x, 12, u.cas, u.cas_valid)
-    _one(x, 13, u.mach, u.mach_valid)
-    _one(x, 14, u.alpha_ground, u.alpha_ground_valid)
-    _one(x, 15, u.v_ground, u.v_ground_valid)
-    _one(x, 16, u.alpha, u.alpha_valid)
-    _one(x, 17, u.beta, u.beta_valid)
-    _one(x, 18, u.n_y, u.n_y_valid)
-
-
-@kernel
-def _one(x, i, value, flag):
-    x.ok[i] = usable(value, flag)
-    if x.ok[i] > 0.5:
-        x.y_2[i], x.y_1[i], x.y[i] = x.y_1[i], x.y[i], value
-        x.ticks[i] = min(x.ticks[i] + 1.0, 3.0)
-    else:
-        x.ticks[i] = 0.0
+    """Copy the readings and their flags, in the order of SENSORS; one that is out repeats its last value."""
+    values = (
+        u.p, u.q, u.r, u.phi, u.theta, u.psi, u.n_x, u.n_z, u.hdot, u.h_inertial, u.h_baro, u.tas, u.cas, u.mach,
+        u.alpha_ground, u.v_ground, u.alpha, u.beta, u.n_y,
+    )  # fmt: skip
+    flags = (
+        u.p_valid, u.q_valid, u.r_valid, u.phi_valid, u.theta_valid, u.psi_valid, u.n_x_valid, u.n_z_valid,
+        u.hdot_valid, u.h_inertial_valid, u.h_baro_valid, u.tas_valid, u.cas_valid, u.mach_valid,
+        u.alpha_ground_valid, u.v_ground_valid, u.alpha_valid, u.beta_valid, u.n_y_valid,
+    )  # fmt: skip
+    for i in range(NS):
+        x.ok[i] = usable(values[i], flags[i])
+        x.ticks[i] = min(x.ticks[i] + 1.0, 3.0) if x.ok[i] > 0.5 else 0.0
+        if x.ok[i] > 0.5:
+            x.y_2[i], x.y_1[i], x.y[i] = x.y_1[i], x.y[i], values[i]
 
 
 @kernel
@@ -89,9 +61,9 @@ def compare(x, p, dt):
     body = ok[0] * ok[1] * ok[2]
     rates = body * ok[3] * ok[4]
     turning = pitch * sp + yaw * cp
-    _integrated(x, p, PHI, phi, roll + st / ct * turning, rates, dt, 1.0)
-    _integrated(x, p, THETA, theta, pitch * cp - yaw * sp, rates, dt, 0.0)
-    _integrated(x, p, PSI, y[5], turning / ct, rates * ok[5], dt, 1.0)
+    _integrated(x, p, table.PHI, phi, roll + st / ct * turning, rates, dt, 1.0)
+    _integrated(x, p, table.THETA, theta, pitch * cp - yaw * sp, rates, dt, 0.0)
+    _integrated(x, p, table.PSI, y[5], turning / ct, rates * ok[5], dt, 1.0)
     blow(x, p, dt)
     u, w = plane(x)
     v = x.lateral_ground  # gusts are in it, and `side` allows for them
@@ -103,19 +75,19 @@ def compare(x, p, dt):
     _integrated(x, p, TURN, w, pitch * u - roll * v + G0 * (ct * cp - y[7]), path * body * ok[7], dt, 0.0)
     along = G0 * (y[6] * u + y[18] * v - y[7] * w - rise) / max(y[15], 1.0)  # no rate of rotation moves the whole speed
     _integrated(x, p, SPEED, y[15], along, path * ok[6] * ok[7], dt, 0.0)
-    _integrated(x, p, HEIGHT, y[9], y[8], ok[8] * ok[9], dt, 0.0)
-    x.live[SOUND] = ok[11] * ok[13] * ok[9]
+    _integrated(x, p, table.HEIGHT, y[9], y[8], ok[8] * ok[9], dt, 0.0)
+    x.live[table.SOUND] = ok[11] * ok[13] * ok[9]
     kelvin = kelvin_at(y[9] / (1.0 + y[9] / EARTH))
-    x.raw[SOUND] = y[11] - y[13] * math.sqrt(1.4 * 287.05287 * kelvin)
-    x.live[IMPACT] = ok[12] * ok[13] * ok[10]
+    x.raw[table.SOUND] = y[11] - y[13] * math.sqrt(1.4 * 287.05287 * kelvin)
+    x.live[table.IMPACT] = ok[12] * ok[13] * ok[10]
     cas, mach = 0.2 * (y[12] / 340.294) * (y[12] / 340.294), 0.2 * y[13] * y[13]
     impact = math.exp(3.5 * math.log(1.0 + cas)) - 1.0
     static = math.exp(5.2558797 * math.log(kelvin_at(y[10]) / 288.15))
     if y[10] > 11000.0:
         static *= math.exp((11000.0 - y[10]) / 6341.62)
-    x.raw[IMPACT] = impact / (static * (math.exp(3.5 * math.log(1.0 + mach)) - 1.0)) - 1.0
-    x.live[BARO] = ok[9] * ok[10]
-    x.raw[BARO] = y[10] - y[9]
+    x.raw[table.IMPACT] = impact / (static * (math.exp(3.5 * math.log(1.0 + mach)) - 1.0)) - 1.0
+    x.live[table.BARO] = ok[9] * ok[10]
+    x.raw[table.BARO] = y[10] - y[9]
     if ok[17] > 0.5:
         c = 1.0 - math.exp(-dt / p.tau_gust) if x.age > 0.0 else 1.0
         x.sideslip += c * (y[17] - x.sideslip)
@@ -151,7 +123,7 @@ def present(x, p, dt, row):
     keep = math.exp(-dt / p.tau_r)
     lag = (1.0 - keep / (1.0 - dt / p.tau)) / (1.0 - keep)
     for i in range(NR):
-        if KNOWN[int(x.culprit), i] > 0.5 and INTEGRATES[i] > 0.5:
+        if table.KNOWN[int(x.culprit), i] > 0.5 and table.INTEGRATES[i] > 0.5:
             x.model[i] += lag * x.res[i]
             x.raw[i] -= lag * x.res[i]
             x.last[i], x.res[i] = x.raw[i], 0.0

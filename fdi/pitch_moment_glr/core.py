@@ -86,25 +86,21 @@ def correlate(x, p, e, s, roll):
     oscillation, followed for the terms that a manoeuvre moves, and G what is left of it in the innovation. Whatever G
     is, as long as it comes from the past, M is the variance of z. `roll` is the whitened roll acceleration.
     """
-    x0, x1, x2, x3 = x.xw[0], x.xw[1], x.xw[2], x.xw[3]
-    k0, k1, k2, k3 = x.K[0], x.K[1], x.K[2], x.K[3]
-    g, own = 1.0 / s, x.xw[2]
+    terms, gains = (x.xw[0], x.xw[1], x.xw[2], x.xw[3]), (x.K[0], x.K[1], x.K[2], x.K[3])
+    g, own = 1.0 / s, terms[2]
     for f in range(NF):
         cc, ss = x.cosine[f], x.sine[f]
         c, d = p.turn_c[f] * cc - p.turn_s[f] * ss, p.turn_s[f] * cc + p.turn_c[f] * ss
         x.cosine[f], x.sine[f] = c, d
         keep = p.keep[f]
         twice = keep * keep
-        G = c - x0 * x.d_c[0, f] - x1 * x.d_c[1, f] - x2 * x.d_c[2, f] - x3 * x.d_c[3, f]
-        H = d - x0 * x.d_s[0, f] - x1 * x.d_s[1, f] - x2 * x.d_s[2, f] - x3 * x.d_s[3, f]
-        x.d_c[0, f] = keep * (x.d_c[0, f] + k0 * G)
-        x.d_c[1, f] = keep * (x.d_c[1, f] + k1 * G)
-        x.d_c[2, f] = keep * (x.d_c[2, f] + k2 * G)
-        x.d_c[3, f] = keep * (x.d_c[3, f] + k3 * G)
-        x.d_s[0, f] = keep * (x.d_s[0, f] + k0 * H)
-        x.d_s[1, f] = keep * (x.d_s[1, f] + k1 * H)
-        x.d_s[2, f] = keep * (x.d_s[2, f] + k2 * H)
-        x.d_s[3, f] = keep * (x.d_s[3, f] + k3 * H)
+        G, H = c, d
+        for i in range(4):
+            G -= terms[i] * x.d_c[i, f]
+            H -= terms[i] * x.d_s[i, f]
+        for i in range(4):
+            x.d_c[i, f] = keep * (x.d_c[i, f] + gains[i] * G)
+            x.d_s[i, f] = keep * (x.d_s[i, f] + gains[i] * H)
         G_s, H_s = G * g, H * g
         x.z_c[f] = keep * x.z_c[f] + G_s * e
         x.z_s[f] = keep * x.z_s[f] + H_s * e
@@ -113,10 +109,9 @@ def correlate(x, p, e, s, roll):
         x.M_cs[f] = twice * x.M_cs[f] + G_s * H
         x.M_ss[f] = twice * x.M_ss[f] + H_s * H
         x.M_gg[f] = twice * x.M_gg[f] + own * g * own
-        x.L_c[0, f] = twice * x.L_c[0, f] + G_s * x0
-        x.L_s[0, f] = twice * x.L_s[0, f] + H_s * x0
-        x.L_c[1, f] = twice * x.L_c[1, f] + G_s * own
-        x.L_s[1, f] = twice * x.L_s[1, f] + H_s * own
+        for i in range(2):  # of the static moment and of the elevator's
+            x.L_c[i, f] = twice * x.L_c[i, f] + G_s * terms[2 * i]
+            x.L_s[i, f] = twice * x.L_s[i, f] + H_s * terms[2 * i]
         x.R_c[f] = keep * x.R_c[f] + c * roll
         x.R_s[f] = keep * x.R_s[f] + d * roll
 

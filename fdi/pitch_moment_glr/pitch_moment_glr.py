@@ -267,20 +267,19 @@ def _delay(x, computed):
     """Replace x.term by those of LATE samples ago; return the computed moment and the roll acceleration of then."""
     now = int(x.place_d)
     x.place_d = (now + 1) % LATE
-    row = x.delayed[now]
     for i in range(NX - 1):
-        new = x.term[i]
-        x.term[i] = row[i] if x.filled > 0.5 else new
-        row[i] = new
-        if x.filled < 0.5:
-            for k in range(LATE):
-                x.delayed[k, i] = new
-    before, roll = (row[NX - 1], row[NX]) if x.filled > 0.5 else (computed, x.roll)
-    row[NX - 1], row[NX] = computed, x.roll
+        x.term[i] = _late(x, now, i, x.term[i])
+    return _late(x, now, NX - 1, computed), _late(x, now, NX, x.roll)
+
+
+@kernel
+def _late(x, now, i, new):
+    """Keep a new value of signal i in the place `now`; return the one that was there, at the start the new one."""
     if x.filled < 0.5:
-        for k in range(LATE):
-            x.delayed[k, NX - 1], x.delayed[k, NX] = computed, x.roll
-    return before, roll
+        x.delayed[:, i] = new
+    before = x.delayed[now, i]
+    x.delayed[now, i] = new
+    return before
 
 
 @kernel

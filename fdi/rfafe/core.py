@@ -102,7 +102,7 @@ def fill(
         p[name] = sizes[name]
     start = np.linalg.pinv(design.C) - design.H
     matrices = {name: getattr(d, name) for name in ("Phi", "Gu", "Gy0", "Gy1", "S", "Sy", "Su")}
-    for name, value in {**matrices, "Z0": start, "Z0u": -start @ d.D}.items():
+    for name, value in {**matrices, "Z0": start, "Z0u": -start @ design.D}.items():
         p[name][0, : value.shape[0], : value.shape[1]] = value
     p["y_trim"][0, : len(y_trim)], p["u_trim"][0, : len(u_trim)] = y_trim, u_trim
     p["learn"][0, : len(learn)], p["n_trim"] = learn, n_trim
@@ -117,11 +117,14 @@ def fill(
 def fill_stored(p: Any, design: Any, chosen: Any, dt: float, trim: Any, learn: Any) -> Any:
     """Write a stored entry into a PARAMS record for tick `dt` [s]: design, input delays, actuator.
 
-    `trim` holds the outputs, then the elevator [design units]; None: those marked in `learn` are learned.
+    `trim` {tas [m/s], alpha, theta, elevator [rad]} is that of the outputs and of the input; None: those marked in
+    `learn` are learned.
     """
     act, how = chosen.get("actuator", {}), {"learn": learn, "n_trim": max(N_TRIM, round(T_TRIM / dt))}
     if trim is not None:
-        how = {"y_trim": trim[: len(learn)], "u_trim": [trim[AIRFRAME]] * NU}
+        alpha, theta, elevator = (trim[name] / RAD_PER_DEG for name in ("alpha", "theta", "elevator"))
+        outputs = [trim["tas"], alpha, 0.0, theta, *[elevator] * (len(learn) - AIRFRAME)]
+        how = {"y_trim": outputs, "u_trim": [elevator] * NU}
     if "rate_deg_s" in act:
         how |= {"act_a": np.broadcast_to(act["a_rad_s"], NU), "act_rate": act["rate_deg_s"]}
     return fill(p, design, unit=RAD_PER_DEG, u_delay=np.asarray(chosen["u_delay_s"]) / dt, **how)

@@ -17,9 +17,9 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Discrete:
-    """s = [z, v]:  s+ = Phi s + Gu u + Gy0 y + Gy1 y+,  r = R s + Ry y + Ru u,  f_hat = S s + Sy y + Su u.
+    """s = [z, v]:  s+ = Phi s + Gu u + Gy0 y + Gy1 y+,  f_hat = S s + Sy y + Su u.
 
-    y+ is the new sample, y the one before, u what was held in between (also in r and f_hat, through D).
+    y+ is the new sample, y the one before, u what was held in between (also in f_hat, through D).
     """
 
     dt: float
@@ -27,14 +27,9 @@ class Discrete:
     Gu: np.ndarray  # (n + l, r)
     Gy0: np.ndarray  # (n + l, m), the sample before
     Gy1: np.ndarray  # (n + l, m), the new sample
-    R: np.ndarray  # (m, n + l)
-    Ry: np.ndarray  # (m, m)
-    Ru: np.ndarray  # (m, r)
     S: np.ndarray  # (l, n + l)
     Sy: np.ndarray  # (l, m)
     Su: np.ndarray  # (l, r)
-    H: np.ndarray  # (n, m), to start z = x_hat - H y~
-    D: np.ndarray  # (m, r)
 
 
 def first_order_hold(A: np.ndarray, By: Any, Bu: Any, dt: float) -> tuple[Any, ...]:
@@ -51,34 +46,20 @@ def first_order_hold(A: np.ndarray, By: Any, Bu: Any, dt: float) -> tuple[Any, .
 
 
 def discretise(
-    *,
-    N: Any,
-    T: Any,
-    K: np.ndarray,
-    H: np.ndarray,
-    C: np.ndarray,
-    B: np.ndarray,
-    D: np.ndarray,
-    TF: np.ndarray,
-    gain: Any,
-    alpha: float,
-    dt: float,
-) -> Discrete:
+    *, N: Any, T: Any, K: np.ndarray, H: np.ndarray, C: np.ndarray, B: np.ndarray, D: np.ndarray, TF: np.ndarray,
+    gain: Any, alpha: float, dt: float,
+) -> Discrete:  # fmt: skip
     """Return the Discrete estimator; shapes as in `fdi.rfafe.synthesis`, gain = Gamma M (l, m), dt in s."""
     if not dt > 0.0:
         raise ValueError(f"dt is positive, not {dt}")
-    m = H.shape[1]
     l = TF.shape[1]
-    through = gain @ (np.eye(m) - C @ H)
+    through = gain @ (np.eye(H.shape[1]) - C @ H)
     A = np.block([[N - TF @ gain @ C, alpha * TF], [-gain @ C, np.zeros((l, l))]])
     By = np.vstack([K + TF @ through, through])
     Bu = np.vstack([T @ B, np.zeros((l, B.shape[1]))]) - By @ D
     Phi, Gu, Gy0, Gy1 = first_order_hold(A, By, Bu, dt)
-    Ry = np.eye(m) - C @ H
-    return Discrete(
-        dt=float(dt), Phi=Phi, Gu=Gu, Gy0=Gy0, Gy1=Gy1,
-        R=np.hstack([-C, np.zeros((m, l))]), Ry=Ry, Ru=-Ry @ D,
-        S=np.hstack([-gain @ C, alpha * np.eye(l)]), Sy=through, Su=-through @ D, H=H, D=D)
+    S = np.hstack([-gain @ C, alpha * np.eye(l)])
+    return Discrete(dt=float(dt), Phi=Phi, Gu=Gu, Gy0=Gy0, Gy1=Gy1, S=S, Sy=through, Su=-through @ D)
 
 
 def noise(discrete: Any, sigma: float | np.ndarray) -> np.ndarray:

@@ -129,16 +129,12 @@ def params(
     sides = (technology.split("/") * 2)[:2]
     even = [_even((response or {}).get(kind), dt) for kind in sides]
     p = record(PARAMS, weight=weight, even=even, **bank.design(dt), **thresholds("rfafe", which, own))
-    t = None
-    if trim is not None:
-        alpha, theta, elevator = (trim[name] / RAD_PER_DEG for name in ("alpha", "theta", "elevator"))
-        t = [trim["tas"], alpha, 0.0, theta, elevator, elevator]
     if "servos" in stored:
         models = [stored["servos"][kind] for name in sides for kind in side(name)]
         p["servo"] = [servo.row(model, dt) for model in models]
         p["n_forget"] = round(max(map(servo.memory, models)) / dt) if trim is None else 0
         p["gain"] = chosen["actuator"]["gain"]
-    return fill_stored(p, made, chosen, dt, t, (1, 1, 0, 1, 1, 1))
+    return fill_stored(p, made, chosen, dt, trim, (1, 1, 0, 1, 1, 1))
 
 
 def side(kind: str) -> tuple[str, str]:

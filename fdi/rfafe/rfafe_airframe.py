@@ -85,11 +85,7 @@ def params(
     ratios = (design.A[2, 1] / design.F[2, 0], design.A[2, 2] / design.F[2, 0], 1.0, 0.0)
     p = record(PARAMS, **bank.design(dt), **thresholds("rfafe_airframe", which, own), own=ratios,
                omega_f=design.report.bandwidth[0])  # fmt: skip
-    t = None
-    if trim is not None:
-        alpha, theta, elevator = (trim[name] / RAD_PER_DEG for name in ("alpha", "theta", "elevator"))
-        t = [trim["tas"], alpha, 0.0, theta, elevator]
-    return fill_stored(p, design, chosen, dt, t, (1, 1, 0, 1))
+    return fill_stored(p, design, chosen, dt, trim, (1, 1, 0, 1))
 
 
 def init(p: np.ndarray) -> np.ndarray:

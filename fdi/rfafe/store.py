@@ -28,7 +28,7 @@ def to_plain(design: Any) -> Any:
 
 
 def from_plain(plain: Any) -> Any:
-    """Return the Design of `to_plain`; ValueError when a field is missing or unknown."""
+    """Return the Design of `to_plain`; ValueError when a field is missing; of an older one some are not used."""
     sizes = {"n": len(plain["A"]), "m": len(plain["C"]), "r": _width(plain["B"]), "q": _width(plain["E"])}
     shapes = {"E": ("n", "q"), "B": ("n", "r"), "D": ("m", "r")}
 
@@ -72,11 +72,10 @@ def at_tick(design: Any, dt: float) -> Any:
 
 
 def _make(kind, values):
-    names = {f.name for f in fields(kind)}
-    if names != set(values):
-        raise ValueError(f"a stored {kind.__name__} lacks {sorted(names - set(values))} or has unknown "
-                         f"{sorted(set(values) - names)}; make it again with `cosim design`")
-    return kind(**values)
+    names = [f.name for f in fields(kind)]
+    if lacks := sorted(set(names) - set(values)):
+        raise ValueError(f"a stored {kind.__name__} lacks {lacks}; make it again with `cosim design`")
+    return kind(**{name: values[name] for name in names})
 
 
 def _width(rows):

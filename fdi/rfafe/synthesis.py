@@ -20,20 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from fdi.common import lmi
-from fdi.common.conditions import (
-    DesignError,
-    angle_deg,
-    balance,
-    basis,
-    decouple,
-    fixed_modes,
-    rank_of,
-    separate,
-    singular,
-    undetectability,
-    without_rounding,
-)
+from fdi.common import conditions, lmi
+from fdi.common.conditions import DesignError
 from fdi.rfafe.discrete import Discrete, discretise
 
 G_SHARE = 0.05  # g above: gives up 2.5 % of (15)'s lower right block for a finite bound delta
@@ -164,26 +152,26 @@ def design(
     if sigma is not None and (np.shape(sigma) != (len(C),) or not np.all(np.asarray(sigma, float) > 0.0)):
         raise DesignError(f"sigma is one positive number per output ({len(C)}), not {sigma!r}")
     if parallel != "error":
-        E = separate(E, F, C, min_ratio=min_ratio, method=parallel)
-    E = basis(E)
-    H, T = decouple(C, E, F)
+        E = conditions.separate(E, F, C, min_ratio=min_ratio, method=parallel)
+    E = conditions.basis(E)
+    H, T = conditions.decouple(C, E, F)
     ratio = float(np.min(np.linalg.norm(T @ F, axis=0) / np.linalg.norm(F, axis=0)))
-    angle = angle_deg(E, F)
+    angle = conditions.angle_deg(E, F)
     if ratio < min_ratio:
         raise DesignError(
             f"|TF|/|F| is {ratio:.3f}, below {min_ratio}: E lies {angle:.1f} deg from F, so decoupling it removes the "
             "fault and multiplies the noise; lower the rank of E or remove its part along F (see `parallel`)")
-    A1 = without_rounding(T @ A, np.abs(T) @ np.abs(A))
-    scale = balance(A1, C, T @ F, sigma)
+    A1 = conditions.without_rounding(T @ A, np.abs(T) @ np.abs(A))
+    scale = conditions.balance(A1, C, T @ F, sigma)
     model = _scaled(A1, C, T @ F, scale)
-    distance, state = undetectability(*model[:2])
-    zeros = fixed_modes(*model)
+    distance, state = conditions.undetectability(*model[:2])
+    zeros = conditions.fixed_modes(*model)
     region = _region(region, bandwidth, alpha, zeros)
     if alpha is None:
         alpha = region.centre * (1.0 + region.centre / (2.0 * bandwidth))
 
     try:
-        P, Y, scale = _solve(A1, C, T @ F, (scale, balance(A, C, F, sigma), np.ones(len(A))), region, alpha)
+        P, Y, scale = _solve(A1, C, T @ F, (scale, conditions.balance(A, C, F, sigma), np.ones(len(A))), region, alpha)
     except lmi.Infeasible as error:
         near = f"(C, A1) is {distance:.1e} of |A1| from an undetectable pair (mostly state {state})"
         raise lmi.Infeasible(f"{error}; {near}") from error
@@ -281,7 +269,7 @@ def _attempt(A1, C, TF, region, alpha, margin, which):
     A1 = A1 / unit
     TF = TF / np.linalg.norm(TF, axis=0)
     U, s, Vt = np.linalg.svd(C, full_matrices=False)
-    rank = rank_of(s)
+    rank = conditions.rank_of(s)
     span = _symmetric_basis(TF, Vt[:rank], n)
     p, Yr = cp.Variable(span.shape[1]), cp.Variable((n, rank))
     t = cp.Variable()
@@ -329,7 +317,8 @@ def _exact_M(TF, P, C):
 
 def _check(d, scale, *, ratio, angle, distance, zeros):
     """Return the Report of everything substituted back, balanced; raise lmi.Infeasible when an inequality fails."""
-    P, N, TF = d["P"] * np.outer(scale, scale), d["N"] / scale[:, None] * scale, d["T"] @ d["F"] / scale[:, None]
+    full = d["T"] @ d["F"]
+    P, N, TF = d["P"] * np.outer(scale, scale), d["N"] / scale[:, None] * scale, full / scale[:, None]
     region, alpha, theta = d["region"], d["alpha"], d["theta"]
     size = np.linalg.norm(P, 2)
     P, G = P / size, d["G"] / size
@@ -344,16 +333,15 @@ def _check(d, scale, *, ratio, angle, distance, zeros):
     for name, value in violations.items():
         if value > 1e-6:
             raise lmi.Infeasible(f"({name}) is violated by {value:.1e} of its size when the solution is substituted "
-                                 "back: the "
-                                 "model is too ill-conditioned for this region")
-    goal = (d["T"] @ d["F"]).T @ d["P"]
+                                 "back: the model is too ill-conditioned for this region")
+    goal = full.T @ d["P"]
     residual = np.linalg.norm((goal - d["M"] @ d["C"]) * scale) / np.linalg.norm(goal * scale)
     gain = d["Gamma"] @ d["M"] @ d["C"]
-    full = d["T"] @ d["F"]
     loop = np.block([[d["N"] - full @ gain, -alpha * full], [gain, np.zeros((full.shape[1],) * 2)]])
     E = d["E"]
     return Report(
-        rank_E=E.shape[1], angle_deg=angle, TF_ratio=ratio, singular_CE=tuple(float(x) for x in singular(d["C"] @ E)),
+        rank_E=E.shape[1], angle_deg=angle, TF_ratio=ratio,
+        singular_CE=tuple(float(x) for x in conditions.singular(d["C"] @ E)),
         undetectability=distance, fixed_modes=tuple(complex(x) for x in zeros),
         lmi15=violations["15"], lmi30=violations["30"], lmi31=violations["31"], gamma=float(residual),
         decoupling=float(np.linalg.norm(d["T"] @ E) / max(np.linalg.norm(E), 1e-300)),
@@ -396,9 +384,8 @@ def _region(region, bandwidth, alpha, zeros):
     outside = [z for z in zeros if not region.holds([z], slack=-1e-9)[0]]
     if outside:
         listed = ", ".join(f"{z:.4g}" for z in outside)
-        raise DesignError(f"fixed modes {listed} 1/s (invariant zeros from fault and unknown input to the outputs) "
-                          "lie outside "
-                          f"{region}: no gain moves them; measure more, lower the rank of E or widen the region")
+        raise DesignError(f"fixed modes {listed} 1/s (invariant zeros from fault and unknown input to the outputs) lie "
+                          f"outside {region}: no gain moves them; measure more, lower the rank of E or widen it")
     return region
 
 

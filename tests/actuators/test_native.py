@@ -53,15 +53,6 @@ def test_code_that_is_not_as_written_is_not_loaded(tmp_path):
         assert object_cache.read_whole(file) is None
 
 
-@pytest.mark.parametrize("held", ["", "null", "[]", '{"a": 1}', '{"a": [1]}', "[" * 9000])
-def test_what_is_remembered_of_imports_may_be_damaged(held, tmp_path, monkeypatch):
-    from actuators import source_hash
-
-    (tmp_path / "imports.json").write_text(held)
-    monkeypatch.setattr(source_hash, "_memory", lambda: tmp_path / "imports.json")
-    assert source_hash._remembered.__wrapped__() == {}
-
-
 def twice(x):
     return 2.0 * x
 

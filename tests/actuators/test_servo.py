@@ -10,7 +10,7 @@ from servo_loops import hydraulic_loop
 from actuators.common import reference
 from actuators.ema import jay
 from actuators.hydraulic import actuator as hydraulic
-from actuators.hydraulic import servo
+from actuators.hydraulic import lu17, servo
 
 SMOOTH = {"F_c": 0.0, "F_s": 0.0}
 
@@ -195,8 +195,7 @@ def test_loop_is_stable_over_hinge_stiffness_and_parameters(hmd):
 
 def test_error_poles_are_where_they_are_said_to_be():
     """With full state and no delay, u held: three poles at 25 rad/s (3 per cent apart by placement)."""
-    model = hydraulic.params(**SMOOTH)
-    A, B, _, _ = hydraulic.linearised(model)
+    A, B = lu17.linear(lu17.params()[0])
     c = servo.params()[0]
     k = 2 * 1e9 * 0.0025 / (1.4e7 * 0.001973)
     drive = 17.5 * k

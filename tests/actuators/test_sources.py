@@ -1,59 +1,48 @@
-"""What sources import is remembered for the next start, by every tree of sources for itself."""
+"""What a source imports, and with it the name of the folder of its compiled kernels, is found however it is written."""
 
-import json
-import os
-import shutil
-import subprocess
-import sys
-from pathlib import Path
+import ast
 
-ROOT = Path(__file__).resolve().parents[2]
-SCRIPT = """
-import ast, sys
-from pathlib import Path
-parsed = []
-parse, ast.parse = ast.parse, lambda source, *more, **named: parsed.append(1) or parse(source, *more, **named)
+import pytest
+
 from actuators import source_hash
-source_hash.MOST, source_hash.TREES = 4, 2
-for name in ("block", "object_cache", "disk_cache"):
-    source_hash.closure(Path(source_hash.__file__).with_name(name + ".py"))
-print(len(parsed))
+
+BLOCKS = """
+import beside, os.path as path
+from beside.one import (  # a bracket (in a comment)
+    a as b,  # and another one )
+    c,
+)
+if path: from beside.two import d; import beside.three
+try: \\
+    from beside.four \\
+        import e
+except ImportError: import beside.five as five
+    \tfrom .six import f
+from . import seven
+from .import eight
 """
+WANTED = (
+    "beside", "os.path", "beside.one", "beside.one.a", "beside.one.c", "beside.two", "beside.two.d", "beside.three",
+    "beside.four", "beside.four.e", "beside.five", "six", "six.f", "", ".seven", ".eight",
+)  # fmt: skip
 
 
-def start(tree, cache):
-    """Return how many sources a process of this tree had to parse."""
-    env = os.environ | {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(tree)}
-    told = subprocess.run([sys.executable, "-c", SCRIPT], cwd=tree, env=env, capture_output=True, text=True, check=True)
-    return int(told.stdout)
+@pytest.mark.parametrize("text", [BLOCKS, BLOCKS.replace("\n", "\r\n"), "\ufeff" + BLOCKS.lstrip()])
+def test_imports_are_found_wherever_they_stand(text, tmp_path):
+    path = tmp_path / "block.py"
+    path.write_bytes(text.encode() + b"# \xff")
+    assert source_hash._imports(path) == sorted(WANTED)
 
 
-def tree(folder):
-    """Return a tree of four sources that import one another, so that a table of four holds just them."""
-    package = folder / "actuators"
-    package.mkdir(parents=True)
-    (package / "__init__.py").touch()
-    shutil.copy(ROOT / "actuators" / "source_hash.py", package)
-    for name, line in (
-        ("block", "from actuators import object_cache"),
-        ("object_cache", "import actuators.disk_cache"),
-        ("disk_cache", ""),
-    ):
-        (package / f"{name}.py").write_text(f"{line}\n# {folder.name}\n")
-    return folder
-
-
-def test_trees_that_share_a_cache_do_not_push_each_others_sources_out(tmp_path):
-    one, other, cache = tree(tmp_path / "one"), tree(tmp_path / "other"), tmp_path / "cache"
-    first = start(one, cache), start(other, cache)
-    assert min(first) > 2
-    assert (start(one, cache), start(other, cache)) == (0, 0)
-
-
-def test_tables_of_trees_that_are_gone_go(tmp_path):
-    cache = tmp_path / "cache"
-    for name in ("one", "two", "three"):
-        start(tree(tmp_path / name), cache)
-    tables = sorted((cache / "cosim-kernels").glob("imports-*.json"))
-    assert len(tables) == 2 and all(json.loads(table.read_text()) for table in tables)
-    assert start(tmp_path / "three", cache) == 0
+def test_no_import_of_our_own_sources_is_missed():
+    for path in (p for name in source_hash.PACKAGES for p in (source_hash.ROOT / name).rglob("*.py")):
+        package, wanted = path.relative_to(source_hash.ROOT).parts[:-1], set()
+        for node in ast.walk(ast.parse(path.read_bytes())):
+            if isinstance(node, ast.Import):
+                wanted |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                above = package[: len(package) - node.level + 1] if node.level else ()
+                base = ".".join((*above, *([node.module] if node.module else ())))
+                wanted |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+        ours = {name for name in wanted if name.partition(".")[0] in source_hash.PACKAGES}
+        assert ours <= set(source_hash._imports(path)), path

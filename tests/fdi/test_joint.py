@@ -38,7 +38,7 @@ def heard(*said, technology=MIXED, without=("pitch_moment_glr",), duration_s=8.0
 def name(log, k=-1):
     """Return (class, culprit, second culprit) of a tick."""
     culprits = (joint.CULPRITS[int(log[field][k])] for field in ("culprit", "second"))
-    return (verdict.name(log["verdict"][k]), *culprits)
+    return (verdict.class_name(log["verdict"][k]), *culprits)
 
 
 def test_a_filter_that_alarms_places_the_fault_in_the_valve_and_a_monitor_alone_in_the_command_path():
@@ -160,7 +160,7 @@ def test_two_faults_are_named_beside_each_other_whichever_came_first():
     other = ("ema_kalman_flight", "right_outer", "ofc_liquid", "", 3.0)
     log = heard(VALVE, ("ofc_monitor", "left_inner", "ofc_liquid", "", 2.0), other)
     assert {*name(log)[1:]} == {"elevator_left_inner_valve", "elevator_right_outer_drive"}
-    assert verdict.name(log["verdict_2"][-1]) == "ofc_liquid" and log["second"][20] == 0.0
+    assert verdict.class_name(log["verdict_2"][-1]) == "ofc_liquid" and log["second"][20] == 0.0
 
 
 def test_a_detector_that_does_not_fly_is_no_silence():

@@ -30,7 +30,7 @@ def watched(flights, change):
 def named(log):
     """Return {(class, culprit)} of every alarm in the log that has a name."""
     on = (log["alarm"] > 0.5) & (log["verdict"] != verdict.AMBIGUOUS)
-    return {(verdict.name(v), iotsekf.CULPRITS[int(c)]) for v, c in zip(log["verdict"][on], log["culprit"][on])}
+    return {(verdict.class_name(v), iotsekf.CULPRITS[int(c)]) for v, c in zip(log["verdict"][on], log["culprit"][on])}
 
 
 @pytest.mark.parametrize("rate", [0.05, 0.2, -0.1])

@@ -147,7 +147,7 @@ def test_class_of_an_oscillation_needs_a_command_that_moves(published, kind):
     inputs = measured(rfafe, held_inputs(published, command, f), command)
     log = fly(rfafe, rfafe.params(stored=stored(published), trim=TRIM), inputs)
     assert log["alarm"][t < 4.0].max() == 0.0
-    assert verdict.name(log["verdict"][-1]) == kind
+    assert verdict.class_name(log["verdict"][-1]) == kind
     assert rfafe.CULPRITS[int(log["culprit"][-1])] == "elevator_left"
 
 
@@ -295,7 +295,7 @@ def test_a_fast_solid_oscillation_is_not_called_liquid_by_what_was_before_it(pub
     inputs = measured(rfafe, held_inputs(published, np.stack([u, u], 1), f), np.stack([u, u], 1))
     log = fly(rfafe, rfafe.params(stored=stored(published), trim=TRIM), inputs)
     assert log["alarm"][t < 9.0].max() == 0.0
-    assert {verdict.name(v) for v in log["verdict"][t > 9.0]} - {"none", "ambiguous"} == {"ofc_solid"}
+    assert {verdict.class_name(v) for v in log["verdict"][t > 9.0]} - {"none", "ambiguous"} == {"ofc_solid"}
 
 
 @pytest.mark.parametrize("hz", [1.0, 3.0, 6.0])

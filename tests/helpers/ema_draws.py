@@ -89,7 +89,7 @@ def outcome(flight: Flight, begin: Any) -> Outcome:
     if named.any():
         name = CULPRITS[int(log["culprit"][np.argmax(named)])]
     else:
-        name = verdict.name(log["verdict"][at])
+        name = verdict.class_name(log["verdict"][at])
     return Outcome(name, at * DT - begin, bool(log["reconf"].any()), largest)
 
 

@@ -98,7 +98,7 @@ def loop_fault(name: str, seed: int, path: str | Path, noise: float = 1.0) -> di
     fault = {"target": "elevator.left_inner.current", "start_s": ONSET, "path": path, **CURRENT[name]}
     healthy, faulty = flown(seed, noise=noise), flown(seed, fault, noise=noise)
     k = round(ONSET / DT)
-    said = [verdict.name(v) for v in faulty["verdict"][k:]]
+    said = [verdict.class_name(v) for v in faulty["verdict"][k:]]
     culprits = [CULPRITS[int(c)] for c in faulty["culprit"][k:]]
     names = dict.fromkeys(f"{v} {c}".strip() for v, c in zip(said, culprits) if v != "none")
     return {

@@ -145,8 +145,8 @@ def judge(case: Any, recorded: Any, module: Any, p: Any, twin: Any = None) -> An
     return Outcome(
         early=bool(alarm[LANE, :before].any() or others.any()),
         delay=(at - k) * DT if at is not None else math.inf,
-        first=verdict.name(log["verdict"][LANE, at]) if at is not None else "none",
-        last=verdict.name(last["verdict"]),
+        first=verdict.class_name(log["verdict"][LANE, at]) if at is not None else "none",
+        last=verdict.class_name(last["verdict"]),
         culprit=module.CULPRITS[int(last["culprit"])],
         hz=float(last["ofc_hz"]) if "ofc_hz" in fields else math.nan,
         deviation=float(moved),

@@ -43,7 +43,7 @@ def feedback_flight(feedback: Any, reconfigure: bool, seed: int) -> dict[str, bo
     jam = flown(feedback, reconfigure, [JAM], [*names, *said])
     k, late, settled = round(ONSET / DT), round((ONSET + 2.0) / DT), round(2.0 / DT)
     off = np.abs(jam[:, :3] - free)
-    tracking = np.abs(free[settled:, 0] - [linkage.surface(q) for q in free[settled:, 2]])
+    tracking = np.abs(free[settled:, 0] - free[settled:, 2] / linkage.ARM)
     return {
         "tracking_deg": float(tracking.max() / RAD_PER_DEG),
         "nz_free_g": float(np.abs(free - plain)[:, 1].max()),
