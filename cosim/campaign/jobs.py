@@ -60,32 +60,34 @@ def code_of(jobs: Sequence[Job]) -> str:
 def stored(folder: str | Path) -> tuple[str, dict[str, Any]]:
     """Return (digest of the code, {key: value}) of what `folder` holds, without what is damaged; ("", {}) of nothing.
     Raises OutputError for a file of results that cannot be read."""
-    path, found = Path(folder) / FILE, {}
-    regular(path, OutputError)
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
-    for line in lines[1:]:
-        with contextlib.suppress(ValueError, TypeError, RecursionError):  # the line that a kill cut short, or damage
-            key, value, *told = json.loads(line)  # lines of older versions have no digest
-            if isinstance(key, str) and told in ([], [_digest(key, value)]):
-                found[key] = value
-    with contextlib.suppress(ValueError, TypeError, KeyError, RecursionError):
-        return str(json.loads(lines[0])["code"] if lines else ""), found
-    return "", {}
+    code, found = "", {}
+    for told in _lines(Path(folder) / FILE):
+        if isinstance(told, dict):
+            code = told["code"]
+        elif told is not None:
+            found[told[0]] = told[1]
+    return (code, found) if isinstance(code, str) and code else ("", {})
 
 
 def own(path: Path) -> None:
     """Raise OutputError where a file of results at `path` holds something, and not one line of it is of jobs."""
+    lines = list(_lines(path))
+    if lines and not any(lines):
+        raise OutputError("holds something else", place=str(path), remedy="Choose another folder")
+
+
+def _lines(path):
+    """Yield each line of a file of results as {"code": digest} or [key, value, digest], None for one that is neither:
+    one that a kill cut short, or damage."""
     regular(path, OutputError)
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
-    for line in lines:
+    text = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
+    for line in filter(None, text.splitlines()):
+        ours = None
         with contextlib.suppress(ValueError, TypeError, RecursionError):
             told = json.loads(line)
-            if isinstance(told, dict) and set(told) == {"code"}:
-                return
-            if isinstance(told, list) and len(told) == 3 and told[2] == _digest(*told[:2]):
-                return
-    if any(lines):
-        raise OutputError("holds something else", place=str(path), remedy="Choose another folder")
+            if set(told) == {"code"} if isinstance(told, dict) else told[2:] == [_digest(*told[:2])]:
+                ours = told
+        yield ours
 
 
 def keep(folder: str | Path, digest: str, values: Mapping[str, Any]) -> None:
