@@ -98,9 +98,7 @@ def space(campaign: str) -> Space:
     return Space(load_campaign(campaign), first_seed=FIRST_SEED)
 
 
-def fly(
-    campaign: str, number: int, digest: str = "", files: Sequence[str] = (), also: Sequence[str] = ()
-) -> dict:
+def fly(campaign: str, number: int, digest: str = "", files: Sequence[str] = (), also: Sequence[str] = ()) -> dict:
     """Fly one flight, also past the user's detectors in `files` and the shipped ones `also`, and return what is kept of
     it, as plain data; `digest` tells files of one name apart."""
     from cosim.flight.build import build

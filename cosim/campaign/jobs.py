@@ -35,17 +35,20 @@ def work(
     in this process; `progress(done, total)` counts. An error in a job ends the work.
     """
     jobs = [(function, json.loads(json.dumps(arguments))) for function, arguments in jobs]
-    results = _Results(folder, (code or code_of(jobs)) if folder else "", read)
+    path = Path(folder) / FILE if folder else None
+    values = _held(path, code or code_of(jobs), read) if path else {}
     keys = [_key(job) for job in jobs]
-    todo = {key: job for key, job in zip(keys, jobs) if key not in results.values}
+    todo = {key: job for key, job in zip(keys, jobs) if key not in values}
     total = len(set(keys))
     tell = progress or (lambda done, total: None)
     tell(total - len(todo), total)
     calls = ((key, functools.partial(_call, *job), ()) for key, job in todo.items())
     for done, (key, value) in enumerate(finished(calls, workers=workers), start=total - len(todo) + 1):
-        results.add(key, json.loads(value))
+        values[key] = json.loads(value)
+        if path:
+            _append(path, _line(key, values[key]))
         tell(done, total)
-    return [read(results.values[key]) for key in keys]
+    return [read(values[key]) for key in keys]
 
 
 def code_of(jobs: Sequence[Job]) -> str:
@@ -104,33 +107,27 @@ def _digest(key, value):
     return hashlib.sha256(json.dumps([key, value]).encode()).hexdigest()[:12]
 
 
-class _Results:
-    """Values of finished jobs, in memory and in a folder (None: in memory only)."""
+def _held(path, digest, read):
+    """Return {key: value} of what is done by the code with `digest`, which alone stays in the file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    own(path)
+    code, found = stored(path.parent)
+    values = {}
+    for key, value in found.items() if code == digest else ():
+        with contextlib.suppress(ValueError):
+            read(value)
+            values[key] = value
+    keep(path.parent, digest, values)
+    return values
 
-    def __init__(self, folder, digest, read):
-        self.values: dict[str, object] = {}
-        self.path = Path(folder) / FILE if folder else None
-        if self.path is None:
-            return
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        own(self.path)
-        code, found = stored(self.path.parent)
-        for key, value in found.items() if code == digest else ():
-            with contextlib.suppress(ValueError):
-                read(value)
-                self.values[key] = value
-        keep(self.path.parent, digest, self.values)
 
-    def add(self, key, value):
-        """Keep the value of a job."""
-        self.values[key] = value
-        if self.path:
-            try:
-                with open(self.path, "a", encoding="utf-8") as file:
-                    file.write(_line(key, value) + "\n")
-            except OSError as error:
-                remedy = SPACE if error.errno in FULL else "What is done is kept: start again"
-                raise OutputError(f"cannot be written: {error.strerror}", place=str(self.path), remedy=remedy) from None
+def _append(path, line):
+    try:
+        with open(path, "a", encoding="utf-8") as file:
+            file.write(line + "\n")
+    except OSError as error:
+        remedy = SPACE if error.errno in FULL else "What is done is kept: start again"
+        raise OutputError(f"cannot be written: {error.strerror}", place=str(path), remedy=remedy) from None
 
 
 def _key(job):

@@ -70,8 +70,6 @@ def test_a_foreign_file_is_not_overwritten(text, tmp_path):
     assert (tmp_path / "results.jsonl").read_text() == text
 
 
-def test_a_full_disk_is_told_with_the_file(tmp_path, monkeypatch):
-    results = jobs._Results(tmp_path, "x", lambda value: value)
-    results.path = Path("/dev/full")
+def test_a_full_disk_is_told_with_the_file():
     with pytest.raises(OutputError, match=r"/dev/full: cannot be written: No space left.*Free space"):
-        results.add("key", 1)
+        jobs._append(Path("/dev/full"), "line")

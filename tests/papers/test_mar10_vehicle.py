@@ -32,8 +32,8 @@ def test_the_model_flies_by_the_equations_of_slide_7(quiet):
 @pytest.mark.parametrize("pitch, yaw", [("ic/q-rad_sec", "ic/r-rad_sec"), ("fin/m-rad", "fin/n-rad"),
                                         ("ic/alpha-deg", "ic/beta-deg")])  # fmt: skip
 def test_moments_about_pitch_and_yaw_are_alike(pitch, yaw):
-    """A body of revolution with the same tail in both planes: by symmetry it is damped, steered and turned into the wind
-    about either axis alike."""
+    """A body of revolution with the same tail in both planes: by symmetry it is damped, steered and turned into the
+    wind about either axis alike."""
     found = []
     for given, moment in ((pitch, "moments/m-aero-lbsft"), (yaw, "moments/n-aero-lbsft")):
         start = {"ic/h-sl-ft": 10_000.0, "ic/vt-fps": 1000.0}
