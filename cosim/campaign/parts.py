@@ -98,23 +98,25 @@ def _opened(path):
 
 def ordered(folder: Path, kind: str, order: dict[str, int]) -> Iterator[pd.DataFrame]:
     """Yield the rows of a kind as frames of whole runs, in the `order` {run: position} of the runs, without others. A
-    frame is of BLOCK positions, so that what is written does not depend on how the rows came; read for it are the row
-    groups that hold one of its runs."""
+    frame is of BLOCK positions, so that what is written does not depend on how the rows came; held are the row groups
+    that have one of its runs."""
     groups: dict[int, dict] = {}  # block: its (path, number of the row group)
+    last: dict[tuple, int] = {}  # the last block of a row group
     for path in paths(folder, kind):
         for i, table in enumerate(whole(path, kind, ["run"]) or ()):
-            for run in table["run"].to_pylist():
-                if run in order:
-                    groups.setdefault(order[run] // BLOCK, {})[path, i] = None
+            for block in {order[run] // BLOCK for run in table["run"].to_pylist() if run in order}:
+                groups.setdefault(block, {})[path, i] = None
+                last[path, i] = max(block, last.get((path, i), 0))
+    held: dict[tuple, pa.Table] = {}
     for block in sorted(groups):
-        found = []
-        for path, i in groups[block]:
+        for path, i in (key for key in groups[block] if key not in held):
             if (table := next(_groups(path, kind, i))) is None:
                 raise OutputError("has changed while it was read", place=str(path), remedy="Go on with --resume")
-            found.append(table)
-        frame = pa.concat_tables(found).to_pandas()
+            held[path, i] = table
+        frame = pa.concat_tables([held[key] for key in groups[block]]).to_pandas()
         at = frame["run"].map(order)
         yield frame.loc[at[at // BLOCK == block].sort_values(kind="stable").index]
+        held = {key: table for key, table in held.items() if last[key] > block}
 
 
 def merge(folder: Path, kind: str) -> None:
