@@ -229,7 +229,8 @@ def likeliest(
     """
     check(detector, flights, LEAST, MOST)
     space = Space(load_campaign(campaign), first_seed=FIRST_SEED, seeds=SEEDS, detectors=(detector,), part=part)
-    rng, found = np.random.default_rng(seed), []
+    rng = np.random.default_rng(seed)
+    found: list[Failure] = []
     with pool(workers) as executor:
         fly = Flights(space, detector, executor, flights, progress)
         while fly.left >= 2 * POPULATION:
