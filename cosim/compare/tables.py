@@ -1,6 +1,7 @@
 """Tables of a comparison and of a score, the same in terminal, page and README: one Column per figure."""
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -90,6 +91,10 @@ def quiet(each: Iterable[dict]) -> Table:
     return of(columns, each)
 
 
+def _right_at(level, d):
+    return str(d["place_levels"][level])
+
+
 FINEST = "the finest level at which the place is right, as in the next columns"
 
 
@@ -98,7 +103,7 @@ def names(each: Iterable[dict]) -> Table:
     columns = (
         NAME, GROUP, Column("alarmed on", "alarmed_on", doc="faults, designed for or not"),
         Column("class right", "class_right"), Column("class wrong", "class_wrong", doc="ambiguous is neither"),
-        *(Column(f"right {level}", lambda d, level=level: str(d["place_levels"][level]), doc="" if i else FINEST)
+        *(Column(f"right {level}", partial(_right_at, level), doc="" if i else FINEST)
           for i, level in enumerate(LEVELS[1:])),
         Column("place wrong", "place_wrong"), Column("wrong name", "name_wrong", doc="class or place"),
     )  # fmt: skip
