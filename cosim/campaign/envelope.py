@@ -46,19 +46,14 @@ def trim_map(
     the segment that reaches least. `workers` processes, None for one per core, 0 for this one; `progress(done, total)`
     counts points.
     """
-    jobs = [(*where, tuple(cas_kt)) for where in itertools.product(masses_t, cgs_pct, altitudes_ft)]
-    total, rows = len(jobs) * len(cas_kt), []
+    points = list(itertools.product(masses_t, cgs_pct, altitudes_ft, cas_kt))
+    rows: list = []
     with pool(workers) as here:
-        for future in cf.as_completed([here.submit(_row, job) for job in jobs]):
-            rows += future.result()
+        for future in cf.as_completed([here.submit(_point, *point) for point in points]):
+            rows.append(future.result())
             if progress:
-                progress(len(rows), total)
+                progress(len(rows), len(points))
     return pd.DataFrame(rows).sort_values(["mass_t", "cg_pct", "altitude_ft", "cas_kt"], ignore_index=True)
-
-
-def _row(job):
-    mass, cg, altitude, speeds = job
-    return [_point(mass, cg, altitude, cas) for cas in speeds]
 
 
 def _point(mass, cg, altitude, cas):

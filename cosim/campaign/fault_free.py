@@ -1,20 +1,18 @@
-"""Fault-free flights, of which only the maxima of every detector's statistic are kept.
+"""Fault-free flights, of which only the largest of every detector's statistic is kept.
 
     told = fly("fault-free", 17)        # plain data of flight 17; FaultFreeFlight.read(told) gives it back
 
-A flight becomes, per detector, the maxima of |r| per second, over its lanes and where it judges. Where |r| has to stay
-beyond 1 for a time, and that is the whole decision, the least of that time counts; else every crossing does, which
-bounds the alarms.
+A flight becomes, per detector, the largest |r| over its lanes, where it judges. Where |r| has to stay beyond 1 for a
+time, and that is the whole decision, the least of that time counts; else every crossing does, which bounds the alarms.
 """
 
-import base64
 import functools
 from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from pydantic import ConfigDict, Field, PlainValidator, TypeAdapter
+from numpy.typing import ArrayLike
+from pydantic import ConfigDict, Field, TypeAdapter
 from pydantic.dataclasses import dataclass
 from scipy.ndimage import minimum_filter1d
 
@@ -24,7 +22,6 @@ from cosim.judge.alarms import exposure_s, onsets
 from cosim.judge.detection import valid
 
 FIRST_SEED = 6_000_000  # of the flights: none of training, nor of another campaign
-WINDOW_S = 1.0
 # detectors whose whole decision is |r| >= 1 for a time: the parameter that holds it [s]
 CONFIRMED = {"position_monitor": "t_confirm", "rtsekf": "t_confirm", "rtsekf_flight": "pair_confirm"}
 
@@ -32,7 +29,7 @@ CONFIRMED = {"position_monitor": "t_confirm", "rtsekf": "t_confirm", "rtsekf_fli
 Count = Annotated[int, Field(strict=True, ge=0)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, ge=0.0)]
-CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True)
+CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 class Moments(NamedTuple):
@@ -66,21 +63,11 @@ def _memory(r):
     return max(1.0, float(1.0 + 2.0 * rho.sum())), float(1.0 + 2.0 * (rho @ rho))
 
 
-def _peaks(told):
-    """Return an array as it is, one that `fly` tells unpacked."""
-    if isinstance(told, np.ndarray):
-        return told
-    peaks = np.frombuffer(base64.b64decode(told, validate=True), "<f4") if isinstance(told, str) else np.empty(0)
-    if not len(peaks) or not (peaks >= 0.0).all():
-        raise ValueError("no peak, or one below zero")
-    return peaks
-
-
 @dataclass(frozen=True, config=CONFIG)
 class Lane:
     """What a flight keeps of one detector."""
 
-    peaks: Annotated[NDArray, PlainValidator(_peaks)]  # (windows,) maxima over its lanes, 0 where none judges
+    peak: Positive  # largest of its lanes, 0 where none judges
     valid_s: Positive  # time in which an alarm would count, mean over its lanes (cosim.judge.alarms.exposure_s)
     alarms: Count  # that rose
     silent: Annotated[Count, Field(le=1)]  # of these flights, 1: it alarmed though the statistic stayed below 1
@@ -111,9 +98,7 @@ def space(campaign: str) -> Space:
     return Space(load_campaign(campaign), first_seed=FIRST_SEED)
 
 
-def fly(
-    campaign: str, number: int, digest: str = "", files: Sequence[str] = (), also: Sequence[str] = ()
-) -> dict:
+def fly(campaign: str, number: int, digest: str = "", files: Sequence[str] = (), also: Sequence[str] = ()) -> dict:
     """Fly one flight, also past the user's detectors in `files` and the shipped ones `also`, and return what is kept of
     it, as plain data; `digest` tells files of one name apart."""
     from cosim.flight.build import build
@@ -144,9 +129,7 @@ def fly(
 
 def _kept(trace, own, p, dt):
     """Return what is kept of one detector's lanes."""
-    per = round(WINDOW_S / dt)
-    most = np.zeros(-(-len(trace) // per) * per)
-    exposed, alarms, moments = 0.0, 0, []
+    peak, exposed, alarms, moments = 0.0, 0.0, 0, []
     parameter = CONFIRMED.get(own[0].id)
     for i, watch in enumerate(own):
         able = valid(watch, trace)
@@ -157,11 +140,8 @@ def _kept(trace, own, p, dt):
         if parameter:
             n = max(1, round(float(p[i][parameter]) / dt))
             size = minimum_filter1d(size, n, mode="constant", origin=(n - 1) // 2)
-        most[: len(size)] = np.maximum(most[: len(size)], size)
+        peak = max(peak, float(size.max()))
         exposed += exposure_s(able, (), dt) / len(own)
         alarms += len(onsets(trace[:, watch.alarm]))
-    peaks = most.reshape(-1, per).max(axis=1)
-    return {
-        "peaks": base64.b64encode(peaks.astype("<f4").tobytes()).decode(), "valid_s": exposed, "alarms": alarms,
-        "silent": int(alarms > 0 and peaks.max() < 1.0), "moments": moments,
-    }  # fmt: skip
+    silent = int(alarms > 0 and peak < 1.0)
+    return {"peak": peak, "valid_s": exposed, "alarms": alarms, "silent": silent, "moments": moments}

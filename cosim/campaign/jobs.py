@@ -35,17 +35,20 @@ def work(
     in this process; `progress(done, total)` counts. An error in a job ends the work.
     """
     jobs = [(function, json.loads(json.dumps(arguments))) for function, arguments in jobs]
-    results = _Results(folder, (code or code_of(jobs)) if folder else "", read)
+    path = Path(folder) / FILE if folder else None
+    values = _held(path, code or code_of(jobs), read) if path else {}
     keys = [_key(job) for job in jobs]
-    todo = {key: job for key, job in zip(keys, jobs) if key not in results.values}
+    todo = {key: job for key, job in zip(keys, jobs) if key not in values}
     total = len(set(keys))
     tell = progress or (lambda done, total: None)
     tell(total - len(todo), total)
     calls = ((key, functools.partial(_call, *job), ()) for key, job in todo.items())
     for done, (key, value) in enumerate(finished(calls, workers=workers), start=total - len(todo) + 1):
-        results.add(key, json.loads(value))
+        values[key] = json.loads(value)
+        if path:
+            _append(path, _line(key, values[key]))
         tell(done, total)
-    return [read(results.values[key]) for key in keys]
+    return [read(values[key]) for key in keys]
 
 
 def code_of(jobs: Sequence[Job]) -> str:
@@ -60,32 +63,34 @@ def code_of(jobs: Sequence[Job]) -> str:
 def stored(folder: str | Path) -> tuple[str, dict[str, Any]]:
     """Return (digest of the code, {key: value}) of what `folder` holds, without what is damaged; ("", {}) of nothing.
     Raises OutputError for a file of results that cannot be read."""
-    path, found = Path(folder) / FILE, {}
-    regular(path, OutputError)
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
-    for line in lines[1:]:
-        with contextlib.suppress(ValueError, TypeError, RecursionError):  # the line that a kill cut short, or damage
-            key, value, *told = json.loads(line)  # lines of older versions have no digest
-            if isinstance(key, str) and told in ([], [_digest(key, value)]):
-                found[key] = value
-    with contextlib.suppress(ValueError, TypeError, KeyError, RecursionError):
-        return str(json.loads(lines[0])["code"] if lines else ""), found
-    return "", {}
+    code, found = "", {}
+    for told in _lines(Path(folder) / FILE):
+        if isinstance(told, dict):
+            code = told["code"]
+        elif told is not None:
+            found[told[0]] = told[1]
+    return (code, found) if isinstance(code, str) and code else ("", {})
 
 
 def own(path: Path) -> None:
     """Raise OutputError where a file of results at `path` holds something, and not one line of it is of jobs."""
+    lines = list(_lines(path))
+    if lines and not any(lines):
+        raise OutputError("holds something else", place=str(path), remedy="Choose another folder")
+
+
+def _lines(path):
+    """Yield each line of a file of results as {"code": digest} or [key, value, digest], None for one that is neither:
+    one that a kill cut short, or damage."""
     regular(path, OutputError)
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
-    for line in lines:
+    text = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
+    for line in filter(None, text.splitlines()):
+        ours = None
         with contextlib.suppress(ValueError, TypeError, RecursionError):
             told = json.loads(line)
-            if isinstance(told, dict) and set(told) == {"code"}:
-                return
-            if isinstance(told, list) and len(told) == 3 and told[2] == _digest(*told[:2]):
-                return
-    if any(lines):
-        raise OutputError("holds something else", place=str(path), remedy="Choose another folder")
+            if set(told) == {"code"} if isinstance(told, dict) else told[2:] == [_digest(*told[:2])]:
+                ours = told
+        yield ours
 
 
 def keep(folder: str | Path, digest: str, values: Mapping[str, Any]) -> None:
@@ -102,33 +107,27 @@ def _digest(key, value):
     return hashlib.sha256(json.dumps([key, value]).encode()).hexdigest()[:12]
 
 
-class _Results:
-    """Values of finished jobs, in memory and in a folder (None: in memory only)."""
+def _held(path, digest, read):
+    """Return {key: value} of what is done by the code with `digest`, which alone stays in the file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    own(path)
+    code, found = stored(path.parent)
+    values = {}
+    for key, value in found.items() if code == digest else ():
+        with contextlib.suppress(ValueError):
+            read(value)
+            values[key] = value
+    keep(path.parent, digest, values)
+    return values
 
-    def __init__(self, folder, digest, read):
-        self.values: dict[str, object] = {}
-        self.path = Path(folder) / FILE if folder else None
-        if self.path is None:
-            return
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        own(self.path)
-        code, found = stored(self.path.parent)
-        for key, value in found.items() if code == digest else ():
-            with contextlib.suppress(ValueError):
-                read(value)
-                self.values[key] = value
-        keep(self.path.parent, digest, self.values)
 
-    def add(self, key, value):
-        """Keep the value of a job."""
-        self.values[key] = value
-        if self.path:
-            try:
-                with open(self.path, "a", encoding="utf-8") as file:
-                    file.write(_line(key, value) + "\n")
-            except OSError as error:
-                remedy = SPACE if error.errno in FULL else "What is done is kept: start again"
-                raise OutputError(f"cannot be written: {error.strerror}", place=str(self.path), remedy=remedy) from None
+def _append(path, line):
+    try:
+        with open(path, "a", encoding="utf-8") as file:
+            file.write(line + "\n")
+    except OSError as error:
+        remedy = SPACE if error.errno in FULL else "What is done is kept: start again"
+        raise OutputError(f"cannot be written: {error.strerror}", place=str(path), remedy=remedy) from None
 
 
 def _key(job):

@@ -12,6 +12,7 @@
 Flights repeat bit for bit, so a log is written by flying the run again: no flight pays for a log that nobody wants.
 """
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # a third of a second: `cosim list` reads campaigns, which name rules
@@ -19,7 +20,14 @@ if TYPE_CHECKING:  # a third of a second: `cosim list` reads campaigns, which na
 
 COLUMNS = ("id", "concerned", "false_alarms", "delay_s", "delay_periods", "amplitude_mm", "rod_mm", "r_max_before",
            "estimate_rmse")  # fmt: skip  # of a row, by which runs are chosen
-RULES = ("false_alarm", "missed", "late", "residual", "estimate", "departed")
+RULES: dict[str, tuple[Callable, list[str]]] = {  # which rows of a flight they are about, and by what the worst are
+    "false_alarm": (lambda rows, concerned, seen: rows["false_alarms"] > 0, ["false_alarms"]),
+    "missed": (lambda rows, concerned, seen: concerned & ~seen, ["amplitude_mm", "rod_mm"]),
+    "late": (lambda rows, concerned, seen: concerned & seen, ["delay_periods", "delay_s"]),
+    "residual": (lambda rows, concerned, seen: rows["r_max_before"].notna(), ["r_max_before"]),
+    "estimate": (lambda rows, concerned, seen: rows["estimate_rmse"].notna(), ["estimate_rmse"]),
+    "departed": (lambda rows, concerned, seen: rows["status"].isin(("departed", "diverged")), []),
+}
 
 
 def choose(frame: "pd.DataFrame", keep: dict[str, int]) -> dict[str, list[str]]:
@@ -28,28 +36,15 @@ def choose(frame: "pd.DataFrame", keep: dict[str, int]) -> dict[str, list[str]]:
     for rule, count in keep.items():
         worst = _worst(frame, rule)
         groups = [worst] if rule == "departed" else [g for _, g in worst.groupby("id", sort=True)]
-        for group in groups:
-            for run in group.drop_duplicates("run").head(count)["run"]:
-                out.setdefault(run, [])
-                if rule not in out[run]:
-                    out[run].append(rule)
+        for run in (run for group in groups for run in group.drop_duplicates("run").head(count)["run"]):
+            if rule not in out.setdefault(run, []):
+                out[run].append(rule)
     return out
 
 
 def _worst(frame, rule):
     """Return the rows that rule is about, the worst first; ties in the order of the campaign."""
-    if rule == "departed":
-        return frame[frame["status"].isin(("departed", "diverged"))]
-    flown = frame[frame["id"].notna()]
-    concerned, late = flown["concerned"].fillna(False).astype(bool), flown["delay_s"].notna()
-    rules = {
-        "false_alarm": (flown["false_alarms"] > 0, ["false_alarms"]),
-        "missed": (concerned & ~late, ["amplitude_mm", "rod_mm"]),
-        "late": (concerned & late, ["delay_periods", "delay_s"]),
-        "residual": (flown["r_max_before"].notna(), ["r_max_before"]),
-        "estimate": (flown["estimate_rmse"].notna(), ["estimate_rmse"]),
-    }
-    if rule not in rules:
-        raise ValueError(f"{rule!r} is no rule; there is {', '.join(RULES)}")
-    which, by = rules[rule]
-    return flown[which].sort_values(by, ascending=False, kind="stable")
+    which, by = RULES[rule]
+    rows = frame if rule == "departed" else frame[frame["id"].notna()]
+    found = rows[which(rows, rows["concerned"].fillna(False).astype(bool), rows["delay_s"].notna())]
+    return found.sort_values(by, ascending=False, kind="stable") if by else found

@@ -2,7 +2,6 @@
 
 import contextlib
 import hashlib
-import heapq
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -99,46 +98,25 @@ def _opened(path):
 
 def ordered(folder: Path, kind: str, order: dict[str, int]) -> Iterator[pd.DataFrame]:
     """Yield the rows of a kind as frames of whole runs, in the `order` {run: position} of the runs, without others. A
-    frame is of BLOCK positions, so that what is written does not depend on how the rows came."""
-    held = None
-    for found in _due(folder, kind, order):
-        held = found if held is None else pd.concat([held, found])
-        block = held["run"].map(order) // BLOCK
-        for k in sorted(set(block))[:-1]:
-            yield held[block == k]
-        held = held[block == block.max()]
-    if held is not None:
-        yield held
-
-
-def _due(folder, kind, order):
-    """Yield the rows as they can be told to be complete, in the order of the runs. Row groups are read where the first
-    of their runs is due: held are a block of BLOCK runs and what overlaps it."""
-    waiting = []  # (first position, path, number of the row group)
+    frame is of BLOCK positions, so that what is written does not depend on how the rows came; held are the row groups
+    that have one of its runs."""
+    groups: dict[int, dict] = {}  # block: its (path, number of the row group)
+    last: dict[tuple, int] = {}  # the last block of a row group
     for path in paths(folder, kind):
-        first = [min((order[r] for r in table["run"].to_pylist() if r in order), default=None)
-                 for table in whole(path, kind, ["run"]) or ()]  # fmt: skip
-        waiting += [(at, path, i) for i, at in enumerate(first) if at is not None]
-    heapq.heapify(waiting)
-    held: list[pd.DataFrame] = []
-    runs: set[str] = set()
-    most = BLOCK
-    while waiting:
-        _, path, i = heapq.heappop(waiting)
-        table = next(_groups(path, kind, i))
-        if table is None:
-            raise OutputError("has changed while it was read", place=str(path), remedy="Go on with --resume")
-        frame = table.to_pandas()
-        held.append(frame[[run in order for run in frame["run"]]])
-        runs.update(held[-1]["run"])
-        if not waiting or len(runs) >= most:
-            every = pd.concat(held) if len(held) > 1 else held[0]
-            due = every["run"].map(order) < (waiting[0][0] if waiting else len(order))
-            if not waiting or 2 * due.sum() >= len(due):
-                yield every[due]
-                every = every[~due]
-            held, runs = [every], set(every["run"])
-            most = len(runs) + BLOCK  # what came out of order waits until as much has come again
+        for i, table in enumerate(whole(path, kind, ["run"]) or ()):
+            for block in {order[run] // BLOCK for run in table["run"].to_pylist() if run in order}:
+                groups.setdefault(block, {})[path, i] = None
+                last[path, i] = max(block, last.get((path, i), 0))
+    held: dict[tuple, pa.Table] = {}
+    for block in sorted(groups):
+        for path, i in (key for key in groups[block] if key not in held):
+            if (table := next(_groups(path, kind, i))) is None:
+                raise OutputError("has changed while it was read", place=str(path), remedy="Go on with --resume")
+            held[path, i] = table
+        frame = pa.concat_tables([held[key] for key in groups[block]]).to_pandas()
+        at = frame["run"].map(order)
+        yield frame.loc[at[at // BLOCK == block].sort_values(kind="stable").index]
+        held = {key: table for key, table in held.items() if last[key] > block}
 
 
 def merge(folder: Path, kind: str) -> None:

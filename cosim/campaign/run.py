@@ -118,10 +118,6 @@ def rerun(campaign: str | Path, run: str, *, out: str | Path | None = None, gues
     if not held:
         return scenario, result, None, None
     rows, _ = fly(run, scenario, bool(held[0]["rod_mm"] == held[0]["rod_mm"]))
-    same = len(rows) == len(held) and all(_same(a[k], b[k]) for a, b in zip(rows, held) for k in a)
+    pairs = [(a[k], b[k]) for a, b in zip(rows, held) for k in a]
+    same = len(rows) == len(held) and all((pd.isna(a) and pd.isna(b)) or a == b for a, b in pairs)
     return scenario, result, same, flown_with(home) == fingerprint()
-
-
-def _same(a, b):
-    """Tell whether a fresh and a stored value are equal; nothing, NaN and null are the same."""
-    return bool(pd.isna(a) and pd.isna(b)) or bool(a == b)

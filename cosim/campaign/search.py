@@ -20,7 +20,7 @@ z = (value - mean) / sigma of every normal draw; what is drawn evenly is all ali
 while flights are left, and the failure with the largest log P is kept.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,7 +50,7 @@ class Found:
     scenario: object
     r: float
     false_alarms: int
-    flights: pd.DataFrame  # run, status, r, false_alarms
+    flights: pd.DataFrame  # run, status, failed, r, false_alarms, log_likelihood
     file: Path | None
 
     def to_dict(self) -> dict:
@@ -76,7 +76,8 @@ def search(
     generations = flights // POPULATION
     with pool(workers) as executor:
         fly = Flights(space, detector, executor, generations * POPULATION, progress)
-        evolve(lambda points: _alarm(fly, points), space.size, generations, seed, np.random.default_rng(seed))
+        rng = np.random.default_rng(seed)
+        evolve(lambda u: np.array([-row["r"] for row in fly.fly(u.T)]), space.size, generations, seed, rng)
     table = pd.DataFrame(fly.rows)
     worst = table.loc[table["r"].idxmax()]
     title = f"Worst case of {detector} without a fault: |r| reaches {worst['r']:.2f} of its threshold ({made.name})"
@@ -100,7 +101,7 @@ def write(out: str | Path | None, scenario: object, sign: Callable) -> Path | No
 
 
 class Flights:
-    """Fly points of a space; `rows` has a dict per flight, `points` where it was."""
+    """Fly points of a space; `rows` has a dict per flight, `points` where it was, `best` the likeliest that failed."""
 
     def __init__(
         self, space: Space, detector: str, executor: Executor, most: int, progress: Callable[[int, int], None] | None,
@@ -110,18 +111,49 @@ class Flights:
         self.most, self.progress = most, progress
         self.rows: list[dict] = []
         self.points: list[np.ndarray] = []
+        self.best: np.ndarray | None = None
 
-    def fly(self, points: np.ndarray) -> Iterator[tuple[dict, pd.DataFrame]]:
-        """Yield (row, the detector's lanes where the flight was completed) of each of points (n, size)."""
+    def fly(self, points: np.ndarray) -> list[dict]:
+        """Return the rows of points (n, size): run, status, failed, r, false_alarms, log_likelihood."""
         scenarios = [self.space(u) for u in points]
         frame = run_many(scenarios, executor=self.executor, achieved=False).frame
         for u, run in zip(points, map(run_id, scenarios)):
             own = frame[frame["run"] == run]
+            mine = own[(own["id"] == self.detector) & (own["status"] == "completed")]
+            failed, r = self._judged(mine)
+            told = {"run": run, "status": own["status"].iloc[0], "failed": failed, "r": r}
+            told["false_alarms"] = int(mine["false_alarms"].sum())
             self.points.append(np.array(u))
-            self.rows.append({"run": run, "status": own["status"].iloc[0]})
-            yield self.rows[-1], own[(own["id"] == self.detector) & (own["status"] == "completed")]
+            self.rows.append({**told, "log_likelihood": self.space.log_likelihood(u)})
         if self.progress:
             self.progress(min(len(self.rows), self.most), self.most)
+        return self.rows[-len(points) :]
+
+    def _judged(self, mine):
+        """Return (failed, largest |r| where it counts) of the detector's lanes in one flight."""
+        if self.space.faults:
+            mine = mine[mine["concerned"].astype(bool)]
+            if not len(mine):
+                return False, 1.0
+            r = mine["r_max_after"].max()
+            missed = bool(mine["delay_s"].isna().all() and mine["able"].astype(bool).any())
+            return missed, float(r) if np.isfinite(r) else 1.0
+        return bool(mine["false_alarms"].sum() > 0), float(mine["r_max_before"].max()) if len(mine) else 0.0
+
+    @property
+    def left(self) -> int:
+        """Return how many flights are left, those of the last check apart."""
+        return self.most - AGAIN - len(self.rows)
+
+    def seek(self, points: np.ndarray) -> np.ndarray:
+        """Return the cost (n,) of points (n, size): minus log L of a failure, else NEVER and how far it is from one."""
+        costs = []
+        for u, row in zip(points, self.fly(points)):
+            told = row["log_likelihood"]
+            costs.append(-told if row["failed"] else NEVER + (row["r"] if self.space.faults else -row["r"]))
+            if row["failed"] and (self.best is None or told > self.space.log_likelihood(self.best)):
+                self.best = np.array(u)
+        return np.array(costs)
 
 
 def evolve(
@@ -133,16 +165,6 @@ def evolve(
         maxiter=max(generations - 1, 0), tol=0.0, polish=False, vectorized=True, updating="deferred", seed=rng,
         callback=until,
     )  # fmt: skip
-
-
-def _alarm(fly, points):
-    """Return minus the largest |r| of each flight; one without a result counts 0."""
-    costs = []
-    for row, mine in fly.fly(points.T):
-        row["r"] = float(mine["r_max_before"].max()) if len(mine) else 0.0
-        row["false_alarms"] = int(mine["false_alarms"].sum())
-        costs.append(-row["r"])
-    return np.array(costs)
 
 
 FIRST_SEED, SEEDS = 7_000_000, 20  # few seeds: what makes a flight fail is to be found, not a lucky one of thousands
@@ -182,7 +204,7 @@ class Likeliest:
     failure: str  # "cries" or "misses"
     failures: tuple[Failure, ...]
     scenario: object
-    flights: pd.DataFrame  # run, status, failed, r, log_likelihood
+    flights: pd.DataFrame  # as of `Found`
     file: Path | None
 
     def to_dict(self) -> dict:
@@ -207,12 +229,14 @@ def likeliest(
     """
     check(detector, flights, LEAST, MOST)
     space = Space(load_campaign(campaign), first_seed=FIRST_SEED, seeds=SEEDS, detectors=(detector,), part=part)
-    rng, found = np.random.default_rng(seed), []
+    rng = np.random.default_rng(seed)
+    found: list[Failure] = []
     with pool(workers) as executor:
-        fly = Failures(space, detector, executor, flights, progress)
+        fly = Flights(space, detector, executor, flights, progress)
         while fly.left >= 2 * POPULATION:
-            fly.forget()
-            seek(fly, rng)
+            fly.best = None  # begin again, towards the threshold, until a generation has a failure
+            evolve(lambda u: fly.seek(u.T), space.size, fly.left // POPULATION, int(rng.integers(2**31)), rng,
+                   lambda *_, **__: fly.best is not None)  # fmt: skip
             if fly.best is not None:
                 first = space.log_likelihood(fly.best)
                 put_back(fly, rng)
@@ -228,53 +252,7 @@ def likeliest(
     return Likeliest(word, tuple(found), scenario, table, write(out, scenario, LIKELIEST))
 
 
-class Failures(Flights):
-    """Fly points of a space, and remember the likeliest that failed."""
-
-    best: np.ndarray | None = None
-    _cost = NEVER
-
-    def forget(self) -> None:
-        """Begin again: no failure is known."""
-        self.best, self._cost = None, NEVER
-
-    @property
-    def left(self) -> int:
-        """Return how many flights are left, those of the last check apart."""
-        return self.most - AGAIN - len(self.rows)
-
-    def __call__(self, points: np.ndarray) -> np.ndarray:
-        """Return the cost (n,) of points (n, size): minus log L of a failure, else NEVER and how far it is from one."""
-        costs = []
-        for row, mine in self.fly(points):
-            u = self.points[-1]
-            failed, r = self._judged(mine)
-            told = self.space.log_likelihood(u)
-            row |= {"failed": failed, "r": r, "log_likelihood": told}
-            costs.append(-told if failed else NEVER + (r if self.space.faults else -r))
-            if failed and -told < self._cost:
-                self.best, self._cost = u, -told
-        return np.array(costs)
-
-    def _judged(self, mine):
-        """Return (failed, largest |r| where it counts) of the detector's lanes in one flight."""
-        if self.space.faults:
-            mine = mine[mine["concerned"].astype(bool)]
-            if not len(mine):
-                return False, 1.0
-            r = mine["r_max_after"].max()
-            missed = bool(mine["delay_s"].isna().all() and mine["able"].astype(bool).any())
-            return missed, float(r) if np.isfinite(r) else 1.0
-        return bool(mine["false_alarms"].sum() > 0), float(mine["r_max_before"].max()) if len(mine) else 0.0
-
-
-def seek(fly: Failures, rng: np.random.Generator) -> None:
-    """Go towards the threshold by differential evolution until a generation has a failure."""
-    seed, found = int(rng.integers(2**31)), lambda *_, **__: fly.best is not None
-    evolve(lambda points: fly(points.T), fly.space.size, fly.left // POPULATION, seed, rng, found)
-
-
-def put_back(fly: Failures, rng: np.random.Generator) -> None:
+def put_back(fly: Flights, rng: np.random.Generator) -> None:
     """Put normal draws back to their means, or nearer, as long as the flight still fails."""
     share = 1.0  # of the draws that are put back at once
     while fly.left >= TRIALS and fly.best is not None:
@@ -288,7 +266,7 @@ def put_back(fly: Failures, rng: np.random.Generator) -> None:
             chosen[rng.integers(len(away))] = True
             nearer = 0.0 if i % 2 == 0 else rng.uniform(0.3, 0.9)
             trials.append(fly.space.nearer(start, np.array(away)[chosen].tolist(), nearer))
-        fly(np.array(trials))
+        fly.seek(np.array(trials))
         share = min(1.0, 1.4 * share) if fly.best is not start else 0.5 * share
         if share < 0.5 / len(away):
             return
@@ -296,10 +274,9 @@ def put_back(fly: Failures, rng: np.random.Generator) -> None:
 
 def _failure(fly, first):
     """Return the Failure of the best point, flown again with seeds that were not searched."""
-    best, many, seeds = fly.best, len(fly.rows), fly.space.seeds
+    best, seeds = fly.best, fly.space.seeds
     fly.space.seeds = seeds * 50
-    fly(np.array([np.append(best[:-1], (seeds * (i + 2) + 0.5) / fly.space.seeds) for i in range(AGAIN)]))
+    flown = fly.fly(np.array([np.append(best[:-1], (seeds * (i + 2) + 0.5) / fly.space.seeds) for i in range(AGAIN)]))
     fly.space.seeds = seeds
-    flown = fly.rows[many:]
     told = fly.space.log_likelihood(best)
     return Failure(best, told, first, fly.space.away(best), sum(row["failed"] for row in flown), len(flown))

@@ -200,7 +200,8 @@ class Store:
                 about = self.scenarios[self.scenarios["run"].isin(set(found["run"]))]
                 frame = _joined(about, found)
                 status.update(zip(frame["run"], frame["status"]))
-                yield _table(frame.assign(kept=frame["run"].map(lambda run: ",".join(kept.get(run, ())))))
+                frame["kept"] = frame["run"].map(lambda run: ",".join(kept.get(run, ())))
+                yield parts.checked(pa.Table.from_pandas(frame, preserve_index=False), ROWS, KEYS[:1])
 
         def timed():
             yield TIMING.empty_table()
@@ -249,16 +250,6 @@ def _joined(scenarios, found):
 
 def _timed(found):
     return found.drop_duplicates(["run", "id"]).reset_index(drop=True)
-
-
-def _table(frame):
-    """Return the frame as a table with the types of ROWS: a column without a value keeps its type."""
-    table = pa.Table.from_pandas(frame, preserve_index=False)
-    for field in ROWS:
-        i = table.schema.get_field_index(field.name)
-        if i >= 0:
-            table = table.set_column(i, field, table.column(i).cast(field.type))
-    return table
 
 
 def load(folder: str | Path) -> tuple[pd.DataFrame, pd.DataFrame | None]:

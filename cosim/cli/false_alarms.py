@@ -41,7 +41,7 @@ def false_alarms(
     from cosim.report.page import PAGE
 
     paths = {"report": output / "false-alarms.html", "table": output / "false-alarms.json"}
-    measured = marked(b'{"campaign": ', b'"window_s": ')
+    measured = marked(b'{"campaign": ', b'"infeasible": ')
     reserve(paths["report"], PAGE)
     reserve(paths["table"], measured)
     with tables.progress(err, "flying", unit="flights", waiting="preparing the workers") as progress:

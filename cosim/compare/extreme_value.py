@@ -1,7 +1,6 @@
 """Extreme-value fit: peaks over threshold, rates beyond the largest value flown, with intervals.
 
-    height, of = peaks(windows, flights, run)               # of the maxima per window
-    tail = fit(height, hours, flights=of)
+    tail = fit(peaks, hours)                                # of independent ones, the largest of each flight
     tail.rate(1.7)                                          # events per hour at level 1.7: (value, low, high)
 
 Above a level u the heights of independent peaks tend to the generalised Pareto law (Pickands 1975, Balkema and de Haan
@@ -53,17 +52,6 @@ FAR = 1e7  # mean excesses: beyond this no level is looked for
 # 1 % points of the Anderson-Darling statistic of 100 peaks of shape xi, both fitted (derived: 1,500 samples each)
 SHAPE_OF_AD = (-0.4, -0.2, 0.0, 0.2, 0.4, 0.7, 1.0)
 AD_1_PCT = (1.78, 1.42, 1.38, 1.24, 1.21, 1.13, 1.10)
-
-
-def extremal_index(windows: ArrayLike, flights: ArrayLike, u: float, run: int) -> float:
-    """Return the runs estimator: clusters over windows beyond u, a cluster ends with `run` windows below it; NaN for
-    none. 1: every exceedance stands alone."""
-    m, f = np.asarray(windows, float), np.asarray(flights)
-    at = np.flatnonzero(m > u)
-    if not len(at):
-        return math.nan
-    new = (np.diff(at) > run) | (np.diff(f[at]) != 0)
-    return float((1 + new.sum()) / len(at))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
     found = false_alarms(hours=100.0, folder="logs/false-alarms")       # flies on where it was left
 
-Of a flight without a fault the maxima of every detector's statistic are kept (cosim/campaign/fault_free.py). Level c
+Of a flight without a fault the largest of every detector's statistic is kept (cosim/campaign/fault_free.py). Level c
 stands for all thresholds of the detector times c: c = 1 is the detector as it ships. One peak per flight: flights are
 independent, what happens in one is not.
 
@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.campaign.fault_free import WINDOW_S, FaultFreeFlight, fly, space
+from cosim.campaign.fault_free import FaultFreeFlight, fly, space
 from cosim.campaign.jobs import work
 from cosim.campaign.spec import Space, shipped
 from cosim.compare import extreme_value
@@ -91,7 +91,7 @@ def summary(flown: Sequence[FaultFreeFlight], campaign: str, detectors: Sequence
     return {
         "campaign": campaign, "flights": len(done), "hours": sum(f.seconds for f in done) / 3600.0,
         "infeasible": sum(f.status == "infeasible" for f in flown),
-        "departed": sum(f.status not in ("completed", "infeasible") for f in flown), "window_s": WINDOW_S,
+        "departed": sum(f.status not in ("completed", "infeasible") for f in flown),
         "detectors": [curve(name, done) for name in there],
     }  # fmt: skip
 
@@ -100,10 +100,7 @@ def curve(name: str, flown: Sequence[FaultFreeFlight]) -> dict:
     """Return the plain data of one detector: the curve, what it rests on, and what is against it."""
     lanes = [f.lanes[name] for f in flown if name in f.lanes]
     hours = sum(lane.valid_s for lane in lanes) / 3600.0
-    peak = np.array([lane.peaks.max() for lane in lanes])
-    flight = np.repeat(np.arange(len(lanes)), [len(lane.peaks) for lane in lanes])
-    windows = np.concatenate([lane.peaks for lane in lanes])
-    often, alarms = np.quantile(windows, 0.99), sum(lane.alarms for lane in lanes)
+    peak, alarms = np.array([lane.peak for lane in lanes]), sum(lane.alarms for lane in lanes)
     tail = extreme_value.fit(peak, hours) if hours else extreme_value.Tail(0.0, note="never judges")
     moments = [m for lane in lanes for m in lane.moments]
     exact = gaussian(moments, flown[0].dt) if moments else Gaussian(flown[0].dt, note="its statistic has no sign")
@@ -121,8 +118,6 @@ def curve(name: str, flown: Sequence[FaultFreeFlight]) -> dict:
                 "anderson_darling": tail.ad},
         "gaussian": exact.note or None,
         "stability": extreme_value.stability(peak, hours) if hours else [],
-        "extremal_index": [{"run_s": n * WINDOW_S, "index": extreme_value.extremal_index(windows, flight, often, n)}
-                           for n in (1, 2, 5, 10, 20)],
         "curve": _curve(levels, peak, hours, tail, exact),
         "held_out": _held_out(lanes),
     }  # fmt: skip
@@ -204,7 +199,7 @@ def _held_out(lanes):
     hours = [sum(lane.valid_s for lane in half) / 3600.0 for half in (fitted, rest)]
     if not all(hours):
         return []
-    peak = [np.array([lane.peaks.max() for lane in half]) for half in (fitted, rest)]
+    peak = [np.array([lane.peak for lane in half]) for half in (fitted, rest)]
     tail = extreme_value.fit(peak[0], hours[0])
     out = []
     for wanted in HELD_OUT:

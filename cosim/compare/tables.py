@@ -319,11 +319,3 @@ def held_out(each: Iterable[dict]) -> Table:
         Column("agree", lambda h: Cell("yes", "good") if h["agree"] else Cell("no", "bad"), right=False),
     )  # fmt: skip
     return of(columns, [{"id": d["id"], **h} for d in each for h in d["held_out"]])
-
-
-def clusters(each: Sequence[dict]) -> Table:
-    """Return the Table of the extremal index over the run that ends a cluster."""
-    made = Table("", "detector", *(f"run {i['run_s']:g} s>" for d in each[:1] for i in d["extremal_index"]))
-    for d in each:
-        made.add(d["id"], *(_level(i["index"]) for i in d["extremal_index"]), detector=d["id"])
-    return made

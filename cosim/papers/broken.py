@@ -25,7 +25,7 @@ import types
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import BaseModel
 
@@ -79,14 +79,8 @@ def edit(at: str, was: str, now: str) -> Iterator[None]:
     source = textwrap.dedent(inspect.getsource(function))
     if source.count(was) != 1:
         raise ValueError(f"{at} holds {was!r} {source.count(was)} times, not once")
-    with coded(function, source[source.index("def ") :].replace(was, now)):
-        yield
-
-
-@contextlib.contextmanager
-def coded(function: Any, text: str) -> Iterator[None]:
-    """Let a plain Python function run the code of `text`, its definition."""
     made: dict = {}
+    text = source[source.index("def ") :].replace(was, now)
     exec(compile(text, inspect.getsourcefile(function) or "", "exec"), dict(function.__globals__), made)
     held, function.__code__ = function.__code__, made[function.__name__].__code__
     try:

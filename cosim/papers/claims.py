@@ -13,7 +13,6 @@ spread = "10 sets of 10 seeds"  # where that width comes from
 piece = "…"                     # rows of one piece are measured in one process
 """
 
-import functools
 import importlib
 import inspect
 import tomllib
@@ -89,11 +88,8 @@ def _measure(paper, where, name, arguments):
         inspect.signature(getattr(place, function)).bind(**arguments)
     except (ImportError, AttributeError, TypeError, ValueError) as e:
         raise ValueError(f"{where}: measure = {name!r} with {arguments}: {e}") from None
-    return functools.partial(_call, place, function, {k: _plain(v) for k, v in arguments.items()})
-
-
-def _call(place, function, arguments):
-    return getattr(place, function)(**arguments)
+    plain = {k: _plain(v) for k, v in arguments.items()}
+    return lambda: getattr(place, function)(**plain)
 
 
 def _plain(value: Any) -> Any:

@@ -71,7 +71,7 @@ class Proof:
 
     def si(self, name: str, unit: str) -> Any:
         """Return the samples of a signal in the SI unit that is named."""
-        return self.y(name) * factors(unit).get(self.out[name].unit, 1.0)
+        return self.y(name) * factors(unit)[self.out[name].unit]
 
     def beside(self, *names: str) -> bool:
         """Tell whether all signals are there, of as many samples."""

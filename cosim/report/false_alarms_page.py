@@ -28,7 +28,7 @@ def render(found: dict) -> str:
         subtitle=f"{len(found['detectors'])} detectors over {found['hours']:.1f} flight hours of {found['campaign']}",
         figures=[figure for _, figure in drawn], figures_of=drawn, found=found,
         certified=sum(d["certified"] for d in found["detectors"]), rates=tables.rates(found["detectors"]),
-        held_out=tables.held_out(found["detectors"]), index=tables.clusters(found["detectors"]),
+        held_out=tables.held_out(found["detectors"]),
     )  # fmt: skip
 
 

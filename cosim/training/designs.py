@@ -47,9 +47,7 @@ DESIGNS = {
     "rfafe": Maker("cosim.training.rfafe", "published", "Sun13 estimator with elevator positions"),
     "rfafe_airframe": Maker("cosim.training.rfafe", "airframe", "Sun13 estimator on airframe outputs"),
     "lpv_smo": Maker("cosim.training.lpv", "single", "Alwi14 LPV model and observer", "aircraft_sha256"),
-    "lpv_smo_boxes": Maker(
-        "cosim.training.lpv", "several", "the same over the whole trim envelope", "aircraft_sha256"
-    ),
+    "lpv_smo_boxes": Maker("cosim.training.lpv", "several", "the same over the whole trim envelope", "aircraft_sha256"),
 }
 
 

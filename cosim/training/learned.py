@@ -85,9 +85,7 @@ def flights(folder: str | Path, first_seed: int = FIRST_SEED, number: int = NUMB
     """Fly the training set into `folder`; return its flights. `how`: see `cosim.campaign.jobs.work`."""
     made = load_campaign(NAME)
     drawn = {key: Draw(low, high) for key, (low, high) in POINTS.items()}
-    parts = tuple(
-        replace(p, draw={**{k: v for k, v in p.draw.items() if k != "point"}, **drawn}) for p in made.parts
-    )
+    parts = tuple(replace(p, draw={**{k: v for k, v in p.draw.items() if k != "point"}, **drawn}) for p in made.parts)
     found, labels = replace(made, parts=parts, seed=first_seed, first_seed=first_seed).scenarios()
     every = [(run_id(s), label["part"], s.expanded_toml()) for s, label in zip(found, labels)]
     some = [every[i * len(every) // number] for i in range(min(number, len(every)))]

@@ -21,17 +21,8 @@ from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect, fly
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
-from cosim.training.flights import (
-    AIR,
-    DT,
-    FLIGHT_S,
-    NOISE_SCALE,
-    START_S,
-    TOLERANCE,
-    envelope,
-    over_envelope,
-    scenario,
-)
+from cosim.training import flights as drawn
+from cosim.training.flights import AIR, DT, FLIGHT_S, NOISE_SCALE, START_S, TOLERANCE
 from cosim.training.threshold_fit import PROBABILITY, blocks, exceeded, limit
 from cosim.training.trainer import Trained, Training, over, significant
 from fdi.ema import ema_kalman_flight, gains, sensor_noise
@@ -66,7 +57,7 @@ def flights(first_seed: int = FIRST_SEED, number: int = FLIGHTS) -> list[dict[st
     In half of them each parameter of the drive lies anywhere within its tolerance, in half at its edge, up or down.
     """
     out = []
-    for k, flight in enumerate(over_envelope(first_seed, number)):
+    for k, flight in enumerate(drawn.over_envelope(first_seed, number)):
         rng = np.random.default_rng([flight["seed"], 1])
         share = {n: rng.uniform(-1, 1) for n in toleranced("ema")}
         share = {n: np.sign(x) for n, x in share.items()} if k % 2 else share
@@ -143,9 +134,9 @@ def surveyed(**flight: Any) -> dict[str, dict[str, Any]]:
     signals = [path for lanes in WIRES.values() for wires in lanes for path in wires.values()]
     while True:
         try:
-            return survey(fly(scenario(**flight | own), signals))
+            return survey(fly(drawn.scenario(**flight | own), signals))
         except TrimError:
-            flight = {**flight, "flight": {**flight["flight"], **envelope(rng)}}
+            flight = {**flight, "flight": {**flight["flight"], **drawn.envelope(rng)}}
 
 
 def limits(values: list[dict]) -> list[Trained]:

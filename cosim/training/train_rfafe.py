@@ -18,20 +18,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from actuators.block import kernel
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
-from cosim.training.flights import (
-    FLIGHT_S,
-    MANOEUVRES,
-    MODULES,
-    NOISE_SCALE,
-    POINT,
-    POINTS,
-    TOLERANCE,
-    TURBULENCE,
-    draw,
-    estimate,
-    fly_aircraft,
-    somewhere,
-)
+from cosim.training import flights as drawn
+from cosim.training.flights import FLIGHT_S, MANOEUVRES, MODULES, NOISE_SCALE, POINT, POINTS, TOLERANCE, TURBULENCE
 from cosim.training.train_ema import EXACT
 from cosim.training.trainer import Trained, Training, over
 from fdi.common import bank
@@ -56,16 +44,16 @@ def flight(first_seed: int, index: int) -> dict[str, Any]:
     seed = first_seed + index
     rng = np.random.default_rng([seed, 1])
     start = {"start_s": float(rng.uniform(5.0, 35.0))} if MANOEUVRES[kind] != "cruise" else {}
-    made = draw(seed, point=POINTS[at], manoeuvre={"kind": MANOEUVRES[kind], **start}, turbulence=TURBULENCE[air])
+    made = drawn.draw(seed, point=POINTS[at], manoeuvre={"kind": MANOEUVRES[kind], **start}, turbulence=TURBULENCE[air])
     made["tolerances"]["ema"] = {n: float(1.0 + EXACT.get(n, TOLERANCE) * rng.uniform(-1.0, 1.0))
                                  for n in toleranced("ema")}  # fmt: skip
     made |= {"technology": ELEVATORS[repeat % len(ELEVATORS)], "sensors": {"noise_scale": NOISE_SCALE}}
-    return somewhere(made) if repeat >= len(ELEVATORS) else made
+    return drawn.somewhere(made) if repeat >= len(ELEVATORS) else made
 
 
 def surveyed(**flown: Any) -> dict[str, list]:
     """Fly and return {estimator: what `survey` returns}."""
-    frame, kinds = fly_aircraft(**flown), side_kinds(dict(zip(SEGMENTS, flown["technology"])))
+    frame, kinds = drawn.fly_aircraft(**flown), side_kinds(dict(zip(SEGMENTS, flown["technology"])))
     return {name: survey(frame, name, module.params(technology=kinds)) for name, module in MODULES.items()}
 
 
@@ -94,7 +82,7 @@ def survey(recorded: Any, name: str, p: Any) -> list:
     of an oscillation's shape: what a threshold must not be below. any: the largest of any fit, whatever its shape.
     slow: the largest slow part, less its share of the command.
     """
-    log = estimate(recorded, name, p)
+    log = drawn.estimate(recorded, name, p)
     out = np.zeros((40 * len(log), 5))  # at most a few fits a tick
     fits = out[: _fits(log, p[0], out)]
     step = (p["bank_block"][0][p["bank_level"][0].astype(int)] * p["bank_stride"][0]).astype(int)
@@ -126,7 +114,7 @@ def oscillating(segment: str, k: int, start_s: float) -> dict[str, Any]:
 
 def answered(recorded: Any, name: str, k: int, p: Any = None) -> float:
     """Return how much command the law answers a flown oscillation with, over the amplitude of f_hat."""
-    last = estimate(recorded, name, p)[-1]
+    last = drawn.estimate(recorded, name, p)[-1]
     f, u = (math.hypot(last["bank_cos"][i, k], last["bank_sin"][i, k]) for i in (0, 1))
     return u / max(f, 1e-12)
 
@@ -138,7 +126,7 @@ ONSET_S = 12.0  # of the oscillations whose answer is measured: both estimators 
 def answers() -> Any:
     """Return {estimator: (frequency,)} what `answered` finds, still air; the threshold's share of the command is lost
     to it."""
-    flown = [fly_aircraft(**oscillating("left_inner", k, ONSET_S)) for k in range(bank.K)]
+    flown = [drawn.fly_aircraft(**oscillating("left_inner", k, ONSET_S)) for k in range(bank.K)]
     return {name: np.array([answered(r, name, k) for k, r in enumerate(flown)]) for name in MODULES}
 
 

@@ -1,6 +1,5 @@
 """Jobs over processes, kept line by line; a killed study goes on, results of other code are dropped."""
 
-import json
 import os
 from pathlib import Path
 
@@ -29,13 +28,11 @@ def test_jobs_are_done_once_and_a_line_cut_short_is_done_again(tmp_path):
 
 
 def test_results_of_other_code_are_dropped(tmp_path):
-    jobs = [(square, {"x": 2})]
-    work(jobs, folder=tmp_path, code="a", workers=0)
-    path = tmp_path / "results.jsonl"
-    key = json.loads(path.read_text().splitlines()[1])[0]
-    path.write_text(json.dumps({"code": "a"}) + "\n" + json.dumps([key, "kept"]) + "\n")
-    assert work(jobs, folder=tmp_path, code="a", workers=0) == ["kept"]
-    assert work(jobs, folder=tmp_path, code="b", workers=0)[0]["value"] == 4
+    jobs_ = [(square, {"x": 2})]
+    first = work(jobs_, folder=tmp_path, code="a", workers=0)
+    jobs.keep(tmp_path, "a", dict.fromkeys(jobs.stored(tmp_path)[1], "kept"))
+    assert work(jobs_, folder=tmp_path, code="a", workers=0) == ["kept"]
+    assert work(jobs_, folder=tmp_path, code="b", workers=0) == first
 
 
 def test_processes_give_the_same_values_in_order():
@@ -73,8 +70,6 @@ def test_a_foreign_file_is_not_overwritten(text, tmp_path):
     assert (tmp_path / "results.jsonl").read_text() == text
 
 
-def test_a_full_disk_is_told_with_the_file(tmp_path, monkeypatch):
-    results = jobs._Results(tmp_path, "x", lambda value: value)
-    results.path = Path("/dev/full")
+def test_a_full_disk_is_told_with_the_file():
     with pytest.raises(OutputError, match=r"/dev/full: cannot be written: No space left.*Free space"):
-        results.add("key", 1)
+        jobs._append(Path("/dev/full"), "line")

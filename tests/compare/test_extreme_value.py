@@ -136,9 +136,6 @@ def test_peaks_stand_apart_and_never_across_flights():
     heights, of = peaks(m, flights, 2)
     assert list(heights) == [5.0, 6.0, 7.0] and list(of) == [0, 0, 1]
     assert list(peaks(m, flights, 1)[0]) == [5.0, 4.0, 6.0, 7.0]
-    assert extreme_value.extremal_index(m, flights, 3.5, 1) == 4 / 4
-    assert extreme_value.extremal_index(m, flights, 3.5, 2) == 3 / 4
-    assert math.isnan(extreme_value.extremal_index(m, flights, 9.0, 2))
 
 
 def test_the_memory_of_a_process_is_found():

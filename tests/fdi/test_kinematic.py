@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy import signal
 
 import cosim
 from cosim.flight.detection.detectors import sources
@@ -14,7 +15,7 @@ from fdi.common import why
 from fdi.common.verdict import SENSOR
 from fdi.kinematic import kinematic, signatures
 from fdi.kinematic.rows import SPREAD
-from fdi.kinematic.signatures import CLIMB
+from fdi.kinematic.signatures import CLIMB, TURN
 
 DEG, START = math.pi / 180, 12.0
 WIRES = sources("kinematic")
@@ -70,6 +71,14 @@ def test_noise_ten_times_larger_is_named(flown, sensor, sigma):
 
 def test_a_reading_that_repeats_is_named(flown):
     assert said(watched(flown, "alpha", lambda y: np.full(len(y), y[0]))) == "alpha"
+
+
+def test_what_a_roll_shows_of_the_lateral_velocity_comes_and_goes_as_the_row_does(flown):
+    """A roll rate p makes p dv of an error dv of the lateral velocity, which the row integrates and forgets with tau: a
+    lag of tau, here by SciPy, of tau |p|."""
+    tau, rolls = float(kinematic.params()["tau"][0]), np.abs(flown[WIRES["p"]].to_numpy())
+    _, shown, _ = signal.lsim(([tau], [tau, 1.0]), rolls, flown.index.to_numpy())
+    assert watched(flown)["lateral"][200:, TURN] == pytest.approx(shown[200:], rel=0.02)
 
 
 def test_noise_of_short_ticks_is_no_jump_of_an_attitude():

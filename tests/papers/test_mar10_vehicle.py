@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from cosim.flight.plant.plant import bare_model
 from cosim.papers.mar10 import isolation, vehicle
 from fdi.control_redundancy import structure
 
@@ -26,6 +27,19 @@ def test_the_model_flies_by_the_equations_of_slide_7(quiet):
     expected = [np.hypot(vehicle.NOISE, vehicle.VANE * k * abs(vehicle.numbers()[c])) for c in ("cxa", "cyb", "cza")]
     assert late.std(0) == pytest.approx(expected, rel=0.1)
     assert np.ptp(flown.a[500:, 1]) > 4.0 and np.ptp(flown.a[500:, 2]) > 4.0  # it does manoeuvre
+
+
+@pytest.mark.parametrize("pitch, yaw", [("ic/q-rad_sec", "ic/r-rad_sec"), ("fin/m-rad", "fin/n-rad"),
+                                        ("ic/alpha-deg", "ic/beta-deg")])  # fmt: skip
+def test_moments_about_pitch_and_yaw_are_alike(pitch, yaw):
+    """A body of revolution with the same tail in both planes: by symmetry it is damped, steered and turned into the
+    wind about either axis alike."""
+    found = []
+    for given, moment in ((pitch, "moments/m-aero-lbsft"), (yaw, "moments/n-aero-lbsft")):
+        start = {"ic/h-sl-ft": 10_000.0, "ic/vt-fps": 1000.0}
+        _, port = bare_model(vehicle.MODEL, vehicle.DT, start | {given: 0.1})
+        found.append(abs(port.getter(moment)()))
+    assert found[0] == pytest.approx(found[1], rel=1e-6) and found[0] > 1.0
 
 
 def test_families_are_those_of_the_printed_combination(quiet):

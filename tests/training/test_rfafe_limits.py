@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cosim.training import train_rfafe
+from cosim.training import flights, train_rfafe
 from fdi.common import bank
 
 
@@ -26,5 +26,5 @@ def test_a_survey_finds_an_oscillation_and_little_in_health():
     p = train_rfafe.MODULES["rfafe"].params()
     k = int(np.argmin(abs(bank.frequencies() - 2.0)))
     for faults, low, high in (([fault], 0.8, 1.2), ([], 0.0, 0.06)):
-        runs, whatever, _ = train_rfafe.survey(train_rfafe.fly_aircraft(duration=9.0, faults=faults), "rfafe", p)
+        runs, whatever, _ = train_rfafe.survey(flights.fly_aircraft(duration=9.0, faults=faults), "rfafe", p)
         assert low <= np.degrees(runs[0][k]) <= high and whatever[0][k] >= runs[0][k]

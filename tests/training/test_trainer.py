@@ -15,7 +15,7 @@ from cosim.training import (
     train_rfafe,
     trainer,
 )
-from cosim.training.flights import MODULES, manoeuvring, over_envelope
+from cosim.training.flights import MODULES, fly_aircraft, manoeuvring, over_envelope
 from cosim.training.trainer import FOLDER, Trained
 from fdi import registry
 from fdi.common import bank
@@ -111,7 +111,7 @@ def reduced(name):
         return train_aircraft.limits([found], {"noise": 1e-7})
     flight = train_rfafe.flight(1000, 0) | {"duration": 10.0}
     kinds = side_kinds(dict(zip(train_rfafe.SEGMENTS, flight["technology"], strict=True)))
-    frame = train_rfafe.fly_aircraft(**flight)
+    frame = fly_aircraft(**flight)
     found = {n: train_rfafe.survey(frame, n, m.params(technology=kinds)) for n, m in MODULES.items()}
     return [Trained(n, "", train_rfafe.fields(n, [found[n]], np.full(bank.K, 0.3))[0]) for n in MODULES]
 

@@ -72,8 +72,7 @@ class _Told(BaseModel):
 
 def told(value: Any) -> dict[str, Any]:
     """Return what `fly` told of a file; raises ValueError for anything else."""
-    _Told.model_validate(value)
-    return value
+    return _Told.model_validate(value).model_dump()
 
 
 def whole(folder: Path, done: dict[str, Any]) -> bool:

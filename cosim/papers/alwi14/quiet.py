@@ -107,7 +107,6 @@ def tracking() -> tuple[float, str]:
     return farthest(peaks), note
 
 
-@functools.cache
 def on_plant(lift: bool = True, direct: bool = True) -> tuple[float, str]:
     """Return (range of the load factor over 0.3 g on the LPV plant under the law, farthest from 1; each point's).
 
@@ -149,7 +148,6 @@ def _own_model(point, only=None):
     return dataclasses.replace(model, A=A, B=B, C=C, D=D, trim=trims), dataclasses.replace(made, **own)
 
 
-@functools.cache
 def _own_worst(point, only=None, lag=True):
     """Return the largest fault-free elevator estimate [deg] with the point's own linear model in the observer.
 

@@ -5,58 +5,48 @@ from cosim.papers.drawing import Curve, Drawing, Panel, estimated
 from cosim.papers.jay import flown
 from cosim.papers.jay.bench import COMMAND, FAULT, FIGURES, SECONDS, bench
 
-SAY = {
-    3: "Fault-free: position",
-    4: "Fault-free: motor current",
-    5: "Fault-free: mean of the innovation",
-    6: "Velocity sensor x1.25",
-    7: "Velocity sensor + 5 rad/s",
-    8: "Position sensor x1.25",
-    9: "Position sensor + 1 mm",
-    10: "Current sensor x1.25",
-    11: "Current sensor + 1 A",
-    12: "Winding resistance 5 % up, without noise",
-    13: "Position sensor x1.25, with and without reconfiguration",
-}
-WHY = {
-    3: f"Pulses of {1e3 * COMMAND:g} mm. The estimate comes from the velocity sensor alone.",
-    4: "True and estimated; the gate of 0.5 A is far from their difference.",
-    5: "With the quoted noise as a peak value the mean stays below 0.5, as the paper has it; as one standard "
-    "deviation it reaches 1.1. Dashed: 0.5.",
-    6: "Dashed: threshold.",
-    7: "Dashed: threshold.",
-    8: "Dashed: threshold.",
-    9: "The loop has moved the rod. Dashed: threshold.",
-    10: "With a confirmation it would not be found. Dashed: threshold.",
-    11: "The fault is on the monitor's copy: inside the current loop it would move R1 instead. Dashed: threshold.",
-    12: "1.03, 0.18 mm and 0.14 A at most, where the paper prints 1, 0.2 and 0.1: no alarm. Dashed: thresholds.",
-    13: "Without it the rod settles at 2.00 mm; closed on the estimate at the commanded 2.50 mm.",
-}
-LOOK = {
-    3: "the end of each pulse: estimate and position lie on each other at 2.5 mm.",
-    4: "the edges: the estimated current lies on the true one in every peak.",
-    5: "the dashed 0.5: with the noise as a peak value the mean stays below it, as printed.",
-    6: "the edges: the mean of the innovation crosses 3 while the motor turns.",
-    7: "2 s: the mean of the innovation steps beyond 3 and stays.",
-    8: "R1: it settles on its threshold of 0.5 mm and crosses it in the overshoot, while R2 stays small.",
-    9: "R1: it steps to 1 mm at 2 s, while R2 stays small.",
-    10: "R2: it crosses 0.5 A for a sample at each edge, while R1 stays small.",
-    11: "R2: it steps to 1 A at 2 s, while R1 stays small.",
-    12: "the dashed thresholds: none of the three tests comes near them.",
-    13: "the end of each pulse: 2.5 mm with reconfiguration, 2 mm without.",
-}
+SHOWN = {  # figure -> title, caption, what to look at
+    3: ("Fault-free: position",
+        f"Pulses of {1e3 * COMMAND:g} mm. The estimate comes from the velocity sensor alone.",
+        "the end of each pulse: estimate and position lie on each other at 2.5 mm."),
+    4: ("Fault-free: motor current", "True and estimated; the gate of 0.5 A is far from their difference.",
+        "the edges: the estimated current lies on the true one in every peak."),
+    5: ("Fault-free: mean of the innovation",
+        "With the quoted noise as a peak value the mean stays below 0.5, as the paper has it; as one standard "
+        "deviation it reaches 1.1. Dashed: 0.5.",
+        "the dashed 0.5: with the noise as a peak value the mean stays below it, as printed."),
+    6: ("Velocity sensor x1.25", "Dashed: threshold.",
+        "the edges: the mean of the innovation crosses 3 while the motor turns."),
+    7: ("Velocity sensor + 5 rad/s", "Dashed: threshold.",
+        "2 s: the mean of the innovation steps beyond 3 and stays."),
+    8: ("Position sensor x1.25", "Dashed: threshold.",
+        "R1: it settles on its threshold of 0.5 mm and crosses it in the overshoot, while R2 stays small."),
+    9: ("Position sensor + 1 mm", "The loop has moved the rod. Dashed: threshold.",
+        "R1: it steps to 1 mm at 2 s, while R2 stays small."),
+    10: ("Current sensor x1.25", "With a confirmation it would not be found. Dashed: threshold.",
+         "R2: it crosses 0.5 A for a sample at each edge, while R1 stays small."),
+    11: ("Current sensor + 1 A",
+         "The fault is on the monitor's copy: inside the current loop it would move R1 instead. Dashed: threshold.",
+         "R2: it steps to 1 A at 2 s, while R1 stays small."),
+    12: ("Winding resistance 5 % up, without noise",
+         "1.03, 0.18 mm and 0.14 A at most, where the paper prints 1, 0.2 and 0.1: no alarm. Dashed: thresholds.",
+         "the dashed thresholds: none of the three tests comes near them."),
+    13: ("Position sensor x1.25, with and without reconfiguration",
+         "Without it the rod settles at 2.00 mm; closed on the estimate at the commanded 2.50 mm.",
+         "the end of each pulse: 2.5 mm with reconfiguration, 2 mm without."),
+}  # fmt: skip
 
 
 def drawings() -> list[Drawing]:
     """Return eleven Drawings of the bench, and one of the flights."""
-    return [*(_drawing(figure) for figure in SAY), _in_flight()]
+    return [*(_drawing(figure) for figure in SHOWN), _in_flight()]
 
 
 def _drawing(figure):
-    panels = _panels(figure)
+    title, caption, look = SHOWN[figure]
     onset = FAULT if figure in FIGURES or figure == 13 else None
-    return Drawing("jay", f"figure {figure}", SAY[figure], WHY[figure], panels, onset=onset,
-                   span=(0.0, SECONDS), row_px=200, look=LOOK[figure])  # fmt: skip
+    return Drawing("jay", f"figure {figure}", title, caption, _panels(figure), onset=onset, span=(0.0, SECONDS),
+                   row_px=200, look=look)  # fmt: skip
 
 
 def _panels(figure):

@@ -7,6 +7,7 @@ R's share of the current loop are not printed (`bench`).
 
 import numpy as np
 from scipy.linalg import expm
+from scipy.signal import cont2discrete
 
 PERIOD = 0.005  # [s]
 PHI = """
@@ -52,10 +53,8 @@ def plant(resistance: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     A[4, 3:] = -p["a54"], -p["loop"] * (1.0 + SHARE * resistance), -p["drive"] * (p["b"] - p["a"])
     A[5, 5] = -p["b"]
     B[4, 0], B[5, 0], B[4, 1] = p["drive"], 1.0, -(1.0 - SHARE) * p["loop"]
-    both = np.zeros((8, 8))
-    both[:6, :6], both[:6, 6:] = A, B
-    both = expm(both * PERIOD)
-    return both[:6, :6], both[:6, 6], both[:6, 7]
+    Phi, G, *_ = cont2discrete((A, B, np.eye(6), np.zeros((6, 2))), PERIOD)
+    return Phi, G[:, 0], G[:, 1]
 
 
 def motion(v: dict, hinge: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -84,9 +83,8 @@ def kalman(
     late, lead = int(elevator is not None), elevator["lead"] if elevator else LEAD
     x, P, H = np.zeros(6), np.diag(P_0), np.array([0.0, 0.0, 0.0, 0.05, 0.0, 0.0])
     if elevator:
-        A, B = motion(elevator)
-        both = expm(np.block([[A, B], [np.zeros((2, 8))]]) * PERIOD)
-        Phi, G = both[:6, :6], both[:6, 6]
+        Phi, G, *_ = cont2discrete((*motion(elevator), np.eye(6), np.zeros((6, 2))), PERIOD)
+        G = G[:, 0]
         x[:3] = position[0] / elevator["arm"], 0.0, position[0] / lead  # the spring is at rest
     else:
         Phi, G, _ = plant()

@@ -21,39 +21,32 @@ def _peaks(out, since=0.0):
     return np.array([np.abs(late["eta_bar"]).max(), 1e3 * np.abs(late["R1"]).max(), np.abs(late["R2"]).max()])
 
 
-@functools.cache
-def _faults():
-    """Return {figure: (peaks of all seeds, first culprit of all seeds)}."""
-    table = {}
-    for figure in FIGURES:
-        runs = [bench(seed=s, figure=figure) for s in SEEDS]
-        named = [int(c[c > 0][0]) if (c := r["culprit"][round(FAULT / DT) :]).any() else 0 for r in runs]
-        table[figure] = np.array([_peaks(r, FAULT) for r in runs]), named
-    return table
+run = functools.cache(bench)
 
 
-@functools.cache
-def _quiet(noise):
-    """Return the peaks (seed, test) of fault-free runs."""
-    return np.array([_peaks(bench(seed=s, noise=noise)) for s in SEEDS])
+def _seeds(**how):
+    """Return the runs of all seeds."""
+    return [run(seed=s, **how) for s in SEEDS]
+
+
+def _first(out):
+    """Return the sensor that is named first from the fault on, 0 for none."""
+    named = out["culprit"][round(FAULT / DT) :]
+    return int(named[named > 0][0]) if named.any() else 0
 
 
 def right() -> tuple[float, str]:
     """Return (runs in which the faulty sensor is named first, of how many)."""
-    found = [c == ema_kalman.CULPRITS.index(FIGURES[f][0]) for f in FIGURES for c in _faults()[f][1]]
+    found = [_first(r) == ema_kalman.CULPRITS.index(FIGURES[f][0]) for f in FIGURES for r in _seeds(figure=f)]
     return sum(found), f"of {len(found)}"
-
-
-@functools.cache
-def _warm():
-    return _peaks(bench(noise=0.0, resistance=0.05))
 
 
 def from_print() -> tuple[float, str]:
     """Return (largest distance of the three numbers of section 4.4 from print over 0.05, what they are)."""
-    told = "{:.2f}, {:.2f} mm, {:.2f} A".format(*_warm())
+    found = _peaks(run(noise=0.0, resistance=0.05))
+    told = "{:.2f}, {:.2f} mm, {:.2f} A".format(*found)
     chosen = "two numbers that are not printed, lever arm and R's share of the loop, were chosen for these three"
-    return np.abs(_warm() - (1.0, 0.2, 0.1)).max() / 0.05, f"{told}; {chosen}"
+    return np.abs(found - (1.0, 0.2, 0.1)).max() / 0.05, f"{told}; {chosen}"
 
 
 def step() -> tuple[float, str]:
@@ -63,8 +56,8 @@ def step() -> tuple[float, str]:
 
 def in_the_loop() -> tuple[float, str]:
     """Return the largest R1 [mm] when the biased current sensor closes the loop, and who is blamed."""
-    outs = [bench(seed=s, loop_bias=1.0) for s in SEEDS]
-    blamed = sum(c[c > 0][0] == ema_kalman.CULPRITS.index("velocity") for out in outs if (c := out["culprit"]).any())
+    outs = _seeds(loop_bias=1.0)
+    blamed = sum(_first(out) == ema_kalman.CULPRITS.index("velocity") for out in outs)
     return max(_peaks(out, FAULT)[1] for out in outs), f"velocity sensor named first in {blamed} of {len(outs)}"
 
 
@@ -80,45 +73,43 @@ def printed() -> tuple[float, str]:
 
 def pulse() -> float:
     """Return the estimated position at the end of a pulse [mm]."""
-    return 1e3 * bench(seed=0)["position_hat"][round(1.0 / DT) - 1]
+    return 1e3 * run()["position_hat"][round(1.0 / DT) - 1]
 
 
 def current() -> float:
     """Return the largest difference of estimated and true current [A]."""
-    return np.abs((run := bench(seed=0))["current_hat"] - run["current"]).max()
+    return np.abs(run()["current_hat"] - run()["current"]).max()
 
 
 def innovation(peak: bool) -> float:
     """Return the largest innovation mean of ten fault-free seeds; `peak`: the quoted noise is three deviations."""
-    return _quiet(1 / 3 if peak else 1.0)[:, 0].max()
+    return max(_peaks(r)[0] for r in _seeds(noise=1 / 3 if peak else 1.0))
 
 
 def variance() -> tuple[float, str]:
     """Return ten times the variance of the mean of ten eta, 1 for white ones of unit variance."""
-    found, peak = (
-        10.0 * np.mean([np.var(bench(seed=s, noise=noise)["eta_bar"][20:]) for s in SEEDS]) for noise in (1.0, 1 / 3)
-    )
+    found, peak = (10.0 * np.mean([np.var(r["eta_bar"][20:]) for r in _seeds(noise=noise)]) for noise in (1.0, 1 / 3))
     return found, f"{peak:.2f} with the noise as a peak value, which (6) does not know"
 
 
 def quiet() -> float:
     """Return the largest test over its threshold of ten fault-free seeds."""
-    return (_quiet(1 / 3) / LIMITS).max()
+    return max((_peaks(r) / LIMITS).max() for r in _seeds(noise=1 / 3))
 
 
 def crosses(figure: int, test: int) -> float:
     """Return the least peak of ten seeds of a test of a figure's fault."""
-    return _faults()[figure][0][:, test].min()
+    return min(_peaks(r, FAULT)[test] for r in _seeds(figure=figure))
 
 
 def stays(figures: tuple, test: int) -> float:
     """Return the largest peak of ten seeds of a test that the faults of these figures do not move."""
-    return max(_faults()[k][0][:, test].max() for k in figures)
+    return max(_peaks(r, FAULT)[test] for k in figures for r in _seeds(figure=k))
 
 
 def resistance() -> float:
     """Return the largest test over its threshold with the resistance 5 % up or down."""
-    return max((_peaks(bench(seed=s, resistance=r)) / LIMITS).max() for s in SEEDS for r in (0.05, -0.05))
+    return max((_peaks(r) / LIMITS).max() for rise in (0.05, -0.05) for r in _seeds(resistance=rise))
 
 
 def settles(reconfigure: bool) -> float:

@@ -92,7 +92,6 @@ def late_of(scenario: str, frame: Any) -> Any:
     return frame.index.to_numpy() >= (3.0 if scenario == "fault-free" else ONSET + 1.0)
 
 
-@functools.cache
 def fault(scenario: str, form: str) -> tuple[float, str]:
     """Return (number, note) of a figure (e), (f): rms of f_hat without a fault, |f_hat/f| of a liquid OFC, else the rms
     of the fault's error over that of the fault."""
@@ -127,7 +126,6 @@ def states(detector: str, form: str) -> tuple[float, str]:
     return worst, "; ".join(told)
 
 
-@functools.cache
 def named(detector: str, form: str) -> tuple[int, str]:
     """Return (faults of table 1 that a detector names right at the end, what became of each)."""
     right, told = 0, []
@@ -145,7 +143,6 @@ def named(detector: str, form: str) -> tuple[int, str]:
     return right, ", ".join(told)
 
 
-@functools.cache
 def quiet(detector: str, form: str) -> float:
     """Return the alarms of four segments in a minute of cruise in light turbulence."""
     own, words = watching(detector, form)
@@ -156,7 +153,6 @@ def quiet(detector: str, form: str) -> float:
     return float(sum((np.diff(frame[lane].to_numpy(), prepend=0.0) > 0.5).sum() for lane in lanes))
 
 
-@functools.cache
 def compensated(hz: float) -> tuple[float, str]:
     """Return the rod's oscillation with f_hat taken off the valve over that without, from 4 s after the onset."""
     rod, late = f"hydraulic.{LANE}.q_rod", slice(round((ONSET + 4.0) / 0.005), round((ONSET + 12.0) / 0.005))

@@ -43,8 +43,7 @@ def gain(load: str) -> tuple[float, str]:
 def solid_error() -> tuple[float, str]:
     """Return the rms of the fault's error over that of the fault in figure 4; with the filter changed in the note."""
     told = "; ".join(
-        f"{word} {matches('solid OFC', seeds=20, q_f=q_f * WALK, **own):.2f}"
-        for word, (q_f, own) in SOLID.items()
+        f"{word} {matches('solid OFC', seeds=20, q_f=q_f * WALK, **own):.2f}" for word, (q_f, own) in SOLID.items()
     )
     return matches("solid OFC"), told
 

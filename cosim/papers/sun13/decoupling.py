@@ -23,7 +23,6 @@ def _size(form: str, flights: list[Any], source: str) -> float:
     return rms(flights, form, module.params(stored=made(source=source)))
 
 
-@functools.cache
 def decoupled(form: str, source: str) -> tuple[float, str]:
     """Return rms of f_hat with coefficients 5 % off over six flights, E from `source` over no E; the same in gusts."""
     off, gusts = six("none", variants.WRONG), six("moderate")
@@ -53,7 +52,6 @@ def noisy() -> float:
     return _rate(BANDWIDTH[2])[1] / _rate(BANDWIDTH[1])[1]
 
 
-@functools.cache
 def coupled() -> tuple[float, str]:
     """Return rms of f_hat with E over that without, coefficients 5 % off, with the coupled P of `variants.coupled`.
 

@@ -81,9 +81,7 @@ def identify(
         for kind, found, units in _fits(made, segment, level):
             own = {n: {"unit": units[n], **asdict(p)} for n, p in found.parameters.items()}
             about = {"fit_pct": found.fit_pct, "residual": found.residual, "correlation": found.correlation}
-            out.actuators.append(
-                {"segment": segment, "kind": kind, "parameters": own, "note": found.note, **about}
-            )
+            out.actuators.append({"segment": segment, "kind": kind, "parameters": own, "note": found.note, **about})
             if kind == "response" and own:
                 out.responses[segment] = found
     if not named:
@@ -103,7 +101,8 @@ def _fits(made: Prepared, segment: str, level: float):
         found = response.Response(note=NO_COMMAND)
     else:
         (asked, moved), dt = on_grid(made, [COMMAND, position])
-        arm = _arm(made, segment) if position.endswith(".rod") else 1.0
+        own = made.scenario.elevator.technology[segment]
+        arm = TECHNOLOGIES[own].design(made.scenario.aircraft.own(own)).arm if position.endswith(".rod") else 1.0
         never = unknown("command and position are never valid together")
         found = response.respond(asked, moved / arm, dt, level) if len(asked) else never
     yield "response", found, response.UNITS
@@ -114,11 +113,6 @@ def _fits(made: Prepared, segment: str, level: float):
         if len(u) > 100:  # a tick's value has acted until then: it was sent a tick before
             found = flow.flow(u[1:], q[:-1], x3[0][:-1] if x3 else None, dt, level)
         yield "flow", found, flow.UNITS
-
-
-def _arm(made, segment):
-    own = made.scenario.elevator.technology[segment]
-    return TECHNOLOGIES[own].design(made.scenario.aircraft.own(own)).arm
 
 
 def texts(found: Identification, folder: Path, stem: str) -> dict[Path, str]:
@@ -147,7 +141,8 @@ def texts(found: Identification, folder: Path, stem: str) -> dict[Path, str]:
             held = f"{t.alarms} alarms in {t.held_back_s:.0f} s held back, {t.expected:.2g} expected"
             lines += [f"# for a scenario or the map: {t.factor:.3g} times the shipped ones; {held}"]
             lines += [f"# {t.note}"] * bool(t.note)
-            lines += [f"[detectors.{t.id}]", *(f"{_key(n)} = {v!r}" for n, v in t.parameters.items()), ""]
+            keys = {f'"{n}"' if "[" in n else n: v for n, v in t.parameters.items()}
+            lines += [f"[detectors.{t.id}]", *(f"{n} = {v!r}" for n, v in keys.items()), ""]
     out[folder / f"{stem}.toml"] = "\n".join([*lines, ""])
     return out
 
@@ -158,7 +153,3 @@ def _line(name, p, level):
         return f"    {meaning}: at least {p.low:.5g} {unit}, not reached; below stands the nominal one"
     note = f"; {p.note}" if p.note else ""
     return f"    {meaning}: {p.value:.5g} {unit}, {100.0 * level:g} %: {p.low:.5g} to {p.high:.5g}{note}"
-
-
-def _key(name):
-    return f'"{name}"' if "[" in name else name
