@@ -182,24 +182,6 @@ app = _App(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-ScenarioArg = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="Built-in name (see [b]cosim list[/]) or TOML file.")
-]
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", "-s", metavar="KEY=VALUE", help="Change a key: [b]--set faults.0.frequency_hz=3[/]. Repeatable."
-    ),
-]
-SpeedOption = Annotated[
-    float | None,
-    typer.Option("--speed", metavar="N", min=0.01, max=1000.0, help="With --live: N times the clock's. Default: 1."),
-]
-PortOption = Annotated[
-    int | None,
-    typer.Option("--port", metavar="PORT", min=0, max=65535, help="With --live: default 8765, 0 takes a free one."),
-]
-LogArg = Annotated[Path, typer.Argument(metavar="LOG", help="A log of [b]cosim run[/].", show_default=False)]
 LAYOUT = marked(b"{", b'"content"', b'"type": "tabs"')  # the sign of our layouts
 MOST = 20  # mistakes of one file that are told before the last
 LIVE_PORT = 8765  # that Foxglove asks for by default

@@ -6,9 +6,10 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.cli import output as shared
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err, out
-from cosim.cli.output import JsonOption, OverwriteOption, output_option, reserve
+from cosim.cli.output import argument, flag, option, output_option, reserve
 from cosim.table import Cell, Table
 
 
@@ -19,13 +20,11 @@ def edited(path: Path) -> bool:
 
 @app.command()
 def new(
-    what: Annotated[
-        str, typer.Argument(metavar="KIND", help="detector, law, actuator, aircraft or campaign.", show_default=False)
-    ],
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Lower-case letters, digits and _.")],
+    what: Annotated[str, argument("KIND", "detector, law, actuator, aircraft or campaign.")],
+    name: Annotated[str, argument("NAME", "Lower-case letters, digits and _.")],
     output: Annotated[Path, output_option("DIR", "Folder of the files.")] = Path("."),
-    overwrite: OverwriteOption = False,
-    json_: JsonOption = False,
+    overwrite: shared.OverwriteOption = False,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Write a detector, law, actuator, aircraft or campaign.
 
@@ -49,22 +48,13 @@ def new(
 
 @app.command("map")
 def map_(
-    recording: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Text, MATLAB, Parquet, MCAP, or a folder.", show_default=False)
-    ],
-    time: Annotated[
-        str | None, typer.Option("--time", metavar="COLUMN", help="The time column.", show_default=False)
-    ] = None,
-    aircraft: Annotated[
-        str | None, typer.Option("--aircraft", metavar="NAME", help="Whose detectors judge.", show_default=False)
-    ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option(metavar="A,B,...", help="Names of a file without any, or a file with them.", show_default=False),
-    ] = None,
+    recording: Annotated[Path, argument("FILE", "Text, MATLAB, Parquet, MCAP, or a folder.")],
+    time: Annotated[str | None, option("COLUMN", "The time column.")] = None,
+    aircraft: Annotated[str | None, option("NAME", "Whose detectors judge.")] = None,
+    columns: Annotated[str | None, option("A,B,...", "Names of a file without any, or a file with them.")] = None,
     output: Annotated[Path | None, output_option("MAP.toml", "Default: print it.")] = None,
-    overwrite: OverwriteOption = False,
-    json_: JsonOption = False,
+    overwrite: shared.OverwriteOption = False,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Draft a map of a recording: which column is which signal.
 
@@ -91,8 +81,8 @@ def map_(
 
 @app.command()
 def check(
-    what: Annotated[str, typer.Argument(metavar="FILE.py|NAME|DIR", help="A detector, a law; an aircraft.")],
-    json_: JsonOption = False,
+    what: Annotated[str, argument("FILE.py|NAME|DIR", "A detector, a law; an aircraft.")],
+    json_: shared.JsonOption = False,
 ) -> None:
     """Say whether a detector, law or aircraft keeps its contract.
 
@@ -125,9 +115,9 @@ def check(
 
 @app.command()
 def estimate(
-    aircraft: Annotated[str, typer.Argument(metavar="NAME|DIR", help="A folder with aircraft.toml and numbers.toml.")],
-    check: Annotated[bool, typer.Option("--check", help="Only tell whether the files are what this makes.")] = False,
-    json_: JsonOption = False,
+    aircraft: Annotated[str, argument("NAME|DIR", "A folder with aircraft.toml and numbers.toml.")],
+    check: Annotated[bool, flag("--check", "Only tell whether the files are what this makes.")] = False,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Write an aircraft's JSBSim files from its dimensions."""
     from cosim.files import replace_text
