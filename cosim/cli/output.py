@@ -83,7 +83,7 @@ def loaded(scenario: str, overrides: Sequence[str]) -> Any:
 
 def option(metavar: str | None, about: str, *names: str, **more: Any) -> Any:
     """Return an option; without `names` it has that of its parameter."""
-    return typer.Option(*names, metavar=metavar, help=about, show_default=more.pop("show_default", True), **more)
+    return typer.Option(*names, metavar=metavar, help=about, **more)
 
 
 def flag(name: str, about: str) -> Any:
@@ -93,7 +93,7 @@ def flag(name: str, about: str) -> Any:
 
 def argument(metavar: str, about: str) -> Any:
     """Return an argument."""
-    return typer.Argument(metavar=metavar, help=about, show_default=False)
+    return typer.Argument(metavar=metavar, help=about)
 
 
 def output_option(metavar: str, about: str) -> Any:

@@ -120,24 +120,26 @@ def _bounded(path, most):
         raise LogError(f"has {size / 1e9:.3g} GB", place=str(path), allowed=f"{most / 1e9:g} GB", remedy=remedy)
 
 
-def columns_of(path: str | Path, columns: tuple[str, ...] = ()) -> list[str]:
-    """Return the columns of a file or folder of tables, none of an MCAP file. Raises LogError."""
-    path = Path(os.fspath(path))
-    if path.suffix.lower() == ".mcap":
-        return []
-    frames, _ = _frames(path, columns, rows=5)
+def columns_of(path: str | Path) -> list[str]:
+    """Return the columns of a file or folder of tables. Raises LogError."""
+    frames, _ = _frames(Path(path), rows=5)
     return [c for f in frames.values() for c in (*map(str, f.columns), *f.attrs.get("texts", ()))]
 
 
-def unit_of_time(path: str | Path, name: str, columns: tuple[str, ...] = ()) -> str:
-    """Return the unit, "ms", "us" or "ns", of a time column whose name has none and whose whole numbers are too far
-    apart for seconds, else ""; `path`, `columns` as in `columns_of`."""
-    frames, _ = _frames(Path(path), columns, rows=200)
-    t = next((f[name] for f in frames.values() if name in f.columns), None)
-    if t is None or t.dtype.kind not in "iuf" or t.isna().any() or _scale(_apart(name)) or (t % 1 != 0).any():
-        return ""
-    step = clock.interval(t.to_numpy(np.float64))
-    return next((unit for unit, least in (("ns", 1e6), ("us", 1e3), ("ms", LEAST_MS)) if step > least), "")
+def time_in(path: Path, columns: tuple[str, ...] = ()) -> str | None:
+    """Return the time column of a table by its name, with a unit where its whole numbers are too far apart for seconds:
+    "timestamp [us]"; None where `read_channels` finds it alone or there is none. Raises LogError."""
+    if path.suffix.lower() not in KINDS or path.is_dir():
+        return None
+    frame = read_table(path, columns, rows=200)
+    names = [*map(str, frame.columns), *frame.attrs.get("texts", ())]
+    name = time_of(names)
+    t = frame[name] if name in frame.columns else np.empty(0)
+    if t.dtype.kind in "iuf" and np.isfinite(t).all() and not _scale(_apart(name)) and (t % 1 == 0).all():
+        step = clock.interval(np.asarray(t, np.float64))
+        if unit := next((u for u, least in (("ns", 1e6), ("us", 1e3), ("ms", LEAST_MS)) if step > least), ""):
+            return f"{name} [{unit}]"
+    return None if set(names) & set(TIME_NAMES) else name
 
 
 def time_of(names: Any) -> str | None:
@@ -171,10 +173,9 @@ def _timed(frame, path, stem, time, on_reset, part):
     texts = {str(c): _word(frame[c]) for c in frame.columns if c != name and str(c) not in numbers.columns}
     numbers.attrs = {"texts": texts | dict.fromkeys(frame.attrs.get("texts", ()), "")}
     clock.finite(t, f"column {str(name)!r}", path)
-    rising, rows = clock.rising(t, path, on_reset, part)
+    rising, rows, told = clock.rising(t, path, on_reset, part)
     frame = numbers.iloc[rows].set_axis(pd.Index(rising, name="t_s"))
-    told = clock.restarts(t, on_reset, part) + clock.oddities(rising, stem)
-    frame.attrs = numbers.attrs | {"oddities": told}
+    frame.attrs = numbers.attrs | {"oddities": told + clock.oddities(rising, stem)}
     return frame
 
 

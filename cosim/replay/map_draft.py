@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.replay.foreign import TIME_NAMES, columns_of, read_channels, time_of, unit_of_time
+from cosim.replay.foreign import read_channels, time_in
 from cosim.replay.map_proof import SURE, Guess, Proof, speed_from
 from cosim.replay.units import factors, known
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
@@ -48,12 +48,6 @@ NAMES = {  # word of the vocabulary -> what people call it, as tokens that a col
     "position": ("position", "screw", "pos"), "current": ("current", "amps", "motor current"),
     "hm0": ("hm0",), "hmd": ("hmd",), "hinge_moment": ("hinge moment", "hinge", "load"),
 }  # fmt: skip
-UNIT = {  # how units stand in names, beside the writings of cosim/replay/units.py
-    "deg": "deg", "degs": "deg/s", "degps": "deg/s", "dps": "deg/s", "rad": "rad", "rads": "rad/s", "radps": "rad/s",
-    "mm": "mm", "m": "m", "in": "in", "ft": "ft", "kt": "kt", "kts": "kt", "kn": "kt", "mps": "m/s", "kmh": "km/h",
-    "fpm": "ft/min", "pct": "%", "percent": "%", "bar": "bar", "psi": "psi", "mpa": "MPa", "kpa": "kPa", "ma": "mA",
-    "a": "A", "rpm": "rpm", "g": "g", "t": "t", "kg": "kg", "lb": "lb", "lbfft": "lbf ft", "nm": "N m",
-}  # fmt: skip
 KNOTS = {"kcas", "kias", "ktas"}  # the unit is in the name of the speed
 EDGE = {"teu": -1, "ted": 1}  # trailing edge up, down: ours is + down
 FILLERS = re.compile(r"(d?adc|ahrs|irs|ins|vane|air|b|cg)\d*")  # systems and axes: they say nothing of what is measured
@@ -90,7 +84,7 @@ def draft(
     """
     own = load_aircraft(aircraft or DEFAULT)
     named = tuple(columns)
-    time = time or _time(Path(path), named)
+    time = time or time_in(Path(path), named)
     tables = read_channels(path, time=time, on_reset="split", part=0, columns=named)
     one = len(tables) == 1
     found = {c if one else f"{t}.{c}": frame[c].to_numpy() for t, frame in tables.items() for c in frame.columns}
@@ -124,14 +118,14 @@ def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, eng
     bracket = re.search(r"[\[(]([^\[\]()]*)[\])]\s*$", channel)
     tokens = _tokens(channel[: bracket.start()] if bracket and known(bracket[1]) else channel) or [""]
     unit = known(bracket[1]) if bracket else ""
-    unit = unit or next((UNIT[t] for t in reversed(tokens[1:]) if t in UNIT), "")
+    unit = unit or next(filter(None, map(_unit_in, reversed(tokens[1:]))), "")
     for k in range(len(tokens) - 1, 1, -1):  # DEG_S, M_S, FT_MIN: a unit over two words
         if (two := known("_".join(tokens[k - 1 : k + 1]))) and not bracket:
             unit, tokens = two, tokens[: k - 1] + tokens[k + 1 :]
             break
     sign = next((EDGE[t] for t in tokens if t in EDGE), 0)
     tokens = [t for t in tokens if t not in EDGE] or [""]
-    rest = [t for t in tokens if UNIT.get(t) != unit or t == tokens[0]] if unit else tokens
+    rest = [t for t in tokens if _unit_in(t) != unit or t == tokens[0]] if unit else tokens
     place = [long for long, short in PLACES.items() if set(rest) & {long, *short.split()}]
     said = [t for t in rest if not any(t in (long, *short.split()) for long, short in PLACES.items())]
     meant = [t for t in rest if not FILLERS.fullmatch(t)] or rest
@@ -187,26 +181,20 @@ def _looked_at(y: np.ndarray) -> tuple[np.ndarray, str]:
     return np.where(np.isfinite(y), y, np.nan), more
 
 
-def _time(path: Path, columns: tuple[str, ...] = ()) -> str | None:
-    """Return the time column of a table by its name, with a unit where its numbers ask for one; None where
-    `read_channels` finds it alone or there is none."""
-    names = columns_of(path, columns)
-    name = time_of(names) if names and not path.is_dir() else None
-    unit = unit_of_time(path, name, columns) if name else ""
-    if unit:
-        return f"{name} [{unit}]"
-    return None if set(names) & set(TIME_NAMES) else name
-
-
 def _tokens(channel: str) -> list[str]:
     """Return the words of a column's name, in small letters: of NzG, ELEV_CMD_DEG, left-inner rod [mm]."""
     out: list[str] = []
     for token in re.split(r"[^A-Za-z0-9]+", channel.rpartition(".")[2] or channel):
         token = re.sub(r"(?<=[A-Z]{2})CG$", "", token)
-        whole = token.lower() in UNIT or token.lower() in WHOLE
+        whole = _unit_in(token) or token.lower() in WHOLE
         parts = [token] if whole else re.split(r"(?<=[a-z0-9])(?=[A-Z])", token)
         out += [word for part in parts if part for word in SHORT.get(part.lower(), part.lower()).split()]
     return out
+
+
+def _unit_in(token: str) -> str:
+    """Return the unit that a word of a column's name is, "" for none."""
+    return known(token) if token.isalpha() else ""
 
 
 def _segment(place: list[str], segments: Sequence[str]) -> str:
