@@ -5,6 +5,7 @@ Exit status: 0 good (an alarm or a departed flight is a result), 1 a difference 
 With --json one JSON object goes to standard output and nothing else; what goes wrong is one line on standard error.
 """
 
+import errno
 import json
 import logging
 import os
@@ -96,7 +97,8 @@ class _Group(TyperGroup):
         except BrokenPipeError:
             raise  # the reader of a pipe went away: click ends quietly
         except OSError as error:
-            text = f"{error.filename or _stream(error)}: {error.strerror or error}".removeprefix(": ")
+            said = NO_FILE if error.errno == errno.ENAMETOOLONG else error.strerror or error
+            text = f"{error.filename or _stream(error)}: {said}".removeprefix(": ")
             text = text if _somewhere() else "the current folder has been removed. Change to another one"
         except MemoryError:
             text = "this machine gives no more memory. Close other programs, or raise the limit (ulimit -v)"
@@ -183,6 +185,7 @@ app = _App(
 )
 
 LAYOUT = marked(b"{", b'"content"', b'"type": "tabs"')  # the sign of our layouts
+NO_FILE = "there is no such file, and its name is longer than a file's may be"
 MOST = 20  # mistakes of one file that are told before the last
 LIVE_PORT = 8765  # that Foxglove asks for by default
 

@@ -44,7 +44,9 @@ def campaign(
     only_with("--likeliest", likeliest, part=part)
     if worst or likeliest:
         from cosim.campaign import search
+        from cosim.campaign.spec import shipped
 
+        shipped(worst or likeliest)
         path = (output or folder(campaign)) / (f"worst-{worst}.toml" if worst else f"likeliest-{likeliest}.toml")
         reserve(path, search.WORST if worst else search.LIKELIEST)
         _search(campaign, worst, likeliest, part, json_, workers=workers, out=path)

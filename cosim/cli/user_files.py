@@ -1,6 +1,7 @@
 """Commands for what a user brings: a detector or an aircraft (`new`, `check`, `estimate`), a recording (`map`)."""
 
 import json
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -64,7 +65,7 @@ def map_(
     from cosim.replay.foreign import columns_of
     from cosim.replay.map_draft import draft
 
-    names = columns_of(columns) if columns and Path(columns).is_file() else (columns or "").split(",")
+    names = columns_of(columns) if columns and os.path.isfile(columns) else (columns or "").split(",")
     if output:
         reserve(output, edited, taken={"the recording": [recording]}, endings=(".toml",))
     text = draft(recording, time=time, aircraft=aircraft, columns=[n.strip() for n in names if n.strip()])
@@ -92,7 +93,7 @@ def check(
     from cosim.scenario.aircraft import ships
 
     marks = {"good": Cell("✓", "good"), "bad": Cell("✗", "bad"), "note": Cell("!", "warn")}
-    if ships(what) or Path(what).is_dir():
+    if ships(what) or os.path.isdir(what):
         from cosim.flight.plant.check import check as of_aircraft
 
         points = of_aircraft(what)
