@@ -144,7 +144,7 @@ def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, eng
             word = "n1_1" if place == ["left"] else "n1_2"
         local = word == "hinge_moment" or (word in words() and bool(words()[word].technologies))
         held = said if local else meant
-        found = max((n for n in names if set(n.split()) <= set(held)), key=len, default="")
+        found = max((n for n in names if set(held).issuperset(n.split())), key=len, default="")
         if not found or (sent and not word.endswith(("cmd", "command"))):
             continue
         if len(found) < 3 and len(found.split()) < len(held) and names != NAMES["n1"]:  # the R of DLC_R is no yaw rate
@@ -164,7 +164,7 @@ def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, eng
         if unit_ == "deg" and most > MOST_DEG.get(word, np.inf):
             unit_, why, fit = "deg", f"{why}, too large for degrees", min(fit, 0.5 * SURE)
         elif not np.isfinite(y).any():
-            why, fit = "no number in it", min(fit, 0.5 * SURE)
+            why = "no number in it"
         elif word not in FIXED and np.nanmin(y) == np.nanmax(y):
             why, fit = f"{why}, constant", min(fit, 0.5 * SURE)
         up = sign if word in ("surface", "deflection", "de_cmd") else 0
@@ -252,7 +252,7 @@ def _text(
     if own.name != DEFAULT:
         lines.append(f"aircraft = {inline(own.name)}")
     for word, (key, factor, usual) in POINT.items():
-        if word in taken and taken[word].flies:
+        if word in taken and taken[word].flies and np.isfinite(columns[taken[word].channel]).any():
             scale = factors(words()[word].unit)[taken[word].unit]
             middle = float(np.nanmedian(columns[taken[word].channel])) * scale * factor
             value = _point(word, middle, own)
@@ -277,7 +277,8 @@ def _text(
     for lane in lanes:
         if not {f"{lane}.hm0", f"{lane}.hinge_moment"} & taken.keys():
             lines.append(f'# "{lane}.hinge_moment" = {{ constant = 0.0 }}  # without load; not in the recording')
-    left = [c for c in columns if c not in {g.channel for g in taken.values()}]
+    used = {g.channel for g in taken.values()}
+    left = [c for c in columns if c not in used]
     lines += ["", *(f"# not used: {inline(c)}" if not c.isprintable() else f"# not used: {c}" for c in left)]
     lines += [f"# text, not numbers: {inline(c)}" for c in texts]
     return "\n".join(lines).rstrip() + "\n"
