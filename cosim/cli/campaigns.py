@@ -46,7 +46,7 @@ def campaign(
         from cosim.campaign import search
         from cosim.campaign.spec import shipped
 
-        shipped(worst or likeliest)
+        shipped(worst or likeliest or "")
         path = (output or folder(campaign)) / (f"worst-{worst}.toml" if worst else f"likeliest-{likeliest}.toml")
         reserve(path, search.WORST if worst else search.LIKELIEST)
         _search(campaign, worst, likeliest, part, json_, workers=workers, out=path)
