@@ -278,6 +278,8 @@ def failed(error: OSError, path: str | os.PathLike) -> OutputError:
     """Return the OutputError of a file that cannot be written."""
     if isinstance(error, FileExistsError | NotADirectoryError):
         return OutputError("its folder is a file", place=str(path), remedy="Choose another place")
+    if error.errno == errno.ENAMETOOLONG:
+        return OutputError("its name is longer than a file's may be", place=str(path), remedy="Choose a shorter one")
     remedy = SPACE if error.errno in FULL else "Choose another place"
     return OutputError(f"cannot be written: {error.strerror or error}", place=str(path), remedy=remedy)
 

@@ -5,6 +5,7 @@ Exit status: 0 good (an alarm or a departed flight is a result), 1 a difference 
 With --json one JSON object goes to standard output and nothing else; what goes wrong is one line on standard error.
 """
 
+import errno
 import json
 import logging
 import os
@@ -96,7 +97,8 @@ class _Group(TyperGroup):
         except BrokenPipeError:
             raise  # the reader of a pipe went away: click ends quietly
         except OSError as error:
-            text = f"{error.filename or _stream(error)}: {error.strerror or error}".removeprefix(": ")
+            said = NO_FILE if error.errno == errno.ENAMETOOLONG else error.strerror or error
+            text = f"{error.filename or _stream(error)}: {said}".removeprefix(": ")
             text = text if _somewhere() else "the current folder has been removed. Change to another one"
         except MemoryError:
             text = "this machine gives no more memory. Close other programs, or raise the limit (ulimit -v)"
@@ -182,25 +184,8 @@ app = _App(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-ScenarioArg = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="Built-in name (see [b]cosim list[/]) or TOML file.")
-]
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", "-s", metavar="KEY=VALUE", help="Change a key: [b]--set faults.0.frequency_hz=3[/]. Repeatable."
-    ),
-]
-SpeedOption = Annotated[
-    float | None,
-    typer.Option("--speed", metavar="N", min=0.01, max=1000.0, help="With --live: N times the clock's. Default: 1."),
-]
-PortOption = Annotated[
-    int | None,
-    typer.Option("--port", metavar="PORT", min=0, max=65535, help="With --live: default 8765, 0 takes a free one."),
-]
-LogArg = Annotated[Path, typer.Argument(metavar="LOG", help="A log of [b]cosim run[/].", show_default=False)]
 LAYOUT = marked(b"{", b'"content"', b'"type": "tabs"')  # the sign of our layouts
+NO_FILE = "there is no such file, and its name is longer than a file's may be"
 MOST = 20  # mistakes of one file that are told before the last
 LIVE_PORT = 8765  # that Foxglove asks for by default
 

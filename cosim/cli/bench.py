@@ -4,12 +4,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
 from rich.console import Group
 from rich.text import Text
 
 from cosim.cli.app import answer, app, err
-from cosim.cli.output import JsonOption, option
+from cosim.cli.output import JsonOption, flag, option
 from cosim.cli.tables import progress as bar
 from cosim.errors import CosimError
 from cosim.table import DASH, Table, number
@@ -18,9 +17,9 @@ from cosim.texts import from_json, read
 
 @app.command()
 def bench(
-    rounds: Annotated[int, typer.Option("--rounds", min=3, help="Rounds of interleaved timing.")] = 15,
-    memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Fly ten minutes for the peak memory.")] = True,
-    beside: Annotated[Path | None, option("--compare", "FILE", "Beside what --json wrote to FILE.")] = None,
+    rounds: Annotated[int, option(None, "Rounds of interleaved timing.", min=3)] = 15,
+    memory: Annotated[bool, flag("--memory/--no-memory", "Fly ten minutes for the peak memory.")] = True,
+    beside: Annotated[Path | None, option("FILE", "Beside what --json wrote to FILE.", "--compare")] = None,
     json_: JsonOption = False,
 ) -> None:
     """Measure what a tick, a start and a flight's memory cost."""

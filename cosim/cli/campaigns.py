@@ -9,18 +9,9 @@ from rich.console import Group
 from rich.text import Text
 
 from cosim.cli import flight, tables
+from cosim.cli import output as shared
 from cosim.cli.app import answer, app, err, notes, only_with, out
-from cosim.cli.output import (
-    CampaignArg,
-    DetectorOption,
-    JsonOption,
-    OverwriteOption,
-    ReadmeOption,
-    WorkersOption,
-    option,
-    output_option,
-    reserve,
-)
+from cosim.cli.output import argument, flag, option, output_option, reserve
 from cosim.errors import CosimError
 
 
@@ -30,27 +21,19 @@ def _left_out(damaged, what):
 
 @app.command()
 def campaign(
-    campaign: CampaignArg,
-    workers: WorkersOption = None,
-    scheduler: Annotated[
-        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Fly on a Dask cluster: tcp://host:8786.")
-    ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on in this folder; failed runs fly again.")] = False,
-    anew: Annotated[
-        bool, typer.Option("--anew", help="Go on; runs of a file of yours that has changed fly again.")
-    ] = False,
+    campaign: shared.CampaignArg,
+    workers: shared.WorkersOption = None,
+    scheduler: Annotated[str | None, option("ADDRESS", "Fly on a Dask cluster: tcp://host:8786.")] = None,
+    resume: Annotated[bool, flag("--resume", "Go on in this folder; failed runs fly again.")] = False,
+    anew: Annotated[bool, flag("--anew", "Go on; runs of a file of yours that has changed fly again.")] = False,
     output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>.")] = None,
-    overwrite: OverwriteOption = False,
-    again: Annotated[str | None, option("--rerun", "ID", "Fly one run again, with a log, and compare its row.")] = None,
-    worst: Annotated[
-        str | None, option("--worst", "DETECTOR", "Provoke a false alarm, fault-free (300 flights).")
-    ] = None,
-    likeliest: Annotated[
-        str | None, option("--likeliest", "DETECTOR", "The likeliest flight in which it fails.")
-    ] = None,
-    part: Annotated[str | None, option("--part", "NAME", "With --likeliest: the part to search.")] = None,
-    detector: DetectorOption = None,
-    json_: JsonOption = False,
+    overwrite: shared.OverwriteOption = False,
+    again: Annotated[str | None, option("ID", "Fly one run again, with a log, and compare its row.", "--rerun")] = None,
+    worst: Annotated[str | None, option("DETECTOR", "Provoke a false alarm, fault-free (300 flights).")] = None,
+    likeliest: Annotated[str | None, option("DETECTOR", "The likeliest flight in which it fails.")] = None,
+    part: Annotated[str | None, option("NAME", "With --likeliest: the part to search.")] = None,
+    detector: shared.DetectorOption = None,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Fly grids and draws of scenarios, a row per flight.
 
@@ -61,7 +44,9 @@ def campaign(
     only_with("--likeliest", likeliest, part=part)
     if worst or likeliest:
         from cosim.campaign import search
+        from cosim.campaign.spec import shipped
 
+        shipped(worst or likeliest or "")
         path = (output or folder(campaign)) / (f"worst-{worst}.toml" if worst else f"likeliest-{likeliest}.toml")
         reserve(path, search.WORST if worst else search.LIKELIEST)
         _search(campaign, worst, likeliest, part, json_, workers=workers, out=path)
@@ -107,18 +92,14 @@ def _rerun(campaign, run, json_, **how):
 
 @app.command()
 def dataset(
-    campaign: CampaignArg,
+    campaign: shared.CampaignArg,
     output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>-dataset.")] = None,
-    signal: Annotated[list[str] | None, option("--signal", "WORD", "`cosim list signals`. Default: all.")] = None,
-    rate: Annotated[float, typer.Option("--rate", metavar="HZ", help="Samples a second.")] = 50.0,
-    limit: Annotated[
-        int | None, typer.Option("--limit", min=1, help="The first flights only.", show_default=False)
-    ] = None,
-    anew: Annotated[
-        bool, typer.Option("--anew", help="Fly again what a file of yours flew that has changed since.")
-    ] = False,
-    workers: WorkersOption = None,
-    json_: JsonOption = False,
+    signal: Annotated[list[str] | None, option("WORD", "`cosim list signals`. Default: all.")] = None,
+    rate: Annotated[float, option("HZ", "Samples a second.")] = 50.0,
+    limit: Annotated[int | None, option(None, "The first flights only.", min=1)] = None,
+    anew: Annotated[bool, flag("--anew", "Fly again what a file of yours flew that has changed since.")] = False,
+    workers: shared.WorkersOption = None,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Fly a campaign into a labelled data set.
 
@@ -142,16 +123,13 @@ def dataset(
 
 @app.command()
 def report(
-    log: Annotated[
-        Path,
-        typer.Argument(metavar="LOG|DIR", help="A log; a campaign's folder, or one of logs.", show_default=False),
-    ],
+    log: Annotated[Path, argument("LOG|DIR", "A log; a campaign's folder, or one of logs.")],
     output: Annotated[Path | None, output_option("HTML", "Default: beside the log.")] = None,
-    overwrite: OverwriteOption = False,
+    overwrite: shared.OverwriteOption = False,
     light: Annotated[
-        bool, typer.Option("--light", help="Of one log: figures as SVG, under 500 kB, without cursor and zoom.")
+        bool, flag("--light", "Of one log: figures as SVG, under 500 kB, without cursor and zoom.")
     ] = False,
-    json_: JsonOption = False,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Write one HTML page of a flight, a recording or a folder.
 
@@ -182,23 +160,19 @@ def report(
 def compare(
     sources: Annotated[
         list[Path] | None,
-        typer.Argument(
-            metavar="LOG|DIR",
-            help="Logs, a campaign's folder, or two of them side by side. Default: a small built-in matrix.",
-            show_default=False,
+        argument(
+            "LOG|DIR", "Logs, a campaign's folder, or two of them side by side. Default: a small built-in matrix."
         ),
     ] = None,
     output: Annotated[Path | None, output_option("DIR", "Folder for report and tables. Default: write none.")] = None,
-    overwrite: OverwriteOption = False,
-    workers: WorkersOption = None,
-    readme: ReadmeOption = None,
-    detector: DetectorOption = None,
+    overwrite: shared.OverwriteOption = False,
+    workers: shared.WorkersOption = None,
+    readme: shared.ReadmeOption = None,
+    detector: shared.DetectorOption = None,
     fault_rate: Annotated[
-        list[float] | None,
-        typer.Option("--fault-rate", metavar="PER_HOUR", help="What an alarm is worth at so many faults per flight "
-                     "hour.", show_default=False),
+        list[float] | None, option("PER_HOUR", "What an alarm is worth at so many faults per flight hour.")
     ] = None,
-    json_: JsonOption = False,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Compare detectors on the same flights: who sees what, when."""
     from cosim.compare import compare as work

@@ -12,33 +12,9 @@ from rich.console import Group
 from rich.text import Text
 
 from cosim.cli import flight, inventory, tables
-from cosim.cli.app import (
-    LAYOUT,
-    LIVE_PORT,
-    PortOption,
-    ScenarioArg,
-    SetOption,
-    SpeedOption,
-    answer,
-    app,
-    err,
-    notes,
-    only_with,
-    out,
-    served,
-)
-from cosim.cli.output import (
-    DetectorOption,
-    JsonOption,
-    OverwriteOption,
-    argument,
-    loaded,
-    log_name,
-    named,
-    option,
-    output_option,
-    reserve,
-)
+from cosim.cli import output as shared
+from cosim.cli.app import LAYOUT, LIVE_PORT, answer, app, err, notes, only_with, out, served
+from cosim.cli.output import argument, flag, loaded, log_name, named, option, output_option, reserve
 from cosim.errors import CosimError, did_you_mean
 from cosim.progress import Compiling
 from cosim.table import Cell, Column, Table
@@ -57,8 +33,8 @@ ORDER = (
 
 @app.command()
 def run(
-    scenario: ScenarioArg = DEFAULT,
-    set_: SetOption = None,
+    scenario: shared.ScenarioArg = DEFAULT,
+    set_: shared.SetOption = None,
     output: Annotated[
         Path | None,
         output_option(
@@ -66,20 +42,19 @@ def run(
             "Default: logs/SCENARIO.mcap, of a variant logs/SCENARIO+KEY=VALUE.mcap, with a digest where that is long.",
         ),
     ] = None,
-    overwrite: OverwriteOption = False,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 when the flight departs.")] = False,
-    report: Annotated[bool, typer.Option("--report", help="Write an HTML report beside the log.")] = False,
+    overwrite: shared.OverwriteOption = False,
+    strict: Annotated[bool, flag("--strict", "Exit with 1 when the flight departs.")] = False,
+    report: Annotated[bool, flag("--report", "Write an HTML report beside the log.")] = False,
     live: Annotated[
-        bool,
-        typer.Option("--live", help="Fly by the clock: watch, inject and heal in Foxglove (layout beside the log)."),
+        bool, flag("--live", "Fly by the clock: watch, inject and heal in Foxglove (layout beside the log).")
     ] = False,
-    speed: SpeedOption = None,
-    port: PortOption = None,
+    speed: shared.SpeedOption = None,
+    port: shared.PortOption = None,
     flightgear: Annotated[
-        int | None, option("--flightgear", "PORT", "With --live: show it in FlightGear, too.", min=1, max=65535)
+        int | None, option("PORT", "With --live: show it in FlightGear, too.", min=1, max=65535)
     ] = None,
-    detector: DetectorOption = None,
-    json_: JsonOption = False,
+    detector: shared.DetectorOption = None,
+    json_: shared.JsonOption = False,
 ) -> Any:
     """Fly a scenario, log it, show who alarmed, when, and for what."""
     from cosim.scenario.brought import identified
@@ -142,7 +117,7 @@ def run(
 @app.command(name="list")
 def list_(
     topic: Annotated[str | None, argument("TOPIC", f"{', '.join(inventory.TOPICS)} or all.")] = None,
-    json_: JsonOption = False,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Show what there is to fly, to break, to read and to enable."""
     from cosim.campaign.inventory import inventory as everything
@@ -162,8 +137,8 @@ def list_(
 def example(
     name: Annotated[str | None, argument("NAME", "Default: list them.")] = None,
     output: Annotated[Path | None, output_option("FILE", "Default: NAME.py here.")] = None,
-    overwrite: OverwriteOption = False,
-    json_: JsonOption = False,
+    overwrite: shared.OverwriteOption = False,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Copy an example program here, ready to run and to change."""
     from cosim.campaign.inventory import example as source
@@ -184,14 +159,12 @@ def example(
 
 @app.command()
 def info(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log written by [b]cosim run[/].", show_default=False)],
-    scenario: Annotated[
-        bool, typer.Option("--scenario", help="Print the log's scenario as TOML, ready to fly again.")
-    ] = False,
+    log: Annotated[Path, argument("LOG", "A log written by [b]cosim run[/].")],
+    scenario: Annotated[bool, flag("--scenario", "Print the log's scenario as TOML, ready to fly again.")] = False,
     output: Annotated[
         Path | None, output_option("DIR", "With --scenario: write it, and the sources attached, to fly there.")
     ] = None,
-    json_: JsonOption = False,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Say what a log holds and whether it is complete."""
     from cosim.log.overview import log_info
@@ -225,11 +198,11 @@ def _write_sources(log, scenario, folder):
 
 @app.command()
 def linearize(
-    scenario: ScenarioArg = DEFAULT,
-    set_: SetOption = None,
+    scenario: shared.ScenarioArg = DEFAULT,
+    set_: shared.SetOption = None,
     output: Annotated[Path | None, output_option("FILE", "Write A, B, C, D to .npz or .mat.")] = None,
-    overwrite: OverwriteOption = False,
-    json_: JsonOption = False,
+    overwrite: shared.OverwriteOption = False,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Show trim and modes at a flight point; write A, B, C, D."""
 

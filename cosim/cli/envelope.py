@@ -15,7 +15,7 @@ from cosim.files import columns, replace
 @app.command()
 def envelope(
     output: Annotated[Path, output_option("DIR", "Folder of page and table.")] = Path("logs/envelope"),
-    flown: Annotated[Path | None, option("--flown", "DIR", "A campaign: where detectors judge, see.")] = None,
+    flown: Annotated[Path | None, option("DIR", "A campaign: where detectors judge, see.")] = None,
     overwrite: OverwriteOption = False,
     workers: WorkersOption = None,
     json_: JsonOption = False,
@@ -74,4 +74,3 @@ def shown(found: dict[str, Any]) -> Group:
         lines.append(f"{technology}: full elevator {', '.join(said)}")
     lines += [f"{key:<11}{found[key]}" for key in ("report", "table", "detectors") if key in found]
     return Group(masses(found), *(Text(line) for line in lines))
-

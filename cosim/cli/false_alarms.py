@@ -5,13 +5,12 @@ import json
 from pathlib import Path
 from typing import Annotated
 
-import typer
 from rich.console import Group
 from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err
-from cosim.cli.output import JsonOption, OverwriteOption, WorkersOption, argument, output_option, reserve
+from cosim.cli.output import JsonOption, OverwriteOption, WorkersOption, argument, flag, option, output_option, reserve
 
 
 @app.command(name="false-alarms")
@@ -19,12 +18,8 @@ def false_alarms(
     detectors: Annotated[
         list[str] | None, argument("DETECTOR", "That ship, or files of your own. Default: all that ship.")
     ] = None,
-    hours: Annotated[
-        float, typer.Option("--hours", min=0.0, max=1e6, help="Flight hours; more go on from there.")
-    ] = 100.0,
-    campaign: Annotated[
-        str, typer.Option("--campaign", metavar="NAME", help="Fault-free campaign to fly: built-in name or file.")
-    ] = "fault-free",
+    hours: Annotated[float, option(None, "Flight hours; more go on from there.", min=0.0, max=1e6)] = 100.0,
+    campaign: Annotated[str, option("NAME", "Fault-free campaign to fly: built-in name or file.")] = "fault-free",
     output: Annotated[Path, output_option("DIR", "Folder of flights, page and table.")] = Path("logs/false-alarms"),
     overwrite: OverwriteOption = False,
     workers: WorkersOption = None,
@@ -65,9 +60,9 @@ def shown(found: dict, files: dict) -> Group:
 
 @app.command()
 def margins(
-    detector: Annotated[str, typer.Argument(metavar="DETECTOR", help="One that ships.", show_default=False)],
-    flights: Annotated[int, typer.Option("--flights", min=1, help="Without a fault, and with one, per rung.")] = 2,
-    markdown: Annotated[bool, typer.Option("--markdown", help="Print the table as Markdown.")] = False,
+    detector: Annotated[str, argument("DETECTOR", "One that ships.")],
+    flights: Annotated[int, option(None, "Without a fault, and with one, per rung.", min=1)] = 2,
+    markdown: Annotated[bool, flag("--markdown", "Print the table as Markdown.")] = False,
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:

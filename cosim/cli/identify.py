@@ -5,12 +5,11 @@ import re
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from cosim.cli.app import answer, app
-from cosim.cli.output import JsonOption, OverwriteOption, output_option, reserve
+from cosim.cli.output import JsonOption, OverwriteOption, argument, option, output_option, reserve
 from cosim.cli.tables import whole
 from cosim.cli.user_files import edited
 from cosim.table import DASH, Table
@@ -18,14 +17,10 @@ from cosim.table import DASH, Table
 
 @app.command()
 def identify(
-    recording: Annotated[
-        Path, typer.Argument(metavar="RECORDING", help="Fault-free: a file or a folder.", show_default=False)
-    ],
-    map_: Annotated[Path, typer.Option("--map", metavar="MAP.toml", help="What is which signal (cosim map).")],
-    time: Annotated[
-        str | None, typer.Option("--time", metavar="COLUMN", help="The time column.", show_default=False)
-    ] = None,
-    level: Annotated[float, typer.Option("--level", metavar="P", help="Level of the intervals.")] = 0.95,
+    recording: Annotated[Path, argument("RECORDING", "Fault-free: a file or a folder.")],
+    map_: Annotated[Path, option("MAP.toml", "What is which signal (cosim map).", "--map")],
+    time: Annotated[str | None, option("COLUMN", "The time column.")] = None,
+    level: Annotated[float, option("P", "Level of the intervals.")] = 0.95,
     output: Annotated[Path | None, output_option("DIR", "Write actuator files and a table there.")] = None,
     overwrite: OverwriteOption = False,
     json_: JsonOption = False,

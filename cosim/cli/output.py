@@ -81,14 +81,19 @@ def loaded(scenario: str, overrides: Sequence[str]) -> Any:
         raise
 
 
-def option(name: str, metavar: str, about: str, **more: Any) -> Any:
-    """Return an option without a default."""
-    return typer.Option(name, metavar=metavar, help=about, show_default=False, **more)
+def option(metavar: str | None, about: str, *names: str, **more: Any) -> Any:
+    """Return an option; without `names` it has that of its parameter."""
+    return typer.Option(*names, metavar=metavar, help=about, **more)
+
+
+def flag(name: str, about: str) -> Any:
+    """Return an option without a value."""
+    return typer.Option(name, help=about)
 
 
 def argument(metavar: str, about: str) -> Any:
-    """Return an argument without a default."""
-    return typer.Argument(metavar=metavar, help=about, show_default=False)
+    """Return an argument."""
+    return typer.Argument(metavar=metavar, help=about)
 
 
 def output_option(metavar: str, about: str) -> Any:
@@ -115,21 +120,21 @@ OverwriteOption = Annotated[
     bool,
     typer.Option("--overwrite", callback=_overwriting, help="Replace what is there, even if cosim did not write it."),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-WorkersOption = Annotated[
-    int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.", show_default=False)
+JsonOption = Annotated[bool, flag("--json", "Print one JSON object and nothing else.")]
+WorkersOption = Annotated[int | None, option("N", "Processes. Default: one per core.", min=1)]
+ReadmeOption = Annotated[Path | None, option("FILE", "Write the tables between its markers, too.")]
+TimeOption = Annotated[str | None, option("COLUMN", "The time column.")]
+SpeedOption = Annotated[float | None, option("N", "With --live: N times the clock's. Default: 1.", min=0.01, max=1e3)]
+PortOption = Annotated[int | None, option("PORT", "With --live: default 8765, 0 takes a free one.", min=0, max=65535)]
+SetOption = Annotated[
+    list[str] | None,
+    option("KEY=VALUE", "Change a key: [b]--set faults.0.frequency_hz=3[/]. Repeatable.", "--set", "-s"),
 ]
-ReadmeOption = Annotated[
-    Path | None,
-    typer.Option("--readme", metavar="FILE", help="Write the tables between its markers, too.", show_default=False),
-]
-CampaignArg = Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Built-in name or file.", show_default=False)]
 DetectorOption = Annotated[
     list[Path] | None,
-    typer.Option(
-        "--detector",
-        metavar="FILE.py",
-        help="A detector of your own: a file, or an installed one by name. Its code runs with your rights. Repeatable.",
-        show_default=False,
-    ),
-]
+    option("FILE.py", "A detector of your own: a file, or an installed one by name. Its code runs with your rights. "
+           "Repeatable."),
+]  # fmt: skip
+ScenarioArg = Annotated[str, argument("SCENARIO", "Built-in name (see [b]cosim list[/]) or TOML file.")]
+CampaignArg = Annotated[str, argument("CAMPAIGN", "Built-in name or file.")]
+LogArg = Annotated[Path, argument("LOG", "A log of [b]cosim run[/].")]

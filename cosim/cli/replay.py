@@ -10,9 +10,10 @@ import typer
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from cosim.cli.app import LIVE_PORT, LogArg, PortOption, SpeedOption, answer, app, err, notes, only_with, served
+from cosim.cli import output as shared
+from cosim.cli.app import LIVE_PORT, answer, app, err, notes, only_with, served
 from cosim.cli.flight import before
-from cosim.cli.output import DetectorOption, JsonOption, OverwriteOption, output_option, reserve
+from cosim.cli.output import flag, option, output_option, reserve
 from cosim.cli.tables import progress as bar
 from cosim.cli.tables import whole
 from cosim.errors import LogError
@@ -26,44 +27,31 @@ MISSING = 6  # signals of a detector that was not run
 @app.command()
 def replay(
     ctx: typer.Context,
-    log: LogArg,
-    detectors: Annotated[
-        str | None, typer.Option("--detectors", metavar="A,B", help="Only these detectors.", show_default=False)
-    ] = None,
+    log: shared.LogArg,
+    detectors: Annotated[str | None, option("A,B", "Only these detectors.")] = None,
     set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", "-s", metavar="DETECTOR.PARAMETER=VALUE", help="What if: change a parameter. Repeatable."
-        ),
+        list[str] | None, option("DETECTOR.PARAMETER=VALUE", "What if: change a parameter. Repeatable.", "--set", "-s")
     ] = None,
-    start: Annotated[
-        float, typer.Option("--from", metavar="T", min=0.0, help="Start in the middle, at T seconds.")
-    ] = 0.0,
+    start: Annotated[float, option("T", "Start in the middle, at T seconds.", "--from", min=0.0)] = 0.0,
     map_: Annotated[
         Path | None,
-        typer.Option(
-            "--map", metavar="MAP.toml", help="Diagnose a recording, file or folder, by this map of [b]cosim map[/]."
-        ),
+        option("MAP.toml", "Diagnose a recording, file or folder, by this map of [b]cosim map[/].", "--map"),
     ] = None,
     on_reset: Annotated[
         Literal["split", "offset"] | None,
-        typer.Option("--on-reset", help="With --map: where the clock goes back, stretches apart or joined."),
+        option(None, "With --map: where the clock goes back, stretches apart or joined."),
     ] = None,
-    time: Annotated[
-        str | None, typer.Option("--time", metavar="COLUMN", help="With --map: the time column.", show_default=False)
-    ] = None,
+    time: Annotated[str | None, option("COLUMN", "With --map: the time column.")] = None,
     output: Annotated[Path | None, output_option("LOG", "Write old and new outputs to a log.")] = None,
-    overwrite: OverwriteOption = False,
+    overwrite: shared.OverwriteOption = False,
     live: Annotated[
-        bool, typer.Option("--live", help="Run nothing: play and scrub the log in Foxglove, at the address printed.")
+        bool, flag("--live", "Run nothing: play and scrub the log in Foxglove, at the address printed.")
     ] = False,
-    speed: SpeedOption = None,
-    port: PortOption = None,
-    detector: DetectorOption = None,
-    trust: Annotated[
-        bool, typer.Option("--trust", help="Run the code attached to the log: its flight's own detectors.")
-    ] = False,
-    json_: JsonOption = False,
+    speed: shared.SpeedOption = None,
+    port: shared.PortOption = None,
+    detector: shared.DetectorOption = None,
+    trust: Annotated[bool, flag("--trust", "Run the code attached to the log: its flight's own detectors.")] = False,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Run the detectors of a log again and compare bit for bit.
 
@@ -142,15 +130,13 @@ def _attached(log, folder):
 
 @app.command()
 def recover(
-    log: LogArg,
+    log: shared.LogArg,
     output: Annotated[
         Path | None, output_option("LOG", "Default: LOG, or LOG with .recovered before its ending if there is one.")
     ] = None,
-    overwrite: OverwriteOption = False,
-    trust: Annotated[
-        bool, typer.Option("--trust", help="Run the code that the journal of a killed flight names.")
-    ] = False,
-    json_: JsonOption = False,
+    overwrite: shared.OverwriteOption = False,
+    trust: Annotated[bool, flag("--trust", "Run the code that the journal of a killed flight names.")] = False,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Make a readable log of what a kill or a full disk has left.
 
@@ -184,10 +170,10 @@ def recover(
 
 @app.command()
 def compact(
-    log: LogArg,
+    log: shared.LogArg,
     output: Annotated[Path | None, output_option("LOG", "Default: in its place.")] = None,
-    overwrite: OverwriteOption = False,
-    json_: JsonOption = False,
+    overwrite: shared.OverwriteOption = False,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Write a log in fewer bytes, slowly: the same samples."""
     from cosim.log import compact as work

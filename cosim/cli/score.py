@@ -7,9 +7,10 @@ import typer
 from rich.console import Group
 from rich.text import Text
 
+from cosim.cli import output as shared
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err
-from cosim.cli.output import JsonOption, OverwriteOption, ReadmeOption, WorkersOption, option, output_option, reserve
+from cosim.cli.output import argument, flag, option, output_option, reserve
 
 FEW = 3  # detectors, up to which every family is shown
 MOST = 12  # pairs that are shown
@@ -19,22 +20,18 @@ MOST = 12  # pairs that are shown
 def score(
     detectors: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="DETECTOR",
-            help="Detectors that ship, files of your own, installed ones by name. Default: all that ship.",
-            show_default=False,
-        ),
+        argument("DETECTOR", "Detectors that ship, files of your own, installed ones by name. Default: all that ship."),
     ] = None,
     output: Annotated[Path, output_option("DIR", "Folder of page and table.")] = Path("logs/score"),
-    overwrite: OverwriteOption = False,
-    seeds: Annotated[Path | None, option("--seeds", "FILE", "A sealed set: seed, first_seed.")] = None,
-    limit: Annotated[int | None, option("--limit", "N", "Only N flights, evenly over the families.", min=1)] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="A look in a minute: 40 flights, no sizes.")] = False,
-    recordings: Annotated[Path | None, option("--recordings", "DIR", "Default: in your cache.")] = None,
-    verify: Annotated[Path | None, option("--verify", "TABLE", "Repeat rows of a score.json, or benchmark-1.")] = None,
-    readme: ReadmeOption = None,
-    workers: WorkersOption = None,
-    json_: JsonOption = False,
+    overwrite: shared.OverwriteOption = False,
+    seeds: Annotated[Path | None, option("FILE", "A sealed set: seed, first_seed.")] = None,
+    limit: Annotated[int | None, option("N", "Only N flights, evenly over the families.", min=1)] = None,
+    quick: Annotated[bool, flag("--quick", "A look in a minute: 40 flights, no sizes.")] = False,
+    recordings: Annotated[Path | None, option("DIR", "Default: in your cache.")] = None,
+    verify: Annotated[Path | None, option("TABLE", "Repeat rows of a score.json, or benchmark-1.")] = None,
+    readme: shared.ReadmeOption = None,
+    workers: shared.WorkersOption = None,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Score detectors on the 642 flights of the benchmark.
 

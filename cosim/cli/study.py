@@ -8,17 +8,10 @@ from typing import Annotated, Any
 import typer
 from rich.console import Group
 
+from cosim.cli import output as shared
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err, only_with
-from cosim.cli.output import (
-    JsonOption,
-    OverwriteOption,
-    ReadmeOption,
-    WorkersOption,
-    option,
-    output_option,
-    reserve,
-)
+from cosim.cli.output import argument, flag, option, output_option, reserve
 from cosim.files import columns, replace
 from cosim.table import Cell, Row, Table
 from cosim.training import TRAINERS
@@ -26,15 +19,13 @@ from cosim.training import TRAINERS
 
 @app.command()
 def reproduce(
-    paper: Annotated[str, typer.Argument(metavar="PAPER", help="lu17, jay, sun13, mar10, alwi14 or all.")] = "all",
+    paper: Annotated[str, argument("PAPER", "lu17, jay, sun13, mar10, alwi14 or all.")] = "all",
     output: Annotated[Path, output_option("DIR", "Folder of page and rows.")] = Path("logs"),
-    overwrite: OverwriteOption = False,
-    readme: ReadmeOption = None,
-    break_: Annotated[
-        bool, typer.Option("--break", help="Instead break the methods and see which rows notice.")
-    ] = False,
-    workers: WorkersOption = None,
-    json_: JsonOption = False,
+    overwrite: shared.OverwriteOption = False,
+    readme: shared.ReadmeOption = None,
+    break_: Annotated[bool, flag("--break", "Instead break the methods and see which rows notice.")] = False,
+    workers: shared.WorkersOption = None,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Repeat the papers' experiments: paper says, we get, verdict.
 
@@ -107,22 +98,13 @@ def _own(aircraft, names, check, flights, output, workers):
 
 @app.command()
 def design(
-    names: Annotated[
-        list[str] | None, typer.Argument(metavar="DESIGN", help="Designs to make; default: all.")
-    ] = None,
-    check: Annotated[
-        bool, typer.Option("--check", help="Only say whether the stored designs belong to this aircraft.")
-    ] = False,
-    aircraft: Annotated[
-        str,
-        typer.Option("--aircraft", metavar="NAME|DIR", help="Another aircraft's, and its thresholds."),
-    ] = "",
-    flights: Annotated[
-        int | None, typer.Option("--flights", min=32, help="Fault-free, with --aircraft: 128.", show_default=False)
-    ] = None,
+    names: Annotated[list[str] | None, argument("DESIGN", "Designs to make; default: all.")] = None,
+    check: Annotated[bool, flag("--check", "Only say whether the stored designs belong to this aircraft.")] = False,
+    aircraft: Annotated[str, option("NAME|DIR", "Another aircraft's, and its thresholds.")] = "",
+    flights: Annotated[int | None, option(None, "Fault-free, with --aircraft: 128.", min=32)] = None,
     output: Annotated[Path | None, output_option("DIR", "Of results; goes on there.")] = None,
-    workers: WorkersOption = None,
-    json_: JsonOption = False,
+    workers: shared.WorkersOption = None,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Make the detectors' stored designs anew, or check them.
 
@@ -147,26 +129,20 @@ def design(
 
 @app.command()
 def train(
-    name: Annotated[str, typer.Argument(metavar="NAME", help=f"{', '.join(TRAINERS)}; with --tune a detector.")],
-    check: Annotated[bool, typer.Option("--check", help="Write nothing.")] = False,
-    tune: Annotated[
-        list[str] | None, typer.Option(metavar="FIELD=LOW:HIGH", help="Search this number; store nothing.")
-    ] = None,
-    campaign: Annotated[
-        str | None, option("--campaign", "CAMPAIGN", "With --tune: whose flights. Default: aircraft-faults.")
-    ] = None,
+    name: Annotated[str, argument("NAME", f"{', '.join(TRAINERS)}; with --tune a detector.")],
+    check: Annotated[bool, flag("--check", "Write nothing.")] = False,
+    tune: Annotated[list[str] | None, option("FIELD=LOW:HIGH", "Search this number; store nothing.")] = None,
+    campaign: Annotated[str | None, option("CAMPAIGN", "With --tune: whose flights. Default: aircraft-faults.")] = None,
     false_alarms: Annotated[
-        float | None, option("--false-alarms", "N", "With --tune: at most, per valid hour. Default: 0.", min=0.0)
+        float | None, option("N", "With --tune: at most, per valid hour. Default: 0.", min=0.0)
     ] = None,
     flights: Annotated[
-        int | None, option("--flights", "N", "With --tune: faulty ones, and as many without. Default: 24.", min=2)
+        int | None, option("N", "With --tune: faulty ones, and as many without. Default: 24.", min=2)
     ] = None,
-    first_seed: Annotated[
-        int | None, typer.Option("--first-seed", min=0, help="Of the training flights.", show_default=False)
-    ] = None,
+    first_seed: Annotated[int | None, option(None, "Of the training flights.", min=0)] = None,
     output: Annotated[Path | None, output_option("DIR", "Of results; goes on there.")] = None,
-    workers: WorkersOption = None,
-    json_: JsonOption = False,
+    workers: shared.WorkersOption = None,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Train thresholds on fault-free flights, or tune a detector."""
     from cosim.judge.result import plain

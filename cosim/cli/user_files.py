@@ -1,14 +1,16 @@
 """Commands for what a user brings: a detector or an aircraft (`new`, `check`, `estimate`), a recording (`map`)."""
 
 import json
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from cosim.cli import output as shared
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err, out
-from cosim.cli.output import JsonOption, OverwriteOption, output_option, reserve
+from cosim.cli.output import argument, flag, option, output_option, reserve
 from cosim.table import Cell, Table
 
 
@@ -19,13 +21,11 @@ def edited(path: Path) -> bool:
 
 @app.command()
 def new(
-    what: Annotated[
-        str, typer.Argument(metavar="KIND", help="detector, law, actuator, aircraft or campaign.", show_default=False)
-    ],
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Lower-case letters, digits and _.")],
+    what: Annotated[str, argument("KIND", "detector, law, actuator, aircraft or campaign.")],
+    name: Annotated[str, argument("NAME", "Lower-case letters, digits and _.")],
     output: Annotated[Path, output_option("DIR", "Folder of the files.")] = Path("."),
-    overwrite: OverwriteOption = False,
-    json_: JsonOption = False,
+    overwrite: shared.OverwriteOption = False,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Write a detector, law, actuator, aircraft or campaign.
 
@@ -49,22 +49,13 @@ def new(
 
 @app.command("map")
 def map_(
-    recording: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Text, MATLAB, Parquet, MCAP, or a folder.", show_default=False)
-    ],
-    time: Annotated[
-        str | None, typer.Option("--time", metavar="COLUMN", help="The time column.", show_default=False)
-    ] = None,
-    aircraft: Annotated[
-        str | None, typer.Option("--aircraft", metavar="NAME", help="Whose detectors judge.", show_default=False)
-    ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option(metavar="A,B,...", help="Names of a file without any, or a file with them.", show_default=False),
-    ] = None,
+    recording: Annotated[Path, argument("FILE", "Text, MATLAB, Parquet, MCAP, or a folder.")],
+    time: Annotated[str | None, option("COLUMN", "The time column.")] = None,
+    aircraft: Annotated[str | None, option("NAME", "Whose detectors judge.")] = None,
+    columns: Annotated[str | None, option("A,B,...", "Names of a file without any, or a file with them.")] = None,
     output: Annotated[Path | None, output_option("MAP.toml", "Default: print it.")] = None,
-    overwrite: OverwriteOption = False,
-    json_: JsonOption = False,
+    overwrite: shared.OverwriteOption = False,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Draft a map of a recording: which column is which signal.
 
@@ -74,7 +65,7 @@ def map_(
     from cosim.replay.foreign import columns_of
     from cosim.replay.map_draft import draft
 
-    names = columns_of(columns) if columns and Path(columns).is_file() else (columns or "").split(",")
+    names = columns_of(columns) if columns and os.path.isfile(columns) else (columns or "").split(",")
     if output:
         reserve(output, edited, taken={"the recording": [recording]}, endings=(".toml",))
     text = draft(recording, time=time, aircraft=aircraft, columns=[n.strip() for n in names if n.strip()])
@@ -91,8 +82,8 @@ def map_(
 
 @app.command()
 def check(
-    what: Annotated[str, typer.Argument(metavar="FILE.py|NAME|DIR", help="A detector, a law; an aircraft.")],
-    json_: JsonOption = False,
+    what: Annotated[str, argument("FILE.py|NAME|DIR", "A detector, a law; an aircraft.")],
+    json_: shared.JsonOption = False,
 ) -> None:
     """Say whether a detector, law or aircraft keeps its contract.
 
@@ -102,7 +93,7 @@ def check(
     from cosim.scenario.aircraft import ships
 
     marks = {"good": Cell("✓", "good"), "bad": Cell("✗", "bad"), "note": Cell("!", "warn")}
-    if ships(what) or Path(what).is_dir():
+    if ships(what) or os.path.isdir(what):
         from cosim.flight.plant.check import check as of_aircraft
 
         points = of_aircraft(what)
@@ -125,9 +116,9 @@ def check(
 
 @app.command()
 def estimate(
-    aircraft: Annotated[str, typer.Argument(metavar="NAME|DIR", help="A folder with aircraft.toml and numbers.toml.")],
-    check: Annotated[bool, typer.Option("--check", help="Only tell whether the files are what this makes.")] = False,
-    json_: JsonOption = False,
+    aircraft: Annotated[str, argument("NAME|DIR", "A folder with aircraft.toml and numbers.toml.")],
+    check: Annotated[bool, flag("--check", "Only tell whether the files are what this makes.")] = False,
+    json_: shared.JsonOption = False,
 ) -> None:
     """Write an aircraft's JSBSim files from its dimensions."""
     from cosim.files import replace_text

@@ -29,42 +29,30 @@ def stretches(t: NDArray) -> list[slice]:
     return [slice(a, b) for a, b in itertools.pairwise(edges)]
 
 
-def rising(t: NDArray, path: object, on_reset: str | None, part: int = 0) -> tuple[NDArray, slice]:
-    """Return (times that rise, rows that they are of): all with "offset", stretch number `part` with "split".
+def rising(t: NDArray, path: object, on_reset: str | None, part: int = 0) -> tuple[NDArray, slice, list[str]]:
+    """Return (times that rise, rows that they are of, sentences about it): all with "offset", stretch number `part`
+    with "split".
 
     Raises LogError where the clock goes back and `on_reset` is None, with the row and both values; IndexError when
     there is no such stretch.
     """
     found = stretches(t)
     if len(found) == 1 and part == 0:
-        return t, slice(0, len(t))
+        return t, slice(0, len(t)), []
+    back = [f"the clock goes back from {t[k - 1]:.9g} to {t[k]:.9g} s" for k in (rows.start for rows in found[1:])]
     if on_reset is None:
-        k, place = found[1].start, f"{path}, row {found[1].start + 1}"
-        said = f"the clock goes back from {t[k - 1]:.9g} to {t[k]:.9g} s"
         remedy = f"--on-reset split: each of the {len(found)} stretches apart; offset: each follows the one before"
-        if len(found) > len(t) / 2:
-            remedy = "Sort the rows by time"
-        raise LogError(said, place=place, allowed="times that rise", remedy=remedy)
-    if on_reset == "split":
-        return t[found[part]], found[part]
-    out = t.copy()
-    step = interval(t)
-    for before, here in itertools.pairwise(found):
-        out[here] += out[before][-1] + step - t[here.start]
-    return out, slice(0, len(t))
-
-
-def restarts(t: NDArray, on_reset: str | None, part: int = 0) -> list[str]:
-    """Return sentences about what became of a clock `t` (rows,) [s] that goes back."""
-    found = stretches(t)
-    if len(found) == 1:
-        return []
+        remedy = "Sort the rows by time" if len(found) > len(t) / 2 else remedy
+        place = f"{path}, row {found[1].start + 1}"
+        raise LogError(back[0], place=place, allowed="times that rise", remedy=remedy)
     if on_reset == "split":
         here = found[part]
-        return [f"stretch {part + 1} of {len(found)}, rows {here.start + 1} to {here.stop}"]
-    at = [rows.start for rows in found[1:]]
-    out = [f"row {k + 1}: the clock goes back from {t[k - 1]:.9g} to {t[k]:.9g} s, it is carried on" for k in at[:MOST]]
-    return out + ([f"so it does {len(at) - MOST} times more"] if len(at) > MOST else [])
+        return t[here], here, [f"stretch {part + 1} of {len(found)}, rows {here.start + 1} to {here.stop}"]
+    out = t.copy()
+    for before, here in itertools.pairwise(found):
+        out[here] += out[before][-1] + interval(t) - t[here.start]
+    told = [f"row {rows.start + 1}: {text}, it is carried on" for rows, text in zip(found[1:], back[:MOST])]
+    return out, slice(0, len(t)), told + [f"so it does {len(back) - MOST} times more"] * (len(back) > MOST)
 
 
 def interval(t: NDArray) -> float:

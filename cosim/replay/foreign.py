@@ -23,11 +23,12 @@ from cosim.texts import from_json
 TEXT = (".csv", ".tsv", ".txt", ".asc", ".dat")
 KINDS = (*TEXT, ".parquet", ".mat")
 LOOKED_AT = 60  # lines in which the numbers of a text begin
+MOST_LETTERS = 1_000_000  # of such a line: some tens of thousands of columns
 MOST_VALUES = 50_000_000  # of a file: 400 MB in memory
 MOST_BYTES = 20 * MOST_VALUES  # of a text, whose numbers take some twenty characters, or of messages
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|[-+]?nan|[-+]?inf", re.IGNORECASE)
 TIME_NAMES = ("t_s", "t", "time", "time_s", "timestamp", "t_ns", "time_ns", "timestamp_ns")  # looked for in this order
-TIME_WORDS = {*"time clock timestamp seconds zeit uhrzeit temps tiempo datum date utc gmt".split()}
+TIME_WORDS = {*"time clock timestamp stamp seconds zeit uhrzeit temps tiempo datum date utc gmt".split()}
 _SCALES = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}  # ends of a name: Zeit [ms]
 _UNIT = re.compile(r"(?<=\S)\s*\[(ns|us|ms|s|min|h)\]$")  # said of a column without one: timestamp [us]
 _DAY_S = 86400.0
@@ -45,7 +46,8 @@ def read_channels(
     in _ns, (us) or [ms], say, where it is not in seconds, or `time` says so: "timestamp [us]" of a column `timestamp`.
     Dates count from the first. `columns` name those of a file without names. A folder has a channel per table, and one
     for its files of a single column.
-    An MCAP file has a channel per topic, times from its first message. Columns without numbers are left out and named
+    An MCAP file has a channel per topic, times from its first message: when it was logged, or with `time`
+    "header.stamp", say, that stamp of ROS where a topic has it. Columns without numbers are left out and named
     in `attrs["texts"]`. A clock that goes back is an error, unless `on_reset` says what to do ("offset", or "split" for
     stretch number `part`); `attrs["oddities"]` tells of gaps, doubled times and changes of rate. Of an MCAP file only
     the topics that `wanted(topic)` accepts are decoded. Raises LogError when the file cannot be read or has no usable
@@ -53,7 +55,7 @@ def read_channels(
     """
     path = Path(os.fspath(path))
     if path.suffix.lower() == ".mcap":
-        return _mcap(path, wanted)
+        return _mcap(path, wanted, time)
     frames, told = _frames(path, columns, time=time)
     out = {name: _timed(frame, path, name, time, on_reset, part) for name, frame in frames.items()}
     for frame in list(out.values())[:1]:
@@ -92,7 +94,7 @@ def _together(path, columns):
     return {path.name: joined, **{stem: frame for stem, frame in read.items() if stem not in single}}, told
 
 
-def _mcap(path, wanted):
+def _mcap(path, wanted, time):
     import pandas as pd
 
     regular(path, LogError)
@@ -103,13 +105,26 @@ def _mcap(path, wanted):
         raise log_error(f"cannot read the file: {error.strerror}", path) from error
     _bounded(path, MOST_BYTES)  # each of its messages is looked at, wanted or not
     read = read_mcap(path, wanted=wanted)
-    first = min(times[0] for times, _ in read.values())
+    if time and not any(f"{time}.sec" in rows for _, rows in read.values()):
+        allowed = "a stamp of whole seconds and nanoseconds: header.stamp of header.stamp.sec and .nanosec"
+        raise LogError(f"no topic has the time {time!r}", place=str(path), allowed=allowed)
+    at = {topic: _stamps(time, rows, np.array(times, np.int64)) for topic, (times, rows) in read.items()}
+    first = min(int(times.min()) for times in at.values())
     out = {}
-    for topic, (times, rows) in read.items():
-        index = pd.Index((np.array(times, dtype=np.int64) - first) / 1e9, name="t_s")
-        out[topic] = pd.DataFrame(rows, index=index)
+    for topic, (_, rows) in read.items():
+        order = np.argsort(at[topic], kind="stable")
+        index = pd.Index((at[topic][order] - first) / 1e9, name="t_s")
+        out[topic] = pd.DataFrame(rows).iloc[order].set_axis(index)
         out[topic].attrs["oddities"] = clock.oddities(index.to_numpy(), topic)
     return out
+
+
+def _stamps(name, rows, logged):
+    """Return the times [ns] of a topic's messages: their own stamps `name` where they have some, else `logged`."""
+    whole, rest = (rows.get(f"{name}.{part}") for part in ("sec", "nanosec"))
+    if whole is None or rest is None or not np.isfinite(whole + rest).all():
+        return logged
+    return whole.astype(np.int64) * 1_000_000_000 + rest.astype(np.int64)
 
 
 def _bounded(path, most):
@@ -120,24 +135,26 @@ def _bounded(path, most):
         raise LogError(f"has {size / 1e9:.3g} GB", place=str(path), allowed=f"{most / 1e9:g} GB", remedy=remedy)
 
 
-def columns_of(path: str | Path, columns: tuple[str, ...] = ()) -> list[str]:
-    """Return the columns of a file or folder of tables, none of an MCAP file. Raises LogError."""
-    path = Path(os.fspath(path))
-    if path.suffix.lower() == ".mcap":
-        return []
-    frames, _ = _frames(path, columns, rows=5)
+def columns_of(path: str | Path) -> list[str]:
+    """Return the columns of a file or folder of tables. Raises LogError."""
+    frames, _ = _frames(Path(path), rows=5)
     return [c for f in frames.values() for c in (*map(str, f.columns), *f.attrs.get("texts", ()))]
 
 
-def unit_of_time(path: str | Path, name: str, columns: tuple[str, ...] = ()) -> str:
-    """Return the unit, "ms", "us" or "ns", of a time column whose name has none and whose whole numbers are too far
-    apart for seconds, else ""; `path`, `columns` as in `columns_of`."""
-    frames, _ = _frames(Path(path), columns, rows=200)
-    t = next((f[name] for f in frames.values() if name in f.columns), None)
-    if t is None or t.dtype.kind not in "iuf" or t.isna().any() or _scale(_apart(name)) or (t % 1 != 0).any():
-        return ""
-    step = clock.interval(t.to_numpy(np.float64))
-    return next((unit for unit, least in (("ns", 1e6), ("us", 1e3), ("ms", LEAST_MS)) if step > least), "")
+def time_in(path: Path, columns: tuple[str, ...] = ()) -> str | None:
+    """Return the time column of a table by its name, with a unit where its whole numbers are too far apart for seconds:
+    "timestamp [us]"; None where `read_channels` finds it alone or there is none. Raises LogError."""
+    if path.suffix.lower() not in KINDS or path.is_dir():
+        return None
+    frame = read_table(path, columns, rows=200)
+    names = [*map(str, frame.columns), *frame.attrs.get("texts", ())]
+    name = time_of(names)
+    t = frame[name] if name in frame.columns else np.empty(0)
+    if t.dtype.kind in "iuf" and np.isfinite(t).all() and not _scale(_apart(name)) and (t % 1 == 0).all():
+        step = clock.interval(np.asarray(t, np.float64))
+        if unit := next((u for u, least in (("ns", 1e6), ("us", 1e3), ("ms", LEAST_MS)) if step > least), ""):
+            return f"{name} [{unit}]"
+    return None if set(names) & set(TIME_NAMES) else name
 
 
 def time_of(names: Any) -> str | None:
@@ -171,10 +188,9 @@ def _timed(frame, path, stem, time, on_reset, part):
     texts = {str(c): _word(frame[c]) for c in frame.columns if c != name and str(c) not in numbers.columns}
     numbers.attrs = {"texts": texts | dict.fromkeys(frame.attrs.get("texts", ()), "")}
     clock.finite(t, f"column {str(name)!r}", path)
-    rising, rows = clock.rising(t, path, on_reset, part)
+    rising, rows, told = clock.rising(t, path, on_reset, part)
     frame = numbers.iloc[rows].set_axis(pd.Index(rising, name="t_s"))
-    told = clock.restarts(t, on_reset, part) + clock.oddities(rising, stem)
-    frame.attrs = numbers.attrs | {"oddities": told}
+    frame.attrs = numbers.attrs | {"oddities": told + clock.oddities(rising, stem)}
     return frame
 
 
@@ -271,9 +287,7 @@ def _parquet(path):
 def _text(path, columns, rows):
     import pandas as pd
 
-    with path.open("rb") as file:
-        utf16 = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-    how: dict[str, Any] = {"encoding": "utf-16" if utf16 else "utf-8-sig", "encoding_errors": "replace", "nrows": rows}
+    how: dict[str, Any] = {"encoding": _encoding(path), "encoding_errors": "replace", "nrows": rows}
     begin, names, separator, decimal = _layout(path, how["encoding"])
     how |= {"sep": separator, "decimal": decimal}
     if begin is None:  # an ordinary header, and anything below it
@@ -290,10 +304,23 @@ def _text(path, columns, rows):
     return frame
 
 
+def _encoding(path):
+    """Return how a text is written, by its first megabyte: UTF-16, UTF-8, or what is neither as Windows writes it."""
+    with path.open("rb") as file:
+        head = file.read(MOST_LETTERS)
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8-sig"
+
+
 def _layout(path, encoding):
     """Return (first line of numbers, names, separator, decimal point); line None for a header of one line."""
     with path.open(encoding=encoding, errors="replace") as file:
-        lines = [file.readline(100_000) for _ in range(LOOKED_AT)]
+        lines = [file.readline(MOST_LETTERS) for _ in range(LOOKED_AT)]
     filled = [k for k, line in enumerate(lines) if line.strip()]
     body = next((k for k in filled if _numbers(lines[k])), None)
     if body is None:  # dates, texts: what pandas makes of it

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.replay.foreign import TIME_NAMES, columns_of, read_channels, time_of, unit_of_time
+from cosim.replay.foreign import read_channels, time_in
 from cosim.replay.map_proof import SURE, Guess, Proof, speed_from
 from cosim.replay.units import factors, known
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
@@ -27,14 +27,18 @@ NAMES = {  # word of the vocabulary -> what people call it, as tokens that a col
     "h_inertial": ("h inertial", "inertial altitude"),
     "h_baro": ("h baro", "baro", "altitude", "pressure altitude", "alt", "palt", "hp", "hqnh"),
     "hdot": ("hdot", "vertical speed", "climb rate", "vs", "alt rate"),
-    "v_ground": ("v ground", "ground speed", "gs"), "p": ("p", "roll rate", "prgx", "gyr x"),
-    "q": ("q", "pitch rate", "qrgy", "gyr y"), "r": ("r", "yaw rate", "rrgz", "gyr z"),
+    "v_ground": ("v ground", "ground speed", "gs"),
+    "p": ("p", "roll rate", "prgx", "gyr x", "gyro x", "angular velocity x"),
+    "q": ("q", "pitch rate", "qrgy", "gyr y", "gyro y", "angular velocity y"),
+    "r": ("r", "yaw rate", "rrgz", "gyr z", "gyro z", "angular velocity z"),
     "phi": ("phi", "bank", "roll", "roll att", "roll attitude", "roll angle", "bank angle"),
     "theta": ("theta", "pitch", "the", "pitch att", "pitch attitude", "pitch angle"),
     "psi": ("psi", "heading", "hdg", "yaw"), "pdot": ("pdot", "p dot", "roll acceleration"),
     "qdot": ("qdot", "q dot", "pitch acceleration"), "rdot": ("rdot", "r dot", "yaw acceleration"),
-    "n_x": ("n x", "nx", "ax", "long acc", "acc x"), "n_y": ("n y", "ny", "ay", "lat acc", "acc y"),
-    "n_z": ("n z", "nz", "load factor", "az", "an", "norm acc", "acc z"), "n1": ("n1",),
+    "n_x": ("n x", "nx", "ax", "long acc", "acc x", "accelerometer x", "linear acceleration x"),
+    "n_y": ("n y", "ny", "ay", "lat acc", "acc y", "accelerometer y", "linear acceleration y"),
+    "n_z": ("n z", "nz", "load factor", "az", "an", "norm acc", "acc z", "accelerometer z", "linear acceleration z"),
+    "n1": ("n1",),
     "mass": ("mass", "gross weight", "gw"), "cg": ("cg",),
     "deflection": ("delv", "de", "delta e", "elev", "elevator", *ELEVATOR),
     "de_cmd": ("de cmd", "elev cmd", "elevator cmd", "elevator command"),
@@ -48,13 +52,8 @@ NAMES = {  # word of the vocabulary -> what people call it, as tokens that a col
     "position": ("position", "screw", "pos"), "current": ("current", "amps", "motor current"),
     "hm0": ("hm0",), "hmd": ("hmd",), "hinge_moment": ("hinge moment", "hinge", "load"),
 }  # fmt: skip
-UNIT = {  # how units stand in names, beside the writings of cosim/replay/units.py
-    "deg": "deg", "degs": "deg/s", "degps": "deg/s", "dps": "deg/s", "rad": "rad", "rads": "rad/s", "radps": "rad/s",
-    "mm": "mm", "m": "m", "in": "in", "ft": "ft", "kt": "kt", "kts": "kt", "kn": "kt", "mps": "m/s", "kmh": "km/h",
-    "fpm": "ft/min", "pct": "%", "percent": "%", "bar": "bar", "psi": "psi", "mpa": "MPa", "kpa": "kPa", "ma": "mA",
-    "a": "A", "rpm": "rpm", "g": "g", "t": "t", "kg": "kg", "lb": "lb", "lbfft": "lbf ft", "nm": "N m",
-}  # fmt: skip
 KNOTS = {"kcas", "kias", "ktas"}  # the unit is in the name of the speed
+AXIS = re.compile(r"\[([0-2])\]$")  # of a vector: gyro_rad[1] is about y
 EDGE = {"teu": -1, "ted": 1}  # trailing edge up, down: ours is + down
 FILLERS = re.compile(r"(d?adc|ahrs|irs|ins|vane|air|b|cg)\d*")  # systems and axes: they say nothing of what is measured
 WHOLE = {name for names in NAMES.values() for name in names if " " not in name}
@@ -69,6 +68,7 @@ MOST_RAD = {"alpha": 0.5, "beta": 0.5, "phi": 3.2, "psi": 6.3, "q": 1.0, "r": 1.
 # up to which it is hardly in degrees: less than the noise of a sensor all along. Between the two, either may be meant
 LEAST_DEG = {"alpha": 0.1, "rad": 0.05, "rad/s": 0.02, "rad/s2": 0.05}
 MISSING = (*(float(10**n - 1) for n in range(3, 10)), 32767.0, 32768.0, 1e30)  # written for a lost sample, either sign
+BEYOND = 1e100  # no quantity is as large: its square is no number any more
 FAR = 10.0  # times as far from zero as the others: a number of MISSING, or wild
 WILD = 1000  # samples of which one may be wild
 FIXED = ("mass", "cg", "hm0", "hmd", "hinge_moment")  # may be constant; a sensor or a command that is says nothing
@@ -90,13 +90,14 @@ def draft(
     """
     own = load_aircraft(aircraft or DEFAULT)
     named = tuple(columns)
-    time = time or _time(Path(path), named)
+    time = time or time_in(Path(path), named)
     tables = read_channels(path, time=time, on_reset="split", part=0, columns=named)
-    one = len(tables) == 1
-    found = {c if one else f"{t}.{c}": frame[c].to_numpy() for t, frame in tables.items() for c in frame.columns}
-    looks = {c: _looked_at(y) for c, y in found.items()}
-    found = {c: y for c, (y, _) in looks.items()}
-    clocks = {c if one else f"{t}.{c}": f.index.to_numpy() for t, f in tables.items() for c in f.columns}
+    found, clocks, more = {}, {}, {}
+    for name, frame in tables.items():
+        for column, y in zip(frame.columns, frame.to_numpy().T):  # one by one pandas copies what is said of the table
+            channel = column if len(tables) == 1 else f"{name}.{column}"
+            clocks[channel] = frame.index.to_numpy()
+            found[channel], more[channel] = _looked_at(y)
     best: dict[str, Guess] = {}
     for channel, y in found.items():
         for guess in guesses(channel, y, own.segments, own.engines):
@@ -114,24 +115,24 @@ def draft(
     told = f"{rates[0]} Hz" if len(rates) == 1 else f"{rates[0]} to {rates[-1]} Hz" if rates else ""
     other = f": the recording's {told} is brought to it" if rates and rates != [200] else ""
     tick = f"rate_hz = 200  # tick at which the detectors were designed{other}"
-    more = {c: more for c, (_, more) in looks.items() if more}
     texts = [c for frame in tables.values() for c in frame.attrs.get("texts", ())]
     return _text(Path(path), proved, found, [tick, *head], own, more, texts)
 
 
 def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, engines: int = 4) -> Iterable[Guess]:
     """Yield what a column may be; `y` are its numbers."""
-    bracket = re.search(r"[\[(]([^\[\]()]*)[\])]\s*$", channel)
-    tokens = _tokens(channel[: bracket.start()] if bracket and known(bracket[1]) else channel) or [""]
+    name = AXIS.sub(lambda m: f" {'xyz'[int(m[1])]}", channel)
+    bracket = re.search(r"[\[(]([^\[\]()]*)[\])]\s*$", name)
+    tokens = _tokens(name[: bracket.start()] if bracket and known(bracket[1]) else name) or [""]
     unit = known(bracket[1]) if bracket else ""
-    unit = unit or next((UNIT[t] for t in reversed(tokens[1:]) if t in UNIT), "")
+    unit = unit or next(filter(None, map(_unit_in, reversed(tokens[1:]))), "")
     for k in range(len(tokens) - 1, 1, -1):  # DEG_S, M_S, FT_MIN: a unit over two words
         if (two := known("_".join(tokens[k - 1 : k + 1]))) and not bracket:
             unit, tokens = two, tokens[: k - 1] + tokens[k + 1 :]
             break
     sign = next((EDGE[t] for t in tokens if t in EDGE), 0)
     tokens = [t for t in tokens if t not in EDGE] or [""]
-    rest = [t for t in tokens if UNIT.get(t) != unit or t == tokens[0]] if unit else tokens
+    rest = [t for t in tokens if _unit_in(t) != unit or t == tokens[0]] if unit else tokens
     place = [long for long, short in PLACES.items() if set(rest) & {long, *short.split()}]
     said = [t for t in rest if not any(t in (long, *short.split()) for long, short in PLACES.items())]
     meant = [t for t in rest if not FILLERS.fullmatch(t)] or rest
@@ -143,7 +144,7 @@ def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, eng
             word = "n1_1" if place == ["left"] else "n1_2"
         local = word == "hinge_moment" or (word in words() and bool(words()[word].technologies))
         held = said if local else meant
-        found = max((n for n in names if set(n.split()) <= set(held)), key=len, default="")
+        found = max((n for n in names if set(held).issuperset(n.split())), key=len, default="")
         if not found or (sent and not word.endswith(("cmd", "command"))):
             continue
         if len(found) < 3 and len(found.split()) < len(held) and names != NAMES["n1"]:  # the R of DLC_R is no yaw rate
@@ -152,6 +153,8 @@ def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, eng
             continue  # u beside v and w is a speed, "left u" a command; a segment's elevator has its place
         si = {"hinge_moment": "N m", "deflection": "rad"}.get(word) or words()[word].unit
         allowed = factors(si, {"Pa": 1.0} if word == "pressure" else {"N": 1.0} if word == "hinge_moment" else {})
+        if found.startswith("gyro") and f"{unit}/s" in allowed:  # gyro_rad: in rad/s
+            unit = f"{unit}/s"
         if unit and unit not in allowed:
             continue
         fit = len(found.split()) / max(1, len(held)) + 0.1 * len(found) / 20 + 0.2 * bool(place and local)
@@ -160,7 +163,9 @@ def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, eng
         most = float(np.nanmax(np.abs(y))) if np.isfinite(y).any() else 0.0
         if unit_ == "deg" and most > MOST_DEG.get(word, np.inf):
             unit_, why, fit = "deg", f"{why}, too large for degrees", min(fit, 0.5 * SURE)
-        elif word not in FIXED and np.isfinite(y).any() and np.nanmin(y) == np.nanmax(y):
+        elif not np.isfinite(y).any():
+            why = "no number in it"
+        elif word not in FIXED and np.nanmin(y) == np.nanmax(y):
             why, fit = f"{why}, constant", min(fit, 0.5 * SURE)
         up = sign if word in ("surface", "deflection", "de_cmd") else 0
         why += f", trailing edge {'down' if up > 0 else 'up'} by its name" if up else ""
@@ -170,7 +175,8 @@ def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, eng
 def _looked_at(y: np.ndarray) -> tuple[np.ndarray, str]:
     """Return (the samples without those that say nothing of the others, what the map has to say of them): numbers that
     stand for lost samples, single wild ones, cells that are empty because the channel is slower than the table."""
-    size, more = np.sort(np.abs(y[np.isfinite(y)])), ""
+    y, more = np.where(np.abs(y) < BEYOND, y, np.nan), ""
+    size = np.sort(np.abs(y[np.isfinite(y)]))
     wild = len(size) // WILD + 1
     if not len(size):
         return y, more
@@ -184,29 +190,23 @@ def _looked_at(y: np.ndarray) -> tuple[np.ndarray, str]:
     filled = np.diff(np.flatnonzero(np.isfinite(y)))
     if len(filled) > 1 and np.median(filled) > 1 and filled.max() <= 2 * np.median(filled):
         more += ", sparse = true"
-    return np.where(np.isfinite(y), y, np.nan), more
-
-
-def _time(path: Path, columns: tuple[str, ...] = ()) -> str | None:
-    """Return the time column of a table by its name, with a unit where its numbers ask for one; None where
-    `read_channels` finds it alone or there is none."""
-    names = columns_of(path, columns)
-    name = time_of(names) if names and not path.is_dir() else None
-    unit = unit_of_time(path, name, columns) if name else ""
-    if unit:
-        return f"{name} [{unit}]"
-    return None if set(names) & set(TIME_NAMES) else name
+    return y, more
 
 
 def _tokens(channel: str) -> list[str]:
     """Return the words of a column's name, in small letters: of NzG, ELEV_CMD_DEG, left-inner rod [mm]."""
     out: list[str] = []
-    for token in re.split(r"[^A-Za-z0-9]+", channel.rpartition(".")[2] or channel):
+    for token in re.split(r"[^A-Za-z0-9]+", (re.search(r"[^./]+\.[xyz]$|[^.]+$", channel) or [channel])[0]):
         token = re.sub(r"(?<=[A-Z]{2})CG$", "", token)
-        whole = token.lower() in UNIT or token.lower() in WHOLE
+        whole = _unit_in(token) or token.lower() in WHOLE
         parts = [token] if whole else re.split(r"(?<=[a-z0-9])(?=[A-Z])", token)
         out += [word for part in parts if part for word in SHORT.get(part.lower(), part.lower()).split()]
     return out
+
+
+def _unit_in(token: str) -> str:
+    """Return the unit that a word of a column's name is, "" for none."""
+    return known(token) if token.isalpha() else ""
 
 
 def _segment(place: list[str], segments: Sequence[str]) -> str:
@@ -224,7 +224,7 @@ def _unit(word: str, si: str, named: str, y: np.ndarray) -> tuple[str, str, bool
     if named:
         return named, f"{span}, unit by its name", False
     most = max(abs(low), abs(high))
-    if si == "m" and most > 100.0:  # an altitude: what Mach number and speeds do not prove
+    if si == "m" and (most > 100.0 or word.startswith("h_")):  # what Mach number and speeds do not prove
         unit, why = ("ft", "too large for an airliner's metres") if most > 16000.0 else ("m", "m or ft")
         return unit, f"{span}, {why}", False
     limit = LARGEST.get(si, np.inf)
@@ -252,7 +252,7 @@ def _text(
     if own.name != DEFAULT:
         lines.append(f"aircraft = {inline(own.name)}")
     for word, (key, factor, usual) in POINT.items():
-        if word in taken and taken[word].flies:
+        if word in taken and taken[word].flies and np.isfinite(columns[taken[word].channel]).any():
             scale = factors(words()[word].unit)[taken[word].unit]
             middle = float(np.nanmedian(columns[taken[word].channel])) * scale * factor
             value = _point(word, middle, own)
@@ -277,7 +277,8 @@ def _text(
     for lane in lanes:
         if not {f"{lane}.hm0", f"{lane}.hinge_moment"} & taken.keys():
             lines.append(f'# "{lane}.hinge_moment" = {{ constant = 0.0 }}  # without load; not in the recording')
-    left = [c for c in columns if c not in {g.channel for g in taken.values()}]
+    used = {g.channel for g in taken.values()}
+    left = [c for c in columns if c not in used]
     lines += ["", *(f"# not used: {inline(c)}" if not c.isprintable() else f"# not used: {c}" for c in left)]
     lines += [f"# text, not numbers: {inline(c)}" for c in texts]
     return "\n".join(lines).rstrip() + "\n"

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from actuators.constants import G0, M_PER_FT, M_S_PER_KT, RAD_PER_DEG
+from cosim.replay.units import factors
 
 SPEEDS = {"m/s": 1.0, "kt": M_S_PER_KT, "ft/s": M_PER_FT, "km/h": 1.0 / 3.6}
 HEIGHTS = {"m": 1.0, "ft": M_PER_FT}
@@ -162,7 +163,7 @@ def climb_unit(t: np.ndarray, y: np.ndarray, h: np.ndarray, unit: str) -> str:
     """Return the unit of a vertical speed beside an altitude in `unit`, "" where the numbers prove none."""
     slope, r = rate(t, y, h)
     units = {"m/s": 1.0, "ft/s": 1.0 / M_PER_FT, "ft/min": 60.0 / M_PER_FT, "kt": 1.0 / M_S_PER_KT}
-    return _proved((slope / HEIGHTS[unit], r), units, 0.8, 1.25, 0.6)
+    return _proved((slope / factors("m")[unit], r), units, 0.8, 1.25, 0.6)
 
 
 def attitude_unit(t: np.ndarray, theta: np.ndarray, n_x: np.ndarray, speed: np.ndarray) -> str:

@@ -148,14 +148,7 @@ class LoggedFlight:
     @cached_property
     def intervals(self) -> Any:
         """Return [(from, to)] during which any fault is active, merged, within the flight."""
-        spans = sorted((f["start_s"], min(f["end_s"], self.end)) for f in self.faults if f["start_s"] < self.end)
-        out: list = []
-        for a, b in spans:
-            if out and a <= out[-1][1]:
-                out[-1] = (out[-1][0], max(b, out[-1][1]))
-            else:
-                out.append((a, b))
-        return out
+        return joined((f["start_s"], min(f["end_s"], self.end)) for f in self.faults if f["start_s"] < self.end)
 
     @cached_property
     def lanes(self) -> list[Lane]:
@@ -283,6 +276,16 @@ def spans(mask: np.ndarray, t0: float, dt: float) -> list[Any]:
     """Return [(from, to)] during which `mask` holds; a span ends where the next sample no longer holds."""
     edges = np.flatnonzero(np.diff(np.asarray(mask, bool), prepend=False, append=False))
     return [(t0 + a * dt, t0 + b * dt) for a, b in zip(edges[::2], edges[1::2])]
+
+
+def joined(spans: Iterable[tuple[float, float]], gap: float = 0.0) -> list[tuple[float, float]]:
+    """Return [(from, to)] in order, those joined that are no more than `gap` [s] apart."""
+    out: list[tuple[float, float]] = []
+    for a, b in sorted(spans):
+        if out and a - out[-1][1] <= gap:
+            a, b = out[-1][0], max(b, out.pop()[1])
+        out.append((a, b))
+    return out
 
 
 def finite(x: Any) -> bool:

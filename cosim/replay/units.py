@@ -52,7 +52,7 @@ OTHER = {
     "a": "A", "lbfft": "lbf ft", "ft-lbf": "lbf ft", "ftlbf": "lbf ft", "ft·lbf": "lbf ft", "nm": "N m", "n·m": "N m",
     "n*m": "N m", "n": "N", "pa": "Pa", "mbar": "hPa", "hpa": "hPa", "kpa": "kPa", "mpa": "MPa", "psig": "psi",
     "lbs": "lb", "kilogram": "kg", "tonne": "t", "tonnes": "t", "--": "-", "1": "-", "u/min": "rpm", "1/min": "rpm",
-    "nm/rad": "N m/rad", "rev/min": "rpm",
+    "nm/rad": "N m/rad", "rev/min": "rpm", "degps": "deg/s", "radps": "rad/s",
 }  # fmt: skip
 
 

@@ -117,9 +117,9 @@ def _summary(watched: Watched) -> list[tuple[str, list[Any]]]:
 def _inputs(watched: Watched) -> Figure:
     """Return the figure of every signal that a detector read, with units people use."""
     read = {n: (*SHOWN.get(unit, (unit, 1.0)), y) for n, (unit, y) in watched.inputs().items()}
-    figure = Figure("inputs", "As the detectors read them: resampled to their tick, in our signs; gaps are invalid.",
-                    height=90 + 150 * -(-len(read) // 2))  # fmt: skip
-    panels(cast(LoggedFlight, watched), figure, list(read), [unit for unit, *_ in read.values()], 2, legend=False)
+    told = "As the detectors read them: resampled to their tick, in our signs; gaps are invalid."
+    height, units = 90 + 150 * -(-len(read) // 2), [unit for unit, *_ in read.values()]
+    figure = panels(cast(LoggedFlight, watched), "inputs", told, height, list(read), units, 2)
     for i, (name, (_, factor, y)) in enumerate(read.items(), 1):
         figure.curve(watched.t0, watched.dt, factor * y, name=name, panel=i, legend=False)
         figure.least(i, [factor * y], 1e-9)

@@ -6,10 +6,11 @@ from pathlib import Path
 import pandas as pd
 
 from cosim.campaign.envelope import REASONS, masses
-from cosim.report.figure import axis, place, still
+from cosim.report.figure import axis, still
 from cosim.report.page import page, write
 
 COLUMNS_PX = 175  # of a row of panels
+TILED = {"hoverongaps": False, "xgap": 1, "ygap": 1}
 NAMES = {"hydraulic": "hydraulic", "ema": "electromechanical"}
 REASON = {  # reason -> (colour, letter, word)
     "stall": ("#d55e00", "S", "stall"),
@@ -100,7 +101,8 @@ def _figure(trims, q):
         if (i - 1) % n:
             figure.layout[axis("yaxis", i)]["showticklabels"] = False
         part = trims[(trims["mass_t"] == mass) & (trims["cg_pct"] == cg)]
-        figure.data += [_values(part, q, i), _reasons(part, i)]
+        _values(figure, part, q, i)
+        _reasons(figure, part, i)
     return figure
 
 
@@ -110,27 +112,25 @@ def _grid(part, column):
     return cells.columns.tolist(), (cells.index / 1000.0).tolist(), cells.to_numpy(object)
 
 
-def _values(part, q, panel):
+def _values(figure, part, q, panel):
     x, y, z = _grid(part.assign(value=part[q.column] * q.factor), "value")
     bar = {"title": {"text": q.unit, "font": {"size": 11}}, "thickness": 12, "tickfont": {"size": 10.5}, "len": 0.9}
-    return {
-        "type": "heatmap", "x": x, "y": y, "z": [[None if v != v else round(float(v), 3) for v in row] for row in z],
-        "zmin": q.low, "zmax": q.high, "colorscale": "Cividis", "showscale": panel == 1, "colorbar": bar,
-        "hoverongaps": False, "xgap": 1, "ygap": 1, **place(panel),
-        "hovertemplate": f"%{{x:.0f}} kt, %{{y:.0f}}000 ft: %{{z:.{q.digits}f}} {q.unit}<extra></extra>",
-    }  # fmt: skip
+    figure.points(
+        panel, type="heatmap", x=x, y=y, z=[[None if v != v else round(float(v), 3) for v in row] for row in z],
+        zmin=q.low, zmax=q.high, colorscale="Cividis", showscale=panel == 1, colorbar=bar, **TILED,
+        hover=f"%{{x:.0f}} kt, %{{y:.0f}}000 ft: %{{z:.{q.digits}f}} {q.unit}<extra></extra>",
+    )  # fmt: skip
 
 
-def _reasons(part, panel):
+def _reasons(figure, part, panel):
     """Draw what has no trim: one colour and one letter per reason."""
     names = list(REASON)
     x, y, reason = _grid(part, "reason")
     _, _, why = _grid(part, "why")
     step = [[k / len(names), c] for i, n in enumerate(names) for k, c in ((i, REASON[n][0]), (i + 1, REASON[n][0]))]
-    return {
-        "type": "heatmap", "x": x, "y": y, "z": [[names.index(r) if r else None for r in row] for row in reason],
-        "text": [[REASON[r][1] if r else "" for r in row] for row in reason], "texttemplate": "%{text}",
-        "textfont": {"size": 9, "color": "#1c2128"}, "customdata": why.tolist(), "hoverongaps": False,
-        "zmin": -0.5, "zmax": len(names) - 0.5, "colorscale": step, "showscale": False, "xgap": 1, "ygap": 1,
-        "hovertemplate": "%{x:.0f} kt, %{y:.0f}000 ft<br>%{customdata}<extra></extra>", **place(panel),
-    }  # fmt: skip
+    figure.points(
+        panel, type="heatmap", x=x, y=y, z=[[names.index(r) if r else None for r in row] for row in reason],
+        text=[[REASON[r][1] if r else "" for r in row] for row in reason], texttemplate="%{text}",
+        textfont={"size": 9, "color": "#1c2128"}, customdata=why.tolist(), zmin=-0.5, zmax=len(names) - 0.5,
+        colorscale=step, showscale=False, **TILED, hover="%{x:.0f} kt, %{y:.0f}000 ft<br>%{customdata}<extra></extra>",
+    )  # fmt: skip

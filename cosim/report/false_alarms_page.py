@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from cosim.compare import tables
-from cosim.report.figure import axis, points, still
+from cosim.report.figure import axis, still
 from cosim.report.page import page, write
 from cosim.table import number
 
@@ -55,33 +55,30 @@ def _figure(d):
     c = d["curve"]["c"]
     for key, name, colour, dash in WAYS:
         if key in d["curve"]:
-            figure.data += _band(c, d["curve"][key], name, colour, dash)
-            figure.data += _band(c, d["curve"][key], name, colour, dash, turned=True) if key == "extremes" else []
+            for turned in (False, True)[: 1 + (key == "extremes")]:
+                _band(figure, c, d["curve"][key], name, colour, dash, turned)
     figure.layout["yaxis"]["range"] = [math.log10(LEAST), 2.0]
     figure.upright(1, 1, color="--fault", width=1.2, dash="dash")
     top, rows = d["highest"], d["stability"]
-    figure.data.append(_dots([d["hours"] / (i + 1) for i in range(len(top))], top, "--blue", 2))
+    _dots(figure, 2, [d["hours"] / (i + 1) for i in range(len(top))], top, "--blue")
     if rows:
         error = {"type": "data", "symmetric": False, "array": [r["high"] - r["shape"] for r in rows],
                  "arrayminus": [r["shape"] - r["low"] for r in rows], "color": "--red"}  # fmt: skip
-        shapes = _dots([r["k"] for r in rows], [r["shape"] for r in rows], "--red", 3)
-        figure.data.append(shapes | {"error_y": error})
+        _dots(figure, 3, [r["k"] for r in rows], [r["shape"] for r in rows], "--red", error_y=error)
     return figure
 
 
-def _dots(x, y, colour, panel):
+def _dots(figure, panel, x, y, colour, **more):
     marker = {"color": colour, "size": 5}
-    return points(panel, x=x, y=y, marker=marker, hover="%{x:.3g}, %{y:.3g}<extra></extra>")
+    figure.points(panel, x=x, y=y, marker=marker, hover="%{x:.3g}, %{y:.3g}<extra></extra>", **more)
 
 
-def _band(c, ways, name, colour, dash, turned=False):
-    """Return the traces of a curve and the ends of its interval, or of return levels over hours."""
-    out = []
+def _band(figure, c, ways, name, colour, dash, turned):
+    """Draw a curve and the ends of its interval, or return levels over hours."""
     for key, width in (("value", 1.8), ("low", 0.8), ("high", 0.8)):
         kept = [(x, y) for x, y in zip(c, ways[key]) if y is not None and y > LEAST]
         at = [(1.0 / y, x) for x, y in kept] if turned else kept
         line = {"color": colour, "width": width, "dash": dash if key == "value" else "dot"}
         named = {"name": name, "legendgroup": name, "showlegend": key == "value" and not turned}
         x, y = [x for x, _ in at], [y for _, y in at]
-        out.append(points(2 if turned else 1, mode="lines", x=x, y=y, line=line, hover="%{x:.3g}, %{y:.3g}", **named))
-    return out
+        figure.points(2 if turned else 1, mode="lines", x=x, y=y, line=line, hover="%{x:.3g}, %{y:.3g}", **named)

@@ -38,13 +38,31 @@ class Figure:
     hint: str = ""  # what the cursor does with it, said where there is one
     svg: str = ""  # what a light page shows instead of `data` and `layout`
 
-    def points(self, panel: int, **about: Any) -> None:
-        """Draw `points`."""
-        self.data.append(points(panel, **about))
+    def points(
+        self, panel: int, *, hover: str = "", mode: str = "markers", detector: str | None = None, **more: Any
+    ) -> dict:
+        """Draw a trace in panel number `panel`, not named in the legend: "markers" or "lines", or of a `type` of its
+        own; return it. `hover` is the template of what the cursor shows; with `detector` it is hidden with that one."""
+        kind = {} if "type" in more else {"type": "scatter", "mode": mode}
+        own: dict = {"hovertemplate": hover} if hover else {}
+        own |= {"meta": {"detector": detector}} if detector else {}
+        self.data.append({**kind, "showlegend": False, **own, **place(panel), **more})
+        return self.data[-1]
 
-    def curve(self, t0: float, dt: float, y: np.ndarray, **about: Any) -> None:
-        """Draw a `curve`."""
-        self.data.append(curve(t0, dt, y, **about))
+    def curve(
+        self, t0: float, dt: float, y: np.ndarray, *, name: str = "", colour: str = "--ink", dash: str = "solid",
+        width: float = 1.4, panel: int = 1, legend: bool = True, reduce: Any = None, **more: Any,
+    ) -> dict:  # fmt: skip
+        """Draw a line through the samples y at t0 + k dt in panel number `panel` and return it; `reduce` is as
+        `envelope`, the default."""
+        values, every = (reduce or envelope)(y)
+        trace = self.points(
+            panel, mode="lines", name=name, x0=float(t0), dx=float(dt * every), y=packed(values), hover="%{y:.4g}",
+            line={"color": colour, "width": width, "dash": dash}, **{"showlegend": legend and bool(name), **more},
+        )  # fmt: skip
+        if not legend or name:
+            trace["legendgroup"] = name
+        return trace
 
     def grid(self, titles: Sequence[Any], y_titles: Any, columns: Any, span: Any = None, x_title: str = "time, s",
              gap: float = 0.085) -> None:  # fmt: skip
@@ -160,30 +178,6 @@ def _largest(y, step):
     rows = np.concatenate([y, np.full(-len(y) % step, np.nan)]).reshape(-1, step)
     out = np.max(np.where(np.isnan(rows), -np.inf, rows), axis=1)
     return np.where(np.isinf(out), np.nan, out)
-
-
-def curve(
-    t0: float, dt: float, y: np.ndarray, *, name: str = "", colour: str = "--ink", dash: str = "solid",
-    width: float = 1.4, panel: int = 1, legend: bool = True, reduce: Any = envelope, **more: Any,
-) -> dict:  # fmt: skip
-    """Return a line trace of the samples y at t0 + k dt in panel number `panel`; `reduce` is as `envelope`."""
-    values, every = reduce(y)
-    trace = points(
-        panel, mode="lines", name=name, x0=float(t0), dx=float(dt * every), y=packed(values), hover="%{y:.4g}",
-        line={"color": colour, "width": width, "dash": dash}, **{"showlegend": legend and bool(name), **more},
-    )  # fmt: skip
-    if not legend or name:
-        trace["legendgroup"] = name
-    return trace
-
-
-def points(panel: int, *, hover: str = "", mode: str = "markers", detector: str | None = None, **more: Any) -> dict:
-    """Return a trace in panel number `panel`, not named in the legend: "markers" or "lines", or of a `type` of its own.
-    `hover` is the template of what the cursor shows; with `detector` the trace is hidden with that one."""
-    kind = {} if "type" in more else {"type": "scatter", "mode": mode}
-    own: dict = {"hovertemplate": hover} if hover else {}
-    own |= {"meta": {"detector": detector}} if detector else {}
-    return {**kind, "showlegend": False, **own, **place(panel), **more}
 
 
 def place(panel: Any) -> dict[str, str]:

@@ -11,15 +11,13 @@ from cosim.judge.alarms import faulty
 from cosim.judge.detection import name_at_end
 from cosim.judge.lanes import SHOWN
 from cosim.judge.result import concerns
-from cosim.replay.recording import Lane, LoggedFlight, spans, words
+from cosim.replay.recording import Lane, LoggedFlight, joined, spans, words
 from cosim.report.figure import (
     COLOURS,
-    DASHES,
     POINTS,
     Figure,
     axis,
     base,
-    curve,
     envelope,
     packed,
     peaks,
@@ -31,14 +29,19 @@ from fdi import registry
 from fdi.common.verdict import class_name
 
 RATES = (("yaw", "r"), ("roll", "p"), ("pitch", "q"))  # in the order of drawing, and their fields
+LOOKS: tuple[dict, ...] = (  # of curves in a panel of motion, the last one on top
+    {"colour": "--green", "dash": "dot", "width": 1.4}, {"colour": "--orange", "width": 1.1},
+    {"colour": "--blue", "width": 1.6},
+)  # fmt: skip
 EARTH = 6_371_000.0  # mean radius [m]: the track is drawn on a local plane
 
 
 def panels(
-    flown: LoggedFlight, figure: Figure, titles: list[str], units: list[str], columns: int, legend: bool = True
-) -> Figure:
-    """Lay out time panels over the whole flight with its faults shaded; returns the figure."""
-    figure.layout = base(figure.height, legend)
+    flown: LoggedFlight, name: str, caption: str, height: int, titles: list[str], units: list[str], columns: int,
+    legend: bool = False, **more: Any
+) -> Figure:  # fmt: skip
+    """Return a figure of time panels over the whole flight with its faults shaded."""
+    figure = Figure(name, caption, height, layout=base(height, legend), **more)
     figure.grid(titles, units, columns, span=(flown.t0, flown.end))
     figure.bands(flown.intervals, len(titles))
     return figure
@@ -62,14 +65,13 @@ def motion(flown: LoggedFlight) -> Figure:
         ("Attitude", "deg", 1.0, [("pitch", truth, "theta", deg, 0.0), ("bank", truth, "phi", deg, 0.0)]),
         ("Rates", "deg/s", 0.5, [(name, truth, field, deg, 0.0) for name, field in RATES]),
     ]  # fmt: skip
-    figure = Figure("motion", "Shaded: a fault is active.", 560)
-    figure.hint = "Drag to zoom in time, double-click to see all; every figure follows."
-    panels(flown, figure, [p[0] for p in shown], [p[1] for p in shown], 2, legend=False)
+    hint = "Drag to zoom in time, double-click to see all; every figure follows."
+    names, units = [p[0] for p in shown], [p[1] for p in shown]
+    figure = panels(flown, "motion", "Shaded: a fault is active.", 560, names, units, 2, hint=hint)
     for i, (_, _, half, curves) in enumerate(shown, 1):
         made = [(name, *drawn(flown, topic, field, factor, add)) for name, topic, field, factor, add in curves]
-        for j, (name, y, step) in enumerate(reversed(made)):
-            look: dict = {"colour": COLOURS[(0, 4, 2)[j]], "dash": DASHES[(0, 0, 2)[j]], "width": (1.6, 1.1, 1.4)[j]}
-            figure.data.insert(0, curve(flown.t0, step, y, name=name, panel=i, legend=False, **look))
+        for (name, y, step), look in zip(made, LOOKS[-len(made) :]):
+            figure.curve(flown.t0, step, y, name=name, panel=i, legend=False, **look)
         figure.least(i, [y for _, y, _ in made], half)
         _inline_legend(figure, i)
     return figure
@@ -107,8 +109,7 @@ def track(flown: LoggedFlight) -> Figure:
     figure.layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
     figure.least(2, [height], 200.0)
     figure.track = [
-        {"x": np.round(x, 4).tolist(), "y": np.round(y, 4).tolist()}
-        for x, y in ((east, north), (along, height))
+        {"x": np.round(x, 4).tolist(), "y": np.round(y, 4).tolist()} for x, y in ((east, north), (along, height))
     ]
     return figure
 
@@ -117,25 +118,20 @@ def surfaces(flown: LoggedFlight) -> tuple[Figure, Figure]:
     """Return commands against measured and true surfaces: the elevator segments, and the others."""
     command = drawn(flown, "/law", "de_cmd", DEG_PER_RAD)
     titles = [f"{words(seg)}, {tech}" for seg, tech in flown.scenario.elevator.technology.items()]
-    figure = Figure(
-        "elevators",
-        "Elevator segments, trailing edge down positive. The measured surface is what the monitors read; command and "
-        "measurement are drawn thin, below the truth.",
-        470,
-    )
-    panels(flown, figure, titles, ["deg"] * len(titles), 2)
+    told = ("Elevator segments, trailing edge down positive. The measured surface is what the monitors read; command "
+            "and measurement are drawn thin, below the truth.")  # fmt: skip
+    figure = panels(flown, "elevators", told, 470, titles, ["deg"] * len(titles), 2, legend=True)
     figure.layout["margin"] |= {"t": 50}
     figure.layout["legend"]["y"] = 1.05
     for i, (seg, short) in enumerate(flown.scenario.aircraft.short.items(), 1):
         measured, true = (drawn(flown, topic, field, DEG_PER_RAD) for topic, field in (
             (f"/sensors/{seg}", "surface"), ("/truth/aircraft", f"de_{short}")))  # fmt: skip
         _surface(flown, figure, i, (("measured", *measured), ("command", *command), ("true", *true)), i == 2)
-    others = Figure("others", "Thin: command; blue: true surface.", 230)
-    pairs = [(words(n), wiring.COMMAND_OF[n], wiring.SURFACE_OF[n]) for n in wiring.OTHERS]
-    panels(flown, others, [p[0] for p in pairs], ["deg"] * 4, 4, legend=False)
-    for i, (_, demanded, short) in enumerate(pairs, 1):
+    names, told = [words(n) for n in wiring.OTHERS], "Thin: command; blue: true surface."
+    others = panels(flown, "others", told, 230, names, ["deg"] * 4, 4)
+    for i, name in enumerate(wiring.OTHERS, 1):
         asked, true = (drawn(flown, topic, field, DEG_PER_RAD) for topic, field in (
-            ("/law", demanded), ("/truth/aircraft", short)))  # fmt: skip
+            ("/law", wiring.COMMAND_OF[name]), ("/truth/aircraft", wiring.SURFACE_OF[name])))  # fmt: skip
         _surface(flown, others, i, (("command", *asked), ("true", *true)), False)
     return figure, others
 
@@ -155,12 +151,9 @@ def injected(flown: LoggedFlight) -> Figure | None:
     if not lanes:
         return None
     columns = min(2, len(lanes))
-    figure = Figure(
-        "faults",
-        "What was injected, in the unit of the place where it enters: the truth that the detectors do not know.",
-        66 + 150 * -(-len(lanes) // columns),
-    )
-    panels(flown, figure, [n for n, _, _ in lanes], [u for _, u, _ in lanes], columns, legend=False)
+    told = "What was injected, in the unit of the place where it enters: the truth that the detectors do not know."
+    height, names, units = 66 + 150 * -(-len(lanes) // columns), [n for n, _, _ in lanes], [u for _, u, _ in lanes]
+    figure = panels(flown, "faults", told, height, names, units, columns)
     for i, (name, _, signal) in enumerate(lanes, 1):
         figure.curve(flown.t0, flown.dt, signal(), name=name, colour="--fault", panel=i, legend=False)
     return figure
@@ -175,16 +168,17 @@ def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure | None:
     if not any((np.abs(lane.fields["r"]) > 0.0).any() for lane in lanes):
         return None
     estimates = [n for n in lanes[0].fields if n.startswith("f_hat")]
-    figure = Figure(f"d-{lanes[0].id}", "", 272, detector=lanes[0].id)
+    name = lanes[0].id
     main = next((lane.truth[0] for lane in lanes if lane.truth), estimates[0] if estimates else None)
     mine = [lane for lane in lanes if lane.truth] or lanes
     untold = "It gives no fault estimate." if not estimates else "Its estimate declared no fault in this flight."
     if not (main and any(((n.fields[main] != 0.0) & (n.fields["valid"] > 0.5)).any() for n in mine)):
         main = None  # an estimate that is zero throughout has no panel
     unit, factor = _unit(lanes, main)
-    figure.caption = _of_what(lanes[0].id, main) if main else untold
+    caption = _of_what(name, main) if main else untold
     titles = ["Statistic |r|"] + ([f"Estimate {main}"] if main else [])
-    panels(flown, figure, titles, ["|r|, threshold 1", unit][: len(titles)], len(titles))
+    units = ["|r|, threshold 1", unit][: len(titles)]
+    figure = panels(flown, f"d-{name}", caption, 272, titles, units, len(titles), legend=True, detector=name)
     figure.layout["margin"] |= {"t": 58}
     figure.layout["legend"]["y"] = 1.12  # above the titles: on paper they are as long as it is
     _statistic(figure, flown, lanes)
@@ -315,7 +309,7 @@ def _row(figure, flown, lane):
     """Draw one lane; return its alarms for the cursor's line."""
     step, out = flown.dt * lane.every, []
     on, verdict, culprit = (lane.fields[n] for n in ("alarm", "verdict", "culprit"))
-    for a, b in _joined(spans(lane.fields["valid"] > 0.5, flown.t0, step), (flown.end - flown.t0) / POINTS):
+    for a, b in joined(spans(lane.fields["valid"] > 0.5, flown.t0, step), (flown.end - flown.t0) / POINTS):
         _bar(figure, lane.name, a, b, "--line", 1.5, f"{lane.name}: watching", lane.id)
     real, labels = _real(flown, lane, step), []
     found = spans(on > 0.5, flown.t0, step)
@@ -332,17 +326,6 @@ def _row(figure, flown, lane):
             _bar(figure, lane.name, a, b, "--page", 5, told, lane.id)
         labels.append((a, b, said))
     _labels(figure, flown, lane, labels)
-    return out
-
-
-def _joined(found, gap):
-    """Return [(from, to)] with those joined that are less than `gap` [s] apart: a drawing does not show it."""
-    out: list = []
-    for a, b in found:
-        if out and a - out[-1][1] < gap:
-            out[-1] = (out[-1][0], b)
-        else:
-            out.append((a, b))
     return out
 
 

@@ -7,7 +7,7 @@ from cosim.files import replace_text
 from cosim.papers import tables
 from cosim.papers.row import Row as PaperRow
 from cosim.report import svg
-from cosim.report.figure import axis, curve, envelope, still
+from cosim.report.figure import axis, envelope, still
 from cosim.report.page import PICTURE, page, write
 
 TITLES = {
@@ -96,7 +96,11 @@ def _figure(d, name, caption):
     named = set()
     for i, panel in enumerate(d.panels, start=1):
         for c in panel.curves:
-            figure.data.append(_curve(c, i, c.name not in named, d.span))
+            on, legend = _inside(c, d.span), c.name not in named
+            figure.curve(
+                c.t0 + c.dt * (on.start or 0), c.dt, c.y[on], name=c.name, colour=ROLES[c.role], dash=c.dash, panel=i,
+                reduce=lambda y: envelope(y, 1000), showlegend=legend,
+            )  # fmt: skip
             named.add(c.name)
         for y in panel.levels:
             figure.level(i, y)
@@ -115,12 +119,3 @@ def _inside(c, span):
         return slice(None)
     first = max(0, math.floor((span[0] - c.t0) / c.dt))
     return slice(first, max(first, math.ceil((span[1] - c.t0) / c.dt)) + 1)
-
-
-def _curve(c, panel, legend, span):
-    on = _inside(c, span)
-    made = curve(
-        c.t0 + c.dt * (on.start or 0), c.dt, c.y[on], name=c.name, colour=ROLES[c.role], dash=c.dash, panel=panel,
-        reduce=lambda y: envelope(y, 1000),
-    )  # fmt: skip
-    return made | {"showlegend": legend}

@@ -12,10 +12,9 @@ from report_browser import CHROMIUM, use
 from cosim.errors import LogError, OutputError
 from cosim.flight.simulate import simulate
 from cosim.judge.lanes import part
-from cosim.replay.recording import LoggedFlight, spans
+from cosim.replay.recording import LoggedFlight, joined, spans
 from cosim.report import flight_report, svg
-from cosim.report.figure import POINTS, Figure, base, curve, envelope, peaks
-from cosim.report.flight import _joined
+from cosim.report.figure import POINTS, Figure, base, envelope, peaks
 from cosim.report.flight_page import render
 from cosim.scenario import load_scenario
 
@@ -88,7 +87,8 @@ def test_a_curve_of_the_light_page_goes_through_its_samples():
     layout = base(160.0, legend=False)
     Figure("f", layout=layout).grid(["a"], ["m"], 1, span=(0.0, 4.0))
     layout["yaxis"]["range"] = [0.0, 10.0]
-    figure = Figure("f", layout=layout, data=[curve(0.0, 1.0, np.array([0.0, 5.0, np.nan, 10.0, 10.0]))])
+    figure = Figure("f", layout=layout)
+    figure.curve(0.0, 1.0, np.array([0.0, 5.0, np.nan, 10.0, 10.0]))
     root = ElementTree.fromstring(svg.drawn(figure))
     clip, path = root.find("clipPath/rect"), root.find("g/path").get("d")
     x, y, w, h = (float(clip.get(k)) for k in ("x", "y", "width", "height"))
@@ -282,8 +282,8 @@ def test_spans_are_half_open_and_reach_the_end():
 
 
 def test_gaps_that_a_drawing_cannot_show_are_closed():
-    assert _joined([(0.0, 1.0), (1.1, 2.0), (2.5, 3.0), (3.01, 4.0)], 0.2) == [(0.0, 2.0), (2.5, 4.0)]
-    assert _joined([(0.0, 1.0), (1.2, 2.0)], 0.1) == [(0.0, 1.0), (1.2, 2.0)] and _joined([], 1.0) == []
+    assert joined([(0.0, 1.0), (1.1, 2.0), (2.5, 3.0), (3.01, 4.0)], 0.2) == [(0.0, 2.0), (2.5, 4.0)]
+    assert joined([(0.0, 1.0), (1.2, 2.0)], 0.1) == [(0.0, 1.0), (1.2, 2.0)] and joined([], 1.0) == []
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
