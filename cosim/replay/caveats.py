@@ -24,7 +24,8 @@ def caveats(made: Any, done: list) -> list[str]:
     [(detector, lane, inputs, outputs (n, fields))]; times are the recording's."""
     m, aircraft = made.map, made.scenario.aircraft
     own = [*_units(made, done), *_designs(m, aircraft, done)]
-    return [*own, *_mass(aircraft, made.values), *_dead(m, made), *_proxies(m, done), *_lanes(done, made.dt, made.t_0)]
+    own += [*_mass(aircraft, made.values), *_dead(m, made), *_late(made), *_proxies(m, done)]
+    return [*own, *_lanes(done, made.dt, made.t_0)]
 
 
 def _units(made, done):
@@ -71,6 +72,15 @@ def _dead(m, made):
         y = np.asarray(y)[np.isfinite(y)]
         if len(y) > 1 and y.min() == y.max() and made.sources[name].kind != "model" and name not in ("mass", "cg"):
             out.append(f"{name}: channel {signal.channel} is {y[0]:.6g} all along: not connected, or absent = true")
+    return out
+
+
+def _late(made):
+    """Tell of valve commands that the detectors were given at another time than that of the recording."""
+    out = []
+    for name, by in made.delays.items():
+        off = f"{1e3 * abs(by) * made.dt:.3g} ms too {'early' if by > 0.0 else 'late'}"
+        out.append(f"{name} is recorded {off} for the pressure that answers it, and was moved by it: is `held` right?")
     return out
 
 

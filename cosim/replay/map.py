@@ -20,8 +20,9 @@ from cosim.log import LogWriter, TopicInfo, viewer_layouts
 from cosim.replay import clock
 from cosim.replay import map_signals as signals_of
 from cosim.replay.caveats import caveats
-from cosim.replay.detector_replay import elements, flat, inputs, judgement, output_names, replay_lane, unlogged
+from cosim.replay.detector_replay import elements, flat, judgement, output_names, replay_lane, unlogged
 from cosim.replay.foreign import read_channels
+from cosim.replay.lane_inputs import delays, in_time, lane_inputs
 from cosim.replay.log_schema import ReplayError, check_start, chosen_overrides, override
 from cosim.replay.map_file import load_map
 from cosim.replay.write import stacked
@@ -68,6 +69,7 @@ class Prepared:
     t_0: float  # [s]
     n: int  # ticks
     dt: float  # [s]
+    delays: dict = field(default_factory=dict)  # of valve commands against what answers them [ticks]
 
     def params(self, d: Any) -> Any:
         """Return PARAMS of the lanes of detector `d`."""
@@ -143,7 +145,7 @@ def diagnose(
         remedy = _nearest(out.not_run, m.signals)
         raise ReplayError("no detector has all its inputs", place=str(map_path), remedy=remedy)
     out.detectors = [_verdict(d, lane, again, dt, t_0) for d, lane, _, again in done]
-    out.caveats = odd + signals_of.slow(sources, made.channels, dt) + caveats(made, done)
+    out.caveats = [*odd, *signals_of.slow(sources, made.channels, dt).values(), *caveats(made, done)]
     if output:
         _write(output, done, out, made.text, dt)
     return out
@@ -171,7 +173,10 @@ def _nearest(not_run: list, signals: Mapping[str, Any]) -> str:
 def run_all(made: Prepared, overrides: Mapping[str, Any], only: str = "") -> tuple[list, list]:
     """Return ([(detector, lane, inputs, outputs)] of the lanes whose inputs are complete, what the others lack); of all
     detectors or `only` one."""
-    wires, values, n, dt = made.wires, dict(made.values), made.n, made.dt
+    wires, n, dt = made.wires, made.n, made.dt
+    slow = signals_of.slow(made.sources, made.channels, dt)
+    made.delays = delays(made.scenario, {k: v for k, v in made.values.items() if k not in slow}, n, dt)
+    values = in_time(made.values, made.delays)
     read = {w.source.split(".")[0] for own in wires.values() for w in own if w.signal.kind == "detector"}
     done: list = []
     not_run: list = []
@@ -183,11 +188,13 @@ def run_all(made: Prepared, overrides: Mapping[str, Any], only: str = "") -> tup
         ready = replace(d, lanes=tuple(lane for lane in d.lanes if not missing[lane]))
         if ready.lanes:
             p = made.params(ready)
-            for name, value in d.record.recorded.items():
-                p[name] = value
+            for i, lane in enumerate(ready.lanes):
+                if any(w.signal.word in slow for w in wires[d.id, lane]):
+                    for name, value in d.record.slow.items():
+                        p[name][i] = value
             override(d.record, d.module, p, overrides.get(d.id, {}), dt)
             for i, lane in enumerate(ready.lanes):
-                u = _inputs(ready, wires[d.id, lane], values, n)
+                u = lane_inputs(d.module, wires[d.id, lane], values, n)
                 again = run(ready, lane, u, p[i : i + 1], dt)
                 done.append((ready, lane, u, again))
                 if d.id in read:
@@ -207,25 +214,6 @@ def _scenario(m, chosen, place):
 def _spans(m, channels):
     some = [(m.signals[name].channel, t) for name, (t, *_) in list(channels.items())[:6] if len(t)]
     return ", ".join(f"{channel} {t[0]:.12g} to {t[-1]:.12g} s" for channel, t in some)
-
-
-def _inputs(d, wires, values, n):
-    """Return INPUTS (1, n) of one lane; what has no flag of its own holds its last valid value."""
-    own = []
-    for w in (w for w in wires if w.signal.kind != "detector" or w.signal.word in values):
-        value, valid = values[w.signal.word]
-        gaps = np.where(valid > 0.0, value, np.nan) if w.signal.flag else _held(value, valid)
-        own.append((w.field, valid if w.flag else gaps))
-    return inputs(d.module, n, own)
-
-
-def _held(value, valid):
-    """Return a command without gaps: the last valid value, before the first one that first one."""
-    good = np.flatnonzero(valid > 0.0)
-    if not len(good):
-        return np.zeros_like(value)
-    last = np.searchsorted(good, np.arange(len(value)), side="right") - 1
-    return value[good[np.maximum(last, 0)]]
 
 
 def run(d: Any, lane: str, u: np.ndarray, p: np.ndarray, dt: float) -> np.ndarray:

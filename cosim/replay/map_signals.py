@@ -218,15 +218,15 @@ def _later(t, y, dt):
     return np.concatenate([t[:1], t + dt]), np.concatenate([y[:1], y])
 
 
-def slow(sources: dict, channels: dict, dt: float) -> list[str]:
-    """Return a sentence per command of a valve or motor that is sampled at less than the tick's rate."""
-    out = []
+def slow(sources: dict, channels: dict, dt: float) -> dict[str, str]:
+    """Return {command of a valve or motor that is sampled at less than the tick's rate: sentence}."""
+    out = {}
     for name, source in sources.items():
         step = clock.interval(channels[name][0]) if name in channels and source.kind == "sent" else 0.0
         if step > dt * 1.01:
             told = f"{name} comes at {1 / step:.4g} Hz and the tick is {1 / dt:g} Hz: the detectors read it late by"
             more = "a filter on it may alarm for that alone; it wants the rate at which it was sent"
-            out.append(f"{told} up to {1e3 * step:.3g} ms, and {more}")
+            out[name] = f"{told} up to {1e3 * step:.3g} ms, and {more}"
     return out
 
 

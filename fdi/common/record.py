@@ -85,7 +85,7 @@ class Detector:
     # what it tells beyond class and culprit: output -> its value -> kinds of fault that it then means where the class
     # is open, or the part of the culprit, "" for all of it
     finer: Mapping[str, Mapping[int, tuple[str, ...] | str]] = field(default_factory=dict)
-    # parameters where the inputs come from elsewhere, not from the loop, so that a signal may be a tick off
-    recorded: Mapping[str, float] = field(default_factory=dict)
+    # parameters where a recording has the command of a valve or motor less often than every tick
+    slow: Mapping[str, float] = field(default_factory=dict)
     every: int = 1  # ticks of the loop from step to step
     fit: Callable = field(default=lambda site, **options: None)  # (site, **options) -> PARAMS of one lane

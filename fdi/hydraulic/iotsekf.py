@@ -33,7 +33,7 @@ from fdi.common.tuning import thresholds
 from fdi.common.verdict import NONE, SENSOR
 from fdi.hydraulic import command_response, hypotheses, pressure_test, runaway_test, sample_rings, sensor_noise
 from fdi.hydraulic import two_stage_ekf as two_stage
-from fdi.isolation import backlash, filter, likelihood, multiple_models, sums
+from fdi.isolation import backlash, filter, likelihood, multiple_models
 from fdi.isolation import decide as by_evidence
 from fdi.isolation.evidence import HYPOTHESES
 
@@ -160,7 +160,7 @@ DETECTOR = Detector(
     places=bank.PLACES,
     options={"form": tuple(FORMS)},  # the first is the default
     belongs={"load": "form"},
-    recorded={"untaught": float(sums.FIRST)},  # a command that is a tick off is taught away as an error of the valve
+    slow={"asks": 0.0},  # evidence rests on what each tick's command leaves in the pressure
     fit=lambda site, form="pressure": params(
         **FORMS[form], dt=site.dt, own=site.own, **({"travel": site.travel} if site.travel else {}),
         **site.known(PARAMS.names),
@@ -397,7 +397,7 @@ def step(x, u, p, dt):
     by_evidence.follow(x, u, x.declared > 0.5, dt)
     x.alarm = x.declared
     asked = p.asks > 0.5 and x.h_lost[filter.PRESSURE] <= likelihood.LOST_S and x.sensor < 0.5
-    if x.blocks <= p.untaught:
+    if x.blocks == 0.0:
         x.borne = 1.0  # there is no evidence yet that could speak against the rules
     by_evidence.conclude(x, by_evidence.frozen(x, u, dt), asked)
     x.r = max(x.r, x.evidence)

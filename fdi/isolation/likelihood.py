@@ -45,7 +45,6 @@ PARAMS = [
     *evidence.PARAMS,
     ("limit", "f8", (evidence.HYPOTHESES,), "-"),  # evidence that is an alarm
     ("asks", "f8"),  # 1 where ticks are short enough and the pressure is measured, ALL: every block is asked
-    ("untaught", "f8"),  # blocks for which the flight teaches before evidence is asked
     ("q_lo", "f8", "m"),  # stops of the rod
     ("q_hi", "f8", "m"),
 ]
@@ -110,7 +109,7 @@ def close(x, p, suspicious, dt):
         o = sums.octave(blocks)
     else:
         o = sums.octave(blocks // SPARSE) if blocks % SPARSE == 0 else -1
-    if o >= 0 and x.window_age[o] >= sums.YOUNG * p.length[o] and blocks > p.untaught:
+    if o >= 0 and x.window_age[o] >= sums.YOUNG * p.length[o]:
         evidence.evaluate(x, p, o)
         parts.in_parts(x, o)
         anew = by_evidence.judge(x, p, o, dt)
