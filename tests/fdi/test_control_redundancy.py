@@ -8,15 +8,18 @@ import pytest
 from actuators.constants import RAD_PER_DEG
 from cosim.flight.loop.signals import inputs
 from cosim.flight.plant.aero.functions import AeroFunctions, numbers_digest
-from cosim.flight.plant.force_model import FOLDER, force_model
+from cosim.flight.plant.force_model import force_model
 from cosim.flight.plant.plant import POINTS, Plant
 from cosim.papers.mar10 import flights as mar10_flights
 from cosim.papers.mar10 import rows as mar10
+from cosim.scenario.aircraft import load_aircraft
 from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, THRUST
 from fdi.control_redundancy import control_redundancy
 from fdi.control_redundancy import force_model as fm
 from fdi.control_redundancy import structure as redundancy_structure
 from fdi.control_redundancy.structure import TALK, families, residuals, signatures, undefined
+
+FOLDER = load_aircraft().folder
 
 
 def test_slide_10_follows_from_the_pattern_of_slide_7():

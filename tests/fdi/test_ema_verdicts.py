@@ -40,7 +40,7 @@ def flown(seed=7, *, reconfigure=False, tolerance=None, **fields):
 
 def said(log):
     """Return the names while the fault is there, without repetitions."""
-    names = [v.name(c) + (f" {CULPRITS[int(w)]}" if w else "") for c, w in zip(log["verdict"][ON], log["culprit"][ON])]
+    names = [v.NAMES[int(c)] + (f" {CULPRITS[int(w)]}" if w else "") for c, w in zip(log["verdict"][ON], log["culprit"][ON])]
     return [b for a, b in zip([None, *names], names) if a != b and b != "none"]
 
 
@@ -162,7 +162,7 @@ def test_weaker_magnets_are_named_and_a_tolerance_is_not():
         tick = script(30.0, command=command, hmd=-20e3, rng=np.random.default_rng(3))
         tick["magnet_loss"][t >= 12.0] = loss
         log = fly_bench(tick, reconfigure=False).log
-        assert {v.name(c) for c in np.unique(log["verdict"])} - {"none"} == names and not log["culprit"].any()
+        assert {v.NAMES[int(c)] for c in np.unique(log["verdict"])} - {"none"} == names and not log["culprit"].any()
 
 
 def test_weaker_magnets_stay_named_where_nothing_moves_until_they_have_healed():

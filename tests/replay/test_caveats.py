@@ -133,7 +133,7 @@ class Stub:
 
 def prepared(m, t_0):
     scenario = SimpleNamespace(aircraft=load_aircraft())
-    return SimpleNamespace(map=m, scenario=scenario, values={}, channels={}, sources={}, dt=0.005, t_0=t_0)
+    return SimpleNamespace(map=m, scenario=scenario, values={}, channels={}, sources={}, dt=0.005, t_0=t_0, delays={})
 
 
 def test_a_channel_that_never_changes_and_a_mass_out_of_the_design_are_told(tmp_path):
