@@ -40,7 +40,8 @@ def flown(seed=7, *, reconfigure=False, tolerance=None, **fields):
 
 def said(log):
     """Return the names while the fault is there, without repetitions."""
-    names = [v.NAMES[int(c)] + (f" {CULPRITS[int(w)]}" if w else "") for c, w in zip(log["verdict"][ON], log["culprit"][ON])]
+    told = zip(log["verdict"][ON].astype(int), log["culprit"][ON].astype(int))
+    names = [v.NAMES[c] + (f" {CULPRITS[w]}" if w else "") for c, w in told]
     return [b for a, b in zip([None, *names], names) if a != b and b != "none"]
 
 
