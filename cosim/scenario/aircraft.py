@@ -264,7 +264,7 @@ def stamps(folder: Path) -> tuple[tuple[str, int, int], ...]:
     if folder.parent == FOLDER:
         return ()
     files = sorted(os.path.join(top, name) for top, _, names in os.walk(folder) for name in names)
-    told = []
+    told: list[tuple[str, int, int]] = []
     for file in files:
         with contextlib.suppress(OSError):  # gone since it was listed, or a link to nothing
             about = os.stat(file)
