@@ -13,7 +13,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("actuators", "fdi", "cosim")
 # an import, with the names behind it, and what stands before it in its line, with the module of a "from"
-IMPORT = re.compile(r"\bimport\b[ \t]*(\((?:[^)#]|#[^\n]*)*\)|[^\n;]*)")
+IMPORT = re.compile(r"\bimport\b[ \t]*(\((?:[\w\s,]|#[^\n]*)*\)|[^\n;]*)")
 FROM = re.compile(r"(?:^|[;:])[ \t]*(?:from\b[ \t]*([.\w]+)[ \t]*)?$", re.MULTILINE)
 _DIGEST = 32  # bytes before what is stored: its SHA-256, for LLVM would crash on half a file
 

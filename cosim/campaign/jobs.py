@@ -67,7 +67,7 @@ def stored(folder: str | Path) -> tuple[str, dict[str, Any]]:
     for told in _lines(Path(folder) / FILE):
         if isinstance(told, dict):
             code = told["code"]
-        elif told is not None:
+        elif told is not None and isinstance(told[0], str):
             found[told[0]] = told[1]
     return (code, found) if isinstance(code, str) and code else ("", {})
 

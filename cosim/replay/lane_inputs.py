@@ -2,8 +2,9 @@
 
 A command that is logged late, or sent where the map says that it acted until then (`held`), is some ticks off. A filter
 of the actuator takes what that leaves in the pressure for a fault. The delay is the one with which the filter foresees
-the pressure best: of up to MOST ticks either way, in steps of a quarter, the one with the least squared innovation over
-its variance.
+the pressure best: of up to MOST ticks either way and quarters up to one tick from there, the one with the least squared
+innovation over its variance. What counts is the time before the alarm that is left with it, and if that is short, a
+fault is there that may look like a delay: the command stays.
 """
 
 from collections.abc import Iterable, Mapping
@@ -16,8 +17,9 @@ from cosim.flight.detection.detectors import wires
 from cosim.replay.detector_replay import inputs, output_names, replay_lane, unlogged
 from fdi import registry
 
-FILTER, COMMAND, INNOVATION = "iotsekf", "valve_command", "nis_dp"
+FILTER, COMMAND, INNOVATION, ALARM = "iotsekf", "valve_command", "nis_dp", "alarm"
 LOOKED_S, SETTLES_S = 5.0, 1.0  # of the recording: looked at, of it until the filter has settled
+LEAST_S = 1.0  # of it settled and without an alarm
 MOST, STEP = 2, 0.25  # ticks
 CLIPPED = 25.0  # a wild sample counts for no more
 BETTER = 0.9  # of the innovation with the command as it is recorded: above, that one is right
@@ -63,17 +65,24 @@ def delays(scenario: Any, values: Mapping[str, Any], n: int, dt: float) -> dict[
 def _delay(record, lane, module, u, p, dt):
     """Return the delay [ticks] with which the filter foresees the pressure best."""
     command = next(field for field, word in record.inputs.items() if word == COMMAND)
-    column = output_names(unlogged(record, lane, module, u, p)).index(INNOVATION)
+    names, settled = output_names(unlogged(record, lane, module, u, p)), round(SETTLES_S / dt)
 
-    def left(ticks):
+    def looked(ticks):
         tried = u.copy()
         tried[command][0] = _moved(u[command][0], ticks)
-        e = replay_lane(unlogged(record, lane, module, tried, p), dt)[0][round(SETTLES_S / dt) :, column]
-        return np.array([np.minimum(part, CLIPPED).sum() for part in np.array_split(e, PARTS)])
+        out = replay_lane(unlogged(record, lane, module, tried, p), dt)[0][settled:]
+        return np.minimum(out[:, names.index(INNOVATION)], CLIPPED), out[:, names.index(ALARM)] > 0.5
 
-    whole = min(np.arange(-MOST, MOST + 1.0), key=lambda ticks: left(ticks).sum())
-    best = min(whole + np.arange(-1.0, 1.0 + STEP, STEP), key=lambda ticks: left(ticks).sum())
-    now, then = left(0.0), left(best)
+    def left(ticks):
+        return looked(ticks)[0].sum()
+
+    whole = min(np.arange(-MOST, MOST + 1.0), key=left)
+    best = min(whole + np.arange(-1.0, 1.0 + STEP, STEP), key=left)
+    (now, _), (then, alarm) = looked(0.0), looked(best)
+    quiet = int(np.argmax(alarm)) if alarm.any() else len(alarm)
+    if quiet < round(LEAST_S / dt):
+        return 0.0
+    now, then = (np.array([part.sum() for part in np.array_split(e[:quiet], PARTS)]) for e in (now, then))
     return best if then.sum() < BETTER * now.sum() and (then < now).all() else 0.0
 
 

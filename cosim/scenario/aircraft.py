@@ -3,9 +3,11 @@
 The contract of a folder is aircraft/README.md. A bundled aircraft is named, another one is given as a path.
 """
 
+import contextlib
 import functools
 import math
 import os
+import stat
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -262,8 +264,12 @@ def stamps(folder: Path) -> tuple[tuple[str, int, int], ...]:
     if folder.parent == FOLDER:
         return ()
     files = sorted(os.path.join(top, name) for top, _, names in os.walk(folder) for name in names)
-    told = ((file, os.stat(file)) for file in files if os.path.isfile(file))
-    return tuple((file, about.st_mtime_ns, about.st_size) for file, about in told)
+    told: list[tuple[str, int, int]] = []
+    for file in files:
+        with contextlib.suppress(OSError):  # gone since it was listed, or a link to nothing
+            about = os.stat(file)
+            told += [(file, about.st_mtime_ns, about.st_size)] if stat.S_ISREG(about.st_mode) else []
+    return tuple(told)
 
 
 def of_folder(function: Callable[..., R]) -> Callable[..., R]:

@@ -20,10 +20,14 @@ except ImportError: import beside.five as five
     \tfrom .six import f
 from . import seven
 from .import eight
+# some import (that no bracket ends
+import beside.nine
+f(9)
 """
 WANTED = (
     "beside", "os.path", "beside.one", "beside.one.a", "beside.one.c", "beside.two", "beside.two.d", "beside.three",
     "beside.four", "beside.four.e", "beside.five", "six", "six.f", "", ".seven", ".eight",
+    "beside.nine",
 )  # fmt: skip
 
 

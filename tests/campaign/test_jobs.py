@@ -1,5 +1,6 @@
 """Jobs over processes, kept line by line; a killed study goes on, results of other code are dropped."""
 
+import json
 import os
 from pathlib import Path
 
@@ -57,7 +58,8 @@ def test_what_is_damaged_or_forged_is_done_again(tmp_path):
         return value
 
     assert work(jobs_, folder=tmp_path, workers=0, read=read) == first
-    for nonsense in ("", '{"code": []}', '{"code": "x"}\n\xff' + "[" * 9000):
+    listed = json.dumps([["key"], 1, jobs._digest(["key"], 1)])  # whole, and no job has such a key
+    for nonsense in ("", f'{{"code": "x"}}\n{listed}', '{"code": []}', '{"code": "x"}\n\xff' + "[" * 9000):
         path.write_text(nonsense)
         assert work(jobs_, folder=tmp_path, workers=0) == first
 

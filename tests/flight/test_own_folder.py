@@ -3,6 +3,7 @@ other file touched but, for a technology, the line that registers it.
 """
 
 import importlib
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -16,7 +17,7 @@ import cosim
 from cosim.errors import ScenarioError
 from cosim.flight.plant.force_model import force_model
 from cosim.scenario import catalog
-from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario.aircraft import load_aircraft, stamps
 
 SHORT = ["duration_s=1.5", "faults.0.start_s=0.5", "detectors.enabled=[]", "elevator.feedback=measured"]
 SEEN = ["truth.aircraft.de_li", "truth.aircraft.q", "sensors.left_inner_rod.y_obs", "sensors.left_inner_pressure.y_obs"]
@@ -73,6 +74,23 @@ def test_a_record_says_what_is_wrong_with_it(tmp_path):
         load_aircraft(str(record.parent))
     with pytest.raises(ScenarioError, match=r"'transprt' is no aircraft.*Did you mean 'transport'"):
         load_aircraft("transprt")
+
+
+def test_a_file_that_goes_while_a_folder_is_looked_at_does_not_count(tmp_path, monkeypatch):
+    """An editor beside the session puts its own files there and takes them away."""
+    (tmp_path / "own.xml").touch()
+    (tmp_path / "own.xml.swp").touch()
+    asked = os.stat
+
+    def stat(path, *how, **more):
+        found = asked(path, *how, **more)
+        if str(path).endswith(".swp"):
+            os.unlink(path)
+        return found
+
+    monkeypatch.setattr(os, "stat", stat)
+    assert str(tmp_path / "own.xml") in [file for file, *_ in stamps(tmp_path)]
+    assert [file for file, *_ in stamps(tmp_path)] == [str(tmp_path / "own.xml")]
 
 
 def test_an_edited_folder_is_read_again_in_the_same_process(tmp_path):

@@ -237,6 +237,24 @@ def test_a_command_some_ticks_off_is_moved_and_is_no_alarm(rate, tmp_path):
         assert not again[:, output_names(lane).index("alarm")].any()
 
 
+def test_a_fault_from_the_start_is_no_delay_of_the_command():
+    """A solid oscillation is a phase of the pressure to the command, as a delay is."""
+    early = ["duration_s=5", "faults.0.start_s=0.0", "faults.0.frequency_hz=8"]
+    setup, own = build(cosim.load_scenario("solid-ofc", early)), wires(DETECTOR, "left_inner")
+    rows, *_ = record(setup, [f"iotsekf_in.left_inner.{w.field}" for w in own if not w.flag])
+    values = {w.signal.word: (y, np.ones(len(y))) for w, y in zip((w for w in own if not w.flag), rows.T)}
+    assert delays(setup.scenario, values, len(rows), 0.005) == {}
+
+
+def test_a_second_of_settled_recording_is_too_short_to_tell_a_delay(signals):
+    early = {n: (np.append(y[1:], y[-1]) if n.endswith("valve_command") else y) for n, y in signals.items()}
+    scenario, told = cosim.load_scenario("liquid-ofc"), {}
+    for n in (206, 390, 450):
+        values = {name: (y[:n], np.isfinite(y[:n]).astype(float)) for name, y in early.items()}
+        told[n] = delays(scenario, values, n, 0.005).get("left_inner.valve_command", 0.0)
+    assert told == {206: 0.0, 390: 0.0, 450: 1.0}
+
+
 def test_half_the_rate_is_interpolated_and_slow_detectors_agree(flight, signals, tmp_path):
     bench_frame(signals, 100).to_parquet(tmp_path / "bench.parquet")
     how = {"detectors": ["position_monitor"], "overrides": {"position_monitor": {"threshold": 0.01}}}
