@@ -244,7 +244,7 @@ def _achieved(scenario, i, moved):
         return "", ""
     others = any(set(_segments(g)) & moved.keys() for j, g in enumerate(scenario.faults) if j != i)
     words = f"; achieved {'' if swings else 'at most '}{', '.join(found)}{OTHERS * others}"
-    if not (swings and f.kind.startswith("ofc")):
+    if others or not (swings and f.kind.startswith("ofc")):  # of several faults only their sum is known
         return words, ""
     travel = extra["amplitude_travel"] * math.degrees(scenario.aircraft.travel) if "amplitude_travel" in extra else None
     for key, asked in zip(keys, (extra.get("amplitude_mm"), extra.get("amplitude_deg", travel))):
