@@ -189,7 +189,7 @@ def noticed(watch: Watch, runs: Runs, fault: Mapping, until: float, dt: float, o
     out |= {"right": False, "first_right": False, "first_sure_wrong": False, "class_changes": 0, "ambiguous_s": 0.0}
     out |= {"class_given": NOT_GIVEN, "place_given": NOT_GIVEN, "place_level": ""}
     moved = _moved_at(watch, fault)
-    out["masked"] = k is None and lane.masked(fault, first, last)
+    out["masked"] = k is None and lane.masked(fault, first, healed)
     out["not_excited"] = None if moved is None or fault.get("kind") not in MOVES else math.isinf(moved)
     if k is not None:
         late = max(0.0, k * dt - start)  # an onset lies within a tick

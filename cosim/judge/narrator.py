@@ -16,6 +16,7 @@ APART = {"ema_kalman": "alarms always, it knows no load"}
 LEVELS = {"local": "actuator", "aircraft": "aircraft", "both": "joint"}
 RISE = 1.05  # a residual that grew by less than this factor is said not to have risen
 
+MASKED = "(masked by the standing alarm of an earlier fault)"
 OTHERS = ", with the other faults"
 LITTLE, MUCH = 0.8, 1.25  # achieved over asked, beyond which a note says so
 
@@ -174,7 +175,8 @@ def _silent(i, case, lanes):
     away = {name: why for name in made if name not in seen and (why := _away(i, lanes, name)) is not None}
     reasons: dict[str, list[str]] = {}
     for name in (name for name in made if name not in seen and name not in away):
-        reasons.setdefault(_why(*_peak(lanes, name)), []).append(name)
+        masked = any(e.get("masked") for d, e in _entries(i, lanes) if d["id"] == name)
+        reasons.setdefault(MASKED if masked else _why(*_peak(lanes, name)), []).append(name)
     told = [f"{listed(names)} {why}" for why, names in reasons.items()]
     told += [f"{name} could not judge ({why})" for name, why in away.items()]
     return f"designed for this fault, no alarm: {'; '.join(told)}" if told else ""
@@ -242,7 +244,7 @@ def _achieved(scenario, i, moved):
         return "", ""
     others = any(set(_segments(g)) & moved.keys() for j, g in enumerate(scenario.faults) if j != i)
     words = f"; achieved {'' if swings else 'at most '}{', '.join(found)}{OTHERS * others}"
-    if not (swings and f.kind.startswith("ofc")):
+    if others or not (swings and f.kind.startswith("ofc")):  # of several faults only their sum is known
         return words, ""
     travel = extra["amplitude_travel"] * math.degrees(scenario.aircraft.travel) if "amplitude_travel" in extra else None
     for key, asked in zip(keys, (extra.get("amplitude_mm"), extra.get("amplitude_deg", travel))):

@@ -50,6 +50,16 @@ def test_a_note_beyond_80_and_125_per_cent(share, told):
         assert not told or (f"asked for {asked:g} " in out[1] and f"achieved {100 * share:.0f} % of it" in out[1])
 
 
+def test_faults_of_one_segment_have_no_share_each_in_what_they_moved_together(tmp_path):
+    point = "[flight]\nmass_t = 200.0\ncg_pct = 30.0\naltitude_ft = 20000.0\ncas_kt = 290.0\n"
+    swing = "[[faults]]\ntarget = 'elevator.left_inner'\nkind = 'ofc_liquid'\namplitude_mm = 8\nfrequency_hz = 1\n"
+    path = tmp_path / "two.toml"
+    path.write_text(f"title = 'two'\nduration_s = 30.0\n{point}{swing}start_s = 8\n{swing}start_s = 12\n")
+    lines = said({"left_inner": moved(amplitude_mm=16.0, amplitude_deg=3.0)}, name=path)
+    assert len(lines) == 2  # without a note
+    assert all(text.endswith("; achieved 16.0 mm, 3.0 deg, with the other faults") for text in lines)
+
+
 def test_several_segments_are_a_span():
     both = {n: moved(amplitude_mm=a, amplitude_deg=1.0) for n, a in (("left_inner", 8.0), ("left_outer", 7.0))}
     (line,) = said(both, "faults.0.target=elevator.left")

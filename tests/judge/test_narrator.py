@@ -49,6 +49,10 @@ def test_what_did_not_happen_is_said_and_a_level_that_did_not_fly_is_not():
     assert silent(both, LIQUID) == [
         "designed for this fault, no alarm: lpv_smo (statistic came to 80% of its threshold)"
     ]
+    both["detectors"][1]["by_fault"][0]["masked"] = True
+    assert silent(both, LIQUID) == [
+        "designed for this fault, no alarm: lpv_smo (masked by the standing alarm of an earlier fault)"
+    ]
 
 
 @pytest.mark.parametrize(

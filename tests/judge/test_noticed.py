@@ -127,6 +127,8 @@ def test_a_second_fault_of_the_part_whose_alarm_stands_all_the_time_is_masked_an
     assert second["masked"] and second["detected_at_s"] is None
     (told,) = [e for e in entries([judge(LANE, stands, DT, [OFC, jam])], ["hydraulic.ofc_liquid"] * 2) if e["fault"]]
     assert told["outcome"] == "masked"
+    withdrawn = flown((23, 95, v.OFC_LIQUID))  # after the fault's end
+    assert judge(LANE, withdrawn, DT, [OFC, jam])["by_fault"][1]["masked"]
     for rows in (flown((23, 80, v.OFC_LIQUID)), flown((23, 45, v.OFC_LIQUID)), flown()):  # it could have risen
         assert not judge(LANE, rows, DT, [OFC, jam])["by_fault"][1]["masked"]
     early = judge(LANE, flown((3, 100, v.OFC_LIQUID)), DT, [OFC, jam])["by_fault"]  # a false alarm masks nothing
