@@ -263,9 +263,12 @@ def stamps(folder: Path) -> tuple[tuple[str, int, int], ...]:
     """Return what changes with every change of a file of an aircraft's `folder`; () for a bundled one, which stays."""
     if folder.parent == FOLDER:
         return ()
-    files = sorted(os.path.join(top, name) for top, _, names in os.walk(folder) for name in names)
+    files = []
+    for top, inner, names in os.walk(folder):
+        inner[:] = [name for name in inner if not name.startswith(".")]  # a repository's own files, thousands of them
+        files += [os.path.join(top, name) for name in names]
     told: list[tuple[str, int, int]] = []
-    for file in files:
+    for file in sorted(files):
         with contextlib.suppress(OSError):  # gone since it was listed, or a link to nothing
             about = os.stat(file)
             told += [(file, about.st_mtime_ns, about.st_size)] if stat.S_ISREG(about.st_mode) else []
