@@ -1,8 +1,7 @@
 """What a source imports, and with it the name of the folder of its compiled kernels, is found however it is written."""
 
-import ast
-
 import pytest
+import structure
 
 from actuators import source_hash
 
@@ -40,13 +39,5 @@ def test_imports_are_found_wherever_they_stand(text, tmp_path):
 
 def test_no_import_of_our_own_sources_is_missed():
     for path in (p for name in source_hash.PACKAGES for p in (source_hash.ROOT / name).rglob("*.py")):
-        package, wanted = path.relative_to(source_hash.ROOT).parts[:-1], set()
-        for node in ast.walk(ast.parse(path.read_bytes())):
-            if isinstance(node, ast.Import):
-                wanted |= {alias.name for alias in node.names}
-            elif isinstance(node, ast.ImportFrom):
-                above = package[: len(package) - node.level + 1] if node.level else ()
-                base = ".".join((*above, *([node.module] if node.module else ())))
-                wanted |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
-        ours = {name for name in wanted if name.partition(".")[0] in source_hash.PACKAGES}
+        ours = {name for name in structure.imports(path) if name.partition(".")[0] in source_hash.PACKAGES}
         assert ours <= set(source_hash._imports(path)), path
