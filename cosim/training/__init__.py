@@ -12,7 +12,6 @@ TRAINERS = {  # name -> (module, what it trains)
     "ema": ("cosim.training.train_ema", "ema_kalman_flight, position_monitor on EMAs; 5 min on two cores"),
     "rfafe": ("cosim.training.train_rfafe", "rfafe, rfafe_airframe at its design point; 15 min on two cores"),
     "joint": ("cosim.training.train_joint", "rates of joint; 5 min on two cores"),
-    "learned": ("cosim.training.learned", "the learned detectors of `cosim score`; 10 min on two cores"),
 }
 
 
