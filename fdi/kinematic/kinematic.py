@@ -33,9 +33,12 @@ Noise and frozen readings show in the second difference of the reading alone, y_
 sigma^2, in which motion at the sampling rate is nothing. Gusts are not nothing in it: their part goes with a power of
 the speed (`GUSTY`), and with it what the noise that was learned may be.
 
-What kinematics cannot tell: a drift of theta from a constant error of q, where gusts hide what the latter does to the
-turn; "q or theta" is named until another row tells. A drift of phi from a constant error of p, of psi from one of r:
-the gyro is named; when such a drift stops, and stays off, it says that the gyro has healed.
+What kinematics cannot tell: a constant error of a rate from a slow one of what it is the rate of. "p or phi", "q or
+theta", "r or psi", "n_x or v_ground" is named until another row tells. When such a drift stops, and stays off, the
+alarm ends as if the rate were right again.
+
+Thresholds are those of the noise that is specified. A row whose second difference, over the time of learning, is larger
+than the specified noise of its sensors makes has its threshold and its jump larger by as much.
 """
 
 import math
@@ -52,9 +55,10 @@ from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
 from fdi.common.why import BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
 from fdi.kinematic import signatures as table
 from fdi.kinematic import wind
-from fdi.kinematic.rows import compare, present, read
-from fdi.kinematic.signatures import CLIMB, CULPRITS, EITHER, NR, NS, SENSORS
+from fdi.kinematic.rows import compare, present, read, weigh
+from fdi.kinematic.signatures import CLIMB, EITHER, NR, NS, SENSORS
 
+CULPRITS = table.CULPRITS
 SPEEDS = ("tas", "cas", "v_ground")
 TICK = 0.005  # of the training flights [s]
 # a gust changes by sigma sqrt(2 V dt / L) from tick to tick [Dryden]: the variance of airspeed goes with V, that of a
@@ -123,6 +127,11 @@ STATE = dtype(
         *wind.STATE,
         ("offset", "f8", (NR,)),
         ("limit", "f8", (NR,)),  # thresholds now
+        ("raw_1", "f8", (NR,)),  # residuals of the tick before, and of the one before that
+        ("raw_2", "f8", (NR,)),
+        ("run", "f8", (NR,)),  # ticks in a row that had one, at most 3
+        ("excess", "f8", (NR,), "-"),  # learned mean square of their second difference over the specified one
+        ("grown", "f8", (NR,), "-"),  # what the threshold and the jump grow by with it
         ("y", "f8", (NS,)),  # readings
         ("ok", "f8", (NS,)),
         ("y_1", "f8", (NS,)),  # and those of the two ticks before
@@ -158,7 +167,7 @@ DETECTOR = Detector(
     | {"sensor.alpha": ("sensor", "ambiguous"), "sensor.beta": ("sensor", "ambiguous"), "sensor.n_y": ("sensor",)},
     blind="no force enters: neither effectors nor actuators; of alpha, beta and n_y it sees noise and a frozen reading",
     any_aircraft=True,
-    shares=(("q", "theta", CULPRITS[-1]),),  # theta' = q
+    shares=tuple((*pair, " or ".join(pair)) for pair in table.PAIRS),
     # by two of three speeds: a fault of one, of Mach number or altitude is to be named, however large
     range=dict.fromkeys(SPEEDS, FLYING),
     fit=lambda site: params(dt=site.dt, own=site.own),
@@ -199,7 +208,7 @@ def _residuals(x, p, dt):
             x.seen[i], x.res[i] = 0.0, 0.0
             continue
         leap = x.raw[i] - x.last[i] if x.seen[i] > 0.5 else 0.0
-        if math.fabs(leap) > p.jump[i]:
+        if math.fabs(leap) > p.jump[i] * x.grown[i]:
             x.jumped[i] = p.t_hold
             x.off[i] += leap
             x.off_most[i] = max(x.off_most[i], math.fabs(x.off[i]))
@@ -259,9 +268,9 @@ def _noise(x, p, dt):
 
 @kernel
 def _named(x):
-    """Return (number of sensors that explain what fired and jumped, the last of them + 1); q and theta are EITHER. What
-    x.known has, another sensor may have done."""
-    count, best, pair = 0, 0, 0
+    """Return (number of sensors that explain what fired and jumped, the last of them + 1); the two of a pair are one.
+    What x.known has, another sensor may have done."""
+    count, best, pair, both = 0, 0, 0, False
     for s in range(table.NC):
         fits, first = True, table.FIRST[s]
         for i in range(NR):
@@ -269,7 +278,9 @@ def _named(x):
             missing = not on and table.MUST[s, i] > 0.5
             if missing and i != first and x.fired[first] > 0.0 and table.SHOWS[s, i] > 0.0:
                 # gusts may hide it there
-                size = math.fabs(x.res[first]) * table.SHOWS[s, i] * (x.y[15] if table.FAST[s, i] > 0.5 else 1.0)
+                power = table.POWERS[s, i]
+                fast = x.y[15] if power > 0.0 else 1.0 / max(x.y[15], 1.0) if power < 0.0 else 1.0
+                size = math.fabs(x.res[first]) * table.SHOWS[s, i] * fast
                 missing = size > HIDDEN * x.limit[i]
             if missing or (on and table.MAY[s, i] < 0.5 and x.known[i] < 0.5):
                 fits = False
@@ -281,9 +292,9 @@ def _named(x):
         if fits and best != table.OF[s] + 1:
             count += 1
             best = table.OF[s] + 1
-            pair += 1 if table.OF[s] == table.Q or table.OF[s] == table.THETA_SENSOR else 0
-    if count == 2 and pair == 2:
-        return 1, EITHER
+            both, pair = count == 2 and pair > 0 and pair == table.PAIR_OF[s], table.PAIR_OF[s]
+    if count == 2 and both:
+        return 1, float(pair)
     return count, float(best)
 
 
@@ -322,9 +333,9 @@ def _decide(x, p, dt):
     sought = x.alarm < 0.5 or x.verdict == AMBIGUOUS
     if x.noisy > 0.5 and sought:
         x.alarm, x.verdict, x.culprit, x.shows = 1.0, SENSOR, x.noisy, NOISE
-    elif any_row and x.since >= p.t_collect and (sought or x.culprit == EITHER):
+    elif any_row and x.since >= p.t_collect and (sought or x.culprit >= EITHER):
         count, best = _named(x)
-        if count == 1:
+        if count == 1 and (sought or table.HOLDS[int(x.culprit), int(best)] > 0.5):
             x.alarm, x.verdict, x.culprit = 1.0, SENSOR, best
             row = table.FADES[int(best) - 1]
             x.shows = FADING if row >= 0 else STAYING
@@ -366,8 +377,9 @@ def _rest(x, p, why):
         x.ticks[i] = 0.0
     for i in range(NR):
         x.live[i], x.seen[i], x.res[i], x.fired[i], x.jumped[i] = 0.0, 0.0, 0.0, 0.0, 0.0
+        x.run[i] = 0.0
         if x.age <= p.t_learn:
-            x.offset[i] = 0.0
+            x.offset[i] = x.excess[i] = 0.0
     if x.age <= p.t_learn:
         x.age, x.n_learn = 0.0, 0.0
         for i in range(NS):
@@ -395,6 +407,7 @@ def step(x, u, p, dt):
         return
     read(x, u)
     compare(x, p, dt)
+    weigh(x, p)
     x.age += dt
     if p.t_settle < x.age <= p.t_learn:
         x.n_learn += 1.0

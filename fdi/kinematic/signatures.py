@@ -16,26 +16,32 @@ PHI, THETA, PSI, CLIMB, TURN, SPEED, HEIGHT, SOUND, IMPACT, BARO = range(NR)
 SIGNATURES: tuple[Any, ...] = (
     ("p", ("phi",), ("turn",), False),
     ("phi", ("phi",), ("climb", "turn"), True),
+    ("phi", ("phi",), ("climb", "turn"), False),  # slow: an error of its rate, as one of p is; so of theta, psi
     ("q", ("theta", "turn"), ("psi", "phi"), False),
     ("theta", ("climb",), ("theta", "speed"), None),
     ("theta", ("theta",), ("climb", "speed"), True),
-    ("theta", ("theta",), ("climb", "speed"), False),  # a drift: a constant error of theta', as one of q is
+    ("theta", ("theta",), ("climb", "speed"), False),
     ("r", ("psi",), ("theta", "phi"), False),
     ("psi", ("psi",), (), True),
+    ("psi", ("psi",), (), False),
     ("n_x", ("speed",), (), False),
     ("n_z", ("turn",), ("speed",), False),
     ("hdot", ("height", "climb"), ("baro",), False),
     ("h_inertial", ("height",), ("baro",), True),
+    ("h_inertial", ("height",), ("baro",), False),
     ("h_inertial", ("height", "baro"), (), None),
     ("h_baro", ("baro",), ("impact",), None),
     ("tas", ("sound",), (), None),
     ("cas", ("impact",), (), None),
     ("mach", ("sound", "impact"), (), None),
     ("alpha_ground", ("turn", "climb"), (), None),
+    ("alpha_ground", ("climb",), ("turn",), False),
     ("v_ground", ("speed",), ("climb", "turn"), True),
+    ("v_ground", ("speed",), ("climb", "turn"), False),  # slow: as an error of n_x
 )
 NC = len(SIGNATURES)
-Q, THETA_SENSOR = SENSORS.index("q"), SENSORS.index("theta")
+# sensors that share every row: an error of the rate, and a slow one of what it is the rate of
+PAIRS = (("q", "theta"), ("p", "phi"), ("r", "psi"), ("n_x", "v_ground"))
 
 
 def _table(*columns):
@@ -46,14 +52,17 @@ MUST, MAY = _table(1), _table(1, 2)
 JUMPS = np.array([{None: 0.0, True: 1.0, False: -1.0}[c[3]] for c in SIGNATURES])
 FIRST = np.array([ROWS.index(c[1][0]) for c in SIGNATURES])
 OF = np.array([SENSORS.index(c[0]) for c in SIGNATURES])
-CULPRITS = ("", *SENSORS, "q or theta")
-EITHER = len(CULPRITS) - 1.0
+CULPRITS = ("", *SENSORS, *(" or ".join(pair) for pair in PAIRS))
+EITHER = len(SENSORS) + 1  # the first of the pairs
+# [a, b]: b is one of a
+HOLDS = np.array([[float(b != "" and b in a.split(" or ")) for b in CULPRITS] for a in CULPRITS])
+PAIR_OF = np.array([next((k + EITHER for k, pair in enumerate(PAIRS) if c[0] in pair), 0) for c in SIGNATURES])
 # of every culprit the row that integrates it, from which its error fades; -1 where an error stays
 FADES = np.array(
     [next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] == name and c[3]), -1) for name in CULPRITS[1:]]
 )
 INTEGRATES = np.array([float(row in ("phi", "theta", "psi", "turn", "speed", "height")) for row in ROWS])
-_RATES = [name.split(" or ")[0] for name in CULPRITS[1:]]  # a drift of theta is to the rows a constant error of q
+_RATES = [name.split(" or ")[0] for name in CULPRITS[1:]]  # a pair's rate
 # of every culprit the row that integrates it as a rate; -1 for none
 DRIVES = np.array(
     [next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] == name and c[3] is False), -1) for name in _RATES]
@@ -62,10 +71,12 @@ DRIVES = np.array(
 STAYS = np.array([[float(any(c[0] == name and row in (*c[1], *c[2]) and (row in ("climb", "sound", "impact", "baro")
                                                                         or (c[3] is False and row == c[1][0]))
                              for c in SIGNATURES)) for row in ROWS] for name in _RATES])  # fmt: skip
-# how large an error of this size in the first row is in a row whose threshold gusts raise; times the speed where FAST
-_SHOWN = {("q", "turn"): (1.0, True), ("alpha_ground", "climb"): (1.0, False), ("hdot", "climb"): (0.5, False)}
-SHOWS, FAST = (
-    np.array([[float(_SHOWN.get((c[0], row), (0.0, False))[k]) for row in ROWS] for c in SIGNATURES]) for k in (0, 1)
+# how large an error of this size in the first row is in a row whose threshold may hide it: so many times, and times so
+# many powers of the speed; a relative error of Mach number is twice that, or more, in the impact pressure
+_SHOWN = {("q", "turn"): (1.0, 1.0), ("alpha_ground", "climb"): (1.0, 0.0), ("hdot", "climb"): (0.5, 0.0),
+          ("mach", "impact"): (2.0, -1.0)}  # fmt: skip
+SHOWS, POWERS = (
+    np.array([[_SHOWN.get((c[0], row), (0.0, 0.0))[k] for row in ROWS] for c in SIGNATURES]) for k in (0, 1)
 )
 # the sensors that each row reads, in its order of ROWS: what it shows while one of them is wrong tells of no other
 READS = (
