@@ -138,8 +138,8 @@ class Slaves:
         if about.needsExecutionTool:
             raise ValueError("needsExecutionTool: it runs only beside the tool that made it; export it without")
         if about.canBeInstantiatedOnlyOncePerProcess and lanes > 1:
-            raise ValueError(f"canBeInstantiatedOnlyOncePerProcess: it cannot be on {lanes} segments; name a copy of the "
-                             "file for each of them")  # fmt: skip
+            said = f"canBeInstantiatedOnlyOncePerProcess: it cannot be on {lanes} segments"
+            raise ValueError(f"{said}; name a copy of the file for each of them")
         inner = float(about.fixedInternalStepSize or 0.0)
         if inner > 0.0 and abs(dt / inner - round(dt / inner)) > 1e-9 * dt / inner:
             raise ValueError(f"fixedInternalStepSize = {inner:g} s does not divide the tick of {dt:g} s; set rate_hz")

@@ -13,7 +13,6 @@ TRAINERS = {  # name -> (module, what it trains)
     "rfafe": ("cosim.training.train_rfafe", "rfafe, rfafe_airframe at its design point; 15 min on two cores"),
     "pitch_moment": ("cosim.training.train_pitch_moment", "pitch_moment_glr; 5 min on two cores"),
     "joint": ("cosim.training.train_joint", "rates of joint; 5 min on two cores"),
-    "learned": ("cosim.training.learned", "the learned detectors of `cosim score`; 10 min on two cores"),
 }
 
 
