@@ -243,7 +243,6 @@ def test_delays_are_never_negative_and_missing_ones_are_null(logs):
     assert not any(math.isinf(x) for x in rows["delay_s"].dropna())
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
 def test_a_comparison_without_a_designed_for_fault_has_no_empty_figure_and_names_its_marks(flights):
     result = run_many(flights, workers=0)
     frame, _, tomls = compare_rows.of_result(result, flights)
@@ -262,6 +261,7 @@ def test_a_cell_of_wrong_names_only_has_their_colour():
     assert "c-part" in _cell("x", cell | {"outcomes": {"misnamed": 7, "ambiguous": 1}}).tone
 
 
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
 def test_browser_draws_every_figure_of_a_comparison(logs, tmp_path):
     made = compare(logs)
     write_comparison(made, tmp_path / "out")
