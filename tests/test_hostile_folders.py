@@ -1,9 +1,8 @@
-"""Hostile folders that commands keep, tables, inputs, conditions and parts of a user's; files are in test_hostile.py.
+"""Hostile tables, inputs, conditions and parts of a user's; files are in test_hostile.py.
 
 COSIM_CASES of each, where a case takes long a tenth (`pytest -m slow -s`).
 """
 
-import copy
 import json
 import os
 import random
@@ -13,185 +12,21 @@ import sys
 import zipfile
 from pathlib import Path
 
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from commands import commands
 from flight_point import POINT
-from hostile_doors import CASES, LARGEST, LONGEST_S, SEED, tried, written
+from hostile_doors import CASES, LARGEST, LONGEST_S, SEED, tried
 from hostile_texts import encoded, mangled
 from technologies import forget
 
 import cosim
-from cosim.campaign import jobs
-from cosim.campaign.dataset import make
-from cosim.campaign.run import run_campaign
-from cosim.cli.bench import compared, read_bench
-from cosim.compare import compare
-from cosim.compare.false_alarms import false_alarms
-from cosim.compare.score import BOARD, rows, stored
-from cosim.compare.score import flights as benchmark
-from cosim.compare.score.rows import differences
 from cosim.flight.plugins import load
-from cosim.report import comparison_report
 from cosim.scenario import aircraft
 from cosim.scenario.condition import condition
 
 FEW = max(20, CASES // 10)
 CELLS = ("0", "-1", "1e308", "nan", "inf", "true", "", "-", "é", "1e400", ";", '"', "\x00", "9" * 400, "1,5", "NaT",
          "x" * 20_000, '"a\nb"', "1_0", " 1 ", "\ufeff", "١")  # fmt: skip
-STRANGE = (None, -1, 0, 1e308, "x", "", [], {}, [[]], 2**62, True, "é" * 99, "../../x", [None], {"x": {}}, float("nan"))
-CAMPAIGN = """
-base = "cruise"
-runs = 2
-seed = 3
-[set]
-duration_s = 2.0
-"detectors.enabled" = ["position_monitor"]
-"elevator.feedback" = "measured"
-[draw]
-"flight.mass_t" = { low = 200.0, high = 300.0 }
-"""
-
-
-def changed(rng, value):
-    """Return plain data with something in it of another kind, or gone."""
-    strange = copy.deepcopy(rng.choice(STRANGE))
-    if not isinstance(value, dict | list):
-        return strange
-    node = value
-    for _ in range(rng.randrange(6)):
-        deeper = [v for v in (node.values() if isinstance(node, dict) else node) if isinstance(v, dict | list) and v]
-        node = rng.choice(deeper) if deeper else node
-    if not node:
-        return strange
-    key = rng.choice(list(node)) if isinstance(node, dict) else rng.randrange(len(node))
-    if rng.random() < 0.2:
-        del node[key]
-    else:
-        node[key] = strange
-    return value if rng.random() < 0.8 else strange
-
-
-def damaged(rng, path):
-    """Damage one file of a folder: bytes, length, kind, or, of results, what they say, their digests right."""
-    what = rng.random()
-    if path.name == jobs.FILE and what < 0.6:
-        code, values = jobs.stored(path.parent)
-        for key in list(values):
-            values[key] = changed(rng, values[key]) if rng.random() < 0.7 else values[key]
-        jobs.keep(path.parent, rng.choice((code, code, code, "older")), values)
-    elif path.suffix == ".json" and what < 0.6:
-        path.write_text(json.dumps(changed(rng, json.loads(path.read_bytes()))))
-    elif path.suffix == ".parquet" and what < 0.5:
-        forged(rng, path)
-    elif what < 0.8:
-        raw = bytearray(path.read_bytes() or b"x")
-        raw[rng.randrange(len(raw))] = rng.randrange(256)
-        path.write_bytes(raw[: rng.randrange(len(raw))] if rng.random() < 0.3 else raw)
-    else:
-        path.unlink()
-        if what > 0.9:
-            path.mkdir() if rng.random() < 0.5 else os.mkfifo(path)
-
-
-def forged(rng, path):
-    """Change a table and, where results say so, its digest with it."""
-    try:
-        table = pq.read_table(path)
-    except (pa.ArrowException, OSError):  # damaged before
-        return
-    k, about = rng.randrange(table.num_columns), dict(table.schema.metadata or {})
-    told = json.loads(about.get(b"cosim", b"{}"))
-    what = rng.random()
-    if what < 0.4 and told:
-        about[b"cosim"] = json.dumps(changed(rng, told)).encode()
-        table = table.replace_schema_metadata(about)
-    elif what < 0.7:
-        other = rng.choice((pa.nulls(table.num_rows, table.schema.types[k]), pa.array(["x"] * table.num_rows),
-                            pa.array([float("nan")] * table.num_rows), pa.array(range(table.num_rows))))  # fmt: skip
-        table = table.set_column(k, table.column_names[k], other)
-    else:
-        table = rng.choice((table.drop_columns([table.column_names[k]]), table.slice(0, 0), table.slice(0, 1),
-                            table.append_column(table.column_names[k], table.column(k))))  # fmt: skip
-    pq.write_table(table, path)
-    file = path.parent / jobs.FILE
-    if file.is_file():
-        code, values = jobs.stored(path.parent)
-        for key, value in values.items():
-            if path.stem in key:
-                values[key] = {**value, "sha256": benchmark.hashlib.sha256(path.read_bytes()).hexdigest()}
-        jobs.keep(path.parent, code, values)
-
-
-def folders(whole, out):
-    """Return what makes a damaged copy of the folder `whole` at `out`."""
-
-    def made(rng):
-        shutil.rmtree(out, ignore_errors=True)
-        shutil.copytree(whole, out)
-        for _ in range(rng.choice((1, 1, 2))):
-            there = [p for p in sorted(out.rglob("*")) if p.is_file()]
-            if there:
-                damaged(rng, rng.choice(there))
-        return out
-
-    return made
-
-
-@pytest.fixture
-def few(tmp_path):
-    """Return a campaign file of two flights of 2 s."""
-    (tmp_path / "few.toml").write_text(CAMPAIGN)
-    return tmp_path / "few.toml"
-
-
-@pytest.mark.slow
-def test_folders_of_false_alarms_and_data_sets(few, tmp_path):
-    def alarms(out):
-        false_alarms(hours=4.0 / 3600, campaign=str(few), detectors=["position_monitor"], folder=out, workers=0)
-
-    def data_set(out):
-        make(few, out, signals=["q", "rod"], workers=0)
-
-    for kind, door in (("false-alarms", alarms), ("data set", data_set)):
-        door(tmp_path / kind)
-        tried(f"folders, {kind}", FEW, folders(tmp_path / kind, tmp_path / "case"), [door, door])
-
-
-@pytest.mark.slow
-def test_recordings_of_the_score(tmp_path, monkeypatch):
-    s = cosim.load_scenario("liquid-ofc", ["duration_s=1", "faults.0.start_s=0.5", "elevator.feedback=measured"])
-    two = [(f"{i}" * 16, "ofc", s.model_copy(update={"seed": i}).expanded_toml()) for i in (1, 2)]
-    monkeypatch.setattr(benchmark, "scenarios", lambda seeds: two)
-
-    def door(out):
-        flown = benchmark.flown(benchmark.seeds_of(), folder=out, workers=0)
-        monkeypatch.setattr(rows, "finished", lambda calls, **how: ((key, f(*given)) for key, f, given in calls))
-        rows.scored(flown, ["iotsekf", "position_monitor"], workers=0)
-
-    door(tmp_path / "whole")
-    tried("folders, recordings of the score", FEW, folders(tmp_path / "whole", tmp_path / "case"), [door, door])
-
-
-@pytest.mark.slow
-def test_tables_and_seeds_of_the_score(tmp_path):
-    whole, path = json.loads(BOARD.read_text()), tmp_path / "case.json"
-
-    def table(rng):
-        found = json.loads(BOARD.read_text())
-        for _ in range(rng.choice((1, 3))):
-            found = changed(rng, found) if found and isinstance(found, dict | list) else found
-        path.write_bytes(encoded(rng, json.dumps(found)))
-        return path
-
-    def repeated(given):
-        held = stored(given)
-        differences(held.table, whole, [d["id"] for d in whole["detectors"] if d["id"] in held.detectors])
-
-    tried("tables of the score", CASES, table, [repeated])
-    seeds = written(tmp_path / "seeds.toml", ["seed = 3\nfirst_seed = 2000000\n"])
-    tried("seeds of the score", CASES, seeds, [benchmark.seeds_of])
 
 
 @pytest.mark.slow
@@ -210,32 +45,6 @@ def test_tables_of_inputs(tmp_path):
         return tmp_path / "own.toml"
 
     tried("tables of inputs", CASES, made, [cosim.load_scenario])
-
-
-@pytest.mark.slow
-def test_campaign_folders(few, tmp_path):
-    assert run_campaign(few, out=tmp_path / "whole", workers=0).done == 2
-    (tmp_path / "whole" / "guests.json").write_text("[]")
-
-    def page(out):
-        comparison_report(compare([out]), tmp_path / "page.html")
-
-    def resumed(out):
-        run_campaign(few, out=out, workers=0, resume=True)
-
-    tried("campaign folders", FEW, folders(tmp_path / "whole", tmp_path / "case"), [page, resumed, page])
-
-
-@pytest.mark.slow
-def test_outcomes_of_bench(tmp_path):
-    whole = {"cases": [{"name": "x", "against": "y", "ratio": 1.0}], "startup": {"import_s": 1.0}, "peak_mb": 3.0,
-             "detectors": [{"id": "x", "batch_us": 1.0}]}  # fmt: skip
-
-    def made(rng):
-        (tmp_path / "case.json").write_bytes(encoded(rng, json.dumps(changed(rng, copy.deepcopy(whole)))))
-        return tmp_path / "case.json"
-
-    tried("outcomes of bench", FEW, made, [lambda p: compared(read_bench(p), whole)])
 
 
 PIECES = ("n_z", "t", "left_inner.rod", "rod", "truth.aircraft.nz", "fault.0.active", "fault.1.since",

@@ -77,15 +77,13 @@ COMMANDS = {
     "resume": (["campaign", "few.toml", "--workers", "1", "-o", "campaign", "--resume"], "campaign"),
     "compact": (["compact", "small.mcap"], "small.mcap"),
     "dataset": (["dataset", "few.toml", "--limit", "4", "--workers", "1", "-o", "data"], "data/flights.parquet"),
-    "score": (["score", "iotsekf", "--limit", "2", "--workers", "1", "--recordings", "flown", "-o", "score"],
-              "score/score.parquet"),
     "false-alarms": (["false-alarms", "iotsekf", "--campaign", "free.toml", "--hours", "0.004", "--workers", "1",
                       "-o", "alarms"], "alarms/false-alarms.json"),
     "reproduce": (["reproduce", "jay", "--workers", "1", "-o", "."], "reproduce-jay.html"),
 }  # fmt: skip
-GO_ON = ("dataset", "score", "false-alarms")  # a killed one is continued by the same command
+GO_ON = ("dataset", "false-alarms")  # a killed one is continued by the same command
 SHARE = {"run": 12, "report": 8, "replay": 8, "map": 8, "recover": 8, "compare": 8, "campaign": 8, "resume": 8,
-         "compact": 8, "dataset": 6, "score": 6, "false-alarms": 6, "reproduce": 6}  # fmt: skip
+         "compact": 8, "dataset": 6, "false-alarms": 6, "reproduce": 6}  # fmt: skip
 
 
 @pytest.mark.slow
@@ -117,9 +115,8 @@ def test_commands_killed_at_random_moments(work):
         elif name == "compare":
             path.write_text(README)
         elif name in GO_ON:
-            for folder in {path.parent, home / "flown"} if name == "score" else {path.parent}:
-                if rng.random() < 0.6:
-                    shutil.rmtree(folder, ignore_errors=True)
+            if rng.random() < 0.6:
+                shutil.rmtree(path.parent, ignore_errors=True)
         elif name in ("compact", "report"):
             path.write_bytes(whole if name == "compact" else old_page)
         elif name not in ("resume", "reproduce"):

@@ -26,7 +26,7 @@ DEFAULT = "liquid-ofc"
 ARRAYS = (".npy", ".npz")
 # as `cosim -h` shows them: a flight, many flights, what is your own, what stands behind the detectors
 ORDER = (
-    "run list example info report replay recover compact campaign compare score false-alarms margins dataset "
+    "run list example info report replay recover compact campaign compare false-alarms margins dataset "
     "new check estimate map identify linearize envelope reproduce design train bench"
 ).split()
 
@@ -106,7 +106,7 @@ def run(
     if report:
         from cosim.report import flight_report
 
-        found["report"] = str(flight_report(path, page))
+        found["report"] = str(flight_report(found["log"], page))
     answer(json_, found, lambda _: flight.shown(found, flown))
     if found["status"] == "interrupted":
         raise typer.Exit(130)
@@ -222,7 +222,7 @@ def linearize(
 
 
 # the modules of the other commands
-PARTS = ("replay", "campaigns", "score", "false_alarms", "user_files", "identify", "envelope", "study", "bench")
+PARTS = ("replay", "campaigns", "false_alarms", "user_files", "identify", "envelope", "study", "bench")
 for part in PARTS:
     importlib.import_module(f"cosim.cli.{part}")
 names = {str(c.name or getattr(c.callback, "__name__", "")).replace("_", "-"): c for c in app.registered_commands}

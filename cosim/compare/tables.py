@@ -1,4 +1,4 @@
-"""Tables of a comparison and of a score, the same in terminal, page and README: one Column per figure."""
+"""Tables of a comparison, the same in terminal, page and README: one Column per figure."""
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -11,7 +11,7 @@ from cosim.judge import coverage
 from cosim.judge.lanes import seconds
 from cosim.judge.naming import LEVELS
 from cosim.replay.recording import finite
-from cosim.table import DASH, MORE, Cell, Column, Table, number, of, share
+from cosim.table import DASH, Cell, Column, Table, number, of, share
 
 
 def _count(key: str, bad: bool = False) -> Callable:
@@ -67,16 +67,13 @@ VALID = Column("valid", lambda d: share(d["availability"]), doc="share of all fl
 STANDING = Column("standing alarm", lambda d: number(d["standing_s"]), "s", "alarm without a fault, from 2 s after it "
                   "has healed", 6)  # fmt: skip
 STEP = Column("step", lambda d: number(d.get("step_us"), 2), "µs", "time per step and lane", 5)
-LN_P = Column("ln p", lambda d: number(d.get("log_fault")), doc="mean log of what it gave to the truth while the fault "
-              "lasted", rank=5)  # fmt: skip
 OF = "Over the faults that it was designed for, on parts that it watches; what came of them adds up to the faults."
-OPEN = "Over every fault on a part that it watches, but those to which it is blind by its own word."
 
 
-def detectors(each: Iterable[dict], scored: bool = False) -> Table:
-    """Return the Table of all detectors, over what each was designed for; `scored`: all that it is not blind to."""
-    columns = (NAME, GROUP, *COUNTS, *RATE, FREE, VALID, STANDING, STEP, *([LN_P] * scored))
-    return of(columns, each, lambda d: "" if d["detected"] else "muted", caption=OPEN if scored else OF)
+def detectors(each: Iterable[dict]) -> Table:
+    """Return the Table of all detectors, over what each was designed for."""
+    columns = (NAME, GROUP, *COUNTS, *RATE, FREE, VALID, STANDING, STEP)
+    return of(columns, each, lambda d: "" if d["detected"] else "muted", caption=OF)
 
 
 def quiet(each: Iterable[dict]) -> Table:
@@ -176,29 +173,6 @@ def sizes(found: Sequence[dict]) -> dict[str, Table]:
     return out
 
 
-def scored_sizes(each: Sequence[dict]) -> Table:
-    """Return the Table of a90/95 of a score: families by line, detectors by column; the smallest in bold."""
-    ranks = [0 if i < 3 else 1 if i < 8 else MORE for i in range(len(each))]
-    heads = (Column(d["id"], detector=d["id"], rank=rank) for d, rank in zip(each, ranks))
-    made = Table("", "family", "unit", *heads, kind="fits")
-    cells = {(d["id"], f["family"]): f for d in each for f in d["families"]}
-    for name in dict.fromkeys(f["family"] for d in each for f in d["families"]):
-        own = [cells.get((d["id"], name), {"designed": 0}) for d in each]
-        if not any(f["designed"] for f in own):  # none of these flights, or nobody sees them
-            continue
-        unit, bound = (next((f[k] for f in own if f["designed"] and f[k]), None) for k in ("unit", "bound_mm"))
-        best = min((f["a90_95"] for f in own if f["designed"] and f["a90_95"]), default=None)
-        told = "" if bound is None else f", bound {number(bound, 2)}"
-        made.add(Cell(name, "bold"), (unit or DASH) + told, *(fit(f, best) for f in own))
-    made.caption = (
-        "Size at which 90 % are seen, in brackets its lower bound and a90/95 (binomial regression on its "
-        "logarithm; not valid counts as missed; ?: outside the sizes flown). Oscillations: achieved amplitude; "
-        "jams: how far the rod was kept from where it would be; sensors: bias in standard deviations of that "
-        "sensor's noise. Without a curve: what the flights say, and seen of flights."
-    )
-    return made
-
-
 def pairs(found: Iterable[dict]) -> Table:
     """Return the Table of detectors compared on the same flights."""
 
@@ -216,17 +190,6 @@ def pairs(found: Iterable[dict]) -> Table:
     note = ("Faults on parts that both watch, neither blind. Equal false alarms: thresholds scaled until the same "
             "share of fault-free flights crosses them, before confirmation.")  # fmt: skip
     return of(columns, found, keys=3, caption=note)
-
-
-def probabilities(each: Iterable[dict]) -> Table:
-    """Return the Table of log scores of those detectors that give probabilities."""
-    columns = (NAME, Column("while a fault lasts", lambda d: number(d["log_fault"])),
-               Column("without a fault", lambda d: number(d["log_none"])))  # fmt: skip
-    note = (
-        "Mean over flights of ln p of the truth: of the right class while a fault lasts; of none before "
-        "it and without one. 0 is certain and right; -2.3 is what says nothing at all."
-    )
-    return of(columns, [d for d in each if d["log_fault"] is not None or d["log_none"] is not None], caption=note)
 
 
 def flights(rows: pd.DataFrame) -> Table:
@@ -247,14 +210,6 @@ def flights(rows: pd.DataFrame) -> Table:
             ", ".join(f"{x['id']} {seconds(x['delay_s'])}" for x in seen) or DASH,
         )  # fmt: skip
     return made
-
-
-def scored_families(each: Sequence[dict]) -> Table:
-    """Return the Table of a score by family, a line for each detector that is not blind to it."""
-    order = dict.fromkeys(f["family"] for d in each for f in d["families"])
-    found = [{"id": d["id"], **f} for name in order for d in each for f in d["families"]
-             if f["family"] == name and f["designed"]]  # fmt: skip
-    return families(found, "family")
 
 
 def by_level(found: Iterable[dict]) -> Table:

@@ -1,7 +1,7 @@
 """The rows of a run, one per detector lane and fault: their schema, and how they are made from its result.
 
 FIELDS is the one place where a column has its name, unit and meaning: Parquet files carry them as metadata, the
-README of campaigns has them as a table, comparison and score take the names from here.
+README of campaigns has them as a table, comparison takes the names from here.
 """
 
 from collections.abc import Mapping

@@ -6,9 +6,8 @@ from cosim.report.envelope_page import envelope_report
 from cosim.report.false_alarms_page import false_alarms_report
 from cosim.report.flight_page import flight_report
 from cosim.report.reproduce_page import reproduction_report
-from cosim.report.score_page import score_report, write_score
 
 __all__ = [
     "comparison_report", "diagnosis_report", "envelope_report", "false_alarms_report", "flight_report",
-    "reproduction_report", "score_report", "write_comparison", "write_score",
+    "reproduction_report", "write_comparison",
 ]  # fmt: skip
