@@ -133,14 +133,16 @@ class Part:
             raise OutputError(TAKEN, place=str(path), remedy=OTHER)
         self.file = file
 
-    def done(self) -> None:
-        """Put the file in its place, on the disk and with the mode of what stood there. Raises OSError."""
+    def done(self, *, aside: bool = False) -> None:
+        """Put the file in its place, on the disk and with the mode of what stood there, or leave it whole at `place`
+        (`aside`). Raises OSError."""
         if not self._itself:
             with self.place.open("rb+") as file:  # `file` may be another one by now: a library has put it there
                 os.fsync(file.fileno())
             if self.path.exists():
                 self.place.chmod(self.path.stat().st_mode & 0o777)
-            self.place.replace(self.path)
+            if not aside:
+                self.place.replace(self.path)
         self._forget()
         self.file.close()
 

@@ -106,7 +106,7 @@ def run(
     if report:
         from cosim.report import flight_report
 
-        found["report"] = str(flight_report(path, page))
+        found["report"] = str(flight_report(found["log"], page))
     answer(json_, found, lambda _: flight.shown(found, flown))
     if found["status"] == "interrupted":
         raise typer.Exit(130)

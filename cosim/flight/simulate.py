@@ -67,6 +67,9 @@ def simulate(
         result.extra = {"achieved": swings, "consequences": done, "startup_s": flown - started, "notes": setup.notes}
         if writer:
             writer.close(result=result_texts(result))
+            if result.log != os.fspath(writer.path):
+                result.extra["notes"].append(f"{log} stays as it was; the flight so far is {writer.path}")
+                result.log = os.fspath(writer.path)
     return result
 
 

@@ -156,10 +156,14 @@ def schema_name(topic: str) -> str:
 
 
 @functools.lru_cache(KEPT)
-def schema_data(topic: str, fields: tuple[str, ...]) -> bytes:
-    """Return the FileDescriptorSet of a message with one `double` per field, numbered from 1 in order."""
+def schema_data(topic: str, fields: tuple[str, ...], syntax: str = "proto2") -> bytes:
+    """Return the FileDescriptorSet of a message with one `double` per field, numbered from 1 in order.
+
+    proto2: proto3 forbids names that differ only in case or underscores (`h_s` and `H_s`, `y_1_0` and `y_10`), which
+    Rerun and the C++ library then refuse. Logs of before say proto3; their messages have the same bytes.
+    """
     files = FileDescriptorSet()
-    file = files.file.add(name=f"cosim{topic}.proto", package="cosim", syntax="proto3")
+    file = files.file.add(name=f"cosim{topic}.proto", package="cosim", syntax=syntax)
     message = file.message_type.add(name=schema_name(topic).removeprefix("cosim."))
     for number, name in enumerate(fields, 1):
         kind = {"type": FieldDescriptorProto.TYPE_DOUBLE, "label": FieldDescriptorProto.LABEL_OPTIONAL}
@@ -188,7 +192,8 @@ def parse_topic(channel: Any, schema: Any) -> TopicInfo:
     units = tuple(json.loads(channel.metadata["units"]))
     every = int(channel.metadata["every"])
     check_topic(channel.topic, fields, units, every)
-    if schema.data != schema_data(channel.topic, fields) or schema.name != schema_name(channel.topic):
+    known = (schema_data(channel.topic, fields, syntax) for syntax in ("proto2", "proto3"))
+    if schema.data not in known or schema.name != schema_name(channel.topic):
         raise ValueError("the schema is not the one of its field names")
     info = TopicInfo(channel.topic, fields, units, every, 0, channel.metadata["group"], channel.metadata["description"])
     if channel_metadata(info) != channel.metadata:

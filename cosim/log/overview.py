@@ -25,7 +25,7 @@ def log_info(path: str | Path) -> dict[str, Any]:
     return {
         "log": str(path), "complete": log.complete, "problem": problem, "recovered": "recovered" in log.metadata,
         "title": _title(scenario), "status": (log.result or {}).get("status", ""),
-        "duration_s": ticks * log.dt_ns / 1e9, "rate_hz": 1e9 / log.dt_ns, "ticks": log.n_ticks,
+        "duration_s": ticks * log.dt_ns / 1e9, "rate_hz": 1e9 / log.dt_ns if log.dt_ns else 0.0, "ticks": log.n_ticks,
         "gaps": ticks - log.n_ticks, "size_mb": round(os.path.getsize(path) / 1e6, 2),
         "versions": {**{k: v for k, v in log.metadata.get("run", {}).items() if k == "software"},
                      **log.metadata.get("libraries", {})},

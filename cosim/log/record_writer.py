@@ -103,13 +103,14 @@ class Sink:
         except OSError as error:
             raise self._failed(error) from error
 
-    def finish(self) -> Any:
-        """Write the end of the log and close the file."""
+    def finish(self, *, aside: bool = False) -> Any:
+        """Write the end of the log and close the file; `aside` leaves it at `path`.part, which `path` then names."""
         found = self.chunks, self._attachments, self._metadata
         for blob in closing(self.offset, self.crc, self.schemas, self.channels, *found):
             self._write(blob)
         try:
-            self._part.done()
+            self._part.done(aside=aside)
+            self.path = os.fspath(self._part.place) if aside else self.path
         except OSError as error:
             raise self._failed(error) from error
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from actuators.object_cache import PLAIN, of_wholes
+from cosim.files import overwrites
 
 from . import foxglove
 from .chunk import Layout
@@ -196,7 +197,11 @@ class LogWriter:
         return bytes(out), entries
 
     def close(self, result: dict | None = None) -> Any:
-        """Write what is buffered, the result with a hash of all samples, and the summary; no result: incomplete."""
+        """Write what is buffered, the result with a hash of all samples, and the summary; no result: incomplete.
+
+        The log of a flight that did not end by itself replaces no other one, unless the user overwrites: it stays at
+        `path`.part, and `path` says so.
+        """
         if not self._sink.open:
             return
         check_texts("result", result or {})
@@ -208,7 +213,8 @@ class LogWriter:
                 self._sink.metadata("late_events", texts)
             if result is not None:
                 self._sink.metadata("result", {**result, "content": content_hash(self._sink.chunks)})
-            self._sink.finish()
+            cut = result is None or result.get("status") == "interrupted"
+            self._sink.finish(aside=cut and self._kept and os.path.isfile(self._sink.path) and not overwrites())
         finally:
             self._sink.drop()
 

@@ -11,7 +11,6 @@ TRAINERS = {  # name -> (module, what it trains)
     "aircraft": ("cosim.training.train_aircraft", "lpv_smo, control_redundancy, kinematic, rfafe_airframe; 10 min"),
     "ema": ("cosim.training.train_ema", "ema_kalman_flight, position_monitor on EMAs; 5 min on two cores"),
     "rfafe": ("cosim.training.train_rfafe", "rfafe, rfafe_airframe at its design point; 15 min on two cores"),
-    "pitch_moment": ("cosim.training.train_pitch_moment", "pitch_moment_glr; 5 min on two cores"),
     "joint": ("cosim.training.train_joint", "rates of joint; 5 min on two cores"),
 }
 

@@ -1,5 +1,6 @@
 """The log holds what was logged, bit for bit, and says clearly when it cannot."""
 
+import contextlib
 import subprocess
 import sys
 import textwrap
@@ -10,7 +11,7 @@ from fingerprint import fingerprint
 from log_samples import N_VALUES, TOPICS, expected, same_bits, vectors, write
 
 from cosim.errors import CosimError
-from cosim.files import left_by
+from cosim.files import left_by, overwriting
 from cosim.log import LogError, LogWriter, Topic, open_log
 from cosim.log.overview import log_info
 
@@ -109,6 +110,33 @@ def test_info_tells_a_whole_log_from_an_incomplete_one(tmp_path):
     cut.write_bytes((tmp_path / "whole").read_bytes()[:-5000])
     told = log_info(cut)
     assert not told["complete"] and "no end" in told["problem"] and told["ticks"] >= 150
+
+
+def test_info_describes_a_log_of_a_header_only(tmp_path):
+    write(tmp_path / "whole")
+    data = (tmp_path / "whole").read_bytes()
+    (tmp_path / "head").write_bytes(data[: data.index(b"cosim-log") + 11])
+    with pytest.raises(LogError):
+        log_info(tmp_path / "head")
+    channel = data.index(b"\x04", data.index(b"cosim-log"))  # opcode of the first channel record
+    for end in (channel + 40, channel + 400, channel + 2000):
+        (tmp_path / "head").write_bytes(data[:end])
+        with contextlib.suppress(LogError):
+            assert log_info(tmp_path / "head")["ticks"] == 0
+
+
+@pytest.mark.parametrize("status", [None, "interrupted"])
+def test_a_flight_that_is_cut_short_leaves_an_older_log_as_it_was(path, status):
+    old = path.write_bytes(b"") or write(path) is None or path.read_bytes()
+    for overwritten in (False, True):
+        with overwriting(overwritten), LogWriter(path, TOPICS, n_values=N_VALUES) as log:
+            log.append(vectors(1)[0])
+            if status:
+                log.close({"status": status})
+        assert (path.read_bytes() == old) is not overwritten
+        assert overwritten or log.path == str(left_by(path))
+        assert open_log(log.path).n_ticks == 1
+        left_by(path).unlink(missing_ok=True)
 
 
 def _strike(n):

@@ -179,3 +179,19 @@ def test_rerun_accepts_a_log(log):
 def test_reading_needs_no_pandas_until_a_frame_is_asked_for():
     code = "import sys, cosim.log; sys.exit('pandas' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+FOLDED = ("h_s", "h_S", "y_1_0", "y_10")  # what proto3 takes for one another
+
+
+@pytest.mark.parametrize("topic", [t for t in TOPICS], ids=lambda t: t.name)
+def test_names_that_differ_in_case_or_underscores_are_allowed_by_the_schema(topic):
+    from google.protobuf import descriptor_pb2, descriptor_pool
+
+    from cosim.log.format import schema_data
+
+    for fields in (topic.fields, FOLDED):
+        (file,) = descriptor_pb2.FileDescriptorSet.FromString(schema_data(topic.name, tuple(fields))).file
+        descriptor_pool.DescriptorPool().Add(file)
+        folded = [f.replace("_", "").lower() for f in fields]
+        assert file.syntax == "proto2" or len(set(folded)) == len(fields)

@@ -210,5 +210,5 @@ def test_every_shipped_file_of_thresholds_has_an_entry_in_a_training():
     named = " ".join(about for _, about in TRAINERS.values())
     assert all(file.stem in named for file in FOLDER.glob("*.json"))
     trained = {*train_hydraulic.TESTS, *train_aircraft.SURVEYS, *MODULES, "ofc_monitor", "position_monitor",
-               "ema_kalman_flight", "pitch_moment_glr", "joint"}  # fmt: skip
+               "ema_kalman_flight", "joint"}  # fmt: skip
     assert trained == {file.stem for file in FOLDER.glob("*.json")}
