@@ -61,7 +61,6 @@ WRITES = {
     "compare": [(["compare", "LOG", "-o", "OUT"], ["compare.html", "compare.csv", "compare.parquet"])],
     "score": [(["score", "iotsekf", "-o", "OUT"], ["score.json", "score.html", "score.parquet"])],
     "false-alarms": [(["false-alarms", "-o", "OUT"], ["false-alarms.html", "false-alarms.json"])],
-    "identify": [],  # needs a recording and its map: tests/training/test_identify.py
     "new": [(["new", "detector", "mine", "-o", "OUT"], ["mine.py", "test_mine.py"])],
     "map": [(["map", "OUT/few.csv", "-o", "OUT/m.toml"], ["m.toml"])],
 }  # fmt: skip
@@ -96,8 +95,7 @@ def test_a_foreign_file_is_refused_before_anything_is_flown_and_stays(words, nam
     assert mine.read_text() == MINE and sorted(p.name for p in tmp_path.iterdir()) == there
 
 
-FOLDERS = ("compare", "campaign", "score", "dataset", "false-alarms", "envelope", "reproduce", "new", "train", "design",
-           "identify")  # fmt: skip
+FOLDERS = ("compare", "campaign", "score", "dataset", "false-alarms", "envelope", "reproduce", "new", "train", "design")
 
 
 @pytest.mark.parametrize("name", FOLDERS)
@@ -107,7 +105,7 @@ def test_a_file_where_a_folder_is_written_is_refused_in_one_line(name, there, tm
     if there:
         taken.write_text(MINE)
     words = {"campaign": ["fault-free"], "dataset": ["fault-free"], "new": ["law", "mine"], "reproduce": ["jay"],
-             "train": ["ema"], "identify": ["x.csv", "--map", "m.toml"]}  # fmt: skip
+             "train": ["ema"]}  # fmt: skip
     done = command(name, *words.get(name, []), "-o", taken)
     assert done.exit_code == 2 and done.stdout == "" and done.stderr.count("\n") == 1
     assert f"{taken}: -o takes the folder" in done.stderr and f"Name a folder: -o {tmp_path / 'page'}" in done.stderr
