@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 import structure
-from notebooks import MADE, NOTEBOOKS, notebook
 from typer.main import get_command
 from typer.testing import CliRunner
 
@@ -115,8 +114,3 @@ def test_every_room_has_a_page_and_the_front_door_is_short():
     assert [str(f) for f in folders if not (f / "README.md").is_file()] == []
     assert (ROOT / "README.md").stat().st_size <= 11_000
     assert (ROOT / "cosim" / "report" / "report.png").stat().st_size < 300_000
-
-
-def test_notebooks_are_those_of_the_examples():
-    for name in MADE:
-        assert (NOTEBOOKS / f"{name}.ipynb").read_text(encoding="utf-8") == notebook(name), "python tests/notebooks.py"
