@@ -52,8 +52,6 @@ WRITES = {
     "compact": [(["compact", "LOG", "-o", "OUT/r.mcap"], ["r.mcap"])],
     "envelope": [(["envelope", "-o", "OUT"], ["envelope.html", "envelope.csv"])],
     "reproduce": [(["reproduce", "jay", "-o", "OUT"], ["reproduce-jay.html", "reproduce-jay.csv"])],
-    "design": [],  # needs a user's aircraft; its folder is that of `train`
-    "train": [(["train", "ema", "-o", "OUT"], ["results.jsonl"])],
     "campaign": [(["campaign", "OUT/few.toml", "-o", "OUT"], ["runs.parquet"]),
                  (["campaign", "OUT/few.toml", "--worst", "iotsekf", "-o", "OUT"], ["worst-iotsekf.toml"])],
     "dataset": [(["dataset", "OUT/few.toml", "-o", "OUT"], ["flights.parquet"])],
@@ -95,7 +93,7 @@ def test_a_foreign_file_is_refused_before_anything_is_flown_and_stays(words, nam
     assert mine.read_text() == MINE and sorted(p.name for p in tmp_path.iterdir()) == there
 
 
-FOLDERS = ("compare", "campaign", "score", "dataset", "false-alarms", "envelope", "reproduce", "new", "train", "design")
+FOLDERS = ("compare", "campaign", "score", "dataset", "false-alarms", "envelope", "reproduce", "new")
 
 
 @pytest.mark.parametrize("name", FOLDERS)
@@ -104,8 +102,7 @@ def test_a_file_where_a_folder_is_written_is_refused_in_one_line(name, there, tm
     taken = tmp_path / "page.html"
     if there:
         taken.write_text(MINE)
-    words = {"campaign": ["fault-free"], "dataset": ["fault-free"], "new": ["law", "mine"], "reproduce": ["jay"],
-             "train": ["ema"]}  # fmt: skip
+    words = {"campaign": ["fault-free"], "dataset": ["fault-free"], "new": ["law", "mine"], "reproduce": ["jay"]}
     done = command(name, *words.get(name, []), "-o", taken)
     assert done.exit_code == 2 and done.stdout == "" and done.stderr.count("\n") == 1
     assert f"{taken}: -o takes the folder" in done.stderr and f"Name a folder: -o {tmp_path / 'page'}" in done.stderr

@@ -42,7 +42,7 @@ def test_a_folder_without_says_so_with_the_command(copied):
     shutil.rmtree(copied / "thresholds")
     found = left_out(flown(copied))
     assert set(found) == LEVEL
-    assert found["lpv_smo"] == f"no design for mine (`cosim design --aircraft {copied}`)"
+    assert found["lpv_smo"] == f"no design for mine (`python -m cosim.training all --aircraft {copied}`)"
 
 
 def test_designs_of_other_numbers_are_not_flown_with(copied):
