@@ -27,7 +27,7 @@ ARRAYS = (".npy", ".npz")
 # as `cosim -h` shows them: a flight, many flights, what is your own, what stands behind the detectors
 ORDER = (
     "run list example info report replay recover compact campaign compare false-alarms margins dataset "
-    "new check estimate map linearize envelope reproduce bench"
+    "new check map linearize envelope reproduce bench"
 ).split()
 
 

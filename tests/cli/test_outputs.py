@@ -67,7 +67,7 @@ CASES = [(words, name) for each in WRITES.values() for words, names in each for 
 
 def test_every_command_with_an_output_is_walked():
     """A new option that takes a path must be an input, or be walked."""
-    reads = {"detector", "seeds", "recordings", "verify", "readme", "map_", "beside", "flown"}
+    reads = {"detector", "seeds", "recordings", "verify", "readme", "map_", "beside", "flown", "numbers"}
     writing = set()
     for each in app.registered_commands:
         name = each.name or each.callback.__name__.rstrip("_")
