@@ -49,7 +49,7 @@ def run_campaign(
     with nullcontext((None, None)) if scheduler is None else cluster(scheduler) as (executor, threads):
         result = run_many(
             scenarios, workers=threads if workers is None else workers, executor=executor, out=out or folder(campaign),
-            resume=resume or anew, anew=anew, keep=made.keep, progress=progress, labels=labels,
+            resume=resume or anew, anew=anew, progress=progress, labels=labels,
         )  # fmt: skip
     path = Path(out or folder(campaign)) / MANIFEST  # the campaign's title stands in the manifest, for pages of it
     told = from_json(read(path, error=CampaignError), place=str(path), error=CampaignError)

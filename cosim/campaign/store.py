@@ -6,7 +6,7 @@
     parts/              rows and timing of a few finished runs per file, each appears by an atomic rename
     runs.parquet        one row per run and detector lane, sorted, with the scenario's columns: the result
     timing.parquet      what a clock measured; never the same twice, so it stands apart
-    logs/<run>.mcap     logs that were kept
+    logs/<run>.mcap     logs of runs that were flown again
     manifest.json       what was flown, with which code and seeds, and the SHA-256 of the files of the result
 
 Rows come in any order and may be there twice when a campaign was killed between two files; `rows()` drops the second.
@@ -18,7 +18,7 @@ import hashlib
 import itertools
 import json
 import subprocess
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -188,8 +188,8 @@ class Store:
         found = table_of(self.out / "timing.parquet", TIMING, ("run",))
         return (TIMING.empty_table() if found is None else found).to_pandas()
 
-    def consolidate(self, out: Path, kept: Mapping[str, Sequence[str]]) -> dict[str, str]:
-        """Write runs.parquet in the folder `out`, with the rules by which logs are `kept`, and timing.parquet, both in
+    def consolidate(self, out: Path) -> dict[str, str]:
+        """Write runs.parquet in the folder `out` and timing.parquet, both in
         the order of the runs, a block of them at a time; merge the parts into one file each. Return {run: status} of
         every run that has a row."""
         order = dict(zip(self.scenarios["run"], self.scenarios["order"]))
@@ -200,7 +200,6 @@ class Store:
                 about = self.scenarios[self.scenarios["run"].isin(set(found["run"]))]
                 frame = _joined(about, found)
                 status.update(zip(frame["run"], frame["status"]))
-                frame["kept"] = frame["run"].map(lambda run: ",".join(kept.get(run, ())))
                 yield parts.checked(pa.Table.from_pandas(frame, preserve_index=False), ROWS, KEYS[:1])
 
         def timed():
@@ -269,7 +268,7 @@ def load(folder: str | Path) -> tuple[pd.DataFrame, pd.DataFrame | None]:
         named = f"; damaged: {', '.join(damaged)}" if damaged else ""
         remedy = "`cosim campaign` makes one, --resume flies again what is lost"
         raise CampaignError(f"holds no whole run of a campaign{named}", place=str(folder), remedy=remedy)
-    frame = _joined(_scenarios(folder).drop(columns="toml"), found).assign(kept="")
+    frame = _joined(_scenarios(folder).drop(columns="toml"), found)
     frame.attrs["damaged"] = damaged
     timing = parts.read(folder, "timing")
     return frame, None if timing is None else _timed(timing)
