@@ -360,5 +360,5 @@ def _column(log, topic, field):
     """Return a signal as the observers had it: their own copy where the log has one."""
     for name in (topic.replace("/sensors/", "/observers/"), topic):
         if name in log.topics and field in log.topics[name].fields:
-            return log.array(name)[:, log.topics[name].fields.index(field)]
+            return log.array(name, fields=[field])[:, 0]
     raise schema.ReplayError(f"the log has no {topic}.{field}", place=str(log.path))
