@@ -15,7 +15,6 @@ SHIPPED = {  # id -> module
     "rfafe_airframe": "fdi.rfafe.rfafe_airframe",
     "lpv_smo": "fdi.lpv_smo.lpv_smo",
     "control_redundancy": "fdi.control_redundancy.control_redundancy",
-    "pitch_moment_glr": "fdi.pitch_moment_glr.pitch_moment_glr",
     "kinematic": "fdi.kinematic.kinematic",
     "iotsekf": "fdi.hydraulic.iotsekf",
     "rtsekf": "fdi.hydraulic.rtsekf",
@@ -26,9 +25,7 @@ SHIPPED = {  # id -> module
     "ofc_monitor": "fdi.monitors.ofc_monitor",
     "joint": "fdi.joint.joint",
 }
-# They fly only where a scenario enables them. The state of `pitch_moment_glr` is 1,947 fields of the log, and one
-# false alarm in 100 hours is not shown
-ON_REQUEST = ("pitch_moment_glr", "joint")
+ON_REQUEST = ("joint",)  # fly only where a scenario enables them
 DEFAULT = tuple(name for name in SHIPPED if name not in ON_REQUEST)  # fly where a scenario names no detectors
 GUESTS: dict[str, Any] = {}  # id -> module, or an object with the same names
 _TOLD: dict[str, Detector] = {}  # id -> record of a guest whose code is not here

@@ -46,7 +46,7 @@ FAULTS: tuple[dict[str, Any], ...] = (
 WHOLE: dict[str, Any] = {
     "target": "elevator.all", "kind": "ofc_liquid", "at": "command", "amplitude_deg": 1.5, "frequency_hz": 1.0,
 }  # fmt: skip
-WIDE = ("rfafe", "rfafe_airframe", "lpv_smo", "pitch_moment_glr")
+WIDE = ("rfafe", "rfafe_airframe", "lpv_smo")
 
 
 @dataclass(frozen=True)

@@ -116,6 +116,8 @@ def load(path: str | os.PathLike, error: Callable[[str], Exception] | None = Non
     """
     path = Path(os.path.realpath(os.path.expanduser(path)))
     made = error or (lambda text: ScenarioError(text, place=str(path)))
+    if path.suffix != ".py":
+        raise made("is no Python file; allowed: a file that ends in .py")
     with _lock:
         if path in _loaded and _loaded[path][0] == _stamps(_loaded[path][1].files):
             return _loaded[path][1]

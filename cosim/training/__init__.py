@@ -1,4 +1,4 @@
-"""Designs and thresholds from the aircraft that flies: `cosim design` and `cosim train`."""
+"""Designs and thresholds from the aircraft that flies: `python -m cosim.training NAME|all`."""
 
 import importlib
 from typing import Any
@@ -11,15 +11,16 @@ TRAINERS = {  # name -> (module, what it trains)
     "aircraft": ("cosim.training.train_aircraft", "lpv_smo, control_redundancy, kinematic, rfafe_airframe; 10 min"),
     "ema": ("cosim.training.train_ema", "ema_kalman_flight, position_monitor on EMAs; 5 min on two cores"),
     "rfafe": ("cosim.training.train_rfafe", "rfafe, rfafe_airframe at its design point; 15 min on two cores"),
-    "pitch_moment": ("cosim.training.train_pitch_moment", "pitch_moment_glr; 5 min on two cores"),
     "joint": ("cosim.training.train_joint", "rates of joint; 5 min on two cores"),
 }
+
+NAMES = ("designs", *TRAINERS)  # in the order in which they depend on one another: joint counts what others say
 
 
 def load(name: str) -> Any:
     """Return the training `name`: train(), changes(), store(). Raises DesignError if unknown."""
     if name not in TRAINERS:
-        raise DesignError(f"unknown training {name!r}", allowed=", ".join(TRAINERS),
-                          remedy=did_you_mean(name, TRAINERS))  # fmt: skip
+        raise DesignError(f"unknown training {name!r}", allowed=", ".join(("all", *NAMES)),
+                          remedy=did_you_mean(name, NAMES))  # fmt: skip
     module = importlib.import_module(TRAINERS[name][0])
     return getattr(module, "TRAININGS", {}).get(name, module)

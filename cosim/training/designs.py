@@ -71,13 +71,13 @@ def check(name: str, *, folder: Any = FOLDER) -> str:
     """Return "" when the stored design `name` belongs to the aircraft in the tree and holds, else what is wrong."""
     maker, path = DESIGNS[name], Path(folder) / f"{name}.json"
     if not path.is_file():
-        return f"there is no {path.name}; make it with: cosim design"
+        return f"there is no {path.name}; make it with: python -m cosim.training designs"
     try:
         held = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
         return f"{path.name} cannot be read: {error}"
     if held.get(maker.digest) != DIGESTS[maker.digest]():
-        return f"{path.name} was made from another aircraft or other actuators; mend: cosim design"
+        return f"{path.name} was made from another aircraft or other actuators; mend: python -m cosim.training designs"
     return getattr(importlib.import_module(maker.module), "wrong", lambda held: "")(held)
 
 

@@ -187,7 +187,8 @@ def train(*, first_seed: int = FIRST_SEED, **how: Any) -> dict[str, Any]:
     """Fly the training flights and return the rates; `how` as in `cosim.campaign.jobs.work`."""
     jobs = [(surveyed, {"index": k, "first_seed": first_seed}) for k in range(len(scenarios(first_seed)))]
     flown = [found for found in work(jobs, **how) if found]
-    about = {"command": "cosim train joint", "flights": len(flown), "first_seed": first_seed, "draws": DRAWS}
+    about = {"command": "python -m cosim.training joint", "flights": len(flown), "first_seed": first_seed,
+             "draws": DRAWS}  # fmt: skip
     return {"training": about, **counted(flown)}
 
 

@@ -55,7 +55,7 @@ class Trained:
 class Training:
     """The training of some detectors: `collect` flies, `limits` makes of what it returns the sets of thresholds."""
 
-    name: str  # `cosim train NAME`
+    name: str  # `python -m cosim.training NAME`
     first_seed: int
     number: int  # of flights
     collect: Callable[..., Any]  # (first_seed, number, run) -> collected; `run(jobs)` returns the jobs' values in order
@@ -68,7 +68,8 @@ class Training:
         seed = self.first_seed if first_seed is None else first_seed
         flights = self.number if number is None else number
         made = self.limits(self.collect(seed, flights, partial(work, **how)))
-        common = {"command": f"cosim train {self.name}", **self.about, "flights": flights, "first_seed": seed}
+        common = {"command": f"python -m cosim.training {self.name}", **self.about, "flights": flights,
+                  "first_seed": seed}  # fmt: skip
         return [Trained(**(vars(t) | {"found": common | t.found})) for t in made]
 
     def changes(self, trained: list[Trained]) -> list[tuple]:

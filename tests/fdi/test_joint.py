@@ -15,7 +15,7 @@ AIRCRAFT = "aircraft"
 VALVE = ("iotsekf", "left_inner", "ofc_liquid", "", 1.0)
 
 
-def heard(*said, technology=MIXED, without=("pitch_moment_glr",), duration_s=8.0, finer=(), **how):
+def heard(*said, technology=MIXED, without=(), duration_s=8.0, finer=(), **how):
     """Return the STATE log of lanes that alarm for good: (detector, lane, class, culprit, from when [s]); `finer` are
     (detector, lane, output, value, from when, until when [s])."""
     p = joint.params(technology, **how)
@@ -150,7 +150,7 @@ def test_every_word_of_a_record_is_one_of_the_tokens_and_says_kinds_that_there_a
 
 def test_q_and_theta_stay_open_until_something_tells_them_apart():
     either = ("kinematic", AIRCRAFT, "sensor", "q or theta", 1.0)
-    alone = heard(either, without=("lpv_smo", "pitch_moment_glr"))
+    alone = heard(either, without=("lpv_smo",))
     assert name(alone)[:2] == ("sensor", "q or theta") and alone["p"][-1] >= 0.9
     told = heard(either, ("lpv_smo", AIRCRAFT, "ambiguous", "", 2.0))  # which alarms on q, on theta hardly ever
     assert name(told)[1] == "q"
@@ -165,7 +165,7 @@ def test_two_faults_are_named_beside_each_other_whichever_came_first():
 
 def test_a_detector_that_does_not_fly_is_no_silence():
     """Silence of ofc_monitor speaks against an oscillation; its absence does not."""
-    there, gone = (heard(VALVE, without=w) for w in ((), ("ofc_monitor", "rtsekf", "rfafe", "pitch_moment_glr")))
+    there, gone = (heard(VALVE, without=w) for w in ((), ("ofc_monitor", "rtsekf", "rfafe")))
     assert gone["w"][-1].sum() > there["w"][-1].sum()
 
 
