@@ -136,7 +136,8 @@ def parts_of(channel: str, metadata: dict) -> list[TopicInfo]:
     """Return the parts that a channel's metadata describe; raises ValueError or its like when they are not ours."""
     out = []
     for name, described in json.loads(metadata["fields"]).items():
-        fields, units = [], []
+        fields: list[str] = []
+        units: list[str] = []
         for word, unit in described.items():
             stem, bracket, size = word.rstrip("]").partition("[")
             if bracket and int(size) > MOST_FIELDS:

@@ -129,7 +129,9 @@ class Block:
     `places` {part's name: (fields,) offsets of its doubles in a row}."""
 
     def __init__(self, every: int, channels: Iterable[tuple[int, str, list]]):
-        self.every, self.channels, self.places = every, [], {}
+        self.every = every
+        self.channels: list[tuple[int, int]] = []
+        self.places: dict[str, np.ndarray] = {}
         row = bytearray()
         for number, channel, parts in channels:
             body, places = encode(tree_of(channel, parts))
@@ -165,7 +167,8 @@ class Layout:
     after the other, then a tail of irregular messages."""
 
     def __init__(self, topics: Sequence[Any], ids: dict[str, int], dt_ns: int):
-        self.dt_ns, rates = dt_ns, {}  # type: ignore[var-annotated]
+        self.dt_ns = dt_ns
+        rates: dict[int, list] = {}
         for channel, parts in by_channel(topics).items():
             rates.setdefault(parts[0].every, []).append((ids[channel], channel, parts))
         self.blocks = [Block(every, rates[every]) for every in sorted(rates, reverse=True)]

@@ -83,8 +83,8 @@ def _drawn(topics, pages):
 def _signals(topics, group, names):
     """Return [(name in PlotJuggler, path in Foxglove)] of every field that one of the names fits."""
     exact, begin = {n for n in names if "*" not in n}, tuple(n.rstrip("*") for n in names if n.endswith("*"))
-    return [(f"{topic.name}/{field}",
-             f"{topic.channel}{topic.name[len(topic.channel) :].replace('/', '.')}.{field}") for topic in topics if not group or topic.group == group for field in topic.fields
+    return [(f"{t.name}/{field}", f"{t.channel}{t.name[len(t.channel) :].replace('/', '.')}.{field}")
+            for t in topics if not group or t.group == group for field in t.fields
             if field in exact or (begin and field.startswith(begin))]  # fmt: skip
 
 

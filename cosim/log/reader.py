@@ -1,10 +1,9 @@
 """Read a log back, bit for bit, into numpy and pandas."""
 
 import difflib
-import os
 import threading
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -177,9 +176,10 @@ class Log:
             done += high - low
         return out
 
-    def arrays(self, topics: Sequence[str], start: int = 0, stop: int | None = None) -> dict[str, np.ndarray]:
-        """Return {topic: (rows, fields)} of several parts, ticks start <= k < stop."""
-        return {name: self._array(self._columns(name, None), start, stop) for name in topics}
+    def arrays(self, topics: Iterable[str] | None = None, start: int = 0, stop: int | None = None) -> dict:
+        """Return {topic: (rows, fields)} of several parts (default: all), ticks start <= k < stop."""
+        names = self.topics if topics is None else topics
+        return {name: self._array(self._columns(name, None), start, stop) for name in names}
 
     @staticmethod
     def _rows(span, start, stop, every):

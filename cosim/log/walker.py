@@ -266,7 +266,7 @@ class _Records:
             raise ValueError(f"written by {library!r}, not {LIBRARY!r}; cosim.replay.foreign reads it")
 
     def _end_preamble(self, at, trusted):
-        out, kept, self._preamble = self._out, self._preamble, None
+        out, kept, self._preamble = self._out, self._preamble or [], None
         out.trusted = trusted
         if not trusted and not out.tolerant:
             raise ValueError("what precedes the first chunk is not what was written")

@@ -180,7 +180,7 @@ def topics(log: Log, wired: Any) -> list[Any]:
     return [t for t in dict.fromkeys(found) if t in log.topics]
 
 
-def fill(log: Log, wired: Any, start: float = 0, stop: Any = None, read: dict | None = None) -> list[Lane]:
+def fill(log: Log, wired: Any, start: int = 0, stop: Any = None, read: dict | None = None) -> list[Lane]:
     """Return each Lane of `wired` with the ticks start <= k < stop; `read` is what log.arrays gave for them."""
     read = log.arrays(topics(log, wired), start, stop) if read is None else read
     return [_fill(log, w, read, start, stop) for w in wired]

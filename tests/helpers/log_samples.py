@@ -17,7 +17,7 @@ N_VALUES = 40
 TOPICS = (
     Topic("/truth", [f"x_{i}" for i in range(20)], ["m"] * 20, np.arange(20)),  # more fields than one-byte tags
     Topic("/actuators/left_inner/servo", ("u",), ("A",), np.array([9]), group="actuators", channel="/actuators"),
-    Topic("/actuators/left_inner", ("q_rod", "u"), ("m", "-"), np.array([7, 3]), group="actuators", channel="/actuators"),
+    Topic("/actuators/left_inner", ("q_rod", "u"), ("m", "-"), np.array([7, 3]), 1, "actuators", "/actuators"),
     Topic("/actuators/left_outer", ("q_rod",), ("m",), np.array([8]), group="actuators", channel="/actuators"),
     Topic("/detectors/slow", ("r", "alarm", "f_hat"), ("-", "-", "m"), np.array([30, 31, 39]), every=3),
     Topic("/state", ["s", *(f"P[{i}]" for i in range(9))], ["-"] * 10, np.arange(20, 30), every=64),  # packed

@@ -1,7 +1,7 @@
 """`cosim run --live`: what a viewer gets is what the log holds, by the clock, and the log stays the same."""
 
-import functools
 import contextlib
+import functools
 import socket
 import sys
 import threading

@@ -9,10 +9,21 @@ import pytest
 from cosim.log import Topic
 from cosim.log.layouts import live_layout, viewer_layouts
 
+OUTPUTS = {"iotsekf": ("r", "alarm", "f_hat_u"), "monitor": ("r", "alarm")}
 TOPICS = [
     Topic("/truth/aircraft", ("alpha", "q", "nz", "h", "de_li"), ("",) * 5, np.arange(5), 1, "truth", "/truth"),
-    Topic("/detectors/iotsekf/left_inner", ("r", "alarm", "f_hat_u"), ("",) * 3, np.arange(3), 1, "detectors", "/detectors/iotsekf"),
-    Topic("/detectors/monitor/left_inner", ("r", "alarm"), ("",) * 2, np.arange(2), 1, "detectors", "/detectors/monitor"),
+    *(
+        Topic(
+            f"/detectors/{name}/left_inner",
+            fields,
+            ("",) * len(fields),
+            np.arange(len(fields)),
+            1,
+            "detectors",
+            f"/detectors/{name}",
+        )
+        for name, fields in OUTPUTS.items()
+    ),
 ]
 
 

@@ -206,7 +206,7 @@ def test_lengths_and_tags_of_any_size_are_read_by_the_mcap_package_and_by_us(tmp
     log, got = open_log(tmp_path / "a"), {t.name: [] for t in WIDE}
     with (tmp_path / "a").open("rb") as file:
         decoded = SeekingReader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        for _, channel, message, proto in decoded.iter_decoded_messages(end_time=50 * 5_000_000):
+        for _, channel, _, proto in decoded.iter_decoded_messages(end_time=50 * 5_000_000):
             for topic in (t for t in WIDE if t.channel == channel.topic):
                 got[topic.name].append(values_of(proto, topic))
     assert sum(len(t.fields) for t in log.topics.values()) == sum(len(t.fields) for t in WIDE)
