@@ -18,9 +18,8 @@ NAMES = ("designs", *TRAINERS)  # in the order in which they depend on one anoth
 
 
 def load(name: str) -> Any:
-    """Return the training `name`: train(), changes(), store(). Raises DesignError if unknown."""
+    """Return the `Training` of a name. Raises DesignError if unknown."""
     if name not in TRAINERS:
         raise DesignError(f"unknown training {name!r}", allowed=", ".join(("all", *NAMES)),
                           remedy=did_you_mean(name, NAMES))  # fmt: skip
-    module = importlib.import_module(TRAINERS[name][0])
-    return getattr(module, "TRAININGS", {}).get(name, module)
+    return importlib.import_module(TRAINERS[name][0]).TRAININGS[name]

@@ -59,11 +59,12 @@ def _thresholds(name: str) -> Any:
     def make(check: bool) -> int:
         with Progress(f"training {name}", "flights", waiting="preparing", console=err) as progress:
             made = training.train(folder=Path("logs") / f"training-{name}", progress=progress)
-        changes = [row for row in training.changes(made) if row[-2] != row[-1]]
+        changes = [(*where, f"{old:.9g}", f"{new:.9g}") for *where, old, new in training.changes(made) if old != new]
         if not check:
             training.store(made)
         head = f"{name}: of each threshold that changes the entry that changes most"
-        out.print(Table(head, "file", "set", "threshold", "stored>", "trained>", rows=map(Row, changes)))
+        rows = Table(head, "file", "set", "threshold", "stored>", "trained>", rows=map(Row, changes))
+        out.print(rows if changes else f"{name}: every number is as it was stored")
         return int(check and bool(changes))
 
     return make

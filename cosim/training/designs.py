@@ -20,7 +20,6 @@ from actuators.ema import actuator as ema
 from actuators.ema import servo as ema_servo
 from actuators.hydraulic import actuator as hydraulic
 from actuators.hydraulic import servo
-from cosim.errors import DesignError, did_you_mean
 from cosim.files import replace_text
 from cosim.flight.detection import stored_designs
 from cosim.flight.plant.aero.functions import numbers_digest
@@ -49,12 +48,6 @@ DESIGNS = {
     "lpv_smo": Maker("cosim.training.lpv", "single", "Alwi14 LPV model and observer", "aircraft_sha256"),
     "lpv_smo_boxes": Maker("cosim.training.lpv", "several", "the same over the whole trim envelope", "aircraft_sha256"),
 }
-
-
-def known(name: str) -> None:
-    """Raise DesignError unless `name` is a design."""
-    if name not in DESIGNS:
-        raise DesignError(f"{name!r} is no design", allowed=", ".join(DESIGNS), remedy=did_you_mean(name, DESIGNS))
 
 
 def build(name: str, *, folder: str | Path = FOLDER, progress: Callable[..., Any] | None = None) -> Path:
