@@ -26,7 +26,7 @@ class Mine:
 SHORT = ["-s", "duration_s=0.5", "-s", "detectors.enabled=['iotsekf']"]
 CAMPAIGN = 'base = "cruise"\nruns = 1\n[set]\nduration_s = 1.0\n'
 MINE = "run,mine\n1,2\n"
-QUIET = ("recover", "compact")  # they do not say that they write over a log
+QUIET = ("recover",)  # they do not say that they write over a log
 
 
 def command(*words):
@@ -49,7 +49,6 @@ WRITES = {
     "linearize": [(["linearize", "cruise", "-o", f"OUT/m{end}"], [f"m{end}"]) for end in (".npz", ".mat")],
     "replay": [(["replay", "LOG", "-o", "OUT/r.mcap"], ["r.mcap"])],
     "recover": [(["recover", "LOG", "-o", "OUT/r.mcap"], ["r.mcap"])],
-    "compact": [(["compact", "LOG", "-o", "OUT/r.mcap"], ["r.mcap"])],
     "reproduce": [(["reproduce", "jay", "-o", "OUT"], ["reproduce-jay.html", "reproduce-jay.csv"])],
     "campaign": [(["campaign", "OUT/few.toml", "-o", "OUT"], ["runs.parquet"])],
     "dataset": [(["dataset", "OUT/few.toml", "-o", "OUT"], ["flights.parquet"])],
@@ -154,19 +153,13 @@ def _recover(path, log):
     recover(log, path)
 
 
-def _compact(path, log):
-    from cosim.log import compact
-
-    compact(log, path)
-
-
 def _report(path, log):
     from cosim.report import flight_report
 
     flight_report(log, path)
 
 
-CALLS = _simulate, _hand, _replay, _recover, _compact, _report
+CALLS = _simulate, _hand, _replay, _recover, _report
 
 
 @pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
