@@ -26,8 +26,8 @@ DEFAULT = "liquid-ofc"
 ARRAYS = (".npy", ".npz")
 # as `cosim -h` shows them: a flight, many flights, what is your own, what stands behind the detectors
 ORDER = (
-    "run list example info report replay recover compact campaign compare false-alarms margins dataset "
-    "new check estimate map identify linearize envelope reproduce design train bench"
+    "run list example info report replay recover campaign compare false-alarms margins dataset "
+    "new check map linearize envelope reproduce bench"
 ).split()
 
 
@@ -222,7 +222,7 @@ def linearize(
 
 
 # the modules of the other commands
-PARTS = ("replay", "campaigns", "false_alarms", "user_files", "identify", "envelope", "study", "bench")
+PARTS = ("replay", "campaigns", "false_alarms", "user_files", "envelope", "study", "bench")
 for part in PARTS:
     importlib.import_module(f"cosim.cli.{part}")
 names = {str(c.name or getattr(c.callback, "__name__", "")).replace("_", "-"): c for c in app.registered_commands}

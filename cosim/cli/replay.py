@@ -1,4 +1,4 @@
-"""The commands `replay`, `recover` and `compact`, and their tables, from the same plain data that `--json` prints."""
+"""The commands `replay` and `recover`, and their tables, from the same plain data that `--json` prints."""
 
 import contextlib
 import itertools
@@ -164,24 +164,6 @@ def recover(
     if from_part and found["cut"]:  # all but its open end is in the new log
         left.unlink()
     answer(json_, found, recovered)
-
-
-@app.command()
-def compact(
-    log: shared.LogArg,
-    output: Annotated[Path | None, output_option("LOG", "Default: in its place.")] = None,
-    overwrite: shared.OverwriteOption = False,
-    json_: shared.JsonOption = False,
-) -> None:
-    """Write a log in fewer bytes, slowly: the same samples."""
-    from cosim.log import compact as work
-    from cosim.log.format import OURS
-
-    path = output or log
-    reserve(path, OURS, log=path.resolve() != log.resolve())
-    found = work(log, path)
-    said = f"{found['before'] / 1e6:.1f} MB before, {found['bytes'] / 1e6:.1f} MB now\nlog    {found['out']}"
-    answer(json_, found, lambda _: whole(said))
 
 
 def shown(found: dict[str, Any], detection: bool) -> Group:

@@ -248,7 +248,7 @@ def _write(path, done, out, text, dt):
             (f"/replay/detectors/{d.id}/{lane}", elements(module.STATE, module.OUTPUTS), again, d.every),
         ):
             fields, units = zip(*own)
-            infos.append((name, TopicInfo(name, fields, units, every), "detectors"))
+            infos.append((name, TopicInfo(name, fields, units, every, channel=name.rpartition("/")[0]), "detectors"))
             parts.append(np.zeros((u.shape[1], len(own))))
             parts[-1][::every] = values
     topics, n = stacked(infos)

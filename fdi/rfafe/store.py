@@ -89,7 +89,7 @@ def at_tick(design: Any, dt: float) -> Any:
 def _make(kind, values):
     names = [f.name for f in fields(kind)]
     if lacks := sorted(set(names) - set(values)):
-        raise ValueError(f"a stored {kind.__name__} lacks {lacks}; make it again with `cosim design`")
+        raise ValueError(f"a stored {kind.__name__} lacks {lacks}; mend: `python -m cosim.training designs`")
     return kind(**{name: values[name] for name in names})
 
 

@@ -23,8 +23,6 @@ from cosim.cli import commands as cli
         ("replay x.mcap --on-reset split", "--on-reset: does nothing without --map"),
         ("campaign fault-free --part x", "--part: does nothing without --likeliest"),
         ("campaign fault-free --scheduler host", "--scheduler host: no scheduler answers there"),
-        ("train hydraulic --flights 5", "--flights: does nothing without --tune"),
-        ("train hydraulic --false-alarms 0", "--false-alarms: does nothing without --tune"),
         ("false-alarms --hours inf", "cosim false-alarms: Invalid value for '--hours'"),
     ],
 )
