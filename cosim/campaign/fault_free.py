@@ -105,7 +105,7 @@ def fly(campaign: str, number: int, digest: str = "", files: Sequence[str] = (),
     from cosim.flight.faults.conditions import resolved
     from cosim.flight.fly import fly as flown
     from cosim.flight.plugins import with_detectors
-    from cosim.scenario.brought import identified
+    from cosim.scenario.user_parts import identified
 
     flight = space(campaign).number(number)
     enabled = tuple(dict.fromkeys((*flight.detectors.enabled, *also)))

@@ -46,11 +46,11 @@ from cosim.campaign.log_selection import RULES
 from cosim.campaign.worker import Packed
 from cosim.errors import CampaignError, CosimError, Mistakes, did_you_mean, joined
 from cosim.scenario import Scenario, load_scenario, parse
-from cosim.scenario.brought import identified, locate
 from cosim.scenario.load import located
 from cosim.scenario.override import assigned
 from cosim.scenario.problem import Origin
 from cosim.scenario.tolerance import toleranced
+from cosim.scenario.user_parts import identified, locate
 from cosim.texts import read, toml
 from fdi.registry import SHIPPED
 
