@@ -60,7 +60,8 @@ class _Target:
     def of(self, ticks: range) -> np.ndarray:
         """Return the rows of these ticks, which last until the next one is stored."""
         first, size = ticks.start // self.every % len(self.rows), len(ticks)
-        return self.rows[first : first + size] if first + size <= len(self.rows) else np.roll(self.rows, -first, 0)[:size]
+        whole = first + size <= len(self.rows)
+        return self.rows[first : first + size] if whole else np.roll(self.rows, -first, 0)[:size]
 
 
 class LogWriter:
