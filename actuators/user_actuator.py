@@ -24,7 +24,7 @@ def from_file(name: str, path: Path, servo: str, load: Callable, error: Callable
     raised where it is none."""
 
     def blocks():
-        made = load(path, lambda text: error(f"{path.name}: {text}")).module
+        made = load(path, lambda text: error(f"{path.name}: {text}"))[0]
         needed = ("INPUTS", "STATE", "OUTPUTS", "params", "init_at", "rollout")
         inputs = ("hm0", "hmd", *(("u", "f_u", "s_u") if servo else ("command", "f_cmd", "s_cmd")))
         states = ("delta", *(("q_rod", "x3") if servo else ()))

@@ -33,7 +33,7 @@ from cosim.campaign.worker import FAILED, Packed, run_id
 from cosim.errors import CampaignError, OutputError, told_at_call
 from cosim.files import regular, replace_text
 from cosim.scenario import Scenario
-from cosim.scenario.brought import identified
+from cosim.scenario.user_parts import identified
 from cosim.table import Table
 from fdi import registry
 
@@ -182,7 +182,7 @@ def _runs(scenarios, labels):
             runs[run] = None
             packed.append(scenario)
             named.append(label)
-            brought.update(dict.fromkeys(scenario.brought.items()))
+            brought.update(dict.fromkeys(scenario.user_parts.items()))
     if not runs:
         raise CampaignError("has no run", place="campaign")
     return list(runs), packed, named, brought

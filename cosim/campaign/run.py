@@ -25,7 +25,7 @@ from cosim.campaign.worker import fly, run_id
 from cosim.errors import CampaignError, did_you_mean, told_at_call
 from cosim.files import replace_text
 from cosim.flight.plugins import with_detectors
-from cosim.scenario.brought import identified
+from cosim.scenario.user_parts import identified
 from cosim.texts import from_json, read
 
 CONNECT_S = 20.0  # to a scheduler, and until it has a worker

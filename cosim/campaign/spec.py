@@ -40,11 +40,11 @@ from cosim.campaign.draw import draw, unit_cube
 from cosim.campaign.worker import Packed
 from cosim.errors import CampaignError, CosimError, Mistakes, did_you_mean, joined
 from cosim.scenario import Scenario, load_scenario, parse
-from cosim.scenario.brought import identified, locate
 from cosim.scenario.load import located
 from cosim.scenario.override import assigned
 from cosim.scenario.problem import Origin
 from cosim.scenario.tolerance import toleranced
+from cosim.scenario.user_parts import identified, locate
 from cosim.texts import read, toml
 
 MOST = 1_000_000  # runs; more is a slip of a grid

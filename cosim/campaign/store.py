@@ -32,8 +32,7 @@ from cosim.campaign import parts
 from cosim.campaign.parts import ROWS, SCENARIOS, TIMING, table_of, write_blocks
 from cosim.errors import CampaignError, CosimError, OutputError
 from cosim.files import FULL, SPACE, held, regular, replace_text, sweep
-from cosim.scenario.brought import changed
-from cosim.scenario.user_file import UserFile
+from cosim.scenario.user_parts import UserPart, changed
 from cosim.texts import from_json, read
 
 MANIFEST = "manifest.json"
@@ -113,7 +112,7 @@ class Store:
 
     def __init__(
         self, out: str | Path | None, scenarios: pd.DataFrame, texts: Iterable[str] = (), *, resume: bool = True,
-        anew: bool = False, files: Iterable[tuple[str, UserFile]] = (),
+        anew: bool = False, files: Iterable[tuple[str, UserPart]] = (),
     ):  # fmt: skip
         """Open folder `out` (None for memory only) for `scenarios`, a frame with run, order, ..., of which `texts` are
         the expanded TOML, and in which `files` of a user's fly, (key, UserFile). Raises CampaignError when the folder
@@ -214,7 +213,7 @@ class Store:
         return status
 
 
-def brought_to(folder: Path) -> list[tuple[str, UserFile]]:
+def brought_to(folder: Path) -> list[tuple[str, UserPart]]:
     """Return the (key, UserFile) that fly in the runs of a folder, as it says. Raises CampaignError."""
     path = folder / USER_FILES
     if not path.is_file():
@@ -223,10 +222,10 @@ def brought_to(folder: Path) -> list[tuple[str, UserFile]]:
     return user_files(told, path, CampaignError)
 
 
-def user_files(told: Any, place: Path, error: type[CosimError]) -> list[tuple[str, UserFile]]:
+def user_files(told: Any, place: Path, error: type[CosimError]) -> list[tuple[str, UserPart]]:
     """Return the (key, UserFile) of what the file at `place` tells of them, else raise `error`."""
     try:
-        return [(key, UserFile(*file)) for key, *file in TOLD.validate_python(told)]
+        return [(key, UserPart(*file)) for key, *file in TOLD.validate_python(told)]
     except ValueError:
         raise error("is damaged: user_files", place=str(place), remedy="Choose another place with -o") from None
 
@@ -306,7 +305,7 @@ def _git(*words):
     return told.stdout.strip()
 
 
-def write_manifest(out: Path, about: dict, brought: Iterable[tuple[str, UserFile]] = ()) -> None:
+def write_manifest(out: Path, about: dict, brought: Iterable[tuple[str, UserPart]] = ()) -> None:
     """Write the manifest of a finished campaign into its folder `out`: what it tells of itself (`about`: runs, rows,
     seeds, flights per second of a core), the code, and the user's files that flew, (key, UserFile)."""
     about = {

@@ -57,7 +57,7 @@ def run(
     json_: shared.JsonOption = False,
 ) -> Any:
     """Fly a scenario, log it, show who alarmed, when, and for what."""
-    from cosim.scenario.brought import identified
+    from cosim.scenario.user_parts import identified
 
     only_with("--live", live, speed=speed, port=port, flightgear=flightgear)
     flown = loaded(scenario, set_ or ())
@@ -185,12 +185,12 @@ def _write_sources(log, scenario, folder):
     """Write the scenario of a log and what is attached to it; say what is not."""
     from cosim.log import open_log
     from cosim.replay import log_schema
-    from cosim.scenario import brought
+    from cosim.scenario.user_parts import write
 
     if not scenario:
         raise CosimError("writes the scenario", place=f"-o {folder}", remedy="Add --scenario")
     found = open_log(log)
-    missing = brought.write(log_schema.scenario_tables(found), found.attachments, folder)
+    missing = write(log_schema.scenario_tables(found), found.attachments, folder)
     notes(f"{key}: the log does not hold its file" for key in missing)
     path = folder / "scenario.toml"
     out.print(tables.whole(f"wrote  {path}\nnext   cosim run {tables.word(path)}"))

@@ -113,16 +113,14 @@ def _attached(log, folder):
     """Write the sources of a log into `folder`; return the files of its detectors."""
     from cosim.log import open_log
     from cosim.replay import log_schema
-    from cosim.scenario import brought
-    from cosim.scenario.brought import places
-    from cosim.scenario.user_file import identity_unrun
+    from cosim.scenario.user_parts import identity, places, write
 
     found = open_log(log)
     tables = log_schema.scenario_tables(found)
-    missing = brought.write(tables, found.attachments, folder)
+    missing = write(tables, found.attachments, folder)
     own = [at for at in places(tables) if at.name.startswith("detectors.") and at.name not in missing]
     for at in own:
-        if identity_unrun((folder / at.table[at.key]).parent) != at.table.get(at.digest):
+        if identity(folder / at.table[at.key]).sha256 != at.table.get(at.digest):
             said = "what is attached is not the code that flew: its digest differs, or a file of it is not attached"
             raise LogError(said, place=f"{log}: {at.name}", remedy="Give it by --detector")
     return [folder / at.table[at.key] for at in own]

@@ -23,7 +23,7 @@ from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError, told_at_call
 from cosim.flight.plugins import loaded, with_detectors
 from cosim.judge.result import plain
-from cosim.scenario.brought import identified
+from cosim.scenario.user_parts import identified
 
 TITLE = "Aircraft-level against local diagnosis, on the same flights"  # of the built-in matrix
 

@@ -116,15 +116,14 @@ class LogFile:
         name, offset = compression.encode(), self.offset
         head = _RECORD.pack(Opcode.CHUNK, 40 + len(name) + len(data))  # the library's own copies the data three times
         head += struct.pack("<QQQII", *times, size, crc, len(name)) + name + struct.pack("<Q", len(data))
-        begin, blobs, places, counts = offset + len(head) + len(data), [head, data], {}, {}
+        begin, indexes, places, counts = offset + len(head) + len(data), bytearray(), {}, {}
         for channel, entries in index:
-            places[channel], counts[channel] = begin + sum(map(len, blobs[2:])), len(entries)
-            blobs.append(struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + entries.nbytes, channel, entries.nbytes)
-                         + entries.tobytes())  # fmt: skip
+            places[channel], counts[channel] = begin + len(indexes), len(entries)
+            indexes += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + entries.nbytes, channel, entries.nbytes)
+            indexes += entries.tobytes()
         length = begin - offset
-        self._put(*blobs)
-        last = sum(map(len, blobs[2:]))
-        record = ChunkIndex(length, offset, compression, len(data), times[1], last, places, times[0], size)
+        self._put(head, data, indexes)
+        record = ChunkIndex(length, offset, compression, len(data), times[1], len(indexes), places, times[0], size)
         self._summary[Opcode.CHUNK_INDEX].append(encoded(record))
         self._counts = {**self._counts, **{c: self._counts.get(c, 0) + n for c, n in counts.items()}}
         self.chunks.append(Chunk(offset, length, offset + len(head), len(data), compression, size, crc, *times))

@@ -58,8 +58,10 @@ class _Target:
         self.at[-1] = k + 1
 
     def of(self, ticks: range) -> np.ndarray:
-        """Return a copy of the rows of these ticks."""
-        return self.rows[np.arange(ticks.start, ticks.stop, ticks.step) // self.every % len(self.rows)]
+        """Return the rows of these ticks, which last until the next one is stored."""
+        first, size = ticks.start // self.every % len(self.rows), len(ticks)
+        whole = first + size <= len(self.rows)
+        return self.rows[first : first + size] if whole else np.roll(self.rows, -first, 0)[:size]
 
 
 class LogWriter:

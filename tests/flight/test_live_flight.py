@@ -101,7 +101,7 @@ def test_the_log_is_that_of_its_scenario_flown_alone(flown, tmp_path):
 def test_a_viewer_sees_what_the_log_holds_before_and_after_the_fault(flown):
     path, _, seen = flown
     frame = open_log(path).frame("/truth/aircraft")
-    samples = seen["samples"]["/truth/aircraft"]
+    samples = seen["samples"]["/truth"]
     ticks = [ns // 5_000_000 for ns, _ in samples]
     assert ticks == sorted(ticks) and ticks[0] < seen["broken"]["tick"] < ticks[-1]
     for k, payload in zip(ticks, (p for _, p in samples)):

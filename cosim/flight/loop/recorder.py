@@ -15,7 +15,7 @@ from actuators.block import unit
 from cosim.flight.blocks import faults, hinge_model, law, sensors
 from cosim.flight.detection import detectors
 from cosim.log import LogWriter, Pose, Topic, fits, viewer_layouts
-from cosim.scenario import brought, toml, vocabulary
+from cosim.scenario import toml, user_parts, vocabulary
 from cosim.scenario.catalog import TECHNOLOGIES
 from fdi import registry
 
@@ -115,7 +115,7 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
     }
     for b in blocks:
         attachments |= _array(f"{b.name}.params", b.p) | _array(f"{b.name}.initial", b.x)
-    attachments |= brought.sources(setup.scenario) | ({} if profile == "replay" else viewer_layouts(channels))
+    attachments |= user_parts.sources(setup.scenario) | ({} if profile == "replay" else viewer_layouts(channels))
     metadata = {
         "run": {
             "title": setup.scenario.title, "software": f"cosim {cosim.__version__}",
