@@ -183,11 +183,10 @@ class Layout:
         start = 0
         for block in self.blocks:
             ticks = block.ticks(k0, n)
-            entries = np.empty((len(ticks), 2), "<u8")
-            entries[:, 0] = np.arange(ticks.start, ticks.stop, ticks.step) * self.dt_ns
+            times = np.arange(ticks.start, ticks.stop, ticks.step) * self.dt_ns
             for channel, at in block.channels if len(ticks) else ():
-                entries[:, 1] = start + at + block.size * np.arange(len(ticks))
-                yield channel, entries
+                places = start + at + block.size * np.arange(len(ticks))
+                yield channel, np.stack([times, places], axis=1).astype("<u8")
             start += block.size * len(ticks)
 
     def rows(self, content: np.ndarray, k0: int, n: int) -> list[np.ndarray]:

@@ -2,18 +2,19 @@
 
 import json
 import shutil
+import struct
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, json_format
-from log_samples import TOPICS, expected, same_bits, write
+from log_samples import TOPICS, Records, expected, same_bits, write
 from mcap.reader import NonSeekingReader, SeekingReader
 from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
-from cosim.log import LogWriter, Topic, foxglove, open_log
+from cosim.log import LogWriter, Topic, foxglove, open_log, recover
 from cosim.log.layout import schema_data
 
 
@@ -236,3 +237,22 @@ def test_parts_that_do_not_fit_into_one_message_are_refused(parts, tmp_path):
         topics = [Topic(name, fields, ["-"] * len(fields), np.arange(len(fields)), *every, channel="/a")
                   for name, fields, *every in parts]  # fmt: skip
         LogWriter(tmp_path / "a", topics, n_values=9)
+
+
+def test_every_index_entry_points_at_a_message_of_its_channel_and_time(log, tmp_path):
+    recover(log[0], tmp_path / "recovered")
+    for path in (log[0], tmp_path / "recovered"):
+        records, content, count = Records(path.read_bytes()), b"", 0
+        chunk = -1
+        for opcode, body in records:
+            if opcode == 6:
+                chunk += 1
+                content = records.content(chunk)
+            elif opcode == 7:
+                channel, _ = struct.unpack_from("<HI", body)
+                for ns, at in np.frombuffer(body[6:], "<u8").reshape(-1, 2).tolist():
+                    op, _, own, _, time, _ = struct.unpack_from("<BQHIQQ", content, at)
+                    assert (op, own, time) == (5, channel, ns)
+                    count += 1
+        with path.open("rb") as file:
+            assert count == SeekingReader(file).get_summary().statistics.message_count > 500
