@@ -82,6 +82,11 @@ class Part:
             yield chosen, {"part": self.name} if self.name else {}
 
     def __len__(self) -> int:
+        return self.size
+
+    @property
+    def size(self) -> int:
+        """Return the number of runs: of a grid beyond 2^63 points `len` has no answer."""
         return math.prod(map(len, self.grid.values())) * self.runs
 
 
@@ -102,8 +107,9 @@ class Campaign:
 
     def scenarios(self) -> tuple[Packed, list[dict]]:
         """Return (scenarios, labels): every run, in order. Raises ScenarioError for one that cannot be."""
-        if len(self) > MOST:
-            raise CampaignError(f"has {len(self)} runs", place=self.name, allowed=f"1 to {MOST}")
+        runs = sum(part.size for part in self.parts)
+        if runs > MOST:
+            raise CampaignError(f"has {runs} runs", place=self.name, allowed=f"1 to {MOST}")
         made = Packed()
         labels = []
         wrong: dict = {}  # of what every run has in common once

@@ -29,6 +29,7 @@ from cosim.cli.campaign import nearest
 from cosim.errors import CosimError
 from cosim.flight.faults import fault_free_reference
 from cosim.scenario import catalog as c
+from cosim.scenario.tolerance import toleranced
 from cosim.training.rfafe import MANOEUVRES
 
 SMALL = """
@@ -145,6 +146,14 @@ def test_every_mistake_is_one_line_that_says_where_and_what(written, text, says)
     with pytest.raises(CosimError) as caught:
         load_campaign(written(text)).scenarios()
     assert says in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_grid_beyond_2_to_the_63_is_refused_in_one_line(written):
+    keys = list(toleranced("aero"))[:12]
+    grid = "".join(f"'tolerances.aero.{name}' = [{'1.0,' * 99}]\n" for name in keys)
+    with pytest.raises(CosimError, match=rf"has {99**12} runs; allowed: 1 to") as caught:
+        load_campaign(written(f"[grid]\n{grid}")).scenarios()
+    assert "\n" not in str(caught.value)
 
 
 def test_a_missing_file_says_what_is_built_in():
