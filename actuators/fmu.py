@@ -63,8 +63,9 @@ class Slaves:
     PARAMS, INPUTS, STATE, OUTPUTS = PARAMS, INPUTS, STATE, OUTPUTS
 
     def __init__(self, path: Path, lanes: int, inputs: Mapping[str, Variable], outputs: Mapping[str, Variable],
-                 parameters: Mapping[str, float], error: Callable[[str], Exception]):  # fmt: skip
-        """Unpack `path` and make `lanes` instances. Raises error(text), text with the FMU's own messages."""
+                 parameters: Mapping[str, float], dt: float, error: Callable[[str], Exception]):  # fmt: skip
+        """Unpack `path` and make `lanes` instances, to be stepped by `dt` [s]. Raises error(text), text with the FMU's
+        own messages, also for what its model description asks and the loop cannot do."""
         self._error = error
         try:
             import fmpy
@@ -72,7 +73,7 @@ class Slaves:
             raise error("FMUs need the library fmpy (pip install 'cosim-fdi[fmu]')") from None
         self.__name__ = f"fmu {path.name}"
         self._messages: deque[tuple[int, str]] = deque(maxlen=200)  # how bad, what
-        self._t = 0.0
+        self._tick = 0
         self._folder = tempfile.TemporaryDirectory(prefix="cosim-fmu-")
         self._fmus: list[Any] = []
         try:
@@ -81,8 +82,7 @@ class Slaves:
             if size > UNPACKED:
                 raise ValueError(f"unpacks to {size / 1e6:.0f} MB, up to {UNPACKED / 1e6:.0f} MB are allowed")
             self._about = fmpy.read_model_description(str(path))
-            if self._about.coSimulation is None:
-                raise ValueError("is no co-simulation FMU")
+            self._check(lanes, dt)
             self._names = {v.name: v for v in self._about.modelVariables}
             for name in parameters:
                 self._known(name)
@@ -124,17 +124,44 @@ class Slaves:
             }  # fmt: skip
             try:
                 self._set(fmu, {name: float(given[w]) / factor for w, (name, factor) in self._inputs.items()})
-                fmu.doStep(currentCommunicationPoint=self._t, communicationStepSize=dt)
+                self._step(fmu, self._tick * dt, dt)
                 self._get(fmu, x[i])
             except Exception as said:
                 raise self._error(self._said(said)) from None
-        self._t += dt
+        self._tick += 1
+
+    def _check(self, lanes, dt):
+        """Raise ValueError for what the model description asks and the loop cannot do."""
+        about = self._about.coSimulation
+        if about is None or not self._about.fmiVersion.startswith(("2", "3")):
+            raise ValueError(f"is no co-simulation FMU of version 2 or 3, but of version {self._about.fmiVersion}")
+        if about.needsExecutionTool:
+            raise ValueError("needsExecutionTool: it runs only beside the tool that made it; export it without")
+        if about.canBeInstantiatedOnlyOncePerProcess and lanes > 1:
+            said = f"canBeInstantiatedOnlyOncePerProcess: it cannot be on {lanes} segments"
+            raise ValueError(f"{said}; name a copy of the file for each of them")
+        inner = float(about.fixedInternalStepSize or 0.0)
+        if inner > 0.0 and abs(dt / inner - round(dt / inner)) > 1e-9 * dt / inner:
+            raise ValueError(f"fixedInternalStepSize = {inner:g} s does not divide the tick of {dt:g} s; set rate_hz")
+
+    def _step(self, fmu, t, dt):
+        """Advance an instance from t to t + dt [s]; one that does not get there raises ValueError."""
+        said = fmu.doStep(currentCommunicationPoint=t, communicationStepSize=dt)
+        if said is None:  # FMI 2: the status, which fmpy checks, is all
+            return
+        _, ended, early, reached = said
+        if ended:
+            raise ValueError(f"ended the simulation at {t:.3f} s (terminateSimulation)")
+        if early or abs(reached - (t + dt)) > 1e-6 * dt:
+            raise ValueError(f"came to {reached:.6f} s in the step from {t:.3f} s to {t + dt:.3f} s (earlyReturn)")
 
     def _known(self, name):
         """Return the FMU's variable of this name, one number."""
         variable = self._names.get(name)
         if variable is None:
             raise ValueError(f"has no variable {name!r}; it has {', '.join(sorted(self._names))}")
+        if variable.clocks:
+            raise ValueError(f"its variable {name!r} has a clock; allowed: variables without")
         if variable.type not in ("Real", "Float64") or variable.dimensions:
             kind = "an array" if variable.dimensions else f"of type {variable.type}"
             raise ValueError(f"its variable {name!r} is {kind}; allowed: one floating-point number of 64 bits")

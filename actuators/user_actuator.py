@@ -24,7 +24,7 @@ def from_file(name: str, path: Path, servo: str, load: Callable, error: Callable
     raised where it is none."""
 
     def blocks():
-        made = load(path, lambda text: error(f"{path.name}: {text}")).module
+        made = load(path, lambda text: error(f"{path.name}: {text}"))[0]
         needed = ("INPUTS", "STATE", "OUTPUTS", "params", "init_at", "rollout")
         inputs = ("hm0", "hmd", *(("u", "f_u", "s_u") if servo else ("command", "f_cmd", "s_cmd")))
         states = ("delta", *(("q_rod", "x3") if servo else ()))
@@ -82,7 +82,7 @@ def from_fmu(name: str, path: Path, servo: str, tables: dict, error: Callable[[s
     """Return the technology of an FMU; `tables` has inputs, outputs and start as {word: fmu.Variable}, parameters."""
 
     def build(own, truth, believed, trim, travel, dt, age):
-        slaves = fmu.Slaves(path, len(truth), tables["inputs"], tables["outputs"], tables["parameters"], error)
+        slaves = fmu.Slaves(path, len(truth), tables["inputs"], tables["outputs"], tables["parameters"], dt, error)
         delta, hm0, hmd = trim
         served = _served(name, servo, own, believed, trim, travel, dt, age)
         told = served[0][3]["u"] if served else np.zeros_like(delta)

@@ -1,6 +1,7 @@
 """Flights that many tests look at, flown once per session and process."""
 
 import os
+import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -78,3 +79,16 @@ def liquid_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("liquid") / "liquid-ofc.mcap"
     assert cosim.simulate("liquid-ofc", log=path, timed=False).status == "completed"
     return path
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Name the optional programs that this machine does not have: tests that need one were skipped."""
+    programs = {
+        "a browser": ("chromium", "chromium-browser", "google-chrome"),
+        "a C compiler": ("cc", "gcc"),
+        "node": ("node",),
+        "rerun": ("rerun",),
+    }
+    missing = [name for name, commands in programs.items() if not any(map(shutil.which, commands))]
+    if missing:
+        terminalreporter.write_line(f"optional programs not found, their tests were skipped: {', '.join(missing)}")

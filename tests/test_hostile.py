@@ -21,7 +21,7 @@ from cosim.campaign.spec import load_campaign
 from cosim.cli.commands import app
 from cosim.errors import CosimError
 from cosim.flight.plugins import with_detectors
-from cosim.log import compact, open_log, recover
+from cosim.log import open_log, recover
 from cosim.log.overview import log_info
 from cosim.replay import replay
 from cosim.replay.map import diagnose
@@ -140,7 +140,7 @@ def flights(tmp_path_factory):
 
 def test_logs(flights, tmp_path):
     doors = [log_info, replay, lambda p: flight_report(p, tmp_path / "page.html"),
-             lambda p: recover(p, tmp_path / "recovered.mcap"), lambda p: compact(p, tmp_path / "small.mcap"),
+             lambda p: recover(p, tmp_path / "recovered.mcap"),
              lambda p: replay(p, output=tmp_path / "again.mcap")]  # fmt: skip
     through(strategies.logs(flights, tmp_path / "case.mcap"), 20)(
         lambda data: data.draw(st.permutations(doors))[:2])  # fmt: skip
@@ -171,6 +171,6 @@ def test_through_the_command(flights, tmp_path):
 
     page, out = tmp_path / "page.html", tmp_path / "out.mcap"
     words = [["info", "LOG"], ["info", "LOG", "--json"], ["report", "LOG", "-o", page], ["replay", "LOG"],
-             ["recover", "LOG", "-o", out], ["compact", "LOG", "-o", out], ["replay", "LOG", "-o", out]]  # fmt: skip
+             ["recover", "LOG", "-o", out], ["replay", "LOG", "-o", out]]  # fmt: skip
     through(strategies.logs(flights, tmp_path / "case.mcap"), 8, 0.1)(
         lambda data: [door(data.draw(st.sampled_from(words)))])  # fmt: skip

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 import structure
-from notebooks import MADE, NOTEBOOKS, notebook
 from typer.main import get_command
 from typer.testing import CliRunner
 
@@ -18,8 +17,7 @@ from cosim.scenario import parse
 
 ROOT = structure.ROOT
 PAGES = sorted([ROOT / "README.md", *(p for d in structure.PACKAGES for p in (ROOT / d).rglob("README.md"))])
-LONG = ("cosim envelope", "cosim bench", "cosim campaign", "cosim reproduce", "cosim compare", "cosim design",
-        "cosim false-alarms")  # fmt: skip
+LONG = ("cosim bench", "cosim campaign", "cosim reproduce", "cosim compare")
 
 
 def blocks(kind):
@@ -115,8 +113,3 @@ def test_every_room_has_a_page_and_the_front_door_is_short():
     assert [str(f) for f in folders if not (f / "README.md").is_file()] == []
     assert (ROOT / "README.md").stat().st_size <= 11_000
     assert (ROOT / "cosim" / "report" / "report.png").stat().st_size < 300_000
-
-
-def test_notebooks_are_those_of_the_examples():
-    for name in MADE:
-        assert (NOTEBOOKS / f"{name}.ipynb").read_text(encoding="utf-8") == notebook(name), "python tests/notebooks.py"

@@ -34,7 +34,8 @@ def log_costs(path: str | Path) -> dict[str, Any]:
     steps = _steps(log)
     return {
         "minutes": duration / 60, "values_mb": size, "open_s": _best(lambda: open_log(path)),
-        "frames_s": _best(log.frames), "topic_s": _best(lambda: log.frame(TOPIC)), "parquet_s": _parquet(log),
+        "frames_s": _best(lambda: [log.frame(name) for name in log.topics]),
+        "topic_s": _best(lambda: log.frame(TOPIC)), "parquet_s": _parquet(log),
         "replay_s": whole, "replay_cpu_s": on_all, "replay_realtime": duration / whole,
         "detectors_realtime": log.dt_ns / 1e3 / sum(sum(costs) for costs in steps.values()),
         "replay_us": {name: float(np.mean(costs)) for name, costs in steps.items()},

@@ -45,12 +45,6 @@ class Draw:
             return float(self.low * (self.high / self.low) ** u)
         return float(self.low + u * (self.high - self.low))
 
-    def quantile(self, value: float) -> float:
-        """Return the u at which a normal draw is `value`."""
-        from scipy.special import ndtr
-
-        a, b, at = (float(ndtr((x - self.mean) / self.sigma)) for x in (self.low, self.high, value))
-        return (at - a) / (b - a)
 
 
 def draw(table: dict, place: str) -> Draw:

@@ -9,7 +9,6 @@ without a result has one row. What is of the lane, not of a fault, stands on the
     <keys of the scenario>  of CORE, of faults, and every one that varies: flight.mass_t, faults.0.frequency_hz, ...
     label.<name>            names of grid points, where the campaign gives any
     FIELDS                  of cosim/judge/row.py, each with its unit and meaning, which the file carries as metadata
-    kept                    rules by which the run's log was kept (logs/<run>.mcap), comma-separated, or empty
 
 timing.parquet holds what a clock measured, and never repeats.
 
@@ -29,12 +28,12 @@ from typing import Any
 import pandas as pd
 
 from cosim.campaign.pool import outcomes
-from cosim.campaign.store import GO_ON, Store, folder, load, write_manifest
+from cosim.campaign.store import Store, folder, load, write_manifest
 from cosim.campaign.worker import FAILED, Packed, run_id
-from cosim.errors import CampaignError, LogError, OutputError, told_at_call
-from cosim.files import regular, replace, replace_text
+from cosim.errors import CampaignError, OutputError, told_at_call
+from cosim.files import regular, replace_text
 from cosim.scenario import Scenario
-from cosim.scenario.brought import identified
+from cosim.scenario.user_parts import identified
 from cosim.table import Table
 from fdi import registry
 
@@ -70,7 +69,7 @@ class CampaignResult:
     @functools.cached_property
     def frame(self) -> pd.DataFrame:
         """A row per run, fault and detector lane; columns: cosim/campaign/README.md."""
-        return load(self.parquet.parent)[0] if self.parquet else self._store.rows().assign(kept="")
+        return load(self.parquet.parent)[0] if self.parquet else self._store.rows()
 
     @functools.cached_property
     def timing(self) -> pd.DataFrame:
@@ -100,17 +99,16 @@ class CampaignResult:
 @told_at_call
 def run_many(
     scenarios: Iterable[Scenario], *, workers: int | None = None, out: str | Path | None = None, resume: bool = True,
-    anew: bool = False, keep: dict[str, int] | None = None, executor: Executor | None = None,
+    anew: bool = False, executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None, achieved: bool = True, labels: Iterable[dict] | None = None,
 ) -> CampaignResult:  # fmt: skip
     """Fly `scenarios` (Scenario objects; equal ones once) and return a CampaignResult.
 
     `workers` processes, by default one per core, 0 for this process; or any concurrent.futures `executor`. `out` is the
     folder of rows; with `resume` what it holds is not flown again, and a user's file that has changed since is refused,
-    or with `anew` its runs are flown again. `keep` maps rules of `log_selection` to how many logs each may keep per
-    detector. `progress(done, total)` counts runs. `achieved` flies a twin for every run with an
-    elevator fault. `labels` is a list of dicts beside the scenarios, for columns label.<name>. Raises CampaignError,
-    OutputError; an error of a flight is a row.
+    or with `anew` its runs are flown again. `progress(done, total)` counts runs. `achieved` flies a twin for every run
+    with an elevator fault. `labels` is a list of dicts beside the scenarios, for columns label.<name>. Raises
+    CampaignError, OutputError; an error of a flight is a row.
     """
     runs, packed, named, brought = _runs(scenarios, labels)
     with folder(out) if out else nullcontext():
@@ -128,7 +126,7 @@ def run_many(
         if store.out is None:
             frame = store.rows(("run", "status"))
             return CampaignResult(store, dict(zip(frame["run"], frame["status"])))
-        status = store.consolidate(store.out, _kept(store, keep, dict(zip(runs, packed.held))))
+        status = store.consolidate(store.out)
         _manifest(store, brought)
     return CampaignResult(store, status, resumed, store.out / "runs.parquet", _left_out(store))
 
@@ -184,7 +182,7 @@ def _runs(scenarios, labels):
             runs[run] = None
             packed.append(scenario)
             named.append(label)
-            brought.update(dict.fromkeys(scenario.brought.items()))
+            brought.update(dict.fromkeys(scenario.user_parts.items()))
     if not runs:
         raise CampaignError("has no run", place="campaign")
     return list(runs), packed, named, brought
@@ -205,33 +203,6 @@ def _fly(todo, store, progress, total, **how):
                 progress(done, total)
     finally:
         store.add(rows, timing)
-
-
-def _kept(store, keep, runs):
-    """Choose runs by the rules `keep`, fly them again with a log in the folder's `logs`; return {run: rules}."""
-    if not keep:
-        return {}
-    from cosim.campaign.log_selection import COLUMNS, choose
-
-    chosen = choose(store.rows(COLUMNS), keep)
-    (store.out / "logs").mkdir(exist_ok=True)
-    for run in chosen:
-        path = store.out / "logs" / f"{run}.mcap"
-        if not path.exists():
-            replace(path, functools.partial(_logged, runs[run].scenario(), path))
-    return chosen
-
-
-def _logged(scenario, path, part):
-    """Fly `scenario` with a log at `part`, which is to become `path`."""
-    from cosim.flight.simulate import simulate
-
-    try:
-        done = simulate(scenario, log=part, timed=False)
-    except LogError as error:
-        raise OutputError(error.problem, place=str(path), remedy=GO_ON) from None
-    if done.status == "interrupted":
-        raise KeyboardInterrupt
 
 
 def table(runs: Iterable[str], scenarios: Iterable[Scenario], labels: Iterable[dict] = ()) -> pd.DataFrame:

@@ -25,7 +25,7 @@ from cosim.campaign.worker import fly, run_id
 from cosim.errors import CampaignError, did_you_mean, told_at_call
 from cosim.files import replace_text
 from cosim.flight.plugins import with_detectors
-from cosim.scenario.brought import identified
+from cosim.scenario.user_parts import identified
 from cosim.texts import from_json, read
 
 CONNECT_S = 20.0  # to a scheduler, and until it has a worker
@@ -49,7 +49,7 @@ def run_campaign(
     with nullcontext((None, None)) if scheduler is None else cluster(scheduler) as (executor, threads):
         result = run_many(
             scenarios, workers=threads if workers is None else workers, executor=executor, out=out or folder(campaign),
-            resume=resume or anew, anew=anew, keep=made.keep, progress=progress, labels=labels,
+            resume=resume or anew, anew=anew, progress=progress, labels=labels,
         )  # fmt: skip
     path = Path(out or folder(campaign)) / MANIFEST  # the campaign's title stands in the manifest, for pages of it
     told = from_json(read(path, error=CampaignError), place=str(path), error=CampaignError)

@@ -20,8 +20,6 @@
     name = "jams"                   # column label.part
     set = { "faults.0.kind" = "jam_solid" }
     grid = { ... }                  # also draw, runs
-    [keep]                          # logs of the worst runs per rule and detector: cosim/campaign/log_selection.py
-    missed = 1
 
 Keys are those of a scenario, as with --set. A table's `name` becomes the column label.<key>.
 """
@@ -33,32 +31,27 @@ import itertools
 import math
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from cosim.campaign.draw import draw, unit_cube
-from cosim.campaign.log_selection import RULES
 from cosim.campaign.worker import Packed
 from cosim.errors import CampaignError, CosimError, Mistakes, did_you_mean, joined
 from cosim.scenario import Scenario, load_scenario, parse
-from cosim.scenario.brought import identified, locate
 from cosim.scenario.load import located
 from cosim.scenario.override import assigned
 from cosim.scenario.problem import Origin
 from cosim.scenario.tolerance import toleranced
+from cosim.scenario.user_parts import identified, locate
 from cosim.texts import read, toml
-from fdi.registry import SHIPPED
 
 MOST = 1_000_000  # runs; more is a slip of a grid
 EVALUATION_SEED = 1_000_000  # thresholds are trained on seeds below it, what is reported flies on those from there on
 TYPES = {
     "title": str, "base": str, "runs": int, "sampling": str, "seed": int, "first_seed": int, "paired": bool,
-    "set": dict, "grid": dict, "draw": dict, "keep": dict, "part": list,
+    "set": dict, "grid": dict, "draw": dict, "part": list,
 }  # fmt: skip
 OF_A_PART = ("name", "runs", "set", "grid", "draw")
 
@@ -89,6 +82,11 @@ class Part:
             yield chosen, {"part": self.name} if self.name else {}
 
     def __len__(self) -> int:
+        return self.size
+
+    @property
+    def size(self) -> int:
+        """Return the number of runs: of a grid beyond 2^63 points `len` has no answer."""
         return math.prod(map(len, self.grid.values())) * self.runs
 
 
@@ -103,15 +101,15 @@ class Campaign:
     seed: int = 1
     first_seed: int = EVALUATION_SEED
     paired: bool = False
-    keep: dict = field(default_factory=dict)
 
     def __len__(self) -> int:
         return sum(map(len, self.parts))
 
     def scenarios(self) -> tuple[Packed, list[dict]]:
         """Return (scenarios, labels): every run, in order. Raises ScenarioError for one that cannot be."""
-        if len(self) > MOST:
-            raise CampaignError(f"has {len(self)} runs", place=self.name, allowed=f"1 to {MOST}")
+        runs = sum(part.size for part in self.parts)
+        if runs > MOST:
+            raise CampaignError(f"has {runs} runs", place=self.name, allowed=f"1 to {MOST}")
         made = Packed()
         labels = []
         wrong: dict = {}  # of what every run has in common once
@@ -204,12 +202,6 @@ class _File:
         for key in ("seed", "first_seed"):
             if not 0 <= table.get(key, 0) < 2**31 - MOST:
                 self.says(f"{key} = {table[key]}", (key,), allowed=f"0 to {2**31 - MOST - 1}")
-        for rule, count in table.get("keep", {}).items():
-            if rule not in RULES:
-                near = did_you_mean(rule, RULES)
-                self.says("is no rule", ("keep", rule), f"keep.{rule}", allowed=", ".join(RULES), remedy=near)
-            elif isinstance(count, bool) or not isinstance(count, int) or not 0 < count <= 100:
-                self.says(f"number of logs is {count!r}", ("keep", rule), f"keep.{rule}", allowed="1 to 100")
         base: dict = {}
         origin = Origin(self.name)
         with self.wrong.caught():
@@ -218,7 +210,7 @@ class _File:
         for i, own in enumerate(table.get("part", [{}])):
             with self.wrong.caught():
                 parts.append(self.part(base, origin, table, own, ("part", str(i)) if "part" in table else ()))
-        kept = {k: v for k, v in table.items() if k in ("title", "sampling", "seed", "first_seed", "paired", "keep")}
+        kept = {k: v for k, v in table.items() if k in ("title", "sampling", "seed", "first_seed", "paired")}
         made = Campaign(name=self.name, parts=tuple(parts), **kept)
         if self.wrong and base and len(self.wrong) == before:  # its runs can be checked all the same
             with self.wrong.caught():
@@ -335,77 +327,3 @@ def _read(name):
     except FileNotFoundError:
         near = did_you_mean(name, builtin_campaigns()) or f"Built in: {', '.join(builtin_campaigns())}"
         raise CampaignError("no built-in campaign and no file of this name", place=name, remedy=near) from None
-
-
-def shipped(name: str, more: Sequence[str] = (), remedy: str = "") -> None:
-    """Raise CampaignError, which allows `more`, too, where no detector of this name ships."""
-    if name not in SHIPPED:
-        near = remedy or did_you_mean(name, SHIPPED)
-        raise CampaignError(f"{name!r} is no detector", allowed=", ".join((*SHIPPED, *more)), remedy=near)
-
-
-class Space:
-    """The flights of one campaign, or of its part; seeds are `seeds` from `first_seed` on, `detectors` alone fly."""
-
-    def __init__(
-        self, campaign: Campaign, *, first_seed: int, seeds: int = 100_000, detectors: Sequence[str] | None = None,
-        part: str = "",
-    ):  # fmt: skip
-        """Raises CampaignError for a campaign with several parts, or without the part `part`."""
-        chosen = [p for p in campaign.parts if part in ("", p.name)]
-        if len(chosen) != 1:
-            names = ", ".join(p.name for p in campaign.parts if p.name)
-            told = f"has no part {part!r}" if part else "has parts"
-            raise CampaignError(
-                told, place=campaign.name, allowed=names, remedy="Name one of them, or take a campaign without [[part]]"
-            )
-        self.campaign, self.part, self.detectors = campaign, chosen[0], detectors
-        self.first_seed, self.seeds = first_seed, seeds
-        drawn = enumerate(self.part.draw.items(), start=len(self.part.grid))
-        self.normal = {i: (key, one) for i, (key, one) in drawn if not math.isnan(one.mean)}  # coordinate: (key, Draw)
-        self.size = len(self.part.grid) + len(self.part.draw) + 1
-        self.faults = bool(self(np.full(self.size, 0.5)).faults)
-
-    def __call__(self, u: ArrayLike) -> Scenario:
-        """Return the Scenario at u (size,)."""
-        at = np.clip(np.asarray(u, float), 0.0, np.nextafter(1.0, 0.0))
-        return self._scenario(at, self.first_seed + int(at[-1] * self.seeds))
-
-    def number(self, n: int) -> Scenario:
-        """Return flight `n` >= 0 of an endless campaign: the grid in turn, draws and seed its own."""
-        u = np.random.default_rng([self.campaign.seed, n]).random(self.size)
-        left = n
-        for i, values in reversed(list(enumerate(self.part.grid.values()))):
-            left, k = divmod(left, len(values))
-            u[i] = (k + 0.5) / len(values)
-        return self._scenario(u, self.first_seed + n)
-
-    def sigmas(self, u: NDArray) -> dict[int, float]:
-        """Return {coordinate: (value - mean) / sigma} of every normal draw."""
-        return {i: (one(u[i]) - one.mean) / one.sigma for i, (_, one) in self.normal.items()}
-
-    def log_likelihood(self, u: NDArray) -> float:
-        """Return the log of the density of the draws at u over its largest: minus half the sum of squared sigmas."""
-        return -0.5 * sum(z * z for z in self.sigmas(u).values())
-
-    def away(self, u: NDArray) -> dict[str, float]:
-        """Return {key: sigmas} of the normal draws that are away from their means, the farthest first."""
-        found = {self.normal[i][0]: z for i, z in self.sigmas(u).items() if abs(z) > 0.05}
-        return dict(sorted(found.items(), key=lambda pair: -abs(pair[1])))
-
-    def nearer(self, u: NDArray, which: Sequence[int], factor: float) -> NDArray:
-        """Return u with the normal draws `which` at `factor` times their distance from the mean."""
-        out, z = np.array(u, float), self.sigmas(u)
-        for i in which:
-            out[i] = self.normal[i][1].quantile(self.normal[i][1].mean + factor * z[i] * self.normal[i][1].sigma)
-        return out
-
-    def _scenario(self, u, seed):
-        keys = {key: values[int(q * len(values))] for (key, values), q in zip(self.part.grid.items(), u)}
-        keys |= {key: draw(q) for (key, draw), q in zip(self.part.draw.items(), u[len(self.part.grid) :])}
-        place = f"{self.campaign.name}, a flight"
-        scenario, _ = scenario_of(self.part, {**keys, "seed": seed}, place)
-        if self.detectors is None:
-            return scenario
-        alone = scenario.detectors.model_copy(update={"enabled": tuple(self.detectors)})
-        return scenario.model_copy(update={"detectors": alone})

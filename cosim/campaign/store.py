@@ -6,7 +6,7 @@
     parts/              rows and timing of a few finished runs per file, each appears by an atomic rename
     runs.parquet        one row per run and detector lane, sorted, with the scenario's columns: the result
     timing.parquet      what a clock measured; never the same twice, so it stands apart
-    logs/<run>.mcap     logs that were kept
+    logs/<run>.mcap     logs of runs that were flown again
     manifest.json       what was flown, with which code and seeds, and the SHA-256 of the files of the result
 
 Rows come in any order and may be there twice when a campaign was killed between two files; `rows()` drops the second.
@@ -18,7 +18,7 @@ import hashlib
 import itertools
 import json
 import subprocess
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -32,8 +32,7 @@ from cosim.campaign import parts
 from cosim.campaign.parts import ROWS, SCENARIOS, TIMING, table_of, write_blocks
 from cosim.errors import CampaignError, CosimError, OutputError
 from cosim.files import FULL, SPACE, held, regular, replace_text, sweep
-from cosim.scenario.brought import changed
-from cosim.scenario.user_file import UserFile
+from cosim.scenario.user_parts import UserPart, changed
 from cosim.texts import from_json, read
 
 MANIFEST = "manifest.json"
@@ -113,7 +112,7 @@ class Store:
 
     def __init__(
         self, out: str | Path | None, scenarios: pd.DataFrame, texts: Iterable[str] = (), *, resume: bool = True,
-        anew: bool = False, files: Iterable[tuple[str, UserFile]] = (),
+        anew: bool = False, files: Iterable[tuple[str, UserPart]] = (),
     ):  # fmt: skip
         """Open folder `out` (None for memory only) for `scenarios`, a frame with run, order, ..., of which `texts` are
         the expanded TOML, and in which `files` of a user's fly, (key, UserFile). Raises CampaignError when the folder
@@ -188,8 +187,8 @@ class Store:
         found = table_of(self.out / "timing.parquet", TIMING, ("run",))
         return (TIMING.empty_table() if found is None else found).to_pandas()
 
-    def consolidate(self, out: Path, kept: Mapping[str, Sequence[str]]) -> dict[str, str]:
-        """Write runs.parquet in the folder `out`, with the rules by which logs are `kept`, and timing.parquet, both in
+    def consolidate(self, out: Path) -> dict[str, str]:
+        """Write runs.parquet in the folder `out` and timing.parquet, both in
         the order of the runs, a block of them at a time; merge the parts into one file each. Return {run: status} of
         every run that has a row."""
         order = dict(zip(self.scenarios["run"], self.scenarios["order"]))
@@ -200,7 +199,6 @@ class Store:
                 about = self.scenarios[self.scenarios["run"].isin(set(found["run"]))]
                 frame = _joined(about, found)
                 status.update(zip(frame["run"], frame["status"]))
-                frame["kept"] = frame["run"].map(lambda run: ",".join(kept.get(run, ())))
                 yield parts.checked(pa.Table.from_pandas(frame, preserve_index=False), ROWS, KEYS[:1])
 
         def timed():
@@ -215,7 +213,7 @@ class Store:
         return status
 
 
-def brought_to(folder: Path) -> list[tuple[str, UserFile]]:
+def brought_to(folder: Path) -> list[tuple[str, UserPart]]:
     """Return the (key, UserFile) that fly in the runs of a folder, as it says. Raises CampaignError."""
     path = folder / USER_FILES
     if not path.is_file():
@@ -224,10 +222,10 @@ def brought_to(folder: Path) -> list[tuple[str, UserFile]]:
     return user_files(told, path, CampaignError)
 
 
-def user_files(told: Any, place: Path, error: type[CosimError]) -> list[tuple[str, UserFile]]:
+def user_files(told: Any, place: Path, error: type[CosimError]) -> list[tuple[str, UserPart]]:
     """Return the (key, UserFile) of what the file at `place` tells of them, else raise `error`."""
     try:
-        return [(key, UserFile(*file)) for key, *file in TOLD.validate_python(told)]
+        return [(key, UserPart(*file)) for key, *file in TOLD.validate_python(told)]
     except ValueError:
         raise error("is damaged: user_files", place=str(place), remedy="Choose another place with -o") from None
 
@@ -269,7 +267,7 @@ def load(folder: str | Path) -> tuple[pd.DataFrame, pd.DataFrame | None]:
         named = f"; damaged: {', '.join(damaged)}" if damaged else ""
         remedy = "`cosim campaign` makes one, --resume flies again what is lost"
         raise CampaignError(f"holds no whole run of a campaign{named}", place=str(folder), remedy=remedy)
-    frame = _joined(_scenarios(folder).drop(columns="toml"), found).assign(kept="")
+    frame = _joined(_scenarios(folder).drop(columns="toml"), found)
     frame.attrs["damaged"] = damaged
     timing = parts.read(folder, "timing")
     return frame, None if timing is None else _timed(timing)
@@ -307,7 +305,7 @@ def _git(*words):
     return told.stdout.strip()
 
 
-def write_manifest(out: Path, about: dict, brought: Iterable[tuple[str, UserFile]] = ()) -> None:
+def write_manifest(out: Path, about: dict, brought: Iterable[tuple[str, UserPart]] = ()) -> None:
     """Write the manifest of a finished campaign into its folder `out`: what it tells of itself (`about`: runs, rows,
     seeds, flights per second of a core), the code, and the user's files that flew, (key, UserFile)."""
     about = {

@@ -1,6 +1,5 @@
 """Commands about many flights and their pages: `campaign`, `report`, `compare`."""
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +9,7 @@ from rich.text import Text
 
 from cosim.cli import flight, tables
 from cosim.cli import output as shared
-from cosim.cli.app import answer, app, err, notes, only_with, out
+from cosim.cli.app import answer, app, err, notes, out
 from cosim.cli.output import argument, flag, option, output_option, reserve
 from cosim.errors import CosimError
 
@@ -29,9 +28,6 @@ def campaign(
     output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>.")] = None,
     overwrite: shared.OverwriteOption = False,
     again: Annotated[str | None, option("ID", "Fly one run again, with a log, and compare its row.", "--rerun")] = None,
-    worst: Annotated[str | None, option("DETECTOR", "Provoke a false alarm, fault-free (300 flights).")] = None,
-    likeliest: Annotated[str | None, option("DETECTOR", "The likeliest flight in which it fails.")] = None,
-    part: Annotated[str | None, option("NAME", "With --likeliest: the part to search.")] = None,
     detector: shared.DetectorOption = None,
     json_: shared.JsonOption = False,
 ) -> None:
@@ -39,18 +35,8 @@ def campaign(
 
     Exit status 1: a run ended in an error, or none could be flown.
     """
-    from cosim.campaign.run import folder, run_campaign
+    from cosim.campaign.run import run_campaign
 
-    only_with("--likeliest", likeliest, part=part)
-    if worst or likeliest:
-        from cosim.campaign import search
-        from cosim.campaign.spec import shipped
-
-        shipped(worst or likeliest or "")
-        path = (output or folder(campaign)) / (f"worst-{worst}.toml" if worst else f"likeliest-{likeliest}.toml")
-        reserve(path, search.WORST if worst else search.LIKELIEST)
-        _search(campaign, worst, likeliest, part, json_, workers=workers, out=path)
-        return
     if again:
         _rerun(campaign, again, json_, out=output, guests=detector or ())
     with tables.progress(err, f"flying {Path(campaign).stem}", "runs", "preparing the workers") as progress:
@@ -64,17 +50,6 @@ def campaign(
     notes(done.notes)
     answer(json_, {**done.to_dict(), "errors": cli_campaign.errors(done.frame)}, lambda _: cli_campaign.campaign(done))
     raise typer.Exit(cli_campaign.exit_status(done.frame))
-
-
-def _search(campaign, worst, likeliest, part, json_, **how):
-    """Seek a false alarm of detector `worst`, or else the likeliest failure of `likeliest`, and print it."""
-    from cosim.campaign import search
-
-    does = f"provoking {worst}" if worst else f"seeking {likeliest}'s failure"
-    with tables.progress(err, does, "flights", "preparing the workers") as progress:
-        seek, detector = (search.search, worst) if worst else (partial(search.likeliest, part=part or ""), likeliest)
-        found = seek(campaign, detector, progress=progress, **how).to_dict()
-    answer(json_, found, lambda _: tables.whole(provoked(found, how["out"]) if worst else failures(found)))
 
 
 def _rerun(campaign, run, json_, **how):
@@ -216,21 +191,3 @@ def compared(found: dict) -> Group:
     more += [predictive(found["predictive"])] if found.get("predictive") else []
     why_not = (Text(line, "dim") for line in why)
     return Group(head, *beside, detectors(found["detectors"]), *why_not, *more, *files)
-
-
-def provoked(found: dict, path: Path) -> str:
-    """Return what a search for a false alarm came to."""
-    gain = f"|r| {found['r']:.2f} of the threshold, {found['first_r']:.2f} in the first generation"
-    return f"{gain}; {found['false_alarms']} false alarms in {found['flights']} flights\n{path}"
-
-
-def failures(found: dict) -> str:
-    """Return what a search for the likeliest failure came to, as lines."""
-    if not found["failures"]:
-        return f"none in {found['flights']} flights; |r| came to {found['nearest']:.2f} of the threshold"
-    lines = []
-    for f in found["failures"]:
-        away = ", ".join(f"{key} {z:+.1f} sigma" for key, z in list(f["away"].items())[:4]) or "every draw at its mean"
-        seeds = f"with {f['failed']} of {f['flown']} other seeds"
-        lines.append(f"{found['failure']}: log P {f['log_p']:.1f}, {away}; {seeds}")
-    return "\n".join([*lines, f"{found['flights']} flights", found["scenario"]])

@@ -26,8 +26,8 @@ DEFAULT = "liquid-ofc"
 ARRAYS = (".npy", ".npz")
 # as `cosim -h` shows them: a flight, many flights, what is your own, what stands behind the detectors
 ORDER = (
-    "run list example info report replay recover compact campaign compare false-alarms margins dataset "
-    "new check estimate map identify linearize envelope reproduce design train bench"
+    "run list example info report replay recover campaign compare dataset "
+    "new check map linearize reproduce bench"
 ).split()
 
 
@@ -57,7 +57,7 @@ def run(
     json_: shared.JsonOption = False,
 ) -> Any:
     """Fly a scenario, log it, show who alarmed, when, and for what."""
-    from cosim.scenario.brought import identified
+    from cosim.scenario.user_parts import identified
 
     only_with("--live", live, speed=speed, port=port, flightgear=flightgear)
     flown = loaded(scenario, set_ or ())
@@ -185,12 +185,12 @@ def _write_sources(log, scenario, folder):
     """Write the scenario of a log and what is attached to it; say what is not."""
     from cosim.log import open_log
     from cosim.replay import log_schema
-    from cosim.scenario import brought
+    from cosim.scenario.user_parts import write
 
     if not scenario:
         raise CosimError("writes the scenario", place=f"-o {folder}", remedy="Add --scenario")
     found = open_log(log)
-    missing = brought.write(log_schema.scenario_tables(found), found.attachments, folder)
+    missing = write(log_schema.scenario_tables(found), found.attachments, folder)
     notes(f"{key}: the log does not hold its file" for key in missing)
     path = folder / "scenario.toml"
     out.print(tables.whole(f"wrote  {path}\nnext   cosim run {tables.word(path)}"))
@@ -222,7 +222,7 @@ def linearize(
 
 
 # the modules of the other commands
-PARTS = ("replay", "campaigns", "false_alarms", "user_files", "identify", "envelope", "study", "bench")
+PARTS = ("replay", "campaigns", "user_files", "study", "bench")
 for part in PARTS:
     importlib.import_module(f"cosim.cli.{part}")
 names = {str(c.name or getattr(c.callback, "__name__", "")).replace("_", "-"): c for c in app.registered_commands}

@@ -1,4 +1,4 @@
-"""The commands `replay`, `recover` and `compact`, and their tables, from the same plain data that `--json` prints."""
+"""The commands `replay` and `recover`, and their tables, from the same plain data that `--json` prints."""
 
 import contextlib
 import itertools
@@ -113,16 +113,14 @@ def _attached(log, folder):
     """Write the sources of a log into `folder`; return the files of its detectors."""
     from cosim.log import open_log
     from cosim.replay import log_schema
-    from cosim.scenario import brought
-    from cosim.scenario.brought import places
-    from cosim.scenario.user_file import identity_unrun
+    from cosim.scenario.user_parts import identity, places, write
 
     found = open_log(log)
     tables = log_schema.scenario_tables(found)
-    missing = brought.write(tables, found.attachments, folder)
+    missing = write(tables, found.attachments, folder)
     own = [at for at in places(tables) if at.name.startswith("detectors.") and at.name not in missing]
     for at in own:
-        if identity_unrun((folder / at.table[at.key]).parent) != at.table.get(at.digest):
+        if identity(folder / at.table[at.key]).sha256 != at.table.get(at.digest):
             said = "what is attached is not the code that flew: its digest differs, or a file of it is not attached"
             raise LogError(said, place=f"{log}: {at.name}", remedy="Give it by --detector")
     return [folder / at.table[at.key] for at in own]
@@ -166,24 +164,6 @@ def recover(
     if from_part and found["cut"]:  # all but its open end is in the new log
         left.unlink()
     answer(json_, found, recovered)
-
-
-@app.command()
-def compact(
-    log: shared.LogArg,
-    output: Annotated[Path | None, output_option("LOG", "Default: in its place.")] = None,
-    overwrite: shared.OverwriteOption = False,
-    json_: shared.JsonOption = False,
-) -> None:
-    """Write a log in fewer bytes, slowly: the same samples."""
-    from cosim.log import compact as work
-    from cosim.log.format import OURS
-
-    path = output or log
-    reserve(path, OURS, log=path.resolve() != log.resolve())
-    found = work(log, path)
-    said = f"{found['before'] / 1e6:.1f} MB before, {found['bytes'] / 1e6:.1f} MB now\nlog    {found['out']}"
-    answer(json_, found, lambda _: whole(said))
 
 
 def shown(found: dict[str, Any], detection: bool) -> Group:

@@ -1,4 +1,4 @@
-"""Commands for what a user brings: a detector or an aircraft (`new`, `check`, `estimate`), a recording (`map`)."""
+"""Commands for what a user brings: a detector or an aircraft (`new`, `check`), a recording (`map`)."""
 
 import json
 import os
@@ -9,8 +9,8 @@ import typer
 
 from cosim.cli import output as shared
 from cosim.cli import tables
-from cosim.cli.app import answer, app, err, out
-from cosim.cli.output import argument, flag, option, output_option, reserve
+from cosim.cli.app import answer, app, err, only_with, out
+from cosim.cli.output import argument, option, output_option, reserve
 from cosim.table import Cell, Table
 
 
@@ -23,28 +23,41 @@ def edited(path: Path) -> bool:
 def new(
     what: Annotated[str, argument("KIND", "detector, law, actuator, aircraft or campaign.")],
     name: Annotated[str, argument("NAME", "Lower-case letters, digits and _.")],
+    numbers: Annotated[Path | None, option("FILE", "Of an aircraft: numbers.toml; writes its JSBSim files.")] = None,
     output: Annotated[Path, output_option("DIR", "Folder of the files.")] = Path("."),
     overwrite: shared.OverwriteOption = False,
     json_: shared.JsonOption = False,
 ) -> None:
     """Write a detector, law, actuator, aircraft or campaign.
 
-    It runs as it is, and so does its test: test_NAME.py.
+    It runs as it is, and so does its test: test_NAME.py. An aircraft is first a template of its numbers to fill in.
     """
+    only_with("aircraft", what == "aircraft", numbers=numbers)
     from cosim.files import replace_text
     from cosim.flight.plugins.new import KINDS, texts
 
-    made = {output / file: text for file, text in texts(name, what).items()}
+    written = {output / file: text for file, text in texts(name, what, numbers).items()}
+    made = {path: text for path, text in written.items() if not (numbers and _holds(path, text))}
     for path in made:
         reserve(path, edited)
     for path, text in made.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
         replace_text(path, text, edited)
     test = output / f"test_{name}.py"
-    main = output / name if what == "aircraft" else next(path for path in made if path != test)
-    told = [f"wrote  {main}", f"wrote  {test}"]
-    steps = [step.format(file=tables.word(main), name=name) for step in (*KINDS[what], f"pytest {tables.word(test)}")]
+    main = output / name if what == "aircraft" else next(path for path in written if path != test)
+    told, steps = [f"wrote  {main}"], [step.format(file=tables.word(main), name=name) for step in KINDS[what]]
+    if test in written:
+        told, steps = [*told, f"wrote  {test}"], [*steps, f"pytest {tables.word(test)}"]
+    else:
+        where = "" if output == Path(".") else f" -o {tables.word(output)}"
+        steps = [f"cosim new aircraft {name} --numbers {tables.word(main / 'numbers.toml')}{where}"]
     told += [f"{'      ' if i else 'next  '} {step}" for i, step in enumerate(steps)]
-    answer(json_, {"files": [str(path) for path in made]}, lambda _: tables.whole("\n".join(told)))
+    answer(json_, {"files": [str(path) for path in written]}, lambda _: tables.whole("\n".join(told)))
+
+
+def _holds(path, text):
+    """Return whether a file is there that needs no writing: the two that the numbers of an aircraft come from."""
+    return path.is_file() and path.read_text("utf-8") == text
 
 
 @app.command("map")
@@ -112,26 +125,3 @@ def check(
         t.add(*row)
     answer(json_, found, lambda _: t)
     raise typer.Exit(0 if found["keeps"] else 1)
-
-
-@app.command()
-def estimate(
-    aircraft: Annotated[str, argument("NAME|DIR", "A folder with aircraft.toml and numbers.toml.")],
-    check: Annotated[bool, flag("--check", "Only tell whether the files are what this makes.")] = False,
-    json_: shared.JsonOption = False,
-) -> None:
-    """Write an aircraft's JSBSim files from its dimensions."""
-    from cosim.files import replace_text
-    from cosim.flight.plant.aero.estimate import build
-    from cosim.scenario.aircraft import load_record
-
-    made = build(load_record(aircraft))
-    stale = [path for path, text in made.items() if not path.is_file() or path.read_text(encoding="utf-8") != text]
-    for path in () if check else stale:
-        path.parent.mkdir(exist_ok=True)
-        replace_text(path, made[path])
-    names = [path.name for path in stale]
-    word = "differ from what the numbers give" if check else "written"
-    answer(json_, {"files": len(made), "changed": names}, lambda _: f"{', '.join(names) or 'no file'} {word}")
-    if check and stale:
-        raise typer.Exit(1)

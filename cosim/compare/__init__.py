@@ -17,13 +17,13 @@ from typing import Any
 import pandas as pd
 
 from cosim.campaign.worker import FAILED
-from cosim.compare import bound, figures, metrics, paired, tables
+from cosim.compare import figures, metrics, paired, tables
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError, told_at_call
 from cosim.flight.plugins import loaded, with_detectors
 from cosim.judge.result import plain
-from cosim.scenario.brought import identified
+from cosim.scenario.user_parts import identified
 
 TITLE = "Aircraft-level against local diagnosis, on the same flights"  # of the built-in matrix
 
@@ -133,12 +133,11 @@ def _tidy(frame, tomls, source):
     rows = compare_rows.tidy(frame, tomls, source)
     if rows.empty:
         raise CompareError("no flight has a detector to compare", place=source)
-    return bound.of(rows, tomls)
+    return rows
 
 
 def _made(rows, timing, runs, frames, source, **more):
-    above = bound.beyond(rows)
-    each = [d | {"beyond_physics": d["id"] in above} for d in compare_stats.detectors(rows, timing)]
+    each = compare_stats.detectors(rows, timing)
     failed = sum(int(frame.drop_duplicates("run")["status"].isin(FAILED).sum()) for frame in frames)
     damaged = tuple(path for frame in frames for path in frame.attrs.get("damaged", ()))
     return Comparison(rows, each, runs, failed, source, damaged, **more)

@@ -239,7 +239,7 @@ def of_logs(
         if run in tomls:
             again.append(f"{Path(path).name} of {name}")
         tomls.setdefault(run, flown.toml)
-        if all(key.startswith("detectors.") for key in flown.scenario.brought):  # a log never has any code run
+        if all(key.startswith("detectors.") for key in flown.scenario.user_parts):  # a log never has any code run
             bare = unwatched(flown.scenario)  # detectors move nothing
             flown.achieved = achieved(bare) if faulted(bare) else None
         result = {

@@ -18,7 +18,7 @@ FREQUENCIES = 8
 HELD = 0.95  # share of the time from the alarm to the fault's end in which an alarm that is held stands
 ALPHA = 0.05  # run-level false-alarm probability at which detectors are set side by side
 GROUPED = (
-    "run", "case", "frequency_hz", "amplitude_mm", "target", "family", "bound_mm", "group", "able", "seen", "named",
+    "run", "case", "frequency_hz", "amplitude_mm", "target", "family", "group", "able", "seen", "named",
     "delay_s", "first",
 )  # fmt: skip
 PER_HOUR = ("false_alarms_per_hour", "false_alarms_per_hour_low", "false_alarms_per_hour_high")
@@ -218,7 +218,6 @@ def _of_group(name, own, credible):
     first = seen[0] if seen else {}
     return {
         **{k: own[0][k] for k in ("run", "case", "frequency_hz", "amplitude_mm", "target", "family")},
-        "bound_mm": min((r["bound_mm"] for r in own if r.get("bound_mm", math.nan) > 0.0), default=math.nan),
         "group": name, "able": bool(able), "seen": bool(seen), "named": any(r["outcome"] == "named" for r in seen),
         "delay_s": first.get("delay_s", math.nan), "first": first.get("id"),
     }  # fmt: skip
@@ -265,10 +264,9 @@ def bands(hz: pd.Series) -> pd.Series:
 
 
 def sizes(grouped: pd.DataFrame) -> list[dict]:
-    """Return {group, family, frequency_hz, not_valid, bound_mm, below, **Pod} by group, kind and frequency [mm of rod].
+    """Return {group, family, frequency_hz, not_valid, **Pod} by group, kind and frequency [mm of rod].
 
-    Flights in which no detector of the group could judge are counted in `not_valid` and not in the fit; `bound_mm` is
-    the median bound of physics (cosim/compare/bound.py), None without one, `below` how many flights are below theirs.
+    Flights in which no detector of the group could judge are counted in `not_valid` and not in the fit.
     More than FREQUENCIES different frequencies are taken together in octaves around 0.5, 1, 2, ... Hz.
     """
     own = grouped[grouped["frequency_hz"].notna() & (grouped["amplitude_mm"] > 0.0)]
@@ -278,7 +276,5 @@ def sizes(grouped: pd.DataFrame) -> list[dict]:
         could = part[part["able"]]
         found = pod.fit(could["amplitude_mm"], could["seen"])
         about = {"group": group_, "family": family, "frequency_hz": float(band), "not_valid": len(part) - len(could)}
-        limit = float(part["bound_mm"].median())
-        below = int((part["amplitude_mm"] < part["bound_mm"]).sum())
-        out.append({**about, "bound_mm": None if math.isnan(limit) else limit, "below": below, **asdict(found)})
+        out.append({**about, **asdict(found)})
     return out

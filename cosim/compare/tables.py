@@ -140,8 +140,6 @@ def fit(d: dict | None, best: float | None = None) -> Any:
     if d is None or not (d.get("n") or d.get("designed") or d.get("not_valid")):
         return "blind" if d and d.get("blind") else DASH
     told = f"; {d['not_valid']} not valid" if d.get("not_valid") and "n" in d else ""
-    if d.get("bound_mm") is not None and "n" in d:
-        told += f"; bound {number(d['bound_mm'], 2)}" + (f", {d['below']} below it" if d["below"] else "")
     seen, flights = d.get("seen", d.get("detected")), d.get("n", d.get("designed"))
     if d["a90"] is None:
         return f"{d['note']} ({seen}/{flights}{told})" if flights else f"not valid ({d['not_valid']})"
@@ -154,8 +152,7 @@ SIZES = (
     "Achieved amplitude, mm of rod, at which 90 % are seen (binomial regression on its logarithm), in brackets "
     "its lower bound and a90/95, with which one is on the safe side at 95 %; ?: outside the sizes flown. Where no "
     "curve can be fitted, what the flights say. Not valid: flights in which no detector of the group could judge, "
-    "not in the fit. Bound: of physics, what the best detector of that level could see with 90 % at best (median "
-    "of the flights); flights below it stay in."
+    "not in the fit."
 )
 
 
@@ -236,41 +233,3 @@ def predictive(found: Iterable[dict]) -> Table:
     )  # fmt: skip
     return of(columns, found, keys=2, title="What an alarm is worth", caption="Faults in the mix of kinds and sizes of "
               "these flights, those it was designed for; a first alarm of each fault, every false one.")  # fmt: skip
-
-
-def _level(x: float | None) -> str:
-    """Return a rate or level, a word for what is endless."""
-    return "no level" if x is not None and x > 1e99 else number(x)
-
-
-def with_ends(own: dict | None) -> str:
-    """Return {value, low, high} as a text."""
-    return DASH if own is None else f"{_level(own['value'])} ({_level(own['low'])} to {_level(own['high'])})"
-
-
-def rates(each: Iterable[dict], against: bool = True) -> Table:
-    """Return the Table of false alarms per hour, from cosim.compare.false_alarms, with what is `against` each."""
-    columns = (
-        Column("detector", "id", right=False), Column("hours", lambda d: f"{d['hours']:.1f}"), Column("alarms"),
-        Column("alarms per hour", lambda d: with_ends(d["alarms_per_hour"]), doc="with 95 % bounds, of this model"),
-        Column("crossed per hour", lambda d: with_ends(d["at_threshold"]), doc="statistic at its threshold, however "
-               "short", rank=1),
-        Column("by", lambda d: d["at_threshold"]["by"] if d["at_threshold"] else DASH, rank=3, right=False),
-        Column("c for 1e-9 per hour", lambda d: with_ends(d["needed"]), doc="c: all thresholds times this", rank=2),
-        Column("shape", lambda d: with_ends(None if d["fit"]["note"] else d["fit"]["shape"]), rank=5),
-        Column("what is against it", lambda d: "\n".join(d["against"]) or Cell("nothing", "good"), rank=4, right=False),
-    )  # fmt: skip
-    return of(columns if against else columns[:-1], each)
-
-
-def held_out(each: Iterable[dict]) -> Table:
-    """Return the Table of the half of the flights that was not fitted."""
-    columns = (
-        Column("detector", "id", right=False), Column("c", lambda h: _level(h["level"])),
-        Column("fitted", lambda h: f"{_level(h['rate'])} ({_level(h['low'])} to {_level(h['high'])})", "per hour"),
-        Column("counted"), Column("in hours", lambda h: f"{h['hours']:.1f}"),
-        Column("rate", lambda h: f"{_level(h['counted'] / h['hours'])} ({_level(h['counted_low'])} to "
-                                 f"{_level(h['counted_high'])})", "per hour"),
-        Column("agree", lambda h: Cell("yes", "good") if h["agree"] else Cell("no", "bad"), right=False),
-    )  # fmt: skip
-    return of(columns, [{"id": d["id"], **h} for d in each for h in d["held_out"]])

@@ -30,9 +30,9 @@ from cosim.flight.plugins.inputs import user_inputs
 from cosim.flight.plugins.plain import GuestBlock, PlainDetector
 from cosim.flight.tick import Block, Loop
 from cosim.scenario import Scenario
-from cosim.scenario.brought import identified
 from cosim.scenario.catalog import TECHNOLOGIES
 from cosim.scenario.own_actuator import register
+from cosim.scenario.user_parts import identified
 
 CLOCK = dtype([("t", "f8", "s")])
 

@@ -16,7 +16,7 @@ from cosim.flight.plugins.watchdog import ended_by_force, watched
 from cosim.judge.result import Result, judge, judged
 from cosim.log import LogWriter
 from cosim.scenario import Scenario, load_scenario
-from cosim.scenario.user_file import aside
+from cosim.scenario.user_parts import stdout_to_stderr
 
 
 @told_at_call
@@ -50,7 +50,7 @@ def simulate(
         sinks = [writer] if writer else []
         flown = time.perf_counter()
         hangs = ended_by_force(lambda: _cut_off(writer, setup)) if setup.foreign else nullcontext()
-        with aside() if own else nullcontext(), watched(own) if own else nullcontext(), hangs:
+        with stdout_to_stderr() if own else nullcontext(), watched(own) if own else nullcontext(), hangs:
             trace, status, reason = fly(setup, *sinks, progress=progress, pause=twin and twin.pause)
         wall = time.perf_counter() - flown
         result = Result(

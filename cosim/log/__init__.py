@@ -4,10 +4,10 @@ from .format import Limits, LogError, Topic, TopicInfo
 from .foxglove import Pose
 from .layouts import viewer_layouts
 from .reader import Log, open_log
-from .recover import compact, recover
+from .recover import recover
 from .writer import LogWriter, fits
 
 __all__ = [
-    "Limits", "Log", "LogError", "LogWriter", "Pose", "Topic", "TopicInfo", "compact", "fits", "open_log",
+    "Limits", "Log", "LogError", "LogWriter", "Pose", "Topic", "TopicInfo", "fits", "open_log",
     "recover", "viewer_layouts",
 ]  # fmt: skip

@@ -8,17 +8,11 @@ from typing import Any
 import lz4.frame
 import zstandard
 
-# Measured on chunks of a flight with 7030 bytes/tick, other processes on both cores [us/tick, bytes/tick]: lz4 at
-# acceleration 10 in one piece 4.1, 4188; in independent blocks of 64 kB, whose tables are half as large, 15 2.7, 4563;
-# 20 2.6, 4643; 40 2.1, 4935. zstd level -3 6.2, 3553; -20 3.6, 4502. The rows of a flight are mostly noise in the last
-# bits of doubles: the slower ones search for what is not there. What cosim/log/lz4_rows.py makes, which the writer
-# takes where it has compiled code, takes 1.7 where lz4 at acceleration 15 takes 2.5, with as many bytes.
-_ACCELERATION, _BLOCK = 15, lz4.frame.BLOCKSIZE_MAX64KB
-_FAST: dict[str, Any] = {"compression_level": -_ACCELERATION, "block_size": _BLOCK, "block_linked": False}
-# smaller, but a topic cannot be read without all others; beyond 6 a log hardly shrinks, and takes forty times as long
-LEVELS = {"zstd": 6, "zstd-fast": 3}
+# The rows of a flight are mostly noise in the last bits of doubles: slower searches look for what is not there.
+# Measured on chunks of a flight: acceleration 25 takes 1.9 us a tick, 15 2.1 for 6 % less, 40 1.5 for 8 % more.
+_FAST: dict[str, Any] = {"compression_level": -25, "block_size": lz4.frame.BLOCKSIZE_MAX64KB, "block_linked": False}
+LEVEL = 3  # of zstd: a quarter smaller than LZ4, ten times its time; beyond a log hardly shrinks
 COMPRESSIONS = ("", "lz4", "zstd")  # as MCAP names them
-
 
 _TRIM, _MMAP = -1, -3  # M_TRIM_THRESHOLD and M_MMAP_THRESHOLD of glibc's malloc.h
 _KEPT = 32 << 20  # [byte]
@@ -26,11 +20,8 @@ _KEPT = 32 << 20  # [byte]
 
 @functools.cache
 def keep_memory() -> None:
-    """Let this process keep freed memory, up to some 32 MB, for the next chunk.
-
-    Otherwise glibc gives the megabyte of every chunk back and takes it anew, and the system clears it page by page: on
-    some machines that takes longer than compressing. Elsewhere nothing is changed.
-    """
+    """Let this process keep freed memory, up to some 32 MB, for the next chunk: glibc gives a megabyte back and the
+    system clears it page by page, which takes longer than compressing. Elsewhere nothing is changed."""
     with suppress(OSError, AttributeError, TypeError):
         mallopt = ctypes.CDLL(None).mallopt
         mallopt(_MMAP, _KEPT)
@@ -41,15 +32,11 @@ class FrameError(ValueError):
     """Say that compressed data are not one whole frame of the size that they should have."""
 
 
-def compressor(name: str) -> Any:
-    """Return bytes-like -> bytes for a name of COMPRESSIONS or LEVELS; raises ValueError for another."""
+def compress(content: bytes, name: str) -> bytes:
+    """Return `content` compressed by one of COMPRESSIONS."""
     if name == "lz4":
-        return lambda content: lz4.frame.compress(content, store_size=True, **_FAST)
-    if name in LEVELS:
-        return zstandard.ZstdCompressor(level=LEVELS[name]).compress
-    if name == "":
-        return bytes
-    raise ValueError(f"compression {name!r}; there is {', '.join(map(repr, (*COMPRESSIONS, 'zstd-fast')))}")
+        return lz4.frame.compress(content, store_size=True, **_FAST)
+    return zstandard.ZstdCompressor(level=LEVEL).compress(content) if name else content
 
 
 def decompress(data: Any, size: int, name: str, *, others: bool = False) -> Any:

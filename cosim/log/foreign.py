@@ -25,7 +25,7 @@ from cosim.files import regular
 
 from .compression import COMPRESSIONS, decompress
 from .format import Limits, log_error
-from .validate import BAD
+from .walker import BAD
 
 _F = descriptor_pb2.FieldDescriptorProto
 _NOT_NUMBERS = {_F.TYPE_STRING, _F.TYPE_BYTES, _F.TYPE_GROUP, _F.TYPE_MESSAGE, _F.TYPE_ENUM}

@@ -21,10 +21,6 @@ _MESSAGES = {
     "Quaternion": (("x", 1, "double"), ("y", 2, "double"), ("z", 3, "double"), ("w", 4, "double")),
     "Color": (("r", 1, "double"), ("g", 2, "double"), ("b", 3, "double"), ("a", 4, "double")),
     "KeyValuePair": (("key", 1, "string"), ("value", 2, "string")),
-    "Log": (
-        ("timestamp", 1, _TIME), ("level", 2, "enum Level UNKNOWN DEBUG INFO WARNING ERROR FATAL"),
-        ("message", 3, "string"), ("name", 4, "string"), ("file", 5, "string"), ("line", 6, "fixed32"),
-    ),
     "Event": (("start_time", 1, _TIME), ("end_time", 2, _TIME), ("metadata", 3, "KeyValuePair*")),
     "FrameTransform": (
         ("timestamp", 1, _TIME), ("parent_frame_id", 2, "string"), ("child_frame_id", 3, "string"),
@@ -99,7 +95,7 @@ def message(name: str) -> Any:
 
 # channels that every log has, so that viewers and scripts find them even when empty
 TOPICS = {topic: (f"foxglove.{name}", partial(schema, name)) for topic, name in (
-    ("/log", "Log"), ("/events", "Event"), ("/tf", "FrameTransforms"), ("/fix", "LocationFix"))}  # fmt: skip
+    ("/events", "Event"), ("/tf", "FrameTransforms"), ("/fix", "LocationFix"))}  # fmt: skip
 
 
 def _time(ns):

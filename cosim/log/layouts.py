@@ -81,9 +81,10 @@ def _drawn(topics, pages):
 
 
 def _signals(topics, group, names):
-    """Return [(topic, field)] of every field that one of the names fits."""
+    """Return [(name in PlotJuggler, path in Foxglove)] of every field that one of the names fits."""
     exact, begin = {n for n in names if "*" not in n}, tuple(n.rstrip("*") for n in names if n.endswith("*"))
-    return [(topic.name, field) for topic in topics if not group or topic.group == group for field in topic.fields
+    return [(f"{t.name}/{field}", f"{t.channel}{t.name[len(t.channel) :].replace('/', '.')}.{field}")
+            for t in topics if not group or t.group == group for field in t.fields
             if field in exact or (begin and field.startswith(begin))]  # fmt: skip
 
 
@@ -105,7 +106,7 @@ def _panel(kind, config=None, **more):
 
 
 def _plot(title, signals):
-    paths = [{"value": f"{topic}.{field}", "timestampMethod": "publishTime"} for topic, field in signals]
+    paths = [{"value": path, "timestampMethod": "publishTime"} for _, path in signals]
     return _panel("Plot", {"paths": paths}, title=title)
 
 
@@ -122,7 +123,7 @@ def _plotjuggler(pages):
             drawn = {"mode": "TimeSeries", "style": "Lines", "flip_x": "false", "flip_y": "false"}
             plot = ElementTree.SubElement(area, "plot", drawn)
             ElementTree.SubElement(plot, "limitY")
-            for (topic, field), colour in zip(signals, cycle(_COLOURS)):
-                ElementTree.SubElement(plot, "curve", name=f"{topic}/{field}", color=colour)
+            for (name, _), colour in zip(signals, cycle(_COLOURS)):
+                ElementTree.SubElement(plot, "curve", name=name, color=colour)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)

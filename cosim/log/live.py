@@ -20,10 +20,9 @@ from cosim.errors import CosimError, OutputError
 from cosim.texts import from_json
 
 from . import foxglove, gate
-from .chunk import empty_message
-from .format import channel_metadata, schema_data, schema_name
+from .format import channel_metadata
+from .layout import by_channel, encode, schema_data, schema_name, tree_of
 from .layouts import live_layout
-from .message_layout import HEAD
 
 HOST = "127.0.0.1"
 PATIENCE_S = 120.0  # that a service waits for the flight
@@ -59,19 +58,16 @@ class Shown:
     def declare(self, topics: Sequence[Any], pose: Any) -> None:
         """Show these topics from now on: what is new gets a channel, what is known keeps its own."""
         sdk, self._pose, self._channels = library(), pose, []
-        for t in topics:
-            if t.every > 1:
-                continue
-            body, runs = empty_message(len(t.fields))
-            at = np.concatenate([start - HEAD.itemsize + step * np.arange(run.stop - run.start)
-                                 for run, start, step in runs])  # fmt: skip
-            key = t.name, tuple(t.fields)
+        for name, parts in by_channel([t for t in topics if t.every == 1]).items():
+            body, places = encode(tree_of(name, parts))
+            key = name, tuple((p.name, tuple(p.fields)) for p in parts)
             if key not in self._known:
-                schema = sdk.Schema(name=schema_name(t.name), encoding="protobuf", data=schema_data(t.name, t.fields))
-                self._known[key] = sdk.Channel(t.name, schema=schema, message_encoding="protobuf",
-                                               context=self._context, metadata=channel_metadata(t))  # fmt: skip
-            message = np.frombuffer(body, "u1").copy()
-            self._channels.append((self._known[key], t.index, message, at[:, None] + np.arange(8)))
+                schema = sdk.Schema(name=schema_name(name), encoding="protobuf", data=schema_data(name, parts))
+                self._known[key] = sdk.Channel(name, schema=schema, message_encoding="protobuf",
+                                               context=self._context, metadata=channel_metadata(parts))  # fmt: skip
+            index = np.array([parts[part].index[field] for (part, field), _ in places])
+            at = np.array([place for _, place in places])[:, None] + np.arange(8)
+            self._channels.append((self._known[key], index, np.frombuffer(body, "u1").copy(), at))
         for topic in ("/tf", "/fix") if pose is not None and not self._places else ():
             kind, data = foxglove.TOPICS[topic]
             schema = sdk.Schema(name=kind, encoding="protobuf", data=data())

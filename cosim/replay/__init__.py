@@ -26,7 +26,6 @@ from cosim.judge.column_store import SPAN, ColumnStore
 from cosim.judge.detection import columns
 from cosim.judge.result import judged, plain
 from cosim.log import open_log
-from cosim.log.chunk import GATHER
 from cosim.replay import detector_replay as lanes
 from cosim.replay import log_schema
 from cosim.replay.detector_replay import pieces, replay_lane, tick_of
@@ -164,7 +163,7 @@ def _ready(wired):
     """Compile on every core what is not compiled yet."""
     natives = [w.module.rollout.native for w in wired if _compiled(w.module)]
     if natives and not PLAIN:
-        compile_ahead([GATHER, SWEEP, *natives])
+        compile_ahead([SWEEP, *natives])
         for native in (SWEEP, *natives):
             _ = native.address  # before there are threads, of which each would compile it
 

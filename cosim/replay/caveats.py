@@ -150,4 +150,4 @@ def _standing(said, valid, alarm, waited, step, t_0):
     share_pct, since, ready = 100.0 * share[-1], t_0 + began * step, t_0 + first * step
     told = f"{said}: alarms for {share_pct:.0f} % of its valid time, from {since:.6g} s (valid from {ready:.6g} s)"
     return [f"{told}: more likely a model, unit or sign that does not fit than a fault; check the map's units and "
-            "signs, then design for this aircraft (cosim design --aircraft)"]  # fmt: skip
+            "signs, then design for this aircraft (python -m cosim.training all --aircraft DIR)"]  # fmt: skip

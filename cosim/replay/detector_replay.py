@@ -180,7 +180,7 @@ def topics(log: Log, wired: Any) -> list[Any]:
     return [t for t in dict.fromkeys(found) if t in log.topics]
 
 
-def fill(log: Log, wired: Any, start: float = 0, stop: Any = None, read: dict | None = None) -> list[Lane]:
+def fill(log: Log, wired: Any, start: int = 0, stop: Any = None, read: dict | None = None) -> list[Lane]:
     """Return each Lane of `wired` with the ticks start <= k < stop; `read` is what log.arrays gave for them."""
     read = log.arrays(topics(log, wired), start, stop) if read is None else read
     return [_fill(log, w, read, start, stop) for w in wired]
@@ -360,5 +360,5 @@ def _column(log, topic, field):
     """Return a signal as the observers had it: their own copy where the log has one."""
     for name in (topic.replace("/sensors/", "/observers/"), topic):
         if name in log.topics and field in log.topics[name].fields:
-            return log.array(name)[:, log.topics[name].fields.index(field)]
+            return log.array(name, fields=[field])[:, 0]
     raise schema.ReplayError(f"the log has no {topic}.{field}", place=str(log.path))

@@ -15,7 +15,7 @@ from cosim.files import regular
 from cosim.log.foreign import read_mcap
 from cosim.log.format import OURS, log_error
 from cosim.log.reader import open_log
-from cosim.log.validate import BAD
+from cosim.log.walker import BAD
 from cosim.replay import clock
 from cosim.replay.units import is_unit, known
 from cosim.texts import from_json
@@ -100,7 +100,8 @@ def _mcap(path, wanted, time):
     regular(path, LogError)
     try:
         if OURS(path):
-            return open_log(path).frames()
+            log = open_log(path)
+            return {topic: log.frame(topic) for topic in log.topics}
     except OSError as error:
         raise log_error(f"cannot read the file: {error.strerror}", path) from error
     _bounded(path, MOST_BYTES)  # each of its messages is looked at, wanted or not

@@ -17,7 +17,7 @@ from pydantic import BaseModel, Field, ValidationError
 from cosim.errors import CosimError, LogError, did_you_mean
 from cosim.flight.detection.parameters import assign, wrong_parameter, wrong_state
 from cosim.log import Log
-from cosim.scenario import Scenario, brought, parse
+from cosim.scenario import Scenario, parse, user_parts
 from cosim.texts import from_json, toml
 
 MOST_S = 36_000.0  # the longest flight that a scenario may ask for
@@ -123,7 +123,7 @@ def _checked(found, kind, place):
 def scenario(log: Log) -> Scenario:
     """Return the scenario of a log, or raise."""
     tables, place = scenario_tables(log), f"{log.path}: scenario.toml"
-    brought.bring_aircraft(tables, log.attachments, place)
+    user_parts.bring_aircraft(tables, log.attachments, place)
     return parse(tables, place=place)
 
 

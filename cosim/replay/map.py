@@ -27,7 +27,7 @@ from cosim.replay.log_schema import ReplayError, check_start, chosen_overrides, 
 from cosim.replay.map_file import load_map
 from cosim.replay.write import stacked
 from cosim.scenario import parse, vocabulary
-from cosim.scenario.brought import locate
+from cosim.scenario.user_parts import locate
 
 NEAREST = 4  # detectors of which it is said what they lack
 MOST_TICKS = 4_000_000  # five and a half hours at 200 Hz: all inputs of a recording are in memory
@@ -248,7 +248,7 @@ def _write(path, done, out, text, dt):
             (f"/replay/detectors/{d.id}/{lane}", elements(module.STATE, module.OUTPUTS), again, d.every),
         ):
             fields, units = zip(*own)
-            infos.append((name, TopicInfo(name, fields, units, every), "detectors"))
+            infos.append((name, TopicInfo(name, fields, units, every, channel=name.rpartition("/")[0]), "detectors"))
             parts.append(np.zeros((u.shape[1], len(own))))
             parts[-1][::every] = values
     topics, n = stacked(infos)

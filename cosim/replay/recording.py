@@ -98,7 +98,7 @@ class LoggedFlight:
         self.toml = self.log.attachments["scenario.toml"].decode()
         if "/truth/aircraft" not in self.log.topics:
             raise LogError("holds no truth, only what a replay reads", place=str(path), remedy="Fly the scenario again")
-        self._topics = [n for n in self.log.topics if n.startswith((*NEEDED, "/law", "/pilot"))]
+        self._topics = [n for n in self.log.topics if n.startswith((*NEEDED, "/law"))]
         infos = [self.log.topics[n] for n in self._topics]
         small = sum(8 * t.rows * len(t.fields) for t in infos) <= SMALL
         self._arrays = self.log.arrays(self._topics) if small else None
@@ -117,7 +117,7 @@ class LoggedFlight:
         if not self.has(topic, name):
             return np.full(len(self.ticks), np.nan)
         if self._arrays is None:
-            return self.log.columns(topic, [name])[0]
+            return self.log.array(topic, fields=[name])[:, 0]
         return self._arrays[topic][:, self.log.topics[topic].fields.index(name)]
 
     def _rows(self, topic):
@@ -125,8 +125,8 @@ class LoggedFlight:
         if self._arrays is not None:
             return self._arrays[topic]
         store = ColumnStore()
-        for part in self.log.frames(topic):
-            store.append(part.to_numpy())
+        for a, n in self.log.spans:
+            store.append(self.log.arrays([topic], a, a + n)[topic])
         return store
 
     @cached_property

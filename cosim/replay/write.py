@@ -14,12 +14,12 @@ POSE = ("lat", "lon", "h", "phi", "theta", "psi")
 
 
 def stacked(topics: Iterable[tuple[str, Any, str]]) -> tuple[list[Topic], int]:
-    """Return (Topics of one tick vector, its length) of (name, what has fields, units, every and a description, group),
+    """Return (Topics of one tick vector, its length) of (name, what has name, channel, fields, units, every, group),
     one behind the other."""
     out, at = [], 0
     for name, t, group in topics:
         index = np.arange(at, at + len(t.fields))
-        out.append(Topic(name, t.fields, t.units, index, t.every, group, t.description))
+        out.append(Topic(name, t.fields, t.units, index, t.every, group, name.removesuffix(t.name) + t.channel))
         at += len(t.fields)
     return out, at
 

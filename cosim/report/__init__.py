@@ -2,12 +2,9 @@
 
 from cosim.report.compare_page import comparison_report, write_comparison
 from cosim.report.diagnosis_page import diagnosis_report
-from cosim.report.envelope_page import envelope_report
-from cosim.report.false_alarms_page import false_alarms_report
 from cosim.report.flight_page import flight_report
 from cosim.report.reproduce_page import reproduction_report
 
 __all__ = [
-    "comparison_report", "diagnosis_report", "envelope_report", "false_alarms_report", "flight_report",
-    "reproduction_report", "write_comparison",
+    "comparison_report", "diagnosis_report", "flight_report", "reproduction_report", "write_comparison",
 ]  # fmt: skip

@@ -156,9 +156,6 @@ def _care(rows, each):
         told = ", ".join(f"{n} {k}" for n, k in echo.items())
         out.append(f"Alarms that the same manoeuvre raises without a fault are no detections: {told}.")
     for d in each:
-        if d.get("beyond_physics"):
-            out.append(f"{d['id']} sees more small oscillations than physics allows: it reads something that it should "
-                       "not, or the bound is wrong.")  # fmt: skip
         if d["not_valid"]:
             why = f": {d['why_not_valid']}" if d["why_not_valid"] else ""
             n, of = d["not_valid"], d["designed"]

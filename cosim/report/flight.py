@@ -59,7 +59,7 @@ def motion(flown: LoggedFlight) -> Figure:
     shown: list[tuple[str, str, float, list[tuple[str, str, str, float, float]]]] = [
         ("Altitude", "ft", 100.0, [("", truth, "h", FT_PER_M, 0.0)]),
         ("Airspeed, calibrated", "kt", 2.0, [("", truth, "cas", KT_PER_M_S, 0.0)]),
-        ("Load factor", "g", 0.1, [("demanded", "/pilot", "nz_dem", 1.0, 1.0), ("flown", truth, "nz", 1.0, 0.0)]),
+        ("Load factor", "g", 0.1, [("demanded", "/law/pilot", "nz_dem", 1.0, 1.0), ("flown", truth, "nz", 1.0, 0.0)]),
         ("Angle of attack", "deg", 0.5, [("measured", "/sensors/aircraft", "alpha", deg, 0.0),
                                          ("true", truth, "alpha", deg, 0.0)]),
         ("Attitude", "deg", 1.0, [("pitch", truth, "theta", deg, 0.0), ("bank", truth, "phi", deg, 0.0)]),

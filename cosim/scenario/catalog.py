@@ -109,27 +109,27 @@ ENGINE_KINDS = {"thrust_loss": Kind("thrust falls by a share", LOSS, exclusive="
 _ALWAYS = ("ofc_liquid", "ofc_solid", "bias", "runaway")  # they enter with a command
 
 TECHNOLOGIES: dict[str, Technology] = {}
-BROUGHT: set[str] = set()  # of these, those that a scenario has brought along
+USERS: set[str] = set()  # of these, those of the user's that a scenario names
 ACTUATOR_SENSORS: dict[str, tuple[Unit, ...]] = {}  # sensor of an actuator -> units of its faults and settings
 SENSORS_OF: dict[str, tuple[str, ...]] = {}  # technology -> sensors that may fail
 LOOP_SENSOR: dict[str, str] = {}  # technology -> the sensor that closes its position loop
 ELEVATOR_KINDS: dict[str, Kind] = {}
 
 
-def register(technology: Technology, *, brought: bool = False) -> None:
+def register(technology: Technology, *, users: bool = False) -> None:
     """Let scenarios name `technology`, its sensors and its kinds of fault; ValueError where it contradicts another. One
-    that a scenario has `brought` along is that scenario's alone."""
+    of the user's (`users`) is that scenario's alone."""
     for name, sensor in technology.sensors.items():
         if ACTUATOR_SENSORS.get(name, sensor.units) != sensor.units:
             raise ValueError(f"sensor {name!r} of {technology.name!r} has other units than another technology's")
     TECHNOLOGIES[technology.name] = technology
-    (BROUGHT.add if brought else BROUGHT.discard)(technology.name)
+    (USERS.add if users else USERS.discard)(technology.name)
     _derive()
 
 
 def technologies(own: Iterable[str]) -> tuple[str, ...]:
     """Return the technologies that a scenario may name which brings `own` along."""
-    return tuple(name for name in TECHNOLOGIES if name not in BROUGHT or name in own)
+    return tuple(name for name in TECHNOLOGIES if name not in USERS or name in own)
 
 
 def _derive():

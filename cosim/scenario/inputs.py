@@ -14,7 +14,7 @@ from pydantic import Field, ValidationInfo, model_validator
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario.aircraft import of
 from cosim.scenario.problem import Table, problem
-from cosim.scenario.user_file import found as file_of
+from cosim.scenario.user_parts import find as file_of
 from cosim.texts import read
 
 TIME = "time_s"

@@ -12,12 +12,12 @@ from cosim.errors import CosimError, ScenarioError, did_you_mean, joined, told_a
 from cosim.scenario import inputs, own_actuator
 from cosim.scenario.aircraft import DEFAULT as DEFAULT_AIRCRAFT
 from cosim.scenario.aircraft import load_aircraft
-from cosim.scenario.brought import locate
 from cosim.scenario.fault import Fault
 from cosim.scenario.manoeuvre import KINDS
 from cosim.scenario.model import Scenario
 from cosim.scenario.override import applied
 from cosim.scenario.problem import Origin
+from cosim.scenario.user_parts import locate
 from cosim.texts import read, toml
 
 DEFAULT = "liquid-ofc"

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError, ValidationInfo, model_validator
 
-from cosim.scenario import brought, toml
 from cosim.scenario import catalog as c
+from cosim.scenario import toml, user_parts
 from cosim.scenario.aircraft import Aircraft, load_aircraft, of
 from cosim.scenario.elevator import Elevator
 from cosim.scenario.fault import Fault, check_together
@@ -16,7 +16,7 @@ from cosim.scenario.manoeuvre import Cruise, Manoeuvre
 from cosim.scenario.own_actuator import OwnActuator
 from cosim.scenario.problem import MULTIPLIER, Duration, Mistakes, Table, check_numbers, choice, known_keys, problem
 from cosim.scenario.tolerance import toleranced
-from cosim.scenario.user_file import UserFile
+from cosim.scenario.user_parts import UserPart
 from cosim.table import Table as Drawn
 from fdi.registry import DEFAULT, GUESTS, SHIPPED
 
@@ -85,7 +85,7 @@ class Tolerances(Table, extra="allow"):
             return raw
         groups = [name for name, t in c.TECHNOLOGIES.items() if t.servo]
         known_keys(raw, ("aero", *groups))
-        own = [name for name in groups if name not in c.BROUGHT]  # which have none, but for empty ones in older logs
+        own = [name for name in groups if name not in c.USERS]  # which have none, but for empty ones in older logs
         return {"aero": {}, **{name: {} for name in own}, **{k: v for k, v in raw.items() if v or k in ("aero", *own)}}
 
     @model_validator(mode="after")
@@ -227,14 +227,14 @@ class Scenario(Table):
         return tuple(dict.fromkeys([*self.detectors.enabled, *closed]))
 
     @property
-    def brought(self) -> dict[str, UserFile]:
-        """Return {key: UserFile} of every file or folder of a user's that flies."""
-        return brought.files(self.model_dump(mode="python", exclude_none=True))
+    def user_parts(self) -> dict[str, UserPart]:
+        """Return {key: UserPart} of every file or folder of a user's that flies."""
+        return user_parts.named(self.model_dump(mode="python", exclude_none=True))
 
     @property
-    def code(self) -> tuple[UserFile, ...]:
-        """Return what of `brought` is code; an aircraft is data."""
-        return tuple(file for key, file in self.brought.items() if key != "flight.aircraft")
+    def code(self) -> tuple[UserPart, ...]:
+        """Return what of `user_parts` is code; an aircraft is data."""
+        return tuple(file for key, file in self.user_parts.items() if key != "flight.aircraft")
 
     @property
     def aircraft(self) -> Aircraft:
@@ -300,10 +300,10 @@ class Scenario(Table):
 
     def portable_toml(self, *, aircraft: bool = True) -> str:
         """Return `expanded_toml` with the names of a user's files in place of paths: with their digests
-        (`brought.identified`) it says which flight it is on every machine. That of an aircraft, without which a
+        (`user_parts.identified`) it says which flight it is on every machine. That of an aircraft, without which a
         scenario cannot be read, stays a path where `aircraft` is false.
         """
-        return toml.dumps(brought.portable(self.model_dump(mode="python", exclude_none=True), aircraft=aircraft))
+        return toml.dumps(user_parts.portable(self.model_dump(mode="python", exclude_none=True), aircraft=aircraft))
 
 
 def _right_alone(raw, context):

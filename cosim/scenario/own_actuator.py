@@ -11,7 +11,7 @@ from actuators.constants import TO_SI
 from cosim.errors import ScenarioError
 from cosim.scenario import catalog as c
 from cosim.scenario.problem import Table, choice, problem
-from cosim.scenario.user_file import load
+from cosim.scenario.user_parts import load
 
 INPUTS = {  # word -> its unit
     "command": "rad", "valve_command": "-", "hinge_0": "N m", "hinge_slope": "N m/rad", "hinge_moment": "N m",
@@ -86,7 +86,7 @@ def register(actuators: dict[str, OwnActuator]) -> None:
                 given = getattr(own, part).items()
                 tables[part] = {w: fmu.Variable(v.variable, v.unit, {**INPUTS, **OUTPUTS}[w]) for w, v in given}
             made = user_actuator.from_fmu(name, own.path, own.servo, tables, error)
-        c.register(made, brought=True)
+        c.register(made, users=True)
 
 
 def take(table: dict) -> None:

@@ -103,11 +103,11 @@ def _words(technologies):
         out.append(Signal(name, "sensor", sensors[name].meaning, unit, *place, has))
     for tech in technologies:
         name, meaning, unit = c.TECHNOLOGIES[tech].sent
-        topic = f"/actuators/{{lane}}/{tech}"
+        topic = f"/actuators/{tech}/{{lane}}"
         if name:
             out.append(Signal(name, "sent", meaning, unit, f"{tech}_in.{{lane}}.u", "", topic, "u_held", (tech,)))
     for name, (meaning, unit) in HINGE.items():
-        source, topic = f"hinge_model.{{lane}}.{name}", "/hinge_model/{lane}"
+        source, topic = f"hinge_model.{{lane}}.{name}", "/hinge/{lane}"
         out.append(Signal(name, "model", meaning, unit, source, "", topic, name, technologies))
     return {s.word: s for s in out}
 
@@ -169,15 +169,17 @@ def inventory() -> list[dict[str, str]]:
 
 # Where the sections of the bus stand in the log; those that are not named here are an actuator's or a detector's
 TOPICS = {
-    "truth": "/truth/{lane}", "surfaces": "/surfaces/{lane}", "pilot": "/pilot", "law": "/law",
-    "hinge_model": "/hinge_model/{lane}", "faults": "/faults/f{lane}",
+    "truth": "/truth/{lane}", "surfaces": "/truth/surfaces", "pilot": "/law/pilot", "law": "/law",
+    "hinge_model": "/hinge/{lane}", "faults": "/faults/f{lane}",
 }  # fmt: skip
 
 
 def topic(section: str, lane: str) -> str:
     """Return the topic of the log that holds a lane of a section of the bus."""
-    of_actuator = any(section in (t.name, t.servo) for t in c.TECHNOLOGIES.values())
-    place = TOPICS.get(section, f"/{'actuators/{lane}/{section}' if of_actuator else 'detectors/{section}/{lane}'}")
+    for tech in c.TECHNOLOGIES.values():
+        if section in (tech.name, tech.servo):
+            return f"/actuators/{tech.name}/{lane}" + "/servo" * (section == tech.servo)
+    place = TOPICS.get(section, "/detectors/{section}/{lane}")
     return place.format(section=section, lane=lane)
 
 

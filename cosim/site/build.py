@@ -1,7 +1,7 @@
 """Build the documentation site: `python cosim/site/build.py OUT`. Warnings of any step are errors.
 
 Pages come from four places, and nothing is written twice: `pages/` (tutorials and theory, whose code is run and whose
-outputs are put in), the READMEs of the repository where they lie, `cosim/examples` and `cosim/notebooks` (run for the
+outputs are put in), the READMEs of the repository where they lie, `cosim/examples` (run for the
 gallery), and the docstrings of the public names. `[words](code:PATH#NAME)` in a page is a link to the definition of
 NAME in that file of the repository; a file or name that is not there is an error.
 """
@@ -156,7 +156,7 @@ def digest() -> str:
     for name in PACKAGES:
         for path in sorted((ROOT / name).rglob("*")):
             own = HERE in path.parents and path.name not in ("execute.py", "gallery.py")
-            if path.suffix in (".py", ".toml", ".json", ".xml", ".csv", ".ipynb") and not own:
+            if path.suffix in (".py", ".toml", ".json", ".xml", ".csv") and not own:
                 found.update(str(path.relative_to(ROOT)).encode() + path.read_bytes())
     return found.hexdigest()
 

@@ -1,12 +1,10 @@
-"""The gallery: every example run as it stands, with a figure of what it has made; every notebook, cell by cell."""
+"""The gallery: every example run as it stands, with a figure of what it has made."""
 
 import ast
-import json
-import re
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-EXAMPLES, NOTEBOOKS = ROOT / "cosim" / "examples", ROOT / "cosim" / "notebooks"
+EXAMPLES = ROOT / "cosim" / "examples"
 START = "import matplotlib.pyplot as plt\n"
 
 # Per example: a line below its figure, and what draws it from the names and files that the example leaves.
@@ -130,9 +128,8 @@ def title(name: str) -> str:
 
 
 def pages() -> list[tuple[str, str]]:
-    """Return [(place on the site, Markdown)] of all examples and notebooks, ready to be executed."""
-    return [*map(example, sorted(p.stem for p in EXAMPLES.glob("*.py"))),
-            *map(notebook, sorted(p.stem for p in NOTEBOOKS.glob("*.ipynb")))]  # fmt: skip
+    """Return [(place on the site, Markdown)] of all examples, ready to be executed."""
+    return [*map(example, sorted(p.stem for p in EXAMPLES.glob("*.py")))]
 
 
 def example(name: str) -> tuple[str, str]:
@@ -146,19 +143,6 @@ def example(name: str) -> tuple[str, str]:
     return f"gallery/{name}.md", f"# {title(name)}\n\n{words}\n\n{copied}\n\n{run}\n{figure}"
 
 
-def notebook(name: str) -> tuple[str, str]:
-    """Return the page of a notebook: words as they are, each cell of code with its output."""
-    cells = json.loads((NOTEBOOKS / f"{name}.ipynb").read_text(encoding="utf-8"))["cells"]
-    out = []
-    for cell in cells:
-        text = "".join(cell["source"])
-        out.append(f"```python\n{text}\n```\n" if cell["cell_type"] == "code" else re.sub(r"^# .*\n", "", text))
-    caption, code = FIGURES[name]
-    figure = f'```python figure="{caption}"\n{START}{code}```\n'
-    head = f"# Notebook: {title(name).lower()}\n\nThe notebook `cosim/notebooks/{name}.ipynb`, run cell by cell.\n\n"
-    return f"gallery/notebook_{name}.md", head + "\n\n".join(out) + "\n" + figure
-
-
 def index(docs: Path) -> str:
     """Return the gallery's first page: a card per page, with its last figure."""
     cards = []
@@ -169,5 +153,5 @@ def index(docs: Path) -> str:
         head = text.split("\n")[0].removeprefix("# ")
         picture = f"    [![{head}]({figures[-1].name})]({stem}.md)\n\n" if figures else ""
         cards.append(f"-   **[{head}]({stem}.md)**\n\n{picture}    {words}\n")
-    told = "Every program of `cosim example` and every notebook, run when this site was built."
+    told = "Every program of `cosim example`, run when this site was built."
     return f'# Gallery\n\n{told}\n\n<div class="grid cards" markdown>\n\n' + "\n".join(cards) + "\n</div>\n"

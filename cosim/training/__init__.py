@@ -1,4 +1,4 @@
-"""Designs and thresholds from the aircraft that flies: `cosim design` and `cosim train`."""
+"""Designs and thresholds from the aircraft that flies: `python -m cosim.training NAME|all`."""
 
 import importlib
 from typing import Any
@@ -14,11 +14,12 @@ TRAINERS = {  # name -> (module, what it trains)
     "joint": ("cosim.training.train_joint", "rates of joint; 5 min on two cores"),
 }
 
+NAMES = ("designs", *TRAINERS)  # in the order in which they depend on one another: joint counts what others say
+
 
 def load(name: str) -> Any:
-    """Return the training `name`: train(), changes(), store(). Raises DesignError if unknown."""
+    """Return the `Training` of a name. Raises DesignError if unknown."""
     if name not in TRAINERS:
-        raise DesignError(f"unknown training {name!r}", allowed=", ".join(TRAINERS),
-                          remedy=did_you_mean(name, TRAINERS))  # fmt: skip
-    module = importlib.import_module(TRAINERS[name][0])
-    return getattr(module, "TRAININGS", {}).get(name, module)
+        raise DesignError(f"unknown training {name!r}", allowed=", ".join(("all", *NAMES)),
+                          remedy=did_you_mean(name, NAMES))  # fmt: skip
+    return importlib.import_module(TRAINERS[name][0]).TRAININGS[name]

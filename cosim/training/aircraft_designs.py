@@ -1,7 +1,7 @@
-"""Designs and thresholds of the aircraft-level detectors for another aircraft: `cosim design --aircraft NAME`.
+"""Designs and thresholds of the aircraft-level detectors: `python -m cosim.training all --aircraft DIR`.
 
-What `cosim design`, `cosim train aircraft` and `cosim train rfafe` do for the transport, by the same code, on another
-aircraft: LPV boxes over its envelope, the Sun13 estimators at the first point of its record, thresholds from fault-free
+What the trainings `designs`, `aircraft` and `rfafe` do for the transport, by the same code, on another aircraft:
+LPV boxes over its envelope, the Sun13 estimators at the first point of its record, thresholds from fault-free
 flights over its envelope. All of it goes into the aircraft's folder, `designs/` and `thresholds/`.
 """
 
@@ -53,7 +53,7 @@ def make(
     own = load_aircraft(aircraft)
     if own.own_designs is None:
         raise DesignError("its designs are those of fdi/", place=f"--aircraft {aircraft}",
-                          remedy="`cosim design` and `cosim train` make them")  # fmt: skip
+                          remedy="`python -m cosim.training all` makes them")  # fmt: skip
     if own.engines not in ENGINES:
         allowed = "1, 2 or 4: the places of the force model"
         raise DesignError(f"{own.engines} engines", place=f"--aircraft {aircraft}", allowed=allowed)
@@ -154,8 +154,8 @@ def _answered(aircraft: str, digest: str, index: int) -> float:
 
 def _thresholds(own, values, answers, prior, flights, first_seed):
     """Store the thresholds that the surveys ask for; return the files."""
-    how = {"command": f"cosim design --aircraft {own.name}", "flights": flights, "first_seed": first_seed,
-           "flight_s": FLIGHT_S}  # fmt: skip
+    how = {"command": f"python -m cosim.training all --aircraft {own.name}", "flights": flights,
+           "first_seed": first_seed, "flight_s": FLIGHT_S}  # fmt: skip
     written = []
     for t in train_aircraft.limits(values, prior):
         fields = dict(t.fields)

@@ -20,7 +20,6 @@ from actuators.ema import actuator as ema
 from actuators.ema import servo as ema_servo
 from actuators.hydraulic import actuator as hydraulic
 from actuators.hydraulic import servo
-from cosim.errors import DesignError, did_you_mean
 from cosim.files import replace_text
 from cosim.flight.detection import stored_designs
 from cosim.flight.plant.aero.functions import numbers_digest
@@ -51,12 +50,6 @@ DESIGNS = {
 }
 
 
-def known(name: str) -> None:
-    """Raise DesignError unless `name` is a design."""
-    if name not in DESIGNS:
-        raise DesignError(f"{name!r} is no design", allowed=", ".join(DESIGNS), remedy=did_you_mean(name, DESIGNS))
-
-
 def build(name: str, *, folder: str | Path = FOLDER, progress: Callable[..., Any] | None = None) -> Path:
     """Make design `name` anew, write it, return its path; `progress(text)` hears each step. KeyError: unknown name."""
     maker, tell = DESIGNS[name], progress or (lambda text: None)
@@ -71,13 +64,13 @@ def check(name: str, *, folder: Any = FOLDER) -> str:
     """Return "" when the stored design `name` belongs to the aircraft in the tree and holds, else what is wrong."""
     maker, path = DESIGNS[name], Path(folder) / f"{name}.json"
     if not path.is_file():
-        return f"there is no {path.name}; make it with: cosim design"
+        return f"there is no {path.name}; make it with: python -m cosim.training designs"
     try:
         held = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
         return f"{path.name} cannot be read: {error}"
     if held.get(maker.digest) != DIGESTS[maker.digest]():
-        return f"{path.name} was made from another aircraft or other actuators; mend: cosim design"
+        return f"{path.name} was made from another aircraft or other actuators; mend: python -m cosim.training designs"
     return getattr(importlib.import_module(maker.module), "wrong", lambda held: "")(held)
 
 

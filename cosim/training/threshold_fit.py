@@ -14,7 +14,7 @@ from scipy.sparse import csr_matrix, hstack, identity
 
 from cosim.errors import DesignError
 
-PROBABILITY = 1e-3  # of a false alarm of a detector in a flight of 60 s: what `cosim train` finds is trained to it
+PROBABILITY = 1e-3  # of a false alarm of a detector in a flight of 60 s: of the stored thresholds
 LEVELS = (0.97, 0.99, 0.999, 0.9999)  # of the regression, to choose from
 LEAST = 0.25
 BLOCK_S = 1.0

@@ -1,4 +1,4 @@
-"""Thresholds of the aircraft-level detectors from fault-free flights that nothing else uses: `cosim train aircraft`.
+"""Thresholds of the aircraft-level detectors from fault-free flights: `python -m cosim.training aircraft`.
 
 FLIGHTS of 60 s at points drawn over mass, CG, altitude and speed, eight manoeuvres, four airs, every aerodynamic
 coefficient 5 % up or down, noise NOISE_SCALE, and STILL long ones. Each statistic is held against what it may grow

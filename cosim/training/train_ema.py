@@ -1,6 +1,6 @@
 """Thresholds of the detectors on electromechanical segments from fault-free flights that nothing else uses.
 
-`cosim train ema`: flights drawn as those of `train_hydraulic`, from other seeds, in four levels of turbulence, with
+`python -m cosim.training ema`: flights drawn as those of `train_hydraulic`, other seeds, four airs, with
 four electromechanical segments of which every symbol is off by up to 5 %, arm and lead by up to 0.3 %, and whose
 velocity sensors have the bias that a healthy one may have. PROBABILITY is shared among the tests. The position
 monitor's threshold leaves severe turbulence out, where a surface does not follow its command as closely.

@@ -1,12 +1,12 @@
 """Thresholds of the detectors of a hydraulic segment from fault-free flights that nothing else uses.
 
-`cosim train hydraulic`: filters. FLIGHTS of 60 s at points drawn over the envelope of `train_aircraft`, eight
+`python -m cosim.training hydraulic`: filters. FLIGHTS of 60 s at points drawn over an envelope, eight
 manoeuvres, also such that move the elevator in steps, three levels of turbulence, aircraft and actuator up to 5 % off,
 noise NOISE_SCALE, four segments each. A threshold is what the largest statistic of a flight exceeds with PROBABILITY,
 shared among the detector's TESTS and their frequencies (`threshold_fit`), what scales with the drive left out; one that
 needs several samples to agree takes the largest that they agree on.
 
-`cosim train monitors`: as many flights in manoeuvres as those of `train_aircraft`. Those of the crossing counter are at
+`python -m cosim.training monitors`: as many, manoeuvres of `train_aircraft`. Those of the crossing counter are at
 SPEEDS, half of them at corners of the actuator's tolerances, in half of these the three symbols that matter most as
 WORST says. What the servo's response is on the mean, and how far a healthy one departs from it, comes from the same
 flights; where the manoeuvres of one call for little, it counts little. Each statistic is held against the motion that

@@ -9,25 +9,23 @@ on left_inner.
 import dataclasses
 import functools
 from collections import Counter
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from cosim.campaign.jobs import work
 from cosim.campaign.spec import load_campaign
 from cosim.errors import TrimError
-from cosim.files import replace_text
 from cosim.flight.build import build
 from cosim.flight.fly import fly
 from cosim.judge import coverage
 from cosim.judge.alarms import onsets
 from cosim.judge.detection import Watch, valid
 from cosim.scenario import Scenario
-from cosim.training.trainer import FOLDER
+from cosim.training.trainer import Trained, Training
 from fdi import registry
-from fdi.common import compact
 from fdi.common.verdict import class_name
-from fdi.joint import joint, places, tables
+from fdi.joint import places, tables
 
 CAMPAIGN, FIRST_SEED, DRAWS = "joint", 40_000, 35
 NOT_LEARNED = ("pairs", "kinds not in the rates")  # parts of the campaign that begin so
@@ -183,27 +181,15 @@ def _late(times: list[float]) -> list[int]:
     return [*(sum(v <= a for v in times) for a in tables.AGES), len(times)]
 
 
-def train(*, first_seed: int = FIRST_SEED, **how: Any) -> dict[str, Any]:
-    """Fly the training flights and return the rates; `how` as in `cosim.campaign.jobs.work`."""
-    jobs = [(surveyed, {"index": k, "first_seed": first_seed}) for k in range(len(scenarios(first_seed)))]
-    flown = [found for found in work(jobs, **how) if found]
-    about = {"command": "cosim train joint", "flights": len(flown), "first_seed": first_seed, "draws": DRAWS}
-    return {"training": about, **counted(flown)}
+def collect(first_seed: int, number: int | None, run: Callable[..., Any]) -> list[dict[str, Any]]:
+    """Return what `surveyed` finds in each flight that can be flown."""
+    indices = range(len(scenarios(first_seed)))[:number]
+    return [found for found in run([(surveyed, {"index": k, "first_seed": first_seed}) for k in indices]) if found]
 
 
-def changes(found: dict[str, Any]) -> list[tuple]:
-    """Return (file, detector, kind, stored, trained) of the share of each kind that a detector sees."""
-    stored, out = tables.stored(), []
-    for detector, kinds in found["seen"].items():
-        for kind, cell in kinds.items():
-            before = stored.get("seen", {}).get(detector, {}).get(kind, {"flights": 0, "said": [{}]})
-            shares = (sum(c["said"][-1].values()) / max(c["flights"], 1) for c in (before, cell))
-            out.append(("joint", detector, kind, *shares))
-    return out
+def limits(flown: list[dict[str, Any]]) -> list[Trained]:
+    """Return the rates of all flights."""
+    return [Trained("joint", "", counted(flown), {"flights": len(flown), "draws": DRAWS}, rounded=lambda value: value)]
 
 
-def store(found: dict[str, Any]) -> None:
-    """Write the rates where `joint` reads them."""
-    replace_text(FOLDER / "joint.json", compact.text(found))
-    tables.stored.cache_clear()
-    joint.of_layout.cache_clear()
+TRAININGS = {"joint": Training("joint", FIRST_SEED, None, collect, limits)}

@@ -1,6 +1,6 @@
 """Thresholds of the Sun13 estimators from fault-free flights that nothing else uses.
 
-`cosim train rfafe`: every flight is one of six points (that of Sun13, A to E of Alwi14) or one of the envelope, six
+`python -m cosim.training rfafe`: flights at six points (that of Sun13, A to E of Alwi14) or of the envelope, six
 manoeuvres begun at 5 to 35 s and three levels of turbulence, 60 s long, each coefficient and each symbol of the
 actuators up to 5 % off; in turn all elevators are hydraulic, or the right ones electromechanical. A threshold is MARGIN
 times the largest amplitude of f_hat, less the command's share, that any flight holds for nearly as many fits in a row

@@ -40,7 +40,7 @@ class Trained:
     """One set of a detector's thresholds as trained."""
 
     detector: str  # its file in fdi/thresholds
-    which: str  # the set in it
+    which: str  # the set in it, "": the file is one set
     fields: dict[str, Any]  # {PARAMS field: number or list, SI}
     found: dict[str, Any] = field(default_factory=dict)  # how: into the record "training"
     record: str = ""  # where the record stands in "training", "": it is the file's own
@@ -55,9 +55,9 @@ class Trained:
 class Training:
     """The training of some detectors: `collect` flies, `limits` makes of what it returns the sets of thresholds."""
 
-    name: str  # `cosim train NAME`
+    name: str  # `python -m cosim.training NAME`
     first_seed: int
-    number: int  # of flights
+    number: int | None  # of flights, None: as many as there are
     collect: Callable[..., Any]  # (first_seed, number, run) -> collected; `run(jobs)` returns the jobs' values in order
     limits: Callable[[Any], list[Trained]]
     about: dict[str, Any] = field(default_factory=dict)  # of the flights, into every record
@@ -68,7 +68,8 @@ class Training:
         seed = self.first_seed if first_seed is None else first_seed
         flights = self.number if number is None else number
         made = self.limits(self.collect(seed, flights, partial(work, **how)))
-        common = {"command": f"cosim train {self.name}", **self.about, "flights": flights, "first_seed": seed}
+        common = {"command": f"python -m cosim.training {self.name}", **self.about, "flights": flights,
+                  "first_seed": seed}  # fmt: skip
         return [Trained(**(vars(t) | {"found": common | t.found})) for t in made]
 
     def changes(self, trained: list[Trained]) -> list[tuple]:
@@ -76,19 +77,21 @@ class Training:
         that changes by the largest ratio."""
         out = []
         for t in trained:
-            held = _read(t.detector)[t.which]
+            held = _read(t.detector)
+            held = held[t.which] if t.which else held
             for name, value in t.stored().items():
-                new = np.atleast_1d(np.asarray(value, float))
-                old = np.broadcast_to(np.atleast_1d(held.get(name, 0.0)), new.shape)
-                k = int(np.argmax(np.abs(new - old) / np.maximum(np.maximum(np.abs(new), np.abs(old)), 1e-300)))
-                out.append((t.detector, t.which, name, float(old[k]), float(new[k])))
+                new, old = _numbers(value), _numbers(held.get(name, 0.0))
+                old = dict.fromkeys(new, old[()]) if () in old else old
+                pairs = ((old.get(key, 0.0), new.get(key, 0.0)) for key in {**old, **new})
+                out.append((t.detector, t.which, name, *max(pairs, key=_ratio, default=(0.0, 0.0))))
         return out
 
     def store(self, trained: list[Trained]) -> None:
         """Write sets of thresholds, each with how it was found, beside what else their files hold."""
         for t in trained:
             data = _read(t.detector)
-            data[t.which] |= t.stored()
+            held = data[t.which] if t.which else data
+            held |= t.stored()
             records = data.get("training", {})
             if not t.record:  # of other trainings in the same file
                 others = {k: v for k, v in records.items() if isinstance(v, dict) and "flights" in v}
@@ -102,6 +105,19 @@ class Training:
 def over(survey: Callable[..., Any], flights: Callable[[int, int], list[dict]]) -> Callable[..., list]:
     """Return the `collect` of a training that asks `survey`(**flight) of each of `flights`(first_seed, number)."""
     return lambda first_seed, number, run: run([(survey, flight) for flight in flights(first_seed, number)])
+
+
+def _numbers(value, at=()):
+    """Return {place: number} of nested plain data."""
+    if not isinstance(value, dict | list):
+        return {at: float(value)}
+    parts = value.items() if isinstance(value, dict) else enumerate(value)
+    return {place: number for key, part in parts for place, number in _numbers(part, (*at, key)).items()}
+
+
+def _ratio(pair):
+    """Return by which share of the larger two numbers differ."""
+    return abs(pair[1] - pair[0]) / max(abs(pair[0]), abs(pair[1]), 1e-300)
 
 
 def _read(detector):

@@ -16,7 +16,7 @@ def read(name: str, own: str | Path | None = None) -> dict[str, Any]:
     """
     file = (Path(own) if own else resources.files("fdi")).joinpath("designs", f"{name}.json")
     if not file.is_file():
-        raise FileNotFoundError(f"there is no stored design {name!r}; make it with `cosim design`")
+        raise FileNotFoundError(f"there is no stored design {name!r}; make it with `python -m cosim.training designs`")
     return json.loads(file.read_text(encoding="utf-8"))
 
 

@@ -1,6 +1,6 @@
 """The range in which a detector may judge, as a kernel sees it: bounds of what it reads, by its record's `range`.
 
-The bounds of motion are those of the fault-free flights from which the thresholds come (`cosim train aircraft`), all
+The bounds of motion are those of the fault-free flights from which the thresholds come (training `aircraft`), all
 manoeuvres, protections and gusts included, rounded outward; within the tables of the force model.
 """
 

@@ -77,6 +77,8 @@ class Detector:
     belongs: Mapping[str, str] = field(default_factory=dict)  # parameter -> option that sets it, with all that follows
     any_aircraft: bool = False  # at aircraft level: made without a model of one, so that it flies on every aircraft
     design: str = ""  # the stored design that it flies with, if any
+    # ({segment: technology}, folder as `Site.own`) -> why no stored design fits these elevators, or ""
+    lacks: Callable[[Mapping[str, str], Any], str] = lambda technologies, own: ""
     # word of an input -> (least, largest) [SI]: outside it is not valid, learns nothing, and `why` says so
     range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     # whether it flies where a detector among its inputs does not: that input is then 0 all the time

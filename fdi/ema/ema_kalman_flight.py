@@ -88,7 +88,7 @@ PARAMS = dtype([
     ("th_jump", "f8", "m"),   # jump of R1
     ("th_R1", "f8", "m"),     # ramp of R1
     # load that no hinge explains, as large as a fault is to be: 0.4 of the stall moment, which jams and stops pass. A
-    # false alarm is far below: `cosim train ema` asks for 0.18 of that moment (fdi/thresholds: found, load)
+    # false alarm is far below: training `ema` asks for 0.18 of that moment (fdi/thresholds: found, load)
     ("th_load", "f8", "N m"),
     ("stop_low", "f8", "m"),  # rod at the stops, less a margin: a drive that presses there is not jammed
     ("stop_high", "f8", "m"),

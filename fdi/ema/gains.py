@@ -40,7 +40,7 @@ PARAMS = [
     # sizes from which a gain is a fault; how often a healthy one alarms is z_gain's
     ("th_a", "f8", "-"),  # gain error of the current: a winding 39 % up, 100 K warm, takes .0095, one 80 % up .0195
     ("th_b", "f8", "-"),  # share of the magnets: beyond two tolerances of 5 %
-    ("z_gain", "f8", "-"),  # by so many deviations beyond it, by `cosim train ema`
+    ("z_gain", "f8", "-"),  # by so many deviations beyond it, by `python -m cosim.training ema`
     ("amp", "f8", "-"),  # by how much the amplifier's pole follows the demand in a tick
 ]
 STATE = [

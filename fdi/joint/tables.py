@@ -2,7 +2,7 @@
 
 A lane's token is "-" while it is silent, else what it says, by its `name`. The records say who is designed for a
 fault, who may see it, who is blind to it, and who reads the sensor that is wrong; how large the fault is stays open
-(SIZES). Rates are counts of flights (fdi/thresholds/joint.json, made by `cosim train joint`); they move what the
+(SIZES). Rates are counts of flights (fdi/thresholds/joint.json, by training `joint`); they move what the
 records say as so many flights more beside the WEIGHT flights that a record counts for. How often a detector keeps to
 its record is counted over all kinds of fault together. UNSEEN of the probability of every hypothesis is that of a
 fault unlike any that rates were counted on: there the records speak, with that alone.
@@ -269,7 +269,7 @@ def _shift(p, mean):
 
 @functools.cache
 def stored() -> dict[str, Any]:
-    """Return the rates that `cosim train joint` wrote."""
+    """Return the rates that `python -m cosim.training joint` wrote."""
     return json.loads(resources.files("fdi").joinpath("thresholds", "joint.json").read_text(encoding="utf-8"))
 
 

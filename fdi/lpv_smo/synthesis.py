@@ -226,7 +226,7 @@ def pair(held: dict[str, Any]) -> tuple[LpvModel, Design]:
     """
     model = LpvModel(**{k: array(v) for k, v in held["model"].items()})
     if digest(model) != held["model_sha256"]:
-        raise ValueError("the stored LPV design does not belong to the model beside it; mend: cosim design")
+        raise ValueError("the stored LPV design is of another model; mend: python -m cosim.training designs")
     return model, Design(**{k: array(v) for k, v in held["design"].items()})
 
 

@@ -28,7 +28,7 @@ from fdi.rfafe import core as rfafe_core
 from fdi.rfafe import segments, servo
 from fdi.rfafe.core import AIRFRAME, advance, estimate, fill_stored, learned, read_airframe
 from fdi.rfafe.model import estimate_E, first_order, fit_first_order, global_model, reduce_E
-from fdi.rfafe.store import choose, read, side_kinds
+from fdi.rfafe.store import choose, lacks, read, side_kinds
 from fdi.rfafe.synthesis import Design, Region, design
 
 __all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "Design", "DesignError", "Region", "design",
@@ -100,6 +100,7 @@ DETECTOR = Detector(
     sizes={"ns": 0, "ny": 0, "nu": 0, "nf": 0, "n_trim": 0, "n_forget": 0, **bank.SIZES},
     places={"head": ("line", 0), **bank.PLACES, "suspect": ("energy", 0)},
     design="rfafe",
+    lacks=lambda technologies, own: lacks("rfafe", technologies, own),
     fit=lambda site: params(technology=side_kinds(site.technologies), dt=site.dt, response=RESPONSE,
                             own=site.own),
 )

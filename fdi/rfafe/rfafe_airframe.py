@@ -26,7 +26,7 @@ from fdi.common.tuning import thresholds
 from fdi.common.why import BOX_ALPHA, BOX_PITCH, BOX_SPEED, VALID
 from fdi.rfafe import core as rfafe_core
 from fdi.rfafe.core import advance, airframe_usable, fill_stored, read_airframe
-from fdi.rfafe.store import choose, read, side_kinds
+from fdi.rfafe.store import choose, lacks, read, side_kinds
 
 CULPRITS = ("", "elevator")
 DT = 0.005  # base tick [s]
@@ -64,6 +64,7 @@ DETECTOR = Detector(
     sizes={"ns": 0, "ny": 0, "nu": 0, "nf": 0, "n_trim": 0, **bank.SIZES},
     places={"head": ("line", 0), **bank.PLACES, "suspect": ("energy", 0)},
     design="rfafe_airframe",
+    lacks=lambda technologies, own: lacks("rfafe_airframe", technologies, own),
     # moments are scaled by (V / V where the correction was learned)^2, and linear in the others; how far they are so in
     # the angle of attack, and how steep a turn may be, is decided on slow parts (fdi/rfafe/correction.py)
     range={"tas": FLYING, "alpha": ALPHA, "q": PITCH_RATE, "theta": PITCH},

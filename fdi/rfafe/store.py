@@ -54,13 +54,28 @@ def choose(stored: Any, technology: Any, dt: Any) -> Any:
     takes sides that differ as "mixed". Raises ValueError for a technology that the file lacks.
     """
     stored = read(stored) if isinstance(stored, str) else stored
-    if "/" in technology and not any("/" in held for held in stored["designs"]):
-        technology = "mixed"
-    if technology not in stored["designs"]:
-        raise ValueError(f"no design for {technology!r} elevators; there is {', '.join(sorted(stored['designs']))}")
-    entry = stored["designs"][technology]
+    key = _key(technology, stored)
+    if key not in stored["designs"]:
+        raise ValueError(_no_design(technology, stored))
+    entry = stored["designs"][key]
     design = from_plain(entry["design"])
     return design if design.dt == dt else at_tick(design, dt), entry
+
+
+def lacks(name: str, technologies: Any, own: Any) -> str:
+    """Return why design `name` of folder `own` (None: the bundled one) has none for these elevators, or ""."""
+    kind, stored = side_kinds(technologies), read(name, own)
+    return "" if _key(kind, stored) in stored["designs"] else _no_design(kind, stored)
+
+
+def _key(technology, stored):
+    """Return the key of a design in `stored`: a file without any pair knows no sides."""
+    pairs = any("/" in kind for kind in stored["designs"])
+    return "mixed" if "/" in technology and not pairs else technology
+
+
+def _no_design(kind, stored):
+    return f"no design for {kind} elevators; there is {', '.join(sorted(stored['designs']))}"
 
 
 def at_tick(design: Any, dt: float) -> Any:
@@ -74,7 +89,7 @@ def at_tick(design: Any, dt: float) -> Any:
 def _make(kind, values):
     names = [f.name for f in fields(kind)]
     if lacks := sorted(set(names) - set(values)):
-        raise ValueError(f"a stored {kind.__name__} lacks {lacks}; make it again with `cosim design`")
+        raise ValueError(f"a stored {kind.__name__} lacks {lacks}; mend: `python -m cosim.training designs`")
     return kind(**{name: values[name] for name in names})
 
 

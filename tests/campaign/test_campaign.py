@@ -10,7 +10,6 @@ import subprocess
 import sys
 import time
 
-import numpy as np
 import pandas as pd
 import pytest
 import worker_calls
@@ -18,7 +17,6 @@ from worker_calls import die_once, flights, killed
 
 from cosim.campaign import pool as campaign_pool
 from cosim.campaign.flights import flatten, run_many
-from cosim.campaign.log_selection import choose
 from cosim.campaign.store import FILES, MANIFEST, Store, fingerprint, load
 from cosim.campaign.worker import failed, run_id
 from cosim.errors import CampaignError, OutputError
@@ -178,34 +176,6 @@ def test_flatten_names_keys_as_the_scenario_file_does():
     }
 
 
-def test_logs_of_the_worst_runs_are_kept_by_rule(tmp_path):
-    import cosim
-
-    alone = 'detectors.enabled=["iotsekf"]'
-    unseen = flights(1, alone, "faults.0.amplitude_mm=0.005")  # a twentieth of the rod sensor's noise
-    result = run_many([*flights(2, alone), *unseen], workers=0, out=tmp_path, keep={"missed": 1, "departed": 3})
-    kept = result.frame.drop_duplicates("run")["kept"]
-    assert list(kept) == ["", "", "missed"]
-    logs = list((tmp_path / "logs").iterdir())
-    assert [p.stem for p in logs] == [result.frame["run"].iloc[-1]]
-    assert cosim.open_log(logs[0]).n_ticks == 600
-
-
-def test_rules_choose_the_worst_first_per_detector():
-    frame = pd.DataFrame(
-        {
-            "run": ["a", "b", "c", "d"], "id": ["x", "x", "x", "y"],
-            "status": ["completed", "departed", "completed", "completed"], "concerned": [True, True, True, False],
-            "delay_s": [1.0, 3.0, np.nan, np.nan], "delay_periods": [1.0, 3.0, np.nan, np.nan],
-            "false_alarms": [0, 2, 1, 1], "r_max_before": [0.1, 0.2, 0.3, 0.4], "estimate_rmse": [np.nan] * 4,
-            "amplitude_mm": [1.0, 1.0, 1.0, np.nan], "rod_mm": [1.0, 1.0, 1.0, np.nan],
-        }
-    )  # fmt: skip
-    assert choose(frame, {"late": 1}) == {"b": ["late"]}
-    assert choose(frame, {"missed": 2}) == {"c": ["missed"]}
-    assert choose(frame, {"false_alarm": 1, "departed": 1}) == {"b": ["false_alarm", "departed"], "d": ["false_alarm"]}
-    assert choose(frame, {"residual": 1}) == {"c": ["residual"], "d": ["residual"]}
-
 
 def test_load_reads_a_campaign_finished_or_not(tmp_path, flown):
     with pytest.raises(CampaignError, match="holds no whole run"):
@@ -233,7 +203,7 @@ def test_rows_survive_being_there_twice(tmp_path):
     store.add([failed("b", "infeasible", "x")], [])
     store.add([failed("a", "infeasible", "x"), failed("b", "infeasible", "x")], [])
     assert list(store.rows()["run"]) == ["a", "b"]
-    assert store.consolidate(tmp_path, {}) == {"a": "infeasible", "b": "infeasible"}
+    assert store.consolidate(tmp_path) == {"a": "infeasible", "b": "infeasible"}
     assert len(list((tmp_path / "parts").glob("rows-*"))) == 1
     assert Store(tmp_path, scenarios, ["", ""]).finished == {"a", "b"}
 

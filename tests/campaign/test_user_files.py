@@ -11,12 +11,11 @@ import technologies
 import cosim
 from cosim.campaign.dataset import make
 from cosim.campaign.run import run_campaign
-from cosim.errors import CampaignError, OutputError, ScenarioError
+from cosim.errors import CampaignError, OutputError
 from cosim.scenario.aircraft import load_aircraft
-from cosim.scenario.brought import identified
 from cosim.scenario.override import apply
 from cosim.scenario.toml import dumps, inline
-from cosim.scenario.user_file import identity, identity_unrun, load
+from cosim.scenario.user_parts import identified
 from cosim.texts import from_json
 
 
@@ -27,7 +26,7 @@ def forget():
 
 
 DETECTOR = """
-from threshold import LIMIT
+from .threshold import LIMIT
 import numpy as np
 from pathlib import Path
 weights = np.load(Path(__file__).with_name("weights.npy"))
@@ -46,7 +45,7 @@ class Own:
 LAW = """
 import json
 from pathlib import Path
-from gain_of_mine import GAIN
+from .gain_of_mine import GAIN
 table = json.loads(Path(__file__).with_name("table.json").read_text())
 
 class Law:
@@ -59,7 +58,7 @@ class Law:
 ACTUATOR = """
 import numpy as np
 from actuators.block import dtype
-from lag_of_mine import TAU
+from .lag_of_mine import TAU
 
 PARAMS = dtype([("tau", "f8", "s")])
 INPUTS = dtype([(name, "f8") for name in ("command", "hm0", "hmd", "f_cmd", "s_cmd")])
@@ -84,32 +83,35 @@ Own = cosim.window_model("own", "line.onnx", near=__file__, inputs=("rod", "surf
 
 
 def text(path, body):
+    path.parent.mkdir(exist_ok=True)
     path.write_text(textwrap.dedent(body))
     return path
 
 
 def detector(folder):
     """Write a detector; return (keys of a scenario, what can be edited: path and new content)."""
-    text(folder / "own.py", DETECTOR)
-    text(folder / "threshold.py", "LIMIT = 0.01\n")
-    np.save(folder / "weights.npy", [1.0])
-    keys = {"detectors.own.file": "own.py", "detectors.enabled": ["own"]}
-    return keys, {"own.py": DETECTOR + "\n# another", "threshold.py": "LIMIT = 0.02\n", "weights.npy": np.array([2.0])}
+    text(folder / "own/__init__.py", DETECTOR)
+    text(folder / "own/threshold.py", "LIMIT = 0.01\n")
+    np.save(folder / "own/weights.npy", [1.0])
+    keys = {"detectors.own.file": "own", "detectors.enabled": ["own"]}
+    edits = {"__init__.py": DETECTOR + "\n# another", "threshold.py": "LIMIT = 0.02\n", "weights.npy": np.array([2.0])}
+    return keys, {f"own/{name}": new for name, new in edits.items()}
 
 
 def law(folder):
-    text(folder / "law.py", LAW)
-    text(folder / "gain_of_mine.py", "GAIN = 0.1\n")
-    text(folder / "table.json", '{"share": 0.5}')
-    edits = {"law.py": LAW.replace("0.1)", "0.2)"), "gain_of_mine.py": "GAIN = 0.2\n", "table.json": '{"share": 0.7}'}
-    return {"law.file": "law.py", "detectors.enabled": []}, edits
+    text(folder / "law/__init__.py", LAW)
+    text(folder / "law/gain_of_mine.py", "GAIN = 0.1\n")
+    text(folder / "law/table.json", '{"share": 0.5}')
+    edits = {"__init__.py": LAW.replace("0.1)", "0.2)"), "gain_of_mine.py": "GAIN = 0.2\n"}
+    edits["table.json"] = '{"share": 0.7}'
+    return {"law.file": "law", "detectors.enabled": []}, {f"law/{name}": new for name, new in edits.items()}
 
 
 def actuator(folder):
-    text(folder / "lag.py", ACTUATOR)
-    text(folder / "lag_of_mine.py", "TAU = 0.1\n")
-    keys = {"actuators.lag.file": "lag.py", "elevator.left_inner": "lag", "detectors.enabled": []}
-    return keys, {"lag.py": ACTUATOR + "\n# another", "lag_of_mine.py": "TAU = 0.2\n"}
+    text(folder / "lag/__init__.py", ACTUATOR)
+    text(folder / "lag/lag_of_mine.py", "TAU = 0.1\n")
+    keys = {"actuators.lag.file": "lag", "elevator.left_inner": "lag", "detectors.enabled": []}
+    return keys, {"lag/__init__.py": ACTUATOR + "\n# another", "lag/lag_of_mine.py": "TAU = 0.2\n"}
 
 
 def fmu(folder):
@@ -130,9 +132,9 @@ def model(folder):
         fitted = LogisticRegression().fit(x, y)
         return to_onnx(fitted, x[:1], options={"zipmap": False}).SerializeToString()
 
-    text(folder / "own.py", MODEL)
-    (folder / "line.onnx").write_bytes(made(x[:, 0] > 0.0))
-    return {"detectors.own.file": "own.py", "detectors.enabled": ["own"]}, {"line.onnx": made(x[:, 1] > 0.0)}
+    text(folder / "own/__init__.py", MODEL)
+    (folder / "own/line.onnx").write_bytes(made(x[:, 0] > 0.0))
+    return {"detectors.own.file": "own", "detectors.enabled": ["own"]}, {"own/line.onnx": made(x[:, 1] > 0.0)}
 
 
 def aircraft(folder):
@@ -219,50 +221,11 @@ def test_a_detector_in_set_has_its_digest_in_the_run(tmp_path):
     detector(tmp_path)
     path = text(tmp_path / "c.toml", """
         base = "cruise"
-        set = { duration_s = 0.05, "detectors.own.file" = "own.py", "elevator.feedback" = "measured" }
+        set = { duration_s = 0.05, "detectors.own.file" = "own", "elevator.feedback" = "measured" }
         """)  # fmt: skip
     first = run_campaign(path, workers=0, out=tmp_path / "rows").frame["run"][0]
-    edit(tmp_path / "threshold.py", "LIMIT = 0.5\n")
+    edit(tmp_path / "own/threshold.py", "LIMIT = 0.5\n")
     assert run_campaign(path, workers=0, out=tmp_path / "rows", anew=True).frame["run"][0] != first
-
-
-def test_the_digest_is_of_what_is_loaded_and_of_no_more(tmp_path):
-    detector(tmp_path)
-    held = identity(tmp_path / "own.py")
-    with (tmp_path / "large.bin").open("wb") as file:
-        file.truncate(1 << 33)  # 8 GB that only a string names
-    edit(tmp_path / "own.py", DETECTOR + 'LATER = "large.bin"\n')
-    loaded = load(tmp_path / "own.py")
-    assert {p.name for p in loaded.files} == {"own.py", "threshold.py", "weights.npy"}
-    assert loaded.file.sha256 != held.sha256 and loaded.file.name == "own.py"
-    text(tmp_path / "declared.bin", "1")
-    edit(tmp_path / "own.py", DETECTOR + 'files = ["declared.bin"]\n')
-    declared = identity(tmp_path / "own.py")
-    text(tmp_path / "declared.bin", "2")
-    assert identity(tmp_path / "own.py") != declared
-    edit(tmp_path / "own.py", DETECTOR + 'files = ["nowhere.bin"]\n')
-    with pytest.raises(ScenarioError, match=r"files: nowhere\.bin: no such file"):
-        identity(tmp_path / "own.py")
-
-
-def test_what_is_opened_only_in_flight_must_be_declared(tmp_path):
-    law(tmp_path)
-    late = LAW.replace("self.start = start", "self.start = start; open(Path(__file__).with_name('late.txt')).close()")
-    text(tmp_path / "law.py", late)
-    text(tmp_path / "late.txt", "x")
-    scenario = cosim.load_scenario("cruise", ["duration_s=0.05", f"law.file={tmp_path / 'law.py'}"])
-    with pytest.raises(ScenarioError, match=r'opens late\.txt after it was loaded.* Say files = \["late\.txt"\]'):
-        cosim.simulate(scenario)
-    text(tmp_path / "law.py", late + 'files = ["late.txt"]\n')
-    assert cosim.simulate(scenario).status == "completed"
-
-
-def test_two_files_may_have_neighbours_of_the_same_name(tmp_path):
-    for name, value in (("a", 1), ("b", 2)):
-        (tmp_path / name).mkdir()
-        text(tmp_path / name / "own.py", "from helper_of_mine import VALUE\n")
-        text(tmp_path / name / "helper_of_mine.py", f"VALUE = {value}\n")
-    assert [load(tmp_path / name / "own.py").module.VALUE for name in "ab"] == [1, 2]
 
 
 def test_a_scenario_says_which_file_it_means_on_every_machine(tmp_path):
@@ -270,20 +233,8 @@ def test_a_scenario_says_which_file_it_means_on_every_machine(tmp_path):
     law(tmp_path / "x")
     shutil.copytree(tmp_path / "x", tmp_path / "y")
     here, there = (
-        identified(cosim.load_scenario("cruise", ["duration_s=0.05", f"law.file={tmp_path / name / 'law.py'}"]))
+        identified(cosim.load_scenario("cruise", ["duration_s=0.05", f"law.file={tmp_path / name / 'law'}"]))
         for name in "xy"
     )
     assert here.portable_toml() == there.portable_toml() and str(tmp_path) not in here.portable_toml()
-    assert here.brought["law.file"].name == "law.py" and len(here.law.sha256) == 64
-
-
-def test_what_runs_with_trust_is_all_that_flew_and_no_more_hidden_files_too(tmp_path):
-    (tmp_path / "mine.py").write_text("open(__file__.replace('mine.py', '.weights')).read()\n")
-    (tmp_path / ".weights").write_text("1")
-    flew = identity(tmp_path / "mine.py").sha256
-    assert identity_unrun(tmp_path) == flew
-    for more in (".more", "__pycache__/mine.pyc"):
-        (tmp_path / more).parent.mkdir(exist_ok=True)
-        (tmp_path / more).write_text("2")
-        assert identity_unrun(tmp_path) != flew
-        (tmp_path / more).unlink()
+    assert here.user_parts["law.file"].name == "law" and len(here.law.sha256) == 64

@@ -338,9 +338,9 @@ def test_interrupted_flight_leaves_a_readable_log(tmp_path):
 
 def test_a_second_interrupt_names_what_stays_and_how_it_is_read(tmp_path):
     code = (
-        "import sys, cosim.log.record_writer as w; from cosim.cli import main\n"
-        "def again(self): raise KeyboardInterrupt\n"
-        "w.Sink.finish = again; sys.argv[1:] = ['run', 'cruise', '-s', 'duration_s=3', '-o', 'x.mcap']; main()"
+        "import sys, cosim.log.log_file as w; from cosim.cli import main\n"
+        "def again(self, **how): raise KeyboardInterrupt\n"
+        "w.LogFile.finish = again; sys.argv[1:] = ['run', 'cruise', '-s', 'duration_s=3', '-o', 'x.mcap']; main()"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=300)
     part = left_by(tmp_path / "x.mcap")

@@ -21,11 +21,7 @@ from cosim.cli import commands as cli
         ("run -o", "Option '-o' requires an argument"),
         ("run --port 9", "--port: does nothing without --live"),
         ("replay x.mcap --on-reset split", "--on-reset: does nothing without --map"),
-        ("campaign fault-free --part x", "--part: does nothing without --likeliest"),
         ("campaign fault-free --scheduler host", "--scheduler host: no scheduler answers there"),
-        ("train hydraulic --flights 5", "--flights: does nothing without --tune"),
-        ("train hydraulic --false-alarms 0", "--false-alarms: does nothing without --tune"),
-        ("false-alarms --hours inf", "cosim false-alarms: Invalid value for '--hours'"),
     ],
 )
 def test_a_mistake_in_the_call_is_one_line(words, told):
@@ -68,7 +64,6 @@ def test_a_campaign_is_told_from_a_scenario(command, tmp_path):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["margins", "cmdtrack.py"], "One of your own cannot be taken"),
         (["check", "lqr.pyy"], "lqr.pyy: no such file. Did you mean 'lqr.py'?"),
         (["replay", "fdr.csv"], "`cosim map fdr.csv` drafts the map of its columns that --map takes"),
         (["run", "cruise", "-s", "duration_s='10'"], 'duration_s = "10": must be a valid number'),

@@ -109,7 +109,6 @@ def test_compare_of_a_folder_of_logs_writes_table_and_report(logs, tmp_path):
         assert {"id", "level", "detected", "missed", "false_alarms_per_hour", "delay_s"} <= set(d)
     rows = pd.read_parquet(told["table"])
     assert len(rows) == len(pd.read_csv(tmp_path / "out" / "compare.csv")) == 9
-    assert not any(d["beyond_physics"] for d in told["detectors"])
     assert found.report.read_text("utf-8").startswith("<!doctype html>")
 
 
@@ -132,7 +131,7 @@ def test_compare_of_a_campaign_folder_is_that_of_its_rows(flights, tmp_path):
     run_many(flights, workers=0, out=tmp_path / "c")
     found = compare([tmp_path / "c"])
     frame, _, tomls = compare_rows.of_campaign(tmp_path / "c")
-    pd.testing.assert_frame_equal(found.rows.drop(columns=["bound_mm", "best"]), compare_rows.tidy(frame, tomls))
+    pd.testing.assert_frame_equal(found.rows, compare_rows.tidy(frame, tomls))
     assert found.runs == 3 and all(d["step_us"] is None or d["step_us"] > 0 for d in found.detectors)
 
 
@@ -275,7 +274,7 @@ def test_browser_draws_every_figure_of_a_comparison(logs, tmp_path):
 
 def test_many_frequencies_are_taken_together_in_octaves():
     hz, mm = np.geomspace(0.4, 5.5, 40), np.linspace(1.0, 9.0, 40)
-    about = {"group": "g", "family": "f", "able": True, "bound_mm": 0.5}
+    about = {"group": "g", "family": "f", "able": True}
     rows = [
         {**about, "frequency_hz": f, "amplitude_mm": a, "seen": a > 3.0 + ((i + j) % 5 - 2) / 4}
         for i, f in enumerate(hz)
@@ -284,4 +283,3 @@ def test_many_frequencies_are_taken_together_in_octaves():
     found = {d["frequency_hz"]: d for d in stats.sizes(pd.DataFrame(rows))}
     assert list(found) == [0.5, 1.0, 2.0, 4.0]
     assert all(3.0 < d["a90"] < d["a90_95"] < 4.0 for d in found.values())
-    assert all((d["bound_mm"], d["below"]) == (0.5, 0) for d in found.values())

@@ -46,7 +46,7 @@ def hand_made():
     rows["class_changes"], rows["not_excited"], rows["why_not_valid"], rows["withdrawn"] = 1.0, False, None, None
     rows["masked"] = False
     rows["withdrawn_after_s"], rows["standing_s"], rows["valid_share"] = np.nan, 0.0, 1.0
-    rows["bound_mm"], rows["first_right"], rows["ambiguous_s"] = np.nan, rows["detected"], 0.0
+    rows["first_right"], rows["ambiguous_s"] = rows["detected"], 0.0
     rows["alarm_share"] = np.where(rows["detected"], 1.0, np.nan)
     rows["class_given"] = rows["outcome"].map({"named": "right", "bonus": "wrong"}).fillna("not given")
     rows["place_given"] = rows["outcome"].map({"named": "right"}).fillna("not given")
@@ -101,14 +101,13 @@ def test_groups_and_the_smallest_oscillation_that_each_sees():
     assert not engine.loc["actuator filters", "able"]
 
 
-def test_sizes_are_by_frequency_in_octaves_where_there_are_many_and_count_what_lies_below_the_bound():
+def test_sizes_are_by_frequency_in_octaves_where_there_are_many():
     hz = np.array([0.36, 0.7, 0.72, 1.41, 1.42, 2.0, 5.0, 6.0, 9.0, 11.0, 12.0, 13.0, 14.0, 15.0, 17.0, 20.0])
     assert len(hz) > stats.FREQUENCIES
     assert stats.bands(pd.Series(hz))[:6].tolist() == [0.5, 0.5, 1.0, 1.0, 2.0, 2.0]
     rows = hand_made()
-    rows["bound_mm"] = rows["amplitude_mm"].map({1.0: 3.0, 2.0: 1.5, 4.0: 3.5})
     found = stats.sizes(stats.by_group(rows, stats.detectors(rows)))
-    assert {(row["frequency_hz"], row["below"], row["bound_mm"]) for row in found} == {(1.0, 1, 3.0)}
+    assert {row["frequency_hz"] for row in found} == {1.0}
 
 
 def test_confusion_has_none_and_false_alarms_as_columns():

@@ -364,7 +364,7 @@ def test_a_design_for_another_aircraft_is_called_stale(tmp_path):
 
     held = json.loads(design_lpv.STORED.read_text())
     (tmp_path / "lpv_smo.json").write_text(json.dumps(held | {"aircraft_sha256": "0" * 64}))
-    assert "cosim design" in designs.check("lpv_smo", folder=tmp_path)
+    assert "python -m cosim.training designs" in designs.check("lpv_smo", folder=tmp_path)
     held["design"]["gamma"] *= 0.5
     (tmp_path / "lpv_smo.json").write_text(json.dumps(held))
     assert "do not verify" in designs.check("lpv_smo", folder=tmp_path)

@@ -63,7 +63,7 @@ def test_log_holds_fault_truth_and_every_signal_at_every_tick(tmp_path):
         f["f_inj"], envelope * amplitude * np.sin(2 * math.pi * 2 * (t - 1)), atol=amplitude * 2e-3
     )
     truth = log.frame("/truth/aircraft")
-    rod = log.frame("/actuators/left_inner/hydraulic")["q_rod"].to_numpy()
+    rod = log.frame("/actuators/hydraulic/left_inner")["q_rod"].to_numpy()
     np.testing.assert_allclose(
         truth["de_li"].to_numpy()[1:], rod[1:] / 0.30, atol=1e-15
     )  # what was written is what flies

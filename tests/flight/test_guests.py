@@ -18,8 +18,8 @@ from cosim.flight.plugins import load, with_detectors
 from cosim.log import open_log
 from cosim.replay import log_schema, replay
 from cosim.report import flight_report
-from cosim.scenario import user_file
-from cosim.scenario.brought import identified
+from cosim.scenario import user_parts
+from cosim.scenario.user_parts import identified
 from fdi import registry
 
 DATA = Path(__file__).parents[1] / "data"
@@ -169,7 +169,7 @@ def test_an_installed_package_brings_one_by_entry_point(parity, tmp_path, monkey
 
 
 @pytest.mark.parametrize(
-    "command", ["run", "campaign fault-free", "compare", "score", "false-alarms", "replay", "scenario"]
+    "command", ["run", "campaign fault-free", "compare", "false-alarms", "replay", "scenario"]
 )
 def test_two_detectors_of_one_id_are_refused_in_one_line(command, parity, flight, tmp_path):
     """Which of the two has flown would be chance."""
@@ -180,7 +180,7 @@ def test_two_detectors_of_one_id_are_refused_in_one_line(command, parity, flight
     own.write_text(f'{text}\n[detectors.parity]\nfile = "{parity}"\n')
     words = {"replay": ["replay", str(flight[0])], "scenario": ["run", str(own)]}.get(command, command.split())
     named = [str(other)] if command == "scenario" else [str(parity), str(other)]
-    plain = command in ("score", "false-alarms")
+    plain = command == "false-alarms"
     words += named if plain else [word for file in named for word in ("--detector", file)]
     if command not in ("replay", "false-alarms"):
         words += ["-o", str(tmp_path / ("x.mcap" if words[0] == "run" else "x"))]
@@ -317,33 +317,35 @@ def test_a_folder_of_logs_is_judged_without_the_file_that_its_flights_name(fligh
     assert {"parity", "template"} <= set(rows["id"]) and rows.set_index("id").loc["parity", "detected"]
 
 
-@pytest.mark.parametrize(
-    "source",
-    [
-        "from near import X",
-        "from pack.part import X",
-        "from pathlib import Path\nX = [p.read_text() for p in sorted(Path(__file__).parent.glob('*.csv'))]",
-        "from pathlib import Path\nX = Path(__file__).with_name('one.csv').read_text()",
-        "from pathlib import Path\nfiles = ['data/late.bin']",
-        "def later():\n    import near",
-    ],
-)
-def test_a_digest_is_compared_before_the_file_is_run(source, tmp_path):
-    for name in ("near.py", "pack/__init__.py", "pack/part.py", "one.csv", "two.csv", "data/late.bin", "other.txt"):
-        path = tmp_path / name
-        path.parent.mkdir(exist_ok=True)
-        path.write_text("X = 1\n")
-    file = tmp_path / "own.py"
-    file.write_text(source)
-    sha256, other = user_file.identity(file).sha256, tmp_path / "elsewhere"
-    for name, path in user_file.contents(file).items():  # as a log's attachments are written out
+def test_the_digest_of_a_folder_is_of_all_that_lies_there_and_nothing_is_run(tmp_path):
+    folder = tmp_path / "own"
+    for name in ("__init__.py", "near.py", "data/one.csv", ".hidden", "__pycache__/near.pyc"):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("1 / 0\n")
+    sha256, other = user_parts.identity(folder).sha256, tmp_path / "elsewhere"
+    for name, path in user_parts.contents(folder).items():  # as a log's attachments are written out
         (other / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(path, other / name)
-    assert user_file.identity_unrun(other) == sha256
+    assert {p.name for p in other.rglob("*") if p.is_file()} == {"__init__.py", "near.py", "one.csv"}
+    assert user_parts.identity(other / "own").sha256 == sha256
     for part in [path for path in other.rglob("*") if path.is_file()]:
-        held = part.read_text()
-        part.write_text(held + "\n")
-        assert user_file.identity_unrun(other) != sha256, part
-        part.unlink()
-        assert user_file.identity_unrun(other) != sha256, part
-        part.write_text(held)
+        part.write_text("2 / 0\n")
+        assert user_parts.identity(other / "own").sha256 != sha256, part
+        part.write_text("1 / 0\n")
+
+
+def test_a_folder_is_one_detector_and_its_modules_are_those_that_lie_there_now(parity, tmp_path):
+    folder = tmp_path / "pack"
+    folder.mkdir()
+    (folder / "gains.py").write_text("ARM = 0.30\n")
+    text = parity.read_text().replace("arm=0.30", "arm=ARM").replace("class ", "from .gains import ARM\n\n\nclass ", 1)
+    (folder / "__init__.py").write_text(text)
+    first = load(folder)
+    assert first.params()["arm"][0] == 0.30
+    (folder / "gains.py").write_text("ARM = 0.31\n")
+    second = load(folder)
+    assert second.params()["arm"][0] == 0.31 and second.sha256 != first.sha256
+    scenario = with_detectors(cosim.load_scenario("cruise", [*SHORT, "duration_s=0.5"]), [folder])
+    assert cosim.simulate(scenario, timed=False).extra["notes"] == []
+    assert scenario.user_parts["detectors.parity.file"] == ("pack", second.sha256)

@@ -102,7 +102,7 @@ def test_forged_parameters_and_states_are_refused(tmp_path):
 
     with pytest.raises(LogError, match=r"bank_head = 4e\+06 would reach beyond"):
         replay(_forged(tmp_path / "x", "iotsekf.initial.npy", ring))
-    late = _forged(tmp_path / "late", topic="/state/iotsekf/left_inner", field="bank_head_0", value=-1e6)
+    late = _forged(tmp_path / "late", topic="/state/iotsekf/left_inner", field="bank_head[0]", value=-1e6)
     with pytest.raises(LogError, match=r"tick \d+: bank_head"):
         replay(late, start_s=3.0)
 

@@ -20,7 +20,7 @@ from cosim.flight.interactive import journal, stepping
 from cosim.flight.interactive.live import fly_live
 from cosim.replay import replay
 from cosim.scenario import parse
-from cosim.scenario.user_file import identity
+from cosim.scenario.user_parts import identity
 
 BY_HAND = """
 import os, signal, sys, time

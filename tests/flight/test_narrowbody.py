@@ -24,28 +24,41 @@ from cosim.report import flight_report
 from cosim.scenario.aircraft import load_aircraft
 
 AIRCRAFT = load_aircraft("narrowbody")
-NUMBERS = estimate.numbers(AIRCRAFT.folder)
+FILE = AIRCRAFT.folder / "numbers.toml"
+NUMBERS = estimate.numbers(FILE)
 
 
 def test_the_files_are_what_the_numbers_make():
-    for path, text in estimate.build(AIRCRAFT).items():
-        assert path.read_text(encoding="utf-8") == text, path.name
+    for file, text in estimate.build(AIRCRAFT, FILE).items():
+        assert (AIRCRAFT.folder / file).read_text(encoding="utf-8") == text, file
 
 
-def test_two_files_are_enough_to_make_the_others(tmp_path):
-    folder = tmp_path / "narrowbody"
-    folder.mkdir()
-    for name in ("aircraft.toml", "numbers.toml"):
-        shutil.copy(AIRCRAFT.folder / name, folder)
-    told = CliRunner().invoke(cli.app, ["estimate", str(folder)])
-    assert told.exit_code == 0 and "aerodynamics.xml" in told.stdout, told.output
-    made = sorted(p.relative_to(folder) for p in folder.rglob("*.xml"))
-    assert made == sorted(p.relative_to(AIRCRAFT.folder) for p in AIRCRAFT.folder.rglob("*.xml"))
-    assert all((folder / p).read_text() == (AIRCRAFT.folder / p).read_text() for p in made)
+def new(name, folder, *more):
+    return CliRunner().invoke(cli.app, ["new", "aircraft", name, "-o", str(folder), *map(str, more)])
+
+
+def test_a_template_that_is_filled_in_becomes_an_aircraft(tmp_path):
+    folder = tmp_path / "mine"
+    told = new("mine", tmp_path)
+    assert told.exit_code == 0 and f"--numbers {folder}/numbers.toml" in " ".join(told.stdout.split())
+    assert sorted(p.name for p in folder.iterdir()) == ["aircraft.toml", "numbers.toml"]
+    told = new("mine", tmp_path, "--numbers", folder / "numbers.toml")
+    assert told.exit_code == 0 and f"--aircraft {folder}" in " ".join(told.stdout.split()), told.output
+    made = {p.relative_to(folder).as_posix() for p in folder.rglob("*.xml")}
+    assert made == {*estimate.build(load_aircraft(str(folder)), FILE)}
+    for file in made:
+        wanted = (AIRCRAFT.folder / file.replace("mine", "narrowbody")).read_text()
+        assert (folder / file).read_text().replace("mine", "narrowbody") == wanted
+
+
+def test_every_number_of_the_template_is_explained():
+    for line in (AIRCRAFT.folder / "aircraft.toml").read_text().splitlines():
+        if line.startswith(("tail_arm", "downwash", "station", "reference", "mass_t", "empty", "fuel", "alpha", "J_N")):
+            assert "#" in line, line
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "says"),
+    ("old", "by", "says"),
     [
         ("{ value = 122.4,", "{ value = 0.0,", "wing.area_m2.value: Input should be greater than 0"),
         ("{ value = 33.91,", "{ value = 1e9,", "wing.span_m.value: Input should be less than or equal to 200"),
@@ -56,14 +69,14 @@ def test_two_files_are_enough_to_make_the_others(tmp_path):
         ("{ value = 33.91,", "{ value = 1.0,", "the formulas have no value for these"),  # the tail is higher
     ],
 )
-def test_dimensions_without_an_aircraft_are_named(tmp_path, old, new, says):
-    folder = shutil.copytree(AIRCRAFT.folder, tmp_path / "narrowbody")
-    text, model = (folder / "numbers.toml").read_text(), (folder / "narrowbody.xml").read_text()
+def test_dimensions_without_an_aircraft_are_named(tmp_path, old, by, says):
+    shutil.copy(AIRCRAFT.folder / "aircraft.toml", tmp_path)
+    text = FILE.read_text()
     assert old in text
-    (folder / "numbers.toml").write_text(text.replace(old, new))
-    told = CliRunner().invoke(cli.app, ["estimate", str(folder)])
+    (tmp_path / "numbers.toml").write_text(text.replace(old, by))
+    told = new("mine", tmp_path, "--numbers", tmp_path / "numbers.toml")
     assert told.exit_code == 2 and f"numbers.toml: {says}" in " ".join(told.stderr.split()), told.output
-    assert (folder / "narrowbody.xml").read_text() == model
+    assert not (tmp_path / "mine").exists()
 
 
 def test_every_number_has_its_provenance():

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 import cosim
 from cosim.cli import commands as cli
 from cosim.flight.plugins.new import KINDS, shadows
+from cosim.scenario.aircraft import load_aircraft
 
 OWN = [kind for kind in KINDS if kind != "detector"]  # test_guests_contract.py has that one
 
@@ -18,7 +19,8 @@ OWN = [kind for kind in KINDS if kind != "detector"]  # test_guests_contract.py 
 def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("new")
     for kind in OWN:
-        told = CliRunner().invoke(cli.app, ["new", kind, f"own_{kind}", "-o", str(made)])
+        more = ["--numbers", str(load_aircraft("narrowbody").folder / "numbers.toml")] if kind == "aircraft" else []
+        told = CliRunner().invoke(cli.app, ["new", kind, f"own_{kind}", "-o", str(made), *more])
         assert told.exit_code == 0 and "next   cosim" in told.stdout, told.output
     return made
 

@@ -13,6 +13,7 @@ import technologies
 
 import cosim
 from cosim.errors import ScenarioError
+from cosim.flight.detection.detectors import left_out
 from cosim.replay import replay
 from cosim.scenario import catalog
 
@@ -83,6 +84,45 @@ def test_a_fatal_error_is_told_and_the_process_lives(fmu):
     with pytest.raises(ScenarioError, match=r"actuators\.rig: seal lost at the piston; fmi.DoStep .*fatal"):
         cosim.fly(s, SEEN)
     gc.collect()
+
+
+@pytest.mark.parametrize(
+    ("how", "says"),
+    [(5, r"ended the simulation at 0\.505 s \(terminateSimulation\)"), (6, r"came to 0\.507000 s .* to 0\.510 s"),
+     (7, r"came to 0\.507000 s")],
+)  # fmt: skip
+def test_an_fmu_that_stops_ends_the_flight_in_a_line(tmp_path, how, says):
+    """Also where its status is good: it is at the end, it returns early, it has not come to the end of the step."""
+    if rig.COMPILER is None:
+        pytest.skip("no C compiler on this machine")
+    breaks = "actuators.rig.parameters.breaks_s=0.5", f"actuators.rig.parameters.breaks_as={how}"
+    with pytest.raises(ScenarioError, match=rf"actuators\.rig: {says}"):
+        cosim.fly(loaded(rig.build(tmp_path, 3), *breaks, "duration_s=1"), SEEN)
+
+
+@pytest.mark.parametrize(
+    ("flag", "changes", "says"),
+    [
+        ("canBeInstantiatedOnlyOncePerProcess='true'", ["elevator.left_outer=rig"],
+         "canBeInstantiatedOnlyOncePerProcess: it cannot be on 2 segments"),
+        ("needsExecutionTool='true'", [], "needsExecutionTool: it runs only beside"),
+        ("fixedInternalStepSize='0.003'", [], r"fixedInternalStepSize = 0\.003 s does not divide the tick of 0\.005 s"),
+    ],
+)  # fmt: skip
+def test_what_the_model_description_asks_and_the_loop_cannot_do_is_refused_by_name(tmp_path, flag, changes, says):
+    if rig.COMPILER is None:
+        pytest.skip("no C compiler on this machine")
+    path = rig.described(rig.build(tmp_path, 3), "<CoSimulation", f"<CoSimulation {flag}")
+    with pytest.raises(ScenarioError, match=rf"actuators\.rig: {says}"):
+        cosim.fly(loaded(path, *changes, "duration_s=0.1"), SEEN)
+
+
+def test_an_fmu_for_one_instance_flies_on_one_segment(tmp_path):
+    if rig.COMPILER is None:
+        pytest.skip("no C compiler on this machine")
+    flag = "<CoSimulation canBeInstantiatedOnlyOncePerProcess='true' fixedInternalStepSize='0.0025'"
+    path = rig.described(rig.build(tmp_path, 3), "<CoSimulation", flag)
+    assert len(cosim.fly(loaded(path, "duration_s=0.1"), SEEN)) == 20
 
 
 def test_a_unit_left_out_is_the_one_that_the_fmu_declares(fmu):
@@ -166,6 +206,20 @@ def test_a_block_from_a_file_flies_and_takes_faults_of_its_command(tmp_path):
     assert np.radians(1.0) < np.ptp(found[800:, 0]) < np.radians(2.0)  # lagging, and the law works against it
     with pytest.raises(ScenarioError, match="which has no valve"):
         loaded(path, "faults.0.at=valve", "faults.0.amplitude=0.02", key="file", spec={})
+
+
+@pytest.mark.parametrize("other", ["left_outer", "all"])
+def test_both_segments_of_a_side_may_be_ones_own_and_what_has_no_design_for_them_does_not_run(tmp_path, other):
+    path = tmp_path / "first_order.py"
+    path.write_text(textwrap.dedent(BLOCK))
+    more = catalog.SEGMENTS if other == "all" else [other]
+    names = ["rfafe", "rfafe_airframe", "lpv_smo"]
+    s = loaded(path, *(f"elevator.{seg}=rig" for seg in more), f"detectors.enabled={names}", "duration_s=0.5",
+               "faults=[]", key="file", spec={})  # fmt: skip
+    why = left_out(s)
+    assert why["rfafe"].startswith(f"no design for {'rig' if other == 'all' else 'rig/simple'} elevators; there is ema")
+    flown = cosim.simulate(s).to_dict()
+    assert {row["id"] for row in flown["detectors"]} == set(names) - set(why)
 
 
 def test_a_compiled_block_from_a_file_behind_the_shipped_servo_flies_like_itself(tmp_path):

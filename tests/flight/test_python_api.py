@@ -42,20 +42,10 @@ def test_a_traceback_of_ours_ends_at_the_users_line(tmp_path, monkeypatch):
     assert "overrides" in inspect.signature(cosim.load_scenario).parameters
 
 
-def test_a_topic_is_no_field(log):
-    with pytest.raises(KeyError) as error:
-        log.fields("/truth/aircraft")
-    said = "'/truth/aircraft' names no field, which is '/topic.field', such as '/truth/aircraft.alpha'"
-    assert str(error.value) == f"{said}; log.frame('/truth/aircraft') gives the whole topic"
-    with pytest.raises(KeyError, match="'alpha' names no field"):
-        log.fields("alpha")
-    assert list(log.fields("/truth/aircraft.alpha").columns) == ["/truth/aircraft.alpha"]
-
-
 def test_what_is_not_there_is_answered_with_what_is_near(log):
     for call, word, near in (
         (log.frame, "/truth/aircaft", "/truth/aircraft"),
-        (log.fields, "/truth/aircraft.alfa", "alpha"),
+        (lambda word: log.frame("/truth/aircraft", fields=[word]), "alfa", "alpha"),
         (log.array, "truth/aircraft", "/truth/aircraft"),
     ):
         with pytest.raises(KeyError) as error:
@@ -69,8 +59,8 @@ def test_frames_carry_units(log):
     frame = log.frame("/truth/aircraft")
     assert frame.attrs["units"] == dict(zip(frame.columns, log.topics["/truth/aircraft"].units))
     assert frame.attrs["units"]["alpha"] == "rad" and frame.attrs["units"]["h"] == "m"
-    names = ["/truth/aircraft.alpha", "/sensors/aircraft.n_z"]
-    assert log.fields(names).attrs["units"] == dict(zip(names, ("rad", "g")))
+    wide = log.frame("/sensors")
+    assert wide.attrs["units"]["aircraft.n_z"] == "g" and wide.attrs["units"]["left_inner.rod"] == "m"
 
 
 def test_results_logs_and_models_print_and_draw_themselves(log, liquid_log):

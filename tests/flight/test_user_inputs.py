@@ -32,7 +32,7 @@ def flown(tmp_path_factory):
 
 def test_what_the_table_says_is_what_law_and_aircraft_get(flown):
     log = cosim.open_log(flown)
-    frames = {name: log.frame(name) for name in log.topics if name.startswith(("/pilot", "/law", "/truth"))}
+    frames = {name: log.frame(name) for name in log.topics if name.startswith(("/law", "/truth"))}
     t = np.arange(1200) * 0.005
     for column, signal in SIGNALS.items():
         field = signal.rpartition(".")[2]

@@ -42,6 +42,17 @@ def build(folder: Path, version: int) -> Path:
     return path
 
 
+def described(path: Path, old: str, new: str) -> Path:
+    """Return a copy of an FMU whose model description has `new` in place of `old`."""
+    out = path.with_name(f"described_{path.name}")
+    with zipfile.ZipFile(path) as held, zipfile.ZipFile(out, "w") as made:
+        for name in held.namelist():
+            data = held.read(name)
+            assert name != "modelDescription.xml" or old.encode() in data
+            made.writestr(name, data.replace(old.encode(), new.encode()) if name.endswith(".xml") else data)
+    return out
+
+
 def _stubs():
     """Return C of the functions that every FMU must have and this one needs not: they fail."""
     made = set(re.findall(r"(fmi[23][A-Z]\w+)\(", SOURCE.read_text()))

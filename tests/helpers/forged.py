@@ -15,7 +15,8 @@ def forge(log, path, *, attachments=None, samples=(), metadata=None, result=None
     renamed = dict(renamed)
     for info in (info for name, info in log.topics.items() if renamed.get(name, name)):
         index = np.arange(len(info.fields)) + at
-        topics.append(Topic(renamed.get(info.name, info.name), info.fields, info.units, index, info.every, info.group))
+        topics.append(Topic(renamed.get(info.name, info.name), info.fields, info.units, index, info.every, info.group,
+                            "" if info.name in renamed else info.channel))  # fmt: skip
         values = log.array(info.name).copy()
         for topic, field, value in samples:
             if topic == info.name and field in info.fields:
@@ -32,7 +33,10 @@ def forge(log, path, *, attachments=None, samples=(), metadata=None, result=None
     with made as w:
         for k, row in enumerate(np.concatenate(columns, axis=1)):
             if gap and k == 50:
-                w._aim(k + gap)
+                w.flush()
+                w._done = w._done[0], k + gap
+                for target in w._targets:
+                    target.at[-1] = k + gap
             w.append(row)
         w.close(result={k: v for k, v in log.result.items() if k != "content"} | (result or {}))
     return path

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from fingerprint import fingerprint
 
-from cosim.log import compact, open_log
+from cosim.log import open_log
 
 FOLDER = Path(__file__).resolve().parents[2] / "logs" / "golden"
 HYDRAULIC = ("iotsekf", "rtsekf", "rtsekf_flight", "position_monitor", "ofc_monitor")
@@ -61,7 +61,6 @@ def fly(name: str, folder: Path = FOLDER) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     out = folder / f"{name}.mcap"
     simulate(scenario, log=out, timed=False)
-    compact(out, out)
     out.with_suffix(".txt").write_text(fingerprint(open_log(out)))
     return out
 

@@ -9,10 +9,21 @@ import pytest
 from cosim.log import Topic
 from cosim.log.layouts import live_layout, viewer_layouts
 
+OUTPUTS = {"iotsekf": ("r", "alarm", "f_hat_u"), "monitor": ("r", "alarm")}
 TOPICS = [
-    Topic("/truth/aircraft", ("alpha", "q", "nz", "h", "de_li"), ("",) * 5, np.arange(5), group="truth"),
-    Topic("/detectors/iotsekf/left_inner", ("r", "alarm", "f_hat_u"), ("",) * 3, np.arange(3), group="detectors"),
-    Topic("/detectors/monitor/left_inner", ("r", "alarm"), ("",) * 2, np.arange(2), group="detectors"),
+    Topic("/truth/aircraft", ("alpha", "q", "nz", "h", "de_li"), ("",) * 5, np.arange(5), 1, "truth", "/truth"),
+    *(
+        Topic(
+            f"/detectors/{name}/left_inner",
+            fields,
+            ("",) * len(fields),
+            np.arange(len(fields)),
+            1,
+            "detectors",
+            f"/detectors/{name}",
+        )
+        for name, fields in OUTPUTS.items()
+    ),
 ]
 
 
@@ -25,8 +36,8 @@ def test_every_path_of_the_foxglove_layout_is_a_signal_of_the_log():
         for item in tab["content"]["items"]
         if item["content"]["panelType"] == "Plot"
     }
-    assert plots["Alarm [-]"] == ["/detectors/iotsekf/left_inner.alarm", "/detectors/monitor/left_inner.alarm"]
-    known = {f"{t.name}.{f}" for t in TOPICS for f in t.fields}
+    assert plots["Alarm [-]"] == ["/detectors/iotsekf.left_inner.alarm", "/detectors/monitor.left_inner.alarm"]
+    known = {f"{t.channel}.{t.name.rpartition('/')[2]}.{f}" for t in TOPICS for f in t.fields}
     assert all(paths and set(paths) <= known for paths in plots.values())
     assert "Verdict [code]" not in plots
 
@@ -44,7 +55,7 @@ def test_the_foxglove_layout_is_built_as_the_sdk_builds_one():
     ours = json.loads(
         viewer_layouts(TOPICS, (("A", (("Alarm", "detectors", ("alarm",)),)),))["layout.foxglove.json"][1]
     )
-    series = [sdk.PlotSeries(value=f"{t.name}.alarm", timestamp_method="publishTime") for t in TOPICS[1:]]
+    series = [sdk.PlotSeries(value=f"{t.channel}.left_inner.alarm", timestamp_method="publishTime") for t in TOPICS[1:]]
     plot = sdk.PlotPanel(title="Alarm", config=sdk.PlotConfig(paths=series))
     split = sdk.SplitContainer(direction="column", items=[sdk.SplitItem(content=plot)])
     place = sdk.SplitContainer(

@@ -2,24 +2,34 @@
 
 import json
 import shutil
+import struct
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-from google.protobuf import json_format
-from log_samples import TOPICS, expected, same_bits, write
+from google.protobuf import descriptor_pb2, descriptor_pool, json_format
+from log_samples import TOPICS, Records, expected, same_bits, write
 from mcap.reader import NonSeekingReader, SeekingReader
 from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
-from cosim.log import foxglove, open_log
+from cosim.log import LogWriter, Topic, foxglove, open_log, recover
+from cosim.log.layout import schema_data
 
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
     path = tmp_path_factory.mktemp("readers") / "flight.mcap"
     return path, write(path, pose=True)
+
+
+def values_of(proto, topic):
+    """Return the values of a part in the message of its channel, decoded by another's code."""
+    for word in topic.name[len(topic.channel) :].split("/")[1:]:
+        proto = getattr(proto, word)
+    names = (field.rstrip("]").partition("[") for field in topic.fields)
+    return [getattr(proto, name)[int(i)] if bracket else getattr(proto, name) for name, bracket, i in names]
 
 
 @pytest.mark.parametrize("reader", [SeekingReader, NonSeekingReader])
@@ -33,11 +43,9 @@ def test_the_mcap_package_decodes_every_message(log, reader):
         for _, channel, message, proto in decoded:
             assert message.log_time == message.publish_time == message.sequence * 5_000_000 >= last
             last = message.log_time
-            if channel.topic in got:
-                fields = [f.name for f in proto.DESCRIPTOR.fields]
-                got[channel.topic].append((message.sequence, [getattr(proto, f) for f in fields]))
-                assert fields == list(next(t for t in TOPICS if t.name == channel.topic).fields)
-            elif channel.topic == "/events":
+            for topic in (t for t in TOPICS if t.channel == channel.topic):
+                got[topic.name].append((message.sequence, values_of(proto, topic)))
+            if channel.topic == "/events":
                 texts.append({m.key: m.value for m in proto.metadata})
     for topic in TOPICS:
         ticks, values = zip(*got[topic.name])
@@ -56,7 +64,7 @@ def test_every_record_passes_the_packages_own_checks(log):
     statistics, ours = summary.statistics, open_log(path)
     assert statistics.message_start_time == 0 and statistics.message_end_time == 229 * 5_000_000
     counts = {summary.channels[c].topic: n for c, n in statistics.channel_message_counts.items()}
-    assert {name: counts[name] for name in ours.topics} == {t.name: t.rows for t in ours.topics.values()}
+    assert {t.channel: counts[t.channel] for t in TOPICS} == {t.channel: t.rows for t in ours.topics.values()}
     assert set(foxglove.TOPICS) <= {c.topic for c in summary.channels.values()}
     assert [a.name for a in summary.attachment_indexes] == ["scenario.toml", "empty.bin"]
 
@@ -66,7 +74,7 @@ def test_one_topic_and_a_span_of_time_can_be_sought(log):
     with log[0].open("rb") as file:
         found = list(
             SeekingReader(file, validate_crcs=True).iter_messages(
-                topics=["/actuators/left_inner"], start_time=500_000_000, end_time=600_000_000
+                topics=["/actuators"], start_time=500_000_000, end_time=600_000_000
             )
         )
     assert [m.sequence for _, _, m in found] == list(range(100, 120))
@@ -76,7 +84,7 @@ def test_well_known_schemas_are_foxgloves_own():
     foxglove_sdk = pytest.importorskip("foxglove.messages", reason="foxglove-sdk is an extra (live)")
     from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
-    for name in ("Log", "Event", "FrameTransforms", "LocationFix"):
+    for name in ("Event", "FrameTransforms", "LocationFix"):
         theirs = FileDescriptorSet.FromString(getattr(foxglove_sdk, name).get_schema().data)
         ours = FileDescriptorSet.FromString(foxglove.schema(name))
         assert _plain(ours) == _plain(theirs)
@@ -181,17 +189,70 @@ def test_reading_needs_no_pandas_until_a_frame_is_asked_for():
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
-FOLDED = ("h_s", "h_S", "y_1_0", "y_10")  # what proto3 takes for one another
+WIDE = [
+    Topic("/w", [f"x_{i}" for i in range(2300)], ["-"] * 2300, np.arange(2300)),  # tags of one, two and three bytes
+    Topic("/n/a", [f"x_{i}" for i in range(14)], ["-"] * 14, np.arange(14), channel="/n"),  # 126 bytes
+    Topic("/n/b", [f"x_{i}" for i in range(15)], ["-"] * 15, np.arange(15), channel="/n"),  # 135: its length takes two
+    Topic("/n/b/deep", [f"P[{i}]" for i in range(2200)], ["-"] * 2200, np.arange(2200), channel="/n"),  # three
+    Topic("/n", ("h_s", "h_S", "y_1_0", "y_10"), ["-"] * 4, np.arange(4), channel="/n"),  # proto3 takes them for one
+    Topic("/slow/a", ("r",), ["-"], [5], every=150, channel="/slow"),  # more than a chunk's rows, no multiple of them
+]
 
 
-@pytest.mark.parametrize("topic", [t for t in TOPICS], ids=lambda t: t.name)
-def test_names_that_differ_in_case_or_underscores_are_allowed_by_the_schema(topic):
-    from google.protobuf import descriptor_pb2, descriptor_pool
+def test_lengths_and_tags_of_any_size_are_read_by_the_mcap_package_and_by_us(tmp_path):
+    v = np.random.default_rng(1).standard_normal((470, 2300))
+    with LogWriter(tmp_path / "a", WIDE, n_values=2300, rows_per_chunk=40) as log:
+        for row in v:
+            log.append(row)
+    log, got = open_log(tmp_path / "a"), {t.name: [] for t in WIDE}
+    with (tmp_path / "a").open("rb") as file:
+        decoded = SeekingReader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        for _, channel, _, proto in decoded.iter_decoded_messages(end_time=50 * 5_000_000):
+            for topic in (t for t in WIDE if t.channel == channel.topic):
+                got[topic.name].append(values_of(proto, topic))
+    assert sum(len(t.fields) for t in log.topics.values()) == sum(len(t.fields) for t in WIDE)
+    for topic in WIDE:
+        want = v[:: topic.every][:, topic.index]
+        assert same_bits(log.array(topic.name), np.ascontiguousarray(want))
+        assert same_bits(np.array(got[topic.name]), np.ascontiguousarray(want[: len(got[topic.name])]))
 
-    from cosim.log.format import schema_data
 
-    for fields in (topic.fields, FOLDED):
-        (file,) = descriptor_pb2.FileDescriptorSet.FromString(schema_data(topic.name, tuple(fields))).file
-        descriptor_pool.DescriptorPool().Add(file)
-        folded = [f.replace("_", "").lower() for f in fields]
-        assert file.syntax == "proto2" or len(set(folded)) == len(fields)
+@pytest.mark.parametrize("topic", [*TOPICS, *WIDE], ids=lambda t: t.name)
+def test_no_schema_has_names_that_its_syntax_takes_for_one(topic):
+    parts = [t for t in (*TOPICS, *WIDE) if t.channel == topic.channel and t.every == topic.every]
+    (file,) = descriptor_pb2.FileDescriptorSet.FromString(schema_data(topic.channel, parts)).file
+    descriptor_pool.DescriptorPool().Add(file)
+    assert file.syntax == "proto2"
+
+
+@pytest.mark.parametrize("parts", [
+    [("/a", ("x", "b")), ("/a/b", ("y",))],  # a field and a nested message
+    [("/a/b", ("y",)), ("/a", ("b",))],
+    [("/a", ("P[1]", "P[0]"))],
+    [("/a", ("P", "P[0]"))],
+    [("/a/b", ("x",), 1), ("/a/c", ("x",), 2)],  # two rates on one channel
+])  # fmt: skip
+def test_parts_that_do_not_fit_into_one_message_are_refused(parts, tmp_path):
+    with pytest.raises(ValueError):
+        topics = [Topic(name, fields, ["-"] * len(fields), np.arange(len(fields)), *every, channel="/a")
+                  for name, fields, *every in parts]  # fmt: skip
+        LogWriter(tmp_path / "a", topics, n_values=9)
+
+
+def test_every_index_entry_points_at_a_message_of_its_channel_and_time(log, tmp_path):
+    recover(log[0], tmp_path / "recovered")
+    for path in (log[0], tmp_path / "recovered"):
+        records, content, count = Records(path.read_bytes()), b"", 0
+        chunk = -1
+        for opcode, body in records:
+            if opcode == 6:
+                chunk += 1
+                content = records.content(chunk)
+            elif opcode == 7:
+                channel, _ = struct.unpack_from("<HI", body)
+                for ns, at in np.frombuffer(body[6:], "<u8").reshape(-1, 2).tolist():
+                    op, _, own, _, time, _ = struct.unpack_from("<BQHIQQ", content, at)
+                    assert (op, own, time) == (5, channel, ns)
+                    count += 1
+        with path.open("rb") as file:
+            assert count == SeekingReader(file).get_summary().statistics.message_count > 500

@@ -36,7 +36,7 @@ def _check(path, v, ticks):
 def test_what_changes_while_it_is_read_is_not_copied_unchecked(whole, tmp_path, monkeypatch):
     """Another program writes into the log right after a chunk was checked."""
     rewrite = importlib.import_module("cosim.log.recover")  # the package has a function of that name
-    path, load = tmp_path / "log", rewrite.load_chunk
+    path, load = tmp_path / "log", rewrite.load
     path.write_bytes(whole.read_bytes()[:-200])
     middle = [c.data_offset + c.data_size // 2 for c in open_log(whole).chunks]
 
@@ -47,7 +47,7 @@ def test_what_changes_while_it_is_read_is_not_copied_unchecked(whole, tmp_path, 
             file.write(b"\xff" * 8)
         return found
 
-    monkeypatch.setattr(rewrite, "load_chunk", checked)
+    monkeypatch.setattr(rewrite, "load", checked)
     recover(path, tmp_path / "out")
     monkeypatch.undo()
     _check(tmp_path / "out", vectors(230), np.arange(230))
@@ -128,7 +128,7 @@ def test_a_whole_log_comes_back_whole(whole, tmp_path):
     report = recover(whole, tmp_path / "out")
     assert report["complete"] and not report["lost"]
     assert open_log(tmp_path / "out").result == open_log(whole).result
-    before, after = open_log(whole).arrays(), open_log(tmp_path / "out").arrays()
+    before, after = (log.arrays(log.topics) for log in (open_log(whole), open_log(tmp_path / "out")))
     assert {n: v.tobytes() for n, v in after.items()} == {n: v.tobytes() for n, v in before.items()}
 
 

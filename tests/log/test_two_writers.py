@@ -14,7 +14,7 @@ pytest.importorskip("fcntl")
 RUN = [sys.executable, "-c", "from cosim.cli import main; main()", "run", "cruise", "-s", "detectors.enabled=[]", "-s",
        "elevator.feedback=measured"]  # fmt: skip
 HOLD = (
-    "import sys; from cosim.log.record_writer import Sink; s = Sink(sys.argv[1]); s.put(b'\\x89MCAP0\\r\\nfirst'); "
+    "import sys; from cosim.log.log_file import LogFile; s = LogFile(sys.argv[1]); s._put(b'\\x89MCAP0\\r\\nfirst'); "
     "print('held', flush=True); sys.stdin.read()"
 )
 

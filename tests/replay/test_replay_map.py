@@ -196,7 +196,7 @@ def test_a_command_counts_from_when_it_is_sent(flight, signals, tmp_path):
     """What a servo sends at a tick acts until the next; a map that says otherwise is a tick off, which the pressure
     tells."""
     names = ("rod", "surface", "pressure", "hm0", "hmd")
-    sent = flight.frame("/actuators/left_inner/servo")["u"].to_numpy()
+    sent = flight.frame("/actuators/hydraulic/left_inner/servo")["u"].to_numpy()
     read = {n: signals[f"left_inner.{n}"] for n in names}
     frame = pd.DataFrame({"time": np.arange(flight.n_ticks) / 200.0, "valve_command": sent, **read})
     frame.to_csv(tmp_path / "own.csv", index=False)

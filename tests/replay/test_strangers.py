@@ -121,9 +121,7 @@ def test_a_column_may_have_a_name_of_300_letters(tmp_path):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("campaign", "fault-free", "--likeliest", LONG), "is no detector; allowed"),
         (("check", LONG), "no such file and no installed detector"),
-        (("score", LONG), "there is no such file"),
         (("new", "detector", LONG), "longer than a file's may be. Choose a shorter one"),
     ],
 )

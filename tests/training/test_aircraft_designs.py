@@ -12,7 +12,7 @@ from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import left_out, placed, sources
 from cosim.flight.plant.aero import estimate
 from cosim.flight.plant.force_model import force_model
-from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario.aircraft import load_aircraft, load_record
 from cosim.training import aircraft_designs, train_aircraft
 from fdi import registry
 from fdi.common.tuning import thresholds
@@ -42,7 +42,7 @@ def test_a_folder_without_says_so_with_the_command(copied):
     shutil.rmtree(copied / "thresholds")
     found = left_out(flown(copied))
     assert set(found) == LEVEL
-    assert found["lpv_smo"] == f"no design for mine (`cosim design --aircraft {copied}`)"
+    assert found["lpv_smo"] == f"no design for mine (`python -m cosim.training all --aircraft {copied}`)"
 
 
 def test_designs_of_other_numbers_are_not_flown_with(copied):
@@ -110,8 +110,8 @@ def test_training_flights_are_flights_of_that_aircraft():
 
 def test_three_engines_leave_out_who_reads_four_and_train_the_others(copied):
     (copied / "aircraft.toml").write_text((copied / "aircraft.toml").read_text().replace("engines = 2", "engines = 3"))
-    for path, text in estimate.build(load_aircraft(str(copied))).items():
-        path.write_text(text)
+    for file, text in estimate.build(load_record(str(copied)), copied / "numbers.toml").items():
+        (copied / file).write_text(text)
     assert left_out(flown(copied))["control_redundancy"] == "it reads n1_4, the aircraft has 3 engines"
     three = load_aircraft(str(copied))
     assert train_aircraft.fits(three) == ("lpv_smo", "kinematic", "rfafe", "rfafe_airframe")

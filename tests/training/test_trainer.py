@@ -15,6 +15,7 @@ from cosim.training import (
     train_rfafe,
     trainer,
 )
+from cosim.training.__main__ import main
 from cosim.training.flights import MODULES, fly_aircraft, manoeuvring, over_envelope
 from cosim.training.trainer import FOLDER, Trained
 from fdi import registry
@@ -138,11 +139,54 @@ def test_what_is_trained_is_stored_beside_what_else_the_file_holds(tmp_path, mon
     assert mine.changes(made)[0] == ("position_monitor", "flight", "threshold", stored, 0.0123457)
     mine.store(made)
     after = json.loads((tmp_path / "position_monitor.json").read_text())
-    record = {"command": "cosim train mine", "flights": 2, "first_seed": 7}
+    record = {"command": "python -m cosim.training mine", "flights": 2, "first_seed": 7}
     assert after["training"] == {**record, "found": [7, 2], "ema": {**record, "found": "other"}}
     assert after["flight"] == before["flight"] | {"threshold": 0.0123457}
     mine.store(made[:1])  # the record of the other set stays
     assert json.loads((tmp_path / "position_monitor.json").read_text()) == after
+
+
+def test_rates_of_joint_are_one_set_that_is_its_file(tmp_path, monkeypatch):
+    file = tmp_path / "joint.json"
+    file.write_bytes((FOLDER / "joint.json").read_bytes())
+    monkeypatch.setattr(trainer, "FOLDER", tmp_path)
+    data = json.loads(file.read_text())
+    made = Trained("joint", "", {k: v for k, v in data.items() if k != "training"}, data["training"], rounded=dict)
+    training = load("joint")
+    assert [row[3] == row[4] for row in training.changes([made])] == [True] * 3
+    training.store([made])
+    assert json.loads(file.read_text()) == data
+    cell = made.fields["seen"]["kinematic"]["sensor.q"]
+    before, cell["flights"] = cell["flights"], 0
+    assert [row[1:] for row in training.changes([made]) if row[3] != row[4]] == [("", "seen", before, 0.0)]
+
+
+def test_the_command_stores_what_is_trained_and_check_only_compares(tmp_path, monkeypatch, capsys):
+    for file in FOLDER.glob("*.json"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    monkeypatch.setattr(trainer, "FOLDER", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    stored = tmp_path / "position_monitor.json"
+    before = stored.read_bytes()
+    mine = trainer.Training("monitors", 5, 2, lambda seed, n, run: None, lambda found: [
+        Trained("position_monitor", "flight", {"threshold": 0.0123456789}),
+    ])  # fmt: skip
+    monkeypatch.setattr("cosim.training.__main__.load", lambda name: mine)
+    assert main(["monitors", "--check"]) == 1 and stored.read_bytes() == before
+    assert "0.0123457" in capsys.readouterr().out
+    assert main(["monitors"]) == 0 and json.loads(stored.read_text())["flight"]["threshold"] == 0.0123457
+    assert main(["monitors", "--check"]) == 0
+
+
+@pytest.mark.parametrize(("words", "says"), [
+    (["monitor"], "unknown training 'monitor'; allowed: all, designs, hydraulic"),
+    (["ema", "--aircraft", "narrowbody"], "'ema' with --aircraft; allowed: all"),
+    (["all", "--aircraft", "transport"], "its designs are those of fdi/"),
+])  # fmt: skip
+def test_what_cannot_be_made_is_refused_in_one_line(words, says, capsys):
+    assert main(words) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("error: ") and says in told and told.count("\n") == 1
 
 
 @pytest.mark.parametrize("file", sorted(FOLDER.glob("*.json")), ids=lambda file: file.stem)
@@ -151,9 +195,8 @@ def test_what_is_stored_tells_how_its_training_found_it(file):
     own = data.pop("training")
     records = [r for r in (own, *own.values()) if isinstance(r, dict) and "command" in r]
     for record in records:
-        name = record["command"].removeprefix("cosim train ")
+        name = record["command"].removeprefix("python -m cosim.training ")
         training = load(name)
-        assert all(callable(getattr(training, part)) for part in ("train", "changes", "store"))
         if name != "joint":
             few = record is own.get("design_point")  # those at Sun13's point
             number = record["flights"] if few else training.number

@@ -29,8 +29,8 @@ from cosim.campaign.worker import run_id
 from cosim.errors import OutputError
 from cosim.files import replace_text
 from cosim.scenario import Scenario
-from cosim.scenario.brought import changed
 from cosim.scenario.flight import AIR
+from cosim.scenario.user_parts import changed
 from cosim.texts import from_json, read
 
 ABOUT = "dataset.json"
@@ -57,7 +57,7 @@ def make(
     words = chosen(flown, signals)
     runs = hashlib.sha256("".join(run for run, _ in pairs).encode()).hexdigest()[:16]
     about: dict[str, Any] = {"campaign": Path(str(campaign)).stem, "runs": runs, "signals": words, "rate_hz": rate_hz}
-    about["user_files"] = [[key, *f] for key, f in dict.fromkeys(f for s in flown for f in s.brought.items())]
+    about["user_files"] = [[key, *f] for key, f in dict.fromkeys(f for s in flown for f in s.user_parts.items())]
     every = [flight.every(s, rate_hz) for s in flown]
     folder = _open(Path(out), about, anew)
     home = str(folder.resolve())

@@ -216,10 +216,14 @@ def missing(record: Detector, aircraft: Aircraft) -> str:
 
 
 def left_out(scenario: Scenario) -> dict[str, str]:
-    """Return {detector: why} of those that the scenario runs and its aircraft cannot have."""
+    """Return {detector: why} of those that the scenario runs and its aircraft, or its elevators, cannot have."""
     plugins.use(scenario)
-    found = {name: missing(registry.record(name), scenario.aircraft) for name in scenario.running}
-    return {name: why for name, why in found.items() if why}
+    own, out = scenario.aircraft, {}
+    for name in scenario.running:
+        record = registry.record(name)
+        if why := missing(record, own) or record.lacks(scenario.elevator.technology, own.own_designs):
+            out[name] = why
+    return out
 
 
 def chosen(scenario: Scenario) -> list:

@@ -1,6 +1,6 @@
 """Stored designs and thresholds of an aircraft: `designs/` and `thresholds/` in its folder.
 
-`cosim design --aircraft DIR` makes them (cosim/training/aircraft_designs.py). `designs/made.json` says from which
+`python -m cosim.training all --aircraft DIR` makes them. `designs/made.json` says from which
 numbers: a detector whose design is of other numbers than fly is left out, as one without.
 """
 
@@ -17,7 +17,7 @@ FILE = "made.json"
 def lacking(aircraft: Aircraft, record: Any) -> str:
     """Return why a detector of the aircraft level has no design for `aircraft`, or ""."""
     bundled = aircraft.folder.parent == FOLDER
-    remedy = f"cosim design --aircraft {aircraft.name if bundled else aircraft.folder}"
+    remedy = f"python -m cosim.training all --aircraft {aircraft.name if bundled else aircraft.folder}"
     files = [aircraft.folder / "thresholds" / f"{record.id}.json"]
     files += [aircraft.folder / "designs" / f"{record.design}.json"] if record.design else []
     if not all(file.is_file() for file in files):

@@ -13,11 +13,11 @@ from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.build import build
 from cosim.flight.fly import record
 from cosim.scenario import Scenario
-from cosim.scenario.brought import identified
 from cosim.scenario.condition import condition, other_fault, source
 from cosim.scenario.fault import check_together
 from cosim.scenario.load import explained
 from cosim.scenario.problem import Origin
+from cosim.scenario.user_parts import identified
 
 
 def resolved(scenario: Scenario) -> Scenario:

@@ -15,7 +15,7 @@ from typing import Any
 from cosim.errors import CosimError, OutputError, ScenarioError
 from cosim.files import OTHER, TAKEN, claim, left_by, locked, replace, replace_text
 from cosim.log.format import OURS
-from cosim.log.record_writer import free
+from cosim.log.log_file import free
 from cosim.scenario import load_scenario
 
 EVERY_S = 0.5  # of the wall clock, at least, from one writing to the next

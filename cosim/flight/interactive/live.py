@@ -21,7 +21,7 @@ from cosim.judge.result import Result
 from cosim.scenario import Scenario, catalog
 from cosim.scenario.aircraft import Aircraft
 from cosim.scenario.fault import Fault, parse_target, targets
-from cosim.scenario.user_file import aside
+from cosim.scenario.user_parts import stdout_to_stderr
 
 SPEEDS = 0.01, 1000.0
 EVERY = 20  # ticks between two words of progress
@@ -124,7 +124,7 @@ def fly_live(
         if ready:
             ready(live)
         try:
-            with aside() if flight.setup.guests else nullcontext():
+            with stdout_to_stderr() if flight.setup.guests else nullcontext():
                 while flight.step():
                     live.append(flight.values)
                     journal.write(flight.flown)

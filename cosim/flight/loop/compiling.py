@@ -13,7 +13,6 @@ from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
 from cosim.flight.detection import detectors
 from cosim.flight.loop import schedule
 from cosim.flight.plant import gusts
-from cosim.log import chunk, frame
 from cosim.progress import Compiling
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
@@ -44,7 +43,7 @@ def functions(scenario: Scenario) -> dict[str, Native]:
     own = [d.module for d in detectors.chosen(scenario)]
     modules = [m for m in own if isinstance(m, ModuleType)]  # what takes longest comes first; guests elsewhere
     blocks = _blocks([*modules, *_actuators(used), *LOOP])
-    others = {schedule.__name__: schedule.WALK, chunk.__name__: chunk.GATHER, frame.__name__: frame.SQUEEZE}
+    others = {schedule.__name__: schedule.WALK}
     others[block.__name__] = block.SWEEP
     return {**{name: m.rollout.native for name, m in blocks.items()}, **others}
 

@@ -15,7 +15,7 @@ from actuators.block import unit
 from cosim.flight.blocks import faults, hinge_model, law, sensors
 from cosim.flight.detection import detectors
 from cosim.log import LogWriter, Pose, Topic, fits, viewer_layouts
-from cosim.scenario import brought, toml, vocabulary
+from cosim.scenario import toml, user_parts, vocabulary
 from cosim.scenario.catalog import TECHNOLOGIES
 from fdi import registry
 
@@ -32,11 +32,13 @@ def topics(setup: Any) -> list:
         """Add a topic of [(field, unit, position)]."""
         if columns:
             fields, units, index = zip(*columns)
-            out.append(Topic(name=name, fields=fields, units=units, index=np.array(index), every=every, group=group))
+            words = name.split("/")
+            channel = "/".join(words[: 3 if words[1] in ("actuators", "detectors", "state") else 2])
+            out.append(Topic(name, fields, units, np.array(index), every, group, channel))
 
-    def section(block, lane, fields=None):
+    def section(block, lane, fields=None, name=vocabulary.column):
         kind = bus.kinds[block]
-        return [(vocabulary.column(f), unit(kind, f), i) for f, i in bus.columns(block, lane, fields)]
+        return [(name(f), unit(kind, f), i) for f, i in bus.columns(block, lane, fields)]
 
     def measured(words, lane, y, valid):
         own = [vocabulary.find(word, lane) for word in words]
@@ -52,7 +54,8 @@ def topics(setup: Any) -> list:
         add(f"{prefix}/aircraft", measured(sensors.installed(setup.scenario.aircraft), "", *copy), "sensors")
         for seg in technology:
             add(f"{prefix}/{seg}", measured(TECHNOLOGIES[technology[seg]].sensors, seg, *copy), "sensors")
-    add("/noise", [(lane, "-", bus.index(f"sensors_in.{lane}.noise")) for lane in bus.lanes["sensors"]], "sensors")
+    noise = [(lane, "-", bus.index(f"sensors_in.{lane}.noise")) for lane in bus.lanes["sensors"]]
+    add("/sensors/noise", noise, "sensors")
     add(vocabulary.topic("pilot", "pilot"), section("pilot", "pilot"), "law")
     add(vocabulary.topic("law", "law"), section("law", "law", law.OUTPUTS), "law")
     for seg in technology:
@@ -69,7 +72,7 @@ def topics(setup: Any) -> list:
             add(vocabulary.topic(d.name, lane), section(d.name, lane, d.module.OUTPUTS), "detectors", d.every)
             hidden = [n for n in d.module.STATE.names if n not in d.module.OUTPUTS]
             every = max(1, round(SNAPSHOT_S / setup.loop.dt / d.every)) * d.every
-            add(f"/state/{d.name}/{lane}", section(d.name, lane, hidden), "snapshot", every)
+            add(f"/state/{d.name}/{lane}", section(d.name, lane, hidden, str), "snapshot", every)
     return out
 
 
@@ -90,7 +93,7 @@ def _drawn(channels, manifest):
     """Return the topics that a page or the judgement reads; no detector can be replayed from them."""
     for d in manifest:
         d["inputs"] = {lane: [] for lane in d["inputs"]}
-    return [t for t in channels if not t.name.startswith(("/state/", "/noise", "/hinge_model", "/observers/"))]
+    return [t for t in channels if not t.name.startswith(("/state/", "/sensors/noise", "/hinge/", "/observers/"))]
 
 
 PROFILES = {"replay": _replayed, "signals": _drawn}  # of a scenario's `log_profile`: (topics, detectors.json) -> topics
@@ -112,7 +115,7 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
     }
     for b in blocks:
         attachments |= _array(f"{b.name}.params", b.p) | _array(f"{b.name}.initial", b.x)
-    attachments |= brought.sources(setup.scenario) | ({} if profile == "replay" else viewer_layouts(channels))
+    attachments |= user_parts.sources(setup.scenario) | ({} if profile == "replay" else viewer_layouts(channels))
     metadata = {
         "run": {
             "title": setup.scenario.title, "software": f"cosim {cosim.__version__}",
@@ -125,7 +128,7 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
     fits(path, channels, setup.ticks, loop.dt)
     writer = LogWriter(
         path, channels, n_values=len(loop.v), dt_ns=round(loop.dt * 1e9), metadata=metadata, attachments=attachments,
-        pose=None if profile == "replay" else pose(loop.bus), compression="zstd-fast" if profile else "lz4",
+        pose=None if profile == "replay" else pose(loop.bus), compression="zstd" if profile else "lz4",
     )  # fmt: skip
     for f in setup.scenario.faults if profile != "replay" else ():
         start, end = (None if t is None else round(t * setup.scenario.rate_hz) for t in (f.start_s, f.end_s))

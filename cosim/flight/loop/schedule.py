@@ -12,7 +12,7 @@ import numpy as np
 
 from actuators.block import Entry
 from actuators.object_cache import of_wholes
-from cosim.flight.loop.operations import ADD, CLOCK, COPY, GET, KEEP, LOG, NOISE, PUT, SCALE, STEP, TRUTH, WIDTH
+from cosim.flight.loop.operations import ADD, CLOCK, COPY, GET, KEEP, NOISE, PUT, SCALE, SCATTER, STEP, TRUTH, WIDTH
 
 WALK = of_wholes("cosim.flight.loop.schedule_kernel", "walk", 5, f"{__name__}:WALK")
 
@@ -108,9 +108,10 @@ class Tape:
         """rows[k % len(rows)] = v[index], in the precision of `rows` (some ticks, n)."""
         self._row(KEEP, len(index), self._at(index), self._at(rows), rows.itemsize, max(1, len(rows)))
 
-    def log(self, head: np.ndarray) -> None:
-        """Log v as `head` says (cosim/log/writer.py)."""
-        self._row(LOG, self._at(head))
+    def scatter(self, index: np.ndarray, at: np.ndarray, rows: np.ndarray, every: int) -> None:
+        """Every `every` ticks, store v[index] as doubles at the byte offsets at[:-1] of the row k // every % len(rows)
+        of bytes; at[-1] = k + 1 at every tick."""
+        self._row(SCATTER, len(index), *map(self._at, (index, at, rows)), rows.shape[1], every, len(rows))
 
     def run(self, k: Any) -> Any:
         """Do all of tick `k`."""

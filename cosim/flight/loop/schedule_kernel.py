@@ -7,13 +7,13 @@ from numba import carray, njit
 
 from actuators import numba_intrinsics
 from actuators.numba_intrinsics import reals, singles, wholes
-from cosim.flight.loop.operations import ADD, CLOCK, COPY, GET, KEEP, LOG, NOISE, PUT, SCALE, STEP, TRUTH, WIDTH
+from cosim.flight.loop.operations import ADD, CLOCK, COPY, GET, KEEP, NOISE, PUT, SCALE, SCATTER, STEP, TRUTH, WIDTH
 from cosim.flight.plant.jsbsim_signals import to_si
-from cosim.log.row_writer import store
 
 enter: Any = numba_intrinsics.enter  # Numba gives them the context
 ask: Any = numba_intrinsics.ask
 tell: Any = numba_intrinsics.tell
+store: Any = numba_intrinsics.put
 
 
 @njit(error_model="numpy")
@@ -70,7 +70,12 @@ def walk(table: Any, n: int, bus: Any, first: int, stop: int) -> None:
                 given, factors, divisors, scaled = reals(row[2]), reals(row[3]), reals(row[4]), reals(row[5])
                 for j in range(a):
                     scaled[j] = given[j] * factors[j] / divisors[j]
-            elif operation == LOG:
-                store(a, bus)
+            elif operation == SCATTER:
+                wanted, at = wholes(row[2]), wholes(row[3])
+                if k % row[6] == 0:
+                    base = row[4] + row[5] * (k // row[6] % row[7])
+                    for j in range(a):
+                        store(base + at[j], v[wanted[j]])
+                at[a] = k + 1
             elif operation == CLOCK:
                 v[a] = k * reals(row[2])[0]

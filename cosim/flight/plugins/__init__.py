@@ -3,7 +3,7 @@
 A user's detector, called a guest, is a plain Python class (`contract.py`), a block as ours are (actuators/block.py), or
 a fitted model over a window of signals (`window.py`). It comes from a file that a scenario or a command line names,
 from an installed package's entry point `cosim.detectors`, or from `cosim.register(Parity)`. Its code has its user's
-rights: it is run as it stands, and only a file that the user has named is run (cosim/scenario/user_file.py loads it).
+rights: it is run as it stands, and only a file that the user has named is run (cosim/scenario/user_parts.py loads it).
 """
 
 import hashlib
@@ -22,7 +22,7 @@ from actuators.object_cache import PLAIN
 from cosim.errors import did_you_mean
 from cosim.flight.plugins.contract import GuestError, is_block, is_guest
 from cosim.flight.plugins.plain import PlainDetector
-from cosim.scenario import Scenario, parse, user_file, vocabulary
+from cosim.scenario import Scenario, parse, user_parts, vocabulary
 from cosim.texts import unpaired_surrogate
 from fdi import registry
 from fdi.common.record import Detector
@@ -58,12 +58,12 @@ def load(name: str | os.PathLike) -> PlainDetector:
     path = Path(os.path.expanduser(name))
     if unpaired_surrogate(str(path)):
         raise GuestError("its name is not UTF-8, which a log needs", place=str(path), remedy="Rename it")
-    if not os.path.isfile(path):
+    if not os.path.exists(path):
         return _entry_point(str(name))
-    done = user_file.load(path, lambda text: GuestError(text, place=str(name)))
-    key = str(path.resolve()), done.file.sha256
+    module, part = user_parts.load(path, lambda text: GuestError(text, place=str(name)))
+    key = str(path.resolve()), part.sha256
     if key not in _loaded:
-        _loaded[key] = _only(done.module, str(name), key)
+        _loaded[key] = _only(module, str(name), key)
     return install(_loaded[key])
 
 
@@ -94,7 +94,7 @@ def use(scenario: Scenario) -> None:
             continue
         guest, place = registry.GUESTS.get(name), f"detectors.{name}.file = {table['file']}"
         wanted, remedy = table.get("sha256"), "Load the scenario again, or remove its sha256"
-        changed = GuestError(user_file.CHANGED, place=place, remedy=remedy)
+        changed = GuestError(user_parts.CHANGED, place=place, remedy=remedy)
         if guest is None or (wanted and guest.sha256 != wanted):
             guest = load(table["file"])
         if guest.DETECTOR.id != name:
@@ -114,9 +114,9 @@ def with_detectors(scenario: Scenario, files: Iterable[str | os.PathLike]) -> Sc
     for file in files:
         guest = load(file)
         name = guest.DETECTOR.id
-        about = {"file": str(Path(file)), "sha256": guest.sha256} if os.path.isfile(file) else {}
+        about = {"file": str(Path(file)), "sha256": guest.sha256} if os.path.exists(file) else {}
         named = own.get(name, {}).get("file", "")
-        if about and os.path.isfile(named) and not os.path.samefile(named, file):
+        if about and os.path.exists(named) and not os.path.samefile(named, file):
             raise _twice(name, f"{named} of the scenario", file)
         if about or name in own:
             own[name] = {**own.get(name, {}), **about}
@@ -136,7 +136,7 @@ def _entry_point(name):
         beside = [str(path.with_name(p.name)) for p in path.parent.glob("*.py")] if file else []
         what = "no such file" if file else "no such file and no installed detector"
         raise GuestError(what, place=name, allowed=", ".join(found), remedy=did_you_mean(name, [*beside, *found]))
-    with user_file.guarded(lambda text: GuestError(text, place=name)):
+    with user_parts.run_user_code(lambda text: GuestError(text, place=name)):
         made = found[name].load()
     return install(_made(made, _source(made)))
 
@@ -159,7 +159,7 @@ def _source(guest):
     try:
         file = inspect.getsourcefile(guest) or ""
         if file and Path(file).is_file() and getattr(guest, "__module__", "") != "__main__":
-            return file, user_file.identity_of_source(Path(file))
+            return file, user_parts.identity(file).sha256
         return "", hashlib.sha256(inspect.getsource(guest).encode()).hexdigest()
     except (OSError, TypeError):
         return "", hashlib.sha256(repr(guest).encode()).hexdigest()
@@ -203,7 +203,7 @@ class BlockDetector:
                 raise
             except BaseException as error:  # whatever user code raises
                 if not self.problems:
-                    said = user_file.where(error, self._path)
+                    said = user_parts.short_traceback(error, self._path)
                     self.problems.append(f"{self.DETECTOR.id} says nothing where it raises {said}")
             for name in self._module.OUTPUTS:
                 x[name] = 0.0

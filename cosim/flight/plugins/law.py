@@ -26,7 +26,7 @@ from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.blocks import law
 from cosim.flight.loop.wiring import DEMANDS
 from cosim.scenario import Scenario
-from cosim.scenario.user_file import load
+from cosim.scenario.user_parts import load
 from cosim.scenario.vocabulary import words
 
 SENSORS = law.SENSORS
@@ -79,7 +79,7 @@ def block(scenario: Scenario) -> ModuleType | Any:
     if scenario.law.file is None:
         return law
     path = Path(os.path.expanduser(scenario.law.file))
-    made = load(path, lambda text: _wrong(path, text)).module
+    made = load(path, lambda text: _wrong(path, text))[0]
     about = {"PARAMS": law.PARAMS, "INPUTS": law.INPUTS, "STATE": law.STATE, "OUTPUTS": law.OUTPUTS, "init": law.init}
     if hasattr(made, "rollout"):
         return SimpleNamespace(__name__=made.__name__, rollout=made.rollout, **about)

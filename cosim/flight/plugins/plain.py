@@ -18,7 +18,7 @@ from actuators.block import dtype, record
 from cosim.flight.plugins import contract
 from cosim.flight.plugins.watchdog import Overdue
 from cosim.scenario import vocabulary
-from cosim.scenario.user_file import where
+from cosim.scenario.user_parts import short_traceback
 from fdi.common.verdict import AMBIGUOUS, NAMES, NONE
 
 LIMIT_S = 0.5  # for one step, by default; a detector's own parameter limit_s changes it
@@ -196,7 +196,7 @@ class Runner:
     def _why(self, error):
         """Return (status, sentence) of what ended a step."""
         nonsense, file = isinstance(error, Nonsense), Path(self.guest.file) if self.guest.file else None
-        status, said = NONSENSE if nonsense else RAISED, str(error) if nonsense else where(error, file)
+        status, said = NONSENSE if nonsense else RAISED, str(error) if nonsense else short_traceback(error, file)
         if isinstance(error, Overdue):
             after = f"{self.limit_s:g} s{said.removeprefix('Overdue')}"
             status, said = SLOW, f"a step was interrupted after {after}, and limit_s is {self._limit:g}"

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from cosim.flight.plugins.contract import GuestError
-from cosim.scenario.user_file import opened
 
 
 def window_model(
@@ -95,7 +94,6 @@ def _checked(p, n, place):
 def _read(path, place):
     if not path.is_file():
         raise GuestError("no such file", place=f"{place}: {path}")
-    opened(path)
     if path.suffix == ".onnx":
         return _onnx(path)
     if path.suffix in (".joblib", ".pkl"):

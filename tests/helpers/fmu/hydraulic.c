@@ -8,8 +8,8 @@ typedef void (*logger2)(void *, const char *, int, const char *, const char *, .
 typedef void (*logger3)(void *, int, const char *, const char *);
 typedef struct { logger2 log; } callbacks2;
 typedef struct {
-    double y[COUNT], q, v, z, t;
-    int status;
+    double y[COUNT], q, v, z;
+    int status, tick;
     logger2 log2;
     logger3 log3;
     void *environment;
@@ -86,15 +86,18 @@ static Model *make(void) {
     return m;
 }
 
-static int advance(Model *m, double dt) {
-    if (m->t > m->y[BREAKS]) {
-        m->status = m->y[BREAKS_AS];
+/* A status of 5 or more is one of FMI 3's ways to end without an error. */
+static int advance(Model *m, double t, double dt) {
+    int late = t != m->tick * dt;
+    if (late || t > m->y[BREAKS]) {
+        m->status = late ? 3 : m->y[BREAKS_AS];
+        if (m->status > 4) return 0;
         if (m->log2) m->log2(m->environment, "rig", m->status, "error", "seal lost at %s", "the piston");
         if (m->log3) m->log3(m->environment, m->status, "error", "seal lost at the piston");
         return m->status;
     }
     for (int i = 0; i < 5; i++) substep(m, dt / 5.0);
-    m->t += dt;
+    m->tick += 1;
     out(m);
     return 0;
 }
@@ -122,7 +125,7 @@ int fmi2GetReal(void *c, const unsigned r[], size_t n, double y[]) {
     for (size_t i = 0; i < n; i++) y[i] = ((Model *)c)->y[r[i]];
     return 0;
 }
-int fmi2DoStep(void *c, double t, double dt, int keep) { return advance(c, dt); }
+int fmi2DoStep(void *c, double t, double dt, int keep) { return advance(c, t, dt); }
 const char *fmi2GetVersion(void) { return "2.0"; }
 const char *fmi2GetTypesPlatform(void) { return "default"; }
 
@@ -141,8 +144,9 @@ void fmi3FreeInstance(void *m) { end(m), free(m); }
 int fmi3SetFloat64(void *c, const unsigned r[], size_t n, const double y[], size_t k) { return fmi2SetReal(c, r, n, y); }
 int fmi3GetFloat64(void *c, const unsigned r[], size_t n, double y[], size_t k) { return fmi2GetReal(c, r, n, y); }
 int fmi3DoStep(void *c, double t, double dt, char keep, char *event, char *end, char *early, double *last) {
-    *event = *end = *early = 0;
-    *last = t + dt;
-    return advance(c, dt);
+    int status = advance(c, t, dt), how = ((Model *)c)->status;
+    *event = 0, *end = how == 5, *early = how == 6;
+    *last = how == 6 || how == 7 ? t + 0.4 * dt : t + dt;
+    return status;
 }
 const char *fmi3GetVersion(void) { return "3.0"; }

@@ -1,6 +1,7 @@
 """Estimate an aircraft's aerodynamics from its dimensions by handbook formulas, and write its JSBSim files.
 
-`cosim estimate DIR` does it; the folder holds aircraft.toml and numbers.toml, whose every number has its provenance.
+`cosim new aircraft NAME --numbers FILE` does it: numbers.toml, whose every number has its provenance, and aircraft.toml
+beside it.
 Rigid body, coefficients about the CG reference, per rad; x_q = q c / 2V and so on.
 
     a          lift slope: 2 pi A / (2 + sqrt(A^2 (beta^2 + tan^2 Lambda_c/2) / k^2 + 4)), k = 0.95 [DATCOM]
@@ -74,10 +75,9 @@ def _record():
     return create_model("Numbers", __base__=Table, **groups)
 
 
-def numbers(folder: Path) -> SimpleNamespace:
-    """Return numbers.toml as names: numbers(folder).wing.span_m. Raises ScenarioError with every number that is
+def numbers(path: Path) -> SimpleNamespace:
+    """Return a numbers.toml as names: numbers(path).wing.span_m. Raises ScenarioError with every number that is
     missing, unknown, out of BOUNDS or without its provenance."""
-    path = folder / "numbers.toml"
     table = toml(read(path, error=ScenarioError), place=str(path), error=ScenarioError)
     try:
         _record().model_validate(table)
@@ -204,7 +204,7 @@ def shape(n: Any, aircraft: Aircraft) -> Shape:
     at = coefficients(n, MIDDLE)
     sides = {s: (-1.0 if name.startswith("left") else 1.0) for name, s in aircraft.short.items()}
     return Shape(
-        made_by=f"cosim estimate {aircraft.name}",
+        made_by=f"cosim new aircraft {aircraft.name}",
         chord_ft=n.wing.chord_m / M_PER_FT, span_ft=n.wing.span_m / M_PER_FT, tail_arm_ft=n.tail.arm_m / M_PER_FT,
         downwash=downwash(n), segment_area_ft2=n.tail.elevator_area_m2 / M_PER_FT**2,
         segment_chord_ft=n.tail.elevator_chord * n.tail.area_m2 / n.tail.span_m / M_PER_FT,
@@ -214,23 +214,24 @@ def shape(n: Any, aircraft: Aircraft) -> Shape:
     )  # fmt: skip
 
 
-def build(aircraft: Aircraft) -> dict[Path, str]:
-    """Return {path: text} of every JSBSim file of the aircraft; raises ScenarioError for numbers that are wrong."""
-    n, folder = numbers(aircraft.folder), aircraft.folder
+def build(aircraft: Aircraft, path: Path) -> dict[str, str]:
+    """Return {file in the aircraft's folder: text} of its JSBSim files, from the numbers.toml at `path`; raises
+    ScenarioError for numbers that are wrong."""
+    n = numbers(path)
     try:
         with np.errstate(divide="raise", invalid="raise", over="raise"):
             own = shape(n, aircraft)
             aero = aerodynamics_xml(ALPHA, MACH, 200.0, tables(n), MACH_COARSE, derivative_tables(n), own)
     except (ArithmeticError, ValueError) as error:  # a tail that is higher than the wing's span has no downwash
         said = f"the formulas have no value for these dimensions together: {error}"
-        raise ScenarioError(said, place=str(folder / "numbers.toml")) from None
+        raise ScenarioError(said, place=str(path)) from None
     return {
-        folder / f"{aircraft.name}.xml": model_xml(n, aircraft),
-        folder / "aerodynamics.xml": aero,
-        folder / "Engines" / "turbofan.xml": engine_xml(n.engine.thrust_N, n.engine.bypass, own),
-        folder / "Engines" / "direct.xml": '<?xml version="1.0"?>\n<direct name="direct"/>\n',
-        folder / "Systems" / "multipliers.xml": multipliers_xml(own),
-        folder / "Systems" / "surfaces.xml": surfaces_xml(aircraft),
+        f"{aircraft.name}.xml": model_xml(n, aircraft),
+        "aerodynamics.xml": aero,
+        "Engines/turbofan.xml": engine_xml(n.engine.thrust_N, n.engine.bypass, own),
+        "Engines/direct.xml": '<?xml version="1.0"?>\n<direct name="direct"/>\n',
+        "Systems/multipliers.xml": multipliers_xml(own),
+        "Systems/surfaces.xml": surfaces_xml(aircraft),
     }
 
 
@@ -259,7 +260,7 @@ def model_xml(n: Any, aircraft: Aircraft) -> str:
     )
     point = f"<x> {station} </x> <y> 0.0 </y> <z> 0.0 </z>"
     return f"""<?xml version="1.0"?>
-<!-- Written by cosim estimate {aircraft.name}: {aircraft.title} -->
+<!-- Written by cosim new aircraft {aircraft.name}: {aircraft.title} -->
 <fdm_config name="{aircraft.name}" version="2.0" release="BETA">
 
   <fileheader>

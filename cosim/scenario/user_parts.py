@@ -1,24 +1,139 @@
-"""What a scenario brings along: files of detectors, law and actuators, and a folder with an aircraft.
+"""Files and folders of the user's that a scenario names: detectors, law, actuators, models, an aircraft.
 
-Each is a name and a digest (cosim/scenario/user_file.py). Where it lies is for this machine only.
+A part is a file or a folder. Its digest is over what lies there, hidden files and compiled code left out; what its code
+reads from elsewhere is not in the digest. Name and digest say which part is meant, on every machine; where it lies is
+for this machine only. A folder with Python code is a package: `__init__.py`, and relative imports of what lies beside
+it. To read a scenario runs nothing.
 """
 
 import copy
-import functools
+import hashlib
+import importlib.util
+import logging
 import os
+import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, redirect_stdout
 from pathlib import Path, PurePosixPath
+from types import ModuleType
 from typing import Any, NamedTuple
 
-from cosim.errors import LogError, Mistakes, OutputError, ScenarioError
+from actuators.source_hash import forget
+from cosim.errors import CosimError, LogError, Mistakes, OutputError, ScenarioError
 from cosim.files import replace
 from cosim.scenario import toml
 from cosim.scenario.aircraft import placed, ships
-from cosim.scenario.user_file import AGREE, CHANGED, UserFile, contents, found, identity
 from fdi.registry import GUESTS
 
 SHA256 = "sha256"
+CHANGED, AGREE = "is not the file that the scenario means: its digest differs", "Read it, then remove or renew sha256"
+_log = logging.getLogger("cosim")  # the command line prints what it hears
+_loaded: dict[Path, tuple[str, ModuleType]] = {}  # path -> its digest when it was run, its module
+
+
+class UserPart(NamedTuple):
+    """Which part of the user's is meant: its name, the SHA-256 of what lies there."""
+
+    name: str
+    sha256: str
+
+
+_announced: set[UserPart] = set()  # FMUs
+
+
+def contents(path: str | os.PathLike) -> dict[str, Path]:
+    """Return {name: path} of a file, or of every file of a folder but hidden ones and compiled code; names from the
+    folder around it on."""
+    path = Path(os.path.realpath(os.path.expanduser(path)))
+    every = [path] if not path.is_dir() else (Path(top) / name for top, _, names in os.walk(path) for name in names)
+    found = {file.relative_to(path.parent).as_posix(): file for file in every}
+    return {name: found[name] for name in sorted(found) if not any(map(_hidden, name.split("/")[1:]))}
+
+
+def _hidden(name):
+    return name.startswith(".") or name == "__pycache__"
+
+
+def identity(path: str | os.PathLike) -> UserPart:
+    """Return what lies at `path`; nothing is run. Raises ScenarioError for what cannot be read."""
+    path, out = Path(os.path.realpath(os.path.expanduser(path))), hashlib.sha256()
+    for name, file in contents(path).items():
+        out.update(os.fsencode(name.removeprefix(f"{path.name}/") if path.is_dir() else name) + b"\0")
+        try:
+            with file.open("rb") as opened:
+                while block := opened.read(1 << 20):
+                    out.update(block)
+        except OSError as error:
+            raise ScenarioError(f"cannot be read: {error.strerror}", place=str(file)) from None
+    return UserPart(path.name, out.hexdigest())
+
+
+def load(path: str | os.PathLike, error: Callable[[str], Exception] | None = None) -> tuple[ModuleType, UserPart]:
+    """Run a Python file, or a folder with `__init__.py`, once per content; return (its module, what it is).
+
+    Whatever it raises becomes `error(text)`, by default a ScenarioError that names it.
+    """
+    path = Path(os.path.realpath(os.path.expanduser(path)))
+    made = error or (lambda text: ScenarioError(text, place=str(path)))
+    file = path / "__init__.py" if path.is_dir() else path
+    if file.suffix != ".py" or not file.is_file():
+        raise made("is no Python code; allowed: a file that ends in .py, a folder with __init__.py")
+    part = identity(path)
+    if _loaded.get(path, ("",))[0] != part.sha256:
+        if path in _loaded:
+            forget()  # compiled code of the part as it was
+        _loaded[path] = part.sha256, _run(path, file, part, made)
+    return _loaded[path][1], part
+
+
+def _run(path, file, part, error):
+    _log.info("runs code: %s, sha256 %s", *part)
+    name = f"cosim_user_{path.stem}_{part.sha256[:12]}"
+    spec = importlib.util.spec_from_file_location(name, file, submodule_search_locations=[str(path)] * path.is_dir())
+    assert spec is not None and spec.loader is not None
+    module, here, before = importlib.util.module_from_spec(spec), os.getcwd(), sys.dont_write_bytecode
+    sys.modules[name], sys.dont_write_bytecode = module, True
+    try:
+        with run_user_code(error, path):
+            exec(compile(file.read_bytes(), str(file), "exec"), vars(module))  # as it stands, whatever __pycache__ has
+    except BaseException:
+        sys.modules.pop(name)
+        raise
+    finally:
+        sys.dont_write_bytecode = before
+        os.chdir(here)
+    return module
+
+
+def stdout_to_stderr() -> AbstractContextManager:
+    """Send what a user's code prints to standard error: standard output is the program's own."""
+    return redirect_stdout(sys.stderr)
+
+
+@contextmanager
+def run_user_code(error: Callable[[str], Exception], path: Path | None = None) -> Iterator[None]:
+    """Run a user's code: whatever it raises, but Ctrl-C and an error of ours, is error("does not run: ...")."""
+    try:
+        with stdout_to_stderr():
+            yield
+    except (KeyboardInterrupt, CosimError):
+        raise
+    except BaseException as wrong:
+        raise error(f"does not run: {short_traceback(wrong, path)}") from wrong
+
+
+def short_traceback(error: BaseException, path: Path | None = None) -> str:
+    """Return an exception as one line, with the last line that it passed of the part at `path`."""
+    import traceback
+
+    try:
+        said = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
+    except Exception:  # its own text is a user's code, too
+        said = type(error).__name__
+    own = "" if path is None else os.path.realpath(path)
+    here = [f for f in traceback.extract_tb(error.__traceback__) if os.path.realpath(f.filename).startswith(own)]
+    return f"{said} ({Path(here[-1].filename).name}:{here[-1].lineno})" if here else said
 
 
 class Place(NamedTuple):
@@ -56,9 +171,18 @@ def locate(tables: dict[str, Any], folder: Path | None, place: str) -> dict[str,
                 at.table[at.key] = os.path.abspath(beside)
             continue
         with wrong.caught():
-            at.table[at.key] = found(name, folder, f"{place}: {at.name}")
+            at.table[at.key] = find(name, folder, f"{place}: {at.name}")
     wrong.check()
     return out
+
+
+def find(name: str, folder: Path | None, place: str) -> str:
+    """Return the path of a part, from beside the scenario (`folder`) or from here. Raises ScenarioError."""
+    path = Path(os.path.expanduser(name))
+    for here in (folder / path if folder else path, path):
+        if os.path.exists(here):
+            return os.path.abspath(here)
+    raise ScenarioError("no such file", place=f"{place} = {name}")
 
 
 def identified(scenario: Any) -> Any:
@@ -71,9 +195,13 @@ def identified(scenario: Any) -> Any:
         where, wanted = f"{at.name} = {at.table[at.key]}", at.table.get(at.digest)
         if not flies(scenario, at) or _known(at):
             continue
-        at.table[at.digest] = identity(at.table[at.key], functools.partial(ScenarioError, place=where)).sha256
-        if wanted not in (None, at.table[at.digest]):
+        part = identity(at.table[at.key])
+        at.table[at.digest] = part.sha256
+        if wanted not in (None, part.sha256):
             raise ScenarioError(CHANGED, place=where, remedy=AGREE)
+        if at.key == "fmu" and part not in _announced:
+            _announced.add(part)
+            _log.info("runs code: %s, sha256 %s", *part)
         stamped = True
     context = {"aircraft": scenario.aircraft, "actuators": tuple(scenario.actuators)}
     return type(scenario).model_validate(table, context=context) if stamped else scenario
@@ -95,13 +223,13 @@ def _known(at):
     return guest is not None and guest.sha256 == at.table.get(at.digest)
 
 
-def files(tables: dict[str, Any]) -> dict[str, UserFile]:
-    """Return {key of the scenario: UserFile} of what the tables bring along; a digest that is not known is empty."""
-    return {at.name: UserFile(Path(at.table[at.key]).name, str(at.table.get(at.digest, ""))) for at in places(tables)}
+def named(tables: dict[str, Any]) -> dict[str, UserPart]:
+    """Return {key of the scenario: UserPart} of what the tables name; a digest that is not known is empty."""
+    return {at.name: UserPart(Path(at.table[at.key]).name, str(at.table.get(at.digest, ""))) for at in places(tables)}
 
 
-def changed(before: Iterable[tuple[str, UserFile]], now: Iterable[tuple[str, UserFile]]) -> str:
-    """Return in a sentence which file is another than it was, of (key, UserFile) of several scenarios; "" for none."""
+def changed(before: Iterable[tuple[str, UserPart]], now: Iterable[tuple[str, UserPart]]) -> str:
+    """Return in a sentence which part is another than it was, of (key, UserPart) of several scenarios; "" for none."""
     was: dict = {}
     for key, file in before:
         was.setdefault((key, file.name), {})[file.sha256] = None
@@ -124,7 +252,7 @@ def portable(tables: dict[str, Any], *, aircraft: bool = True) -> dict[str, Any]
 
 FOLDER = "user_files"  # of the names of attachments: user_files/law/law.py
 MOST = 16 << 20  # [byte] a larger file is known by its digest alone: a log stays one that can be sent
-_aircraft: list[Any] = []  # folders of aircraft that logs have brought into this process
+_aircraft: list[Any] = []  # folders of aircraft that came with logs
 
 
 def sources(scenario: Any) -> dict[str, tuple[str, bytes]]:
@@ -199,7 +327,7 @@ def _files(attachments: Mapping[str, bytes]) -> Iterator[tuple[PurePosixPath, by
         if top != FOLDER:
             continue
         path = PurePosixPath(rest)
-        wrong = any(part in ("..", "") or set(part) & set('\\:\0') or not part.isprintable() for part in path.parts)
+        wrong = any(_hidden(part) or set(part) & set('\\:\0') or not part.isprintable() for part in path.parts)
         if wrong or path.is_absolute() or len(path.parts) < 2 or path.as_posix() != rest:
             raise LogError(f"is damaged: attachment {name!r}", place="log")
         yield path, data

@@ -1,0 +1,238 @@
+"""Layout of a log's channels: nested protobuf messages of doubles, to the byte.
+
+All fields of a message are `double`, packed arrays of them or nested messages, and always written, so that a message
+has constant size: any protobuf decoder reads it, and NumPy takes a whole chunk at once. A channel's messages of one
+tick follow one another (a row); rows of one rate make a block, the slowest rate first.
+"""
+
+import functools
+import hashlib
+import struct
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from google.protobuf.descriptor_pb2 import DescriptorProto, FieldDescriptorProto, FileDescriptorSet
+
+HEAD = struct.Struct("<BQHIQQ")  # a message record before its data: opcode 5, length, channel, sequence, two times
+_AFTER = 11  # its first bytes, up to the channel, are constant
+_STAMP = np.dtype([("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8")])
+_DOUBLE, _NESTED = FieldDescriptorProto.TYPE_DOUBLE, FieldDescriptorProto.TYPE_MESSAGE
+
+
+def by_channel(topics: Sequence[Any]) -> dict[str, list]:
+    """Return {channel: its parts}; raises ValueError for parts of one channel with different rates."""
+    out: dict[str, list] = {}
+    for topic in topics:
+        out.setdefault(topic.channel, []).append(topic)
+    for channel, parts in out.items():
+        if len({(t.every, t.group) for t in parts}) > 1:
+            raise ValueError(f"channel {channel}: its parts have different rates or groups")
+    return out
+
+
+def tree_of(channel: str, parts: Sequence[Any]) -> dict[str, Any]:
+    """Return the message of a channel as {name: child}.
+
+    A child is (part, field) of a double, a list of them for a packed array, or a dict: a nested message. Raises
+    ValueError where a field and a nested message share a name, and for arrays whose elements are not in order.
+    """
+    root: dict[str, Any] = {}
+    for number, part in enumerate(parts):
+        node = root
+        for word in part.name[len(channel) :].split("/")[1:]:
+            node = node.setdefault(word, {})
+            if not isinstance(node, dict):
+                raise ValueError(f"channel {channel}: {word} is a field and a nested message")
+        for field, name in enumerate(part.fields):
+            stem, bracket, i = name.rstrip("]").partition("[")
+            if not bracket and stem in node:
+                raise ValueError(f"channel {channel}: {part.name} and another part share {stem}")
+            if not bracket:
+                node[stem] = number, field
+                continue
+            run = node.setdefault(stem, [])
+            if not isinstance(run, list) or int(i) != len(run):
+                raise ValueError(f"channel {channel}: {name} of {part.name} is out of order")
+            run.append((number, field))
+    return root
+
+
+def schema_name(channel: str) -> str:
+    """Return the protobuf message name of a channel: `/a/b` is `cosim.a_b`."""
+    return "cosim." + channel.strip("/").replace("/", "_")
+
+
+def schema_data(channel: str, parts: Sequence[Any]) -> bytes:
+    """Return the FileDescriptorSet of a channel's message.
+
+    proto2: proto3 forbids names that differ only in case or underscores (`h_s` and `H_s`, `y_1_0` and `y_10`), which
+    Rerun and the C++ library then refuse.
+    """
+    key = channel, tuple((p.name, p.fields) for p in parts)
+    found = _SCHEMAS.get(key)
+    if found is None:
+        files = FileDescriptorSet()
+        file = files.file.add(name=f"cosim{channel}.proto", package="cosim", syntax="proto2")
+        name = schema_name(channel)
+        _describe(file.message_type.add(name=name.removeprefix("cosim.")), tree_of(channel, parts), f".{name}")
+        if len(_SCHEMAS) > 256:
+            _SCHEMAS.clear()
+        found = _SCHEMAS[key] = files.SerializeToString(deterministic=True)
+    return found
+
+
+_SCHEMAS: dict[tuple, bytes] = {}  # every flight of a process has the same ones
+
+
+def _describe(message: DescriptorProto, node: dict, place: str) -> None:
+    for number, (name, child) in enumerate(node.items(), 1):
+        # the default JSON name, camel case, would make q_1 and q1 collide
+        field = message.field.add(name=name, json_name=name, number=number, label=FieldDescriptorProto.LABEL_OPTIONAL)
+        field.type = _NESTED if isinstance(child, dict) else _DOUBLE
+        if isinstance(child, list):
+            field.label, field.options.packed = FieldDescriptorProto.LABEL_REPEATED, True
+        if isinstance(child, dict):
+            field.type_name = f"{place}.Part_{name}"  # fields and nested types share one space of names
+            _describe(message.nested_type.add(name=f"Part_{name}"), child, field.type_name)
+
+
+def varint(value: int) -> bytes:
+    """Return a whole number as protobuf writes it: seven bits a byte, the lowest first."""
+    out = bytearray()
+    while value > 0x7F:
+        out.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes([*out, value])
+
+
+def encode(node: dict) -> tuple[bytes, list[tuple[tuple[int, int], int]]]:
+    """Return the bytes of a message of zeros, and [((part, field), place of its double)]."""
+    out, places = bytearray(), []
+    for number, child in enumerate(node.values(), 1):
+        if isinstance(child, tuple):
+            out += varint(number << 3 | 1)  # wire type 1: eight bytes, little endian
+            body, inside = bytes(8), [(child, 0)]
+        else:
+            if isinstance(child, dict):
+                body, inside = encode(child)
+            else:
+                body, inside = bytes(8 * len(child)), [(leaf, 8 * i) for i, leaf in enumerate(child)]
+            out += varint(number << 3 | 2) + varint(len(body))  # wire type 2: with its length
+        places += [(leaf, len(out) + at) for leaf, at in inside]
+        out += body
+    return bytes(out), places
+
+
+class Block:
+    """Rows of one rate: `template` (bytes,) of a row without stamps and values, `channels` [(id, offset in it)],
+    `places` {part's name: (fields,) offsets of its doubles in a row}."""
+
+    def __init__(self, every: int, channels: Iterable[tuple[int, str, list]]):
+        self.every = every
+        self.channels: list[tuple[int, int]] = []
+        self.places: dict[str, np.ndarray] = {}
+        row = bytearray()
+        for number, channel, parts in channels:
+            body, places = encode(tree_of(channel, parts))
+            self.channels.append((number, len(row)))
+            row += HEAD.pack(5, HEAD.size - 9 + len(body), number, 0, 0, 0)
+            at: list = [[0] * len(part.fields) for part in parts]
+            for (part, field), place in places:
+                at[part][field] = len(row) + place
+            self.places |= {part.name: np.array(own, np.int64) for part, own in zip(parts, at)}
+            row += body
+        self.template = np.frombuffer(bytes(row), "u1")
+        self.size = len(row)
+        self.constant = np.full(self.size, 0xFF, "u1")
+        for own in self.places.values():
+            self.constant[(own[:, None] + np.arange(8)).ravel()] = 0
+
+    def ticks(self, k0: int, n: int) -> range:
+        """Return the ticks of its rows among k0 <= k < k0 + n."""
+        return range(k0 + -k0 % self.every, k0 + n, self.every)
+
+    def stamp(self, rows: np.ndarray, ticks: range, dt_ns: int) -> np.ndarray:
+        """Write tick (sequence) and time (log and publish time) into the messages of `rows` (n, size), return them."""
+        stamps = np.empty(len(ticks), _STAMP)
+        stamps["sequence"] = k = np.arange(ticks.start, ticks.stop, ticks.step)
+        stamps["log"] = stamps["publish"] = k * dt_ns
+        for _, at in self.channels if len(ticks) else ():
+            np.ndarray((len(ticks),), "V20", rows, at + _AFTER, (self.size,))[:] = stamps.view("V20")
+        return rows
+
+
+class Layout:
+    """Where every byte of a chunk lies, for parts and {channel: id}; the content of ticks k0 <= k < k0 + n is one Block
+    after the other, then a tail of irregular messages."""
+
+    def __init__(self, topics: Sequence[Any], ids: dict[str, int], dt_ns: int):
+        self.dt_ns = dt_ns
+        rates: dict[int, list] = {}
+        for channel, parts in by_channel(topics).items():
+            rates.setdefault(parts[0].every, []).append((ids[channel], channel, parts))
+        self.blocks = [Block(every, rates[every]) for every in sorted(rates, reverse=True)]
+        self._block = {name: i for i, block in enumerate(self.blocks) for name in block.places}
+
+    def sizes(self, k0: int, n: int) -> list[int]:
+        """Return the bytes of each block."""
+        return [len(block.ticks(k0, n)) * block.size for block in self.blocks]
+
+    def index(self, k0: int, n: int) -> Iterator[tuple[int, np.ndarray]]:
+        """Yield (channel id, (messages, 2) of time [ns] and offset in the chunk) of every channel with messages."""
+        start = 0
+        for block in self.blocks:
+            ticks = block.ticks(k0, n)
+            times = np.arange(ticks.start, ticks.stop, ticks.step) * self.dt_ns
+            for channel, at in block.channels if len(ticks) else ():
+                places = start + at + block.size * np.arange(len(ticks))
+                yield channel, np.stack([times, places], axis=1).astype("<u8")
+            start += block.size * len(ticks)
+
+    def rows(self, content: np.ndarray, k0: int, n: int) -> list[np.ndarray]:
+        """Return each block of `content` (bytes,) as (rows, bytes of a row)."""
+        ends = np.cumsum([0, *self.sizes(k0, n)])
+        return [content[a:b].reshape(-1, block.size) for a, b, block in zip(ends, ends[1:], self.blocks)]
+
+    def wrong(self, content: np.ndarray, k0: int, n: int) -> int | None:
+        """Return the offset of the first byte of `content` that is no value and not as it must be, or None."""
+        start = 0
+        for block, rows in zip(self.blocks, self.rows(content, k0, n)):
+            want = block.stamp(np.tile(block.template, (len(rows), 1)), block.ticks(k0, n), self.dt_ns)
+            same = (rows & block.constant) == want
+            if not same.all():
+                return start + int(same.ravel().argmin())
+            start += rows.size
+        return None
+
+    def values(self, content: np.ndarray, k0: int, n: int, name: str, fields: Any = None) -> np.ndarray:
+        """Return the values (rows, fields) of a part in `content`; `fields` are positions, by default all."""
+        i = self._block[name]
+        rows, places = self.rows(content, k0, n)[i], self.blocks[i].places[name]
+        places = places if fields is None else places[fields]
+        out = np.empty((len(rows), len(places)))
+        for a, b, at, step in runs(tuple(places.tolist())):
+            out[:, a:b] = np.ndarray((len(rows), b - a), "<f8", rows, at, (rows.strides[0], step)) if len(rows) else 0.0
+        return out
+
+
+@functools.lru_cache(4096)
+def runs(places: tuple[int, ...]) -> list[tuple[int, int, int, int]]:
+    """Return (first, last + 1, place of the first, distance) of stretches of `places` at equal distances."""
+    out, a = [], 0
+    while a < len(places):
+        b = a + 1
+        step = places[b] - places[a] if b < len(places) else 8
+        while b < len(places) and places[b] - places[b - 1] == step:
+            b += 1
+        out.append((a, b, places[a], step))
+        a = b
+    return out
+
+
+def content_hash(chunks: Iterable[Any]) -> str:
+    """Return the SHA-256 of the chunks' tick times, sizes and CRCs: it changes with any sample."""
+    digest = hashlib.sha256()
+    for chunk in chunks:
+        digest.update(struct.pack("<QQQI", chunk.start_ns, chunk.end_ns, chunk.size, chunk.crc))
+    return digest.hexdigest()
