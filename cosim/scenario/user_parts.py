@@ -129,7 +129,9 @@ def short_traceback(error: BaseException, path: Path | None = None) -> str:
 
     try:
         said = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
-    except Exception:  # its own text is a user's code, too
+    except (KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException:  # its own text is a user's code, too
         said = type(error).__name__
     own = "" if path is None else os.path.realpath(path)
     here = [f for f in traceback.extract_tb(error.__traceback__) if os.path.realpath(f.filename).startswith(own)]

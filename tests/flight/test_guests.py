@@ -168,9 +168,7 @@ def test_an_installed_package_brings_one_by_entry_point(parity, tmp_path, monkey
         load("instaled")
 
 
-@pytest.mark.parametrize(
-    "command", ["run", "campaign fault-free", "compare", "false-alarms", "replay", "scenario"]
-)
+@pytest.mark.parametrize("command", ["run", "campaign fault-free", "compare", "replay", "scenario"])
 def test_two_detectors_of_one_id_are_refused_in_one_line(command, parity, flight, tmp_path):
     """Which of the two has flown would be chance."""
     other = tmp_path / "another.py"
@@ -180,9 +178,8 @@ def test_two_detectors_of_one_id_are_refused_in_one_line(command, parity, flight
     own.write_text(f'{text}\n[detectors.parity]\nfile = "{parity}"\n')
     words = {"replay": ["replay", str(flight[0])], "scenario": ["run", str(own)]}.get(command, command.split())
     named = [str(other)] if command == "scenario" else [str(parity), str(other)]
-    plain = command == "false-alarms"
-    words += named if plain else [word for file in named for word in ("--detector", file)]
-    if command not in ("replay", "false-alarms"):
+    words += [word for file in named for word in ("--detector", file)]
+    if command != "replay":
         words += ["-o", str(tmp_path / ("x.mcap" if words[0] == "run" else "x"))]
     done = CliRunner().invoke(cli.app, words)
     lines = [line for line in done.stderr.splitlines() if line.startswith("error")]

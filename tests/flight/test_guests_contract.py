@@ -180,5 +180,5 @@ def test_a_guest_that_does_nothing_costs_little(tmp_path):
 def test_a_file_that_is_no_python_is_not_run(tmp_path):
     path = tmp_path / "aircraft.xml"
     path.write_text("raise SystemExit('ran')\n")
-    with pytest.raises(CosimError, match=r"aircraft\.xml: is no Python file; allowed: a file that ends in \.py"):
+    with pytest.raises(CosimError, match=r"aircraft\.xml: is no Python code; allowed: a file that ends in \.py"):
         check(path)

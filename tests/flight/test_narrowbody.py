@@ -40,10 +40,10 @@ def new(name, folder, *more):
 def test_a_template_that_is_filled_in_becomes_an_aircraft(tmp_path):
     folder = tmp_path / "mine"
     told = new("mine", tmp_path)
-    assert told.exit_code == 0 and f"--numbers {folder}/numbers.toml" in " ".join(told.stdout.split())
+    assert told.exit_code == 0 and f"--numbers{folder}/numbers.toml" in "".join(told.stdout.split())
     assert sorted(p.name for p in folder.iterdir()) == ["aircraft.toml", "numbers.toml"]
     told = new("mine", tmp_path, "--numbers", folder / "numbers.toml")
-    assert told.exit_code == 0 and f"--aircraft {folder}" in " ".join(told.stdout.split()), told.output
+    assert told.exit_code == 0 and f"--aircraft{folder}" in "".join(told.stdout.split()), told.output
     made = {p.relative_to(folder).as_posix() for p in folder.rglob("*.xml")}
     assert made == {*estimate.build(load_aircraft(str(folder)), FILE)}
     for file in made:
