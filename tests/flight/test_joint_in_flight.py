@@ -6,7 +6,7 @@ import cosim
 from cosim.flight.build import build
 from cosim.log import open_log
 from cosim.replay import replay
-from fdi.joint import joint, places
+from fdi.joint import hypotheses, joint
 
 OFC = "faults.0={target='elevator.left_inner', kind='ofc_liquid', amplitude_mm=5, frequency_hz=2, start_s=1.5}"
 NARROW = {"aircraft": "narrowbody", "mass_t": 60.0, "cg_pct": 25.0, "altitude_ft": 20000.0, "cas_kt": 270.0}
@@ -27,13 +27,13 @@ def test_it_alarms_with_its_first_witness_and_replays_bit_for_bit(tmp_path):
 
 @pytest.mark.parametrize("more, lanes", [
     ([f"flight.{k}={v}" for k, v in NARROW.items()], {"left_inner", "right_inner"}),
-    ([f"elevator.{s}=ema" for s in places.SEGMENTS], set(places.SEGMENTS)),
-    ([f"elevator.{s}=simple" for s in places.SEGMENTS], set()),
+    ([f"elevator.{s}=ema" for s in hypotheses.SEGMENTS], set(hypotheses.SEGMENTS)),
+    ([f"elevator.{s}=simple" for s in hypotheses.SEGMENTS], set()),
 ])  # fmt: skip
 def test_any_aircraft_and_any_mix_of_technologies_is_flown(more, lanes):
     keys = ["detectors.enabled=['joint', 'ofc_monitor', 'ema_kalman_flight', 'kinematic']", *more]
     block = next(d for d in build(cosim.load_scenario("cruise", keys)).loop.detectors if d.name == "joint")
-    used = {lane for (_, lane), use in zip(places.LANES, block.p["use"][0]) if use and lane not in places.WIDE}
+    used = {lane for (_, lane), use in zip(hypotheses.LANES, block.p["use"][0]) if use and lane != "aircraft"}
     assert used == lanes
 
 
