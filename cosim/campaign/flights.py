@@ -156,14 +156,14 @@ def _left_out(store):
 
 def _tell_guests(scenarios, out):
     """Write what is to be told of the guests that fly beside the rows, so that they are judged without their code."""
-    from cosim.flight import plugins
+    from cosim import parts
 
     found = {name: s for s in scenarios for name in s.running if name not in registry.SHIPPED}
     entries = []
     for name, scenario in found.items():
-        plugins.use(scenario)
+        parts.use(scenario)
         own = registry.record(name)
-        about = plugins.about(registry.module(name))
+        about = parts.about(registry.module(name))
         entries.append({"id": name, "level": own.level, "every": own.every, "guest": about})
     if entries and out:
         regular(out / "guests.json", OutputError)

@@ -24,7 +24,7 @@ from cosim.campaign.store import MANIFEST, fingerprint, flown_with, load
 from cosim.campaign.worker import fly, run_id
 from cosim.errors import CampaignError, did_you_mean, told_at_call
 from cosim.files import replace_text
-from cosim.flight.plugins import with_detectors
+from cosim.parts import with_detectors
 from cosim.scenario.user_parts import identified
 from cosim.texts import from_json, read
 
@@ -40,7 +40,7 @@ def run_campaign(
     """Fly the campaign of a built-in name or file and return a CampaignResult; `out` defaults to logs/<name>.
 
     `scheduler` is the address of a Dask scheduler ("tcp://127.0.0.1:8786"). `guests` are files of further detectors
-    (cosim/flight/plugins), which every worker finds under the same name. With `resume` it goes on in its folder; `anew`
+    (cosim/parts), which every worker finds under the same name. With `resume` it goes on in its folder; `anew`
     flies again what a file of a user's has flown that has changed since. Raises CampaignError, ScenarioError.
     """
     made = load_campaign(campaign)

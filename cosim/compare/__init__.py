@@ -21,8 +21,8 @@ from cosim.compare import figures, metrics, paired, tables
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError, told_at_call
-from cosim.flight.plugins import loaded, with_detectors
 from cosim.judge.result import plain
+from cosim.parts import loaded, with_detectors
 from cosim.scenario.user_parts import identified
 
 TITLE = "Aircraft-level against local diagnosis, on the same flights"  # of the built-in matrix
@@ -117,7 +117,7 @@ def compare(
     """Return the Comparison of logs, of one campaign's folder or folder of logs, of two campaigns side by side, or of
     the built-in matrix.
 
-    `progress(done, total)` counts flights. `guests` are files of further detectors (cosim/flight/plugins): they fly in
+    `progress(done, total)` counts flights. `guests` are files of further detectors (cosim/parts): they fly in
     the built-in matrix, and are run on logs as they were flown. Raises CompareError,
     CampaignError, LogError, GuestError.
     """
