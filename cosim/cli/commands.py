@@ -251,6 +251,8 @@ def contents(found: dict[str, Any]) -> Group:
             head.add(name, f"{found[name]} ticks are missing" if name == "gaps" else found[name])
     for name, value in found["versions"].items():
         head.add(name, value)
+    for name, why in json.loads(found["result"].get("not_run", "{}")).items():
+        head.add(f"{name} not run", why)
     t = Table("Topics", "topic", "rows>", "fields>", "every>", Column("first fields", rank=1, right=False))
     for r in found["topics"]:
         more = ", ..." if len(r["fields"]) > 6 else ""
@@ -270,8 +272,8 @@ def trim_and_modes(found: dict[str, Any], scenario: "Scenario") -> Group:
     for name, unit in (("alpha_deg", "deg"), ("stabilizer_deg", "deg"), ("throttle", ""), ("residual", "m/s², rad/s²")):
         t.add(name.removesuffix("_deg"), f"{trim[name]:.3g}" if name == "residual" else f"{trim[name]:.4f}", unit)
     heads = ("wn, rad/s>", "damping>", "period or tau, s>", "eigenvalue, 1/s>")
-    m = Table("Modes of the bare airframe", "mode", *heads)
-    for r in found["modes"]:
+    m = Table("Modes of the bare airframe, height and heading held; height free: the phugoid of A", "mode", *heads)
+    for r in (*found["modes"], found["phugoid_height_free"]):
         real, imag = r["eigenvalue"]
         swings = abs(imag) > 1e-9
         time = 2 * math.pi / abs(imag) if swings else 1 / abs(real)

@@ -8,6 +8,7 @@ from contextlib import contextmanager, nullcontext
 
 from cosim.errors import LogError, told_at_call
 from cosim.flight.build import Setup, build
+from cosim.flight.detection.detectors import left_out
 from cosim.flight.faults.conditions import resolved
 from cosim.flight.faults.fault_free_reference import Twin
 from cosim.flight.fly import fly
@@ -64,7 +65,9 @@ def simulate(
         faults = judged(scenario, swings)
         result.detectors = [judge(w, trace, setup.loop.dt, faults) for w in setup.watches()]
         done = setup.trace.consequences(scenario, trace)
-        result.extra = {"achieved": swings, "consequences": done, "startup_s": flown - started, "notes": setup.notes}
+        lost = {name: why.partition(" (")[0] for name, why in left_out(scenario).items()}  # without the remedy's path
+        result.extra = {"achieved": swings, "consequences": done, "startup_s": flown - started, "notes": setup.notes,
+                        "not_run": lost}  # fmt: skip
         if writer:
             writer.close(result=result_texts(result))
             if result.log != os.fspath(writer.path):

@@ -92,6 +92,11 @@ def group(detector: str, level: str) -> str:
     return getattr(_record(detector), "group", "") or f"{level} level"
 
 
+def level(detector: str) -> str:
+    """Return the level of a detector: local, aircraft or both; "" of one without a record."""
+    return getattr(_record(detector), "level", "")
+
+
 def remark(detector: str) -> str:
     """Return what has to be said whenever results of a detector are shown, or an empty text."""
     return getattr(_record(detector), "remark", "")

@@ -1,6 +1,6 @@
 """A flight in sentences: what broke, who noticed, when, as what, who did not and why; for terminal and page.
 
-`found` is what Result.to_dict returns, or a part of it: detectors, sim_time_s, achieved.
+`found` is what Result.to_dict returns, or a part of it: detectors, sim_time_s, achieved, not_run.
 """
 
 import math
@@ -39,7 +39,8 @@ def sentences(found: Mapping[str, Any], scenario: Scenario) -> list[str]:
     if not began:
         return [_without_fault(lanes)]
     lead = (lambda i: f"Fault {i}: ") if len(scenario.faults) > 1 else (lambda i: "")
-    return [f"{lead(i)}{broke(scenario, i, found.get('achieved'))}: {_heard(i, lanes)}." for i in began]
+    cases, lost = coverage.cases(scenario), found.get("not_run") or {}
+    return [f"{lead(i)}{broke(scenario, i, found.get('achieved'))}: {_heard(i, lanes, cases[i], lost)}." for i in began]
 
 
 def silent(found: Mapping[str, Any], scenario: Scenario) -> list[str]:
@@ -145,7 +146,15 @@ def _soonest(told):
     return told[0], told[1]["level"] == "both"
 
 
-def _heard(i, lanes):
+def _not_run(level, lanes, case, lost):
+    """Return why no detector of `level` that could see `case` flew, or "": one did, or none was lost of {id: why}."""
+    able = (coverage.DESIGNED, coverage.MAY)
+    flown = any(coverage.expected(d["id"], case) in able for d in lanes if d["level"] == level)
+    why = {lost[n]: n for n in lost if coverage.level(n) == level and coverage.expected(n, case) in able}
+    return "" if flown or not why else f"{LEVELS[level]} level not run: {'; '.join(why)}"
+
+
+def _heard(i, lanes, case, lost):
     """Return who noticed fault `i` first, who named it right first, and who was first at the other level."""
 
     def first(key, level=None):
@@ -154,14 +163,17 @@ def _heard(i, lanes):
 
     late, lane = first("detection_delay_s")
     if lane is None:
-        return "no alarm"
+        away = (_not_run(level, lanes, case, lost) for level in ("local", "aircraft"))
+        return "; ".join(["no alarm", *filter(None, away)])
     named, by = first("time_to_right_s")
     other = "local" if lane["level"] == "aircraft" else "aircraft"
     then, elsewhere = first("detection_delay_s", other)
     text = f"first alarm after {seconds(late)} s by {lane['id']} ({LEVELS[lane['level']]} level)"
     text += f", right name after {seconds(named)} s" if by else ", no right name"
     text += f" by {by['id']}" if by and by["id"] != lane["id"] else ""
-    if any(d["level"] == other for d in lanes):
+    if not elsewhere and (away := _not_run(other, lanes, case, lost)):
+        text += f"; {away}"
+    elif any(d["level"] == other for d in lanes):
         at = f"{LEVELS[other]} level"
         text += f"; {at} after {seconds(then)} s by {elsewhere['id']}" if elsewhere else f"; {at} no alarm"
     return text

@@ -167,6 +167,15 @@ def achieved(log: Log) -> dict[str, dict[str, float | None]] | None:
     return found
 
 
+def not_run(log: Log) -> dict[str, str]:
+    """Return {detector: why} of those that the scenario asks for and the flight could not have, or raise LogError."""
+    place = f"{log.path}: result, not_run"
+    found = from_json((log.result or {}).get("not_run", "{}"), place=place, error=LogError)
+    if not isinstance(found, dict) or not all(isinstance(why, str) for why in found.values()):
+        raise LogError("is not a table of texts", place=place)
+    return found
+
+
 def array(log: Log, name: str) -> np.ndarray:
     """Return the array of attachment <name>.npy, or of <name>.npz with an entry `array`.
 

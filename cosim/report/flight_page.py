@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from cosim.judge import lanes, narrator
+from cosim.replay import log_schema
 from cosim.replay.recording import LoggedFlight
 from cosim.report import flight
 from cosim.report.page import page, write
@@ -39,7 +40,9 @@ def render(flown: LoggedFlight, light: bool = False) -> str:
 
 def summary(flown: LoggedFlight) -> list[tuple[str, list]]:
     """Return the summary: [(heading, [sentences])]; the first sentence is that of `cosim run`."""
-    found = {"detectors": [lane.entry for lane in flown.lanes], "sim_time_s": flown.end, "achieved": flown.achieved}
+    lost = log_schema.not_run(flown.log)
+    found = {"detectors": [lane.entry for lane in flown.lanes], "sim_time_s": flown.end, "achieved": flown.achieved,
+             "not_run": lost}  # fmt: skip
     s, status = flown.scenario, (flown.log.result or {}).get("status", "incomplete: the log ends early")
     broken = [". ".join(filter(None, line)) for line in narrator.faults(s, flown.achieved)]
     rows = [
@@ -49,4 +52,6 @@ def summary(flown: LoggedFlight) -> list[tuple[str, list]]:
     ]
     if broken:
         rows += [("Noticed", narrator.noticed(found, s) or ["by nobody"]), ("Missed", narrator.silent(found, s))]
+    if lost:
+        rows.append(("Not run", [f"{name}: {why}" for name, why in lost.items()]))
     return [*rows, ("False alarms", [*narrator.false(found), *narrator.apart(found)])]

@@ -66,7 +66,18 @@ def load_scenario(name_or_path: str | os.PathLike = DEFAULT, overrides: str | It
     with wrong.caught():
         made = parse(table, place=place, origin=origin)
     wrong.check()
-    return made
+    keys = {key.partition(".")[0] for key, _ in said}
+    return made if "title" in keys or keys <= UNTITLED else retitled(made)
+
+
+UNTITLED = {"duration_s", "seed", "rate_hz", "log_profile", "detectors"}  # no title tells of these
+
+
+def retitled(scenario: Scenario) -> Scenario:
+    """Return a scenario that is no longer the one of its title, with a title made of what flies."""
+    faults = ", ".join(f"{f.kind} on {f.target}" for f in scenario.faults) or "no fault"
+    title = f"{faults}; {scenario.flight.weather}, {scenario.manoeuvre.kind.replace('_', ' ')}"
+    return scenario.model_copy(update={"title": title})
 
 
 def located(table: dict[str, Any], name: str | os.PathLike) -> dict[str, Any]:

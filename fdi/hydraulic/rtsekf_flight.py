@@ -11,6 +11,9 @@ sensors alike, and this detector stays quiet.
 Alarm and culprit come from `decision.pair_test`: rod against surface, and each against the motion that valve and
 pressure imply. The rigging of the surface sensor is learned over the first second and slowly after it, the length of
 its lever while rod and surface move; a fault that is there from the start is taken for rigging.
+
+The threshold is that of the noise that flights are trained with. Where the second difference of rod less surface, in
+which no motion is, shows more, the threshold is larger in proportion to the noise's standard deviation.
 """
 
 import math
@@ -32,6 +35,9 @@ from fdi.hydraulic.two_stage_ekf import transition
 
 CULPRITS = ("", "rod", "surface")
 HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
+TRAINED = 1.2 * 1.2  # variance of the noise in training flights over the specified one (`noise_scale` of the trainer)
+NOISE_LAG = 10.0  # lag of the noise that is seen [s]: longer than a fault takes to be found
+NOISE_MOST = 50.0  # of the specified variance that one sample counts for: the square of 3.5 sigma at noise x 2
 
 PARAMS = dtype(
     [
@@ -73,6 +79,10 @@ STATE = dtype(
         ("u_old", "f8", (HISTORY + 1,), "-"),  # newest first
         *decision.PAIR_STATE,
         *decision.LEVER_STATE,
+        ("apart_last", "f8", (2,), "m"),  # rod less surface of the last two ticks, newest first
+        ("apart_run", "f8", "-"),  # ticks in a row that had both, at most 3
+        ("noise_seen", "f8", "-"),  # variance of its noise over the specified one
+        ("noise_time", "f8", "s"),  # that it was learned over, at most NOISE_LAG
         ("f_hat", "f8", "m"),  # fault of the suspected position sensor, rod or surface, as rod
         ("f_sigma", "f8", "m"),  # its standard deviation
         ("q_now", "f8", "m"),  # predicted rod position
@@ -239,6 +249,20 @@ def correct(x, u, rod, surface, p, dt):
 
 
 @kernel
+def learn_noise(x, apart, both, healthy, p, dt):
+    """Learn the variance of the noise in rod less surface, `apart` [m], over the specified one, while `healthy`."""
+    x.apart_run = min(x.apart_run + 1.0, 3.0) if both else 0.0
+    if not both:
+        return
+    if x.apart_run > 2.5 and healthy:
+        d = apart - 2.0 * x.apart_last[0] + x.apart_last[1]
+        x.noise_time = min(x.noise_time + dt, NOISE_LAG)
+        seen = min(d * d / (6.0 * (p.r_rod + p.r_surface)), NOISE_MOST)  # 1 + 4 + 1: of white samples
+        x.noise_seen += (seen - x.noise_seen) * dt / x.noise_time
+    x.apart_last[1], x.apart_last[0] = x.apart_last[0], apart
+
+
+@kernel
 def decide(x, u, rod, surface, q, p, dt):
     """Test rod against surface, and both against the model; `q` is the rod as predicted, free of this tick's noise."""
     v = x.u_old[int(p.delay)]
@@ -247,9 +271,12 @@ def decide(x, u, rod, surface, q, p, dt):
     bulk = x3 / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
     y_surface = p.arm * u.y_surface
     x.rigging, slack = decision.lever_at(x, q)
+    slack += (math.sqrt(max(x.noise_seen / TRAINED, 1.0)) - 1.0) * p.pair_threshold
     decision.pair_test(x, u.y_rod + bulk, rod, y_surface + bulk, surface, motion, x.x_hat[3], slack, True, p, dt)
     x.r = math.fabs(x.pair_d) / x.pair_limit
-    if rod > 0.5 and surface > 0.5 and x.r < 0.7 and x.sensor < 0.5:
+    both, healthy = rod > 0.5 and surface > 0.5, x.r < 0.7 and x.sensor < 0.5
+    learn_noise(x, u.y_rod - y_surface, both, healthy, p, dt)
+    if both and healthy:
         decision.learn_lever(x, u.y_rod - y_surface, q, p.r_rod + p.r_surface, dt)
     x.alarm = x.sensor
     x.culprit = 0.0 if x.blame == 2.0 and x.backlash_suspected > 0.5 else x.blame

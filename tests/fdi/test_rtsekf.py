@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from lu17_bench import DT, doublets, fly, inputs, roll, run
 
+import cosim
 from actuators.hydraulic import lu17
 from fdi.common import verdict
 from fdi.hydraulic import rtsekf, rtsekf_flight
@@ -183,3 +184,14 @@ def test_an_oscillation_is_no_runaway_and_a_rod_that_creeps_no_jam():
     assert log["verdict"][0, -1] == verdict.AMBIGUOUS and verdict.JAM_SOLID not in said[0]
     assert verdict.AMBIGUOUS in said[1] and verdict.JAM_SOLID not in said[1]
     assert verdict.JAM_SOLID in said[2] and verdict.RUNAWAY not in said[2]
+
+
+@pytest.mark.parametrize("seed", [910200011, 910200012])
+def test_sensors_twice_as_noisy_as_specified_do_not_alarm_and_their_faults_are_named(seed):
+    keys = ["duration_s=20", f"seed={seed}", "sensors.noise_scale=2", 'detectors.enabled=["rtsekf_flight"]']
+    healthy = cosim.simulate(cosim.load_scenario("cruise", keys), timed=False).detectors
+    assert [d["false_alarms"] for d in healthy] == [0] * len(healthy)
+    keys += ["faults.0.target=elevator.left_inner.rod", "faults.0.kind=bias", "faults.0.start_s=12",
+             "faults.0.bias_mm=1"]  # fmt: skip
+    found = cosim.simulate(cosim.load_scenario("cruise", keys), timed=False).detectors
+    assert next(d for d in found if d["target"] == "elevator.left_inner")["isolated"]["target"].endswith(".rod")

@@ -55,6 +55,16 @@ def test_what_did_not_happen_is_said_and_a_level_that_did_not_fly_is_not():
     ]
 
 
+def test_a_level_whose_able_detectors_have_no_design_is_not_run():
+    lost = {"not_run": {"rfafe": "no design for mine", "lpv_smo": "no design for mine"}}
+    quiet = found(lane("iotsekf", "local", 0.12), lane("kinematic", "aircraft")) | lost
+    assert sentences(quiet, LIQUID)[0].endswith("; aircraft level not run: no design for mine.")
+    assert sentences(found(lane("iotsekf", "local")) | lost, LIQUID)[0].endswith("no alarm; aircraft level not run: "
+                                                                                "no design for mine.")  # fmt: skip
+    one_flew = found(lane("iotsekf", "local", 0.12), lane("lpv_smo", "aircraft")) | {"not_run": {"rfafe": "no design"}}
+    assert sentences(one_flew, LIQUID)[0].endswith("; aircraft level no alarm.")
+
+
 @pytest.mark.parametrize(
     "name", sorted(p.name[:-5] for p in files("cosim").joinpath("scenarios").iterdir() if p.name.endswith(".toml"))
 )

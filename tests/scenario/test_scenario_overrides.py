@@ -7,6 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scenario_tables import POINT
 
+import cosim
 from cosim.errors import ScenarioError
 from cosim.scenario import catalog as c
 from cosim.scenario import load_scenario, parse
@@ -118,3 +119,15 @@ def test_any_scenario_expands_to_an_equal_one(data):
     again = parse(tomllib.loads(s.expanded_toml()))
     assert again == s and again.expanded_toml() == s.expanded_toml()
     assert len(again.injections()) >= len(s.faults)
+
+
+def test_a_title_tells_of_what_flies():
+    as_written = cosim.load_scenario("cruise", ["duration_s=5", "seed=3", 'detectors.enabled=["iotsekf"]'])
+    assert as_written.title == "Cruise without a fault, in light turbulence"
+    keys = ["flight.turbulence=moderate", "faults.0.target=elevator.left_inner", "faults.0.kind=runaway",
+            "faults.0.start_s=2", "faults.0.rate_deg_s=20"]  # fmt: skip
+    assert cosim.load_scenario("cruise", keys).title == "runaway on elevator.left_inner; moderate turbulence, cruise"
+    assert cosim.load_scenario("cruise", [*keys, "title=Mine"]).title == "Mine"
+    flight = cosim.Flight(cosim.load_scenario("cruise", ["duration_s=2"]))
+    flight.inject(target="elevator.left_inner", kind="jam_solid", start_s=1.0)
+    assert flight.scenario.title == "jam_solid on elevator.left_inner; light turbulence, cruise"

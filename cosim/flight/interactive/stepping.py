@@ -31,6 +31,7 @@ from cosim.flight.simulate import simulate
 from cosim.judge.result import Result
 from cosim.scenario import Scenario, load_scenario, parse, vocabulary
 from cosim.scenario.fault import NEVER_S
+from cosim.scenario.load import retitled
 
 
 class Signals(Mapping):
@@ -187,7 +188,7 @@ class Flight:
         if self.status != "flying":
             raise ScenarioError(f"the flight is {self.status}", place=f"at {self.time:g} s")
         table = self.scenario.model_dump(mode="json", exclude_none=True)
-        changed = resolved(parse({**table, "faults": faults}, place="inject"))
+        changed = resolved(retitled(parse({**table, "faults": faults}, place="inject")))
         setup = build(changed, self._flightgear)
         before = self._setup.loop
         for k in range(self.tick):

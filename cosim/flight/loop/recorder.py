@@ -148,6 +148,7 @@ def result_texts(result: Any) -> dict[str, Any]:
         "status": result.status, "reason": result.reason, "sim_time_s": repr(result.sim_time_s),
         "detectors": json.dumps(kept, sort_keys=True),
         "achieved": json.dumps(result.extra.get("achieved"), sort_keys=True),
+        **({"not_run": json.dumps(result.extra["not_run"])} if result.extra.get("not_run") else {}),
         **({"notes": json.dumps(result.extra["notes"])} if result.extra.get("notes") else {}),
     }  # fmt: skip
 

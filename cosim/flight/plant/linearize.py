@@ -5,7 +5,8 @@
 Engines are at the thrust of their throttle (no spool lag), actuators and control law are not part of it. `modes` are
 those of the classical four-state blocks, (tas, alpha, q, theta) and (beta, p, r, phi), as the references give them:
 altitude and heading are held, so the density gradient, which raises the phugoid's frequency by g/H over 2 g^2/V^2, is
-left out there; it is in A. About a turn the two blocks are coupled: A has it, the modes of the blocks have not.
+left out there; it is in A, and `height_free` is the phugoid of A itself. About a turn the two blocks are coupled: A has
+it, the modes of the blocks have not.
 """
 
 import json
@@ -76,7 +77,8 @@ class LinearModel:
     x0: np.ndarray  # (n,), the trimmed state
     u0: np.ndarray  # (m,)
     y0: np.ndarray  # (p,)
-    modes: list  # of the bare airframe: name, wn [rad/s], zeta, eigenvalue [1/s]
+    modes: list  # of the bare airframe, height and heading held: name, wn [rad/s], zeta, eigenvalue [1/s]
+    height_free: Mode  # the phugoid of A, in which height moves
 
     def __repr__(self) -> str:
         t, sizes = self.trim, f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
@@ -130,6 +132,7 @@ class LinearModel:
             "x0": self.x0.tolist(), "u0": self.u0.tolist(), "y0": self.y0.tolist(),
             "A": self.A.tolist(), "B": self.B.tolist(), "C": self.C.tolist(), "D": self.D.tolist(),
             "modes": [m.to_dict() for m in self.modes],
+            "phugoid_height_free": self.height_free.to_dict(),
         }  # fmt: skip
 
     def save(self, path: str | Path) -> None:
@@ -139,14 +142,15 @@ class LinearModel:
         names = {k: np.array(list(getattr(self, k))) for k in ("states", "inputs", "outputs")}
         units = {f"{k}_units": np.array(list(getattr(self, k).values())) for k in names}
         if path.suffix == ".npz":
-            rest = {k: v for k, v in self.to_dict().items() if k in ("trim", "modes")}
+            rest = {k: v for k, v in self.to_dict().items() if k in ("trim", "modes", "phugoid_height_free")}
             arrays: dict = {**data, **names, **units, "summary": np.array(json.dumps(rest))}
             replace(path, lambda part: np.savez(part, **arrays), model_file)
         elif path.suffix == ".mat":
             from scipy.io import savemat
 
             cells = {k: v.astype(object) for k, v in {**names, **units}.items()}
-            modes = {m.name: {"wn_rad_s": m.wn, "zeta": m.zeta, "eigenvalue": m.eigenvalue} for m in self.modes}
+            every = (*self.modes, self.height_free)
+            modes = {m.name: {"wn_rad_s": m.wn, "zeta": m.zeta, "eigenvalue": m.eigenvalue} for m in every}
             whole = {**data, **cells, "modes": modes, "trim": self.to_dict()["trim"]}
             replace(path, lambda part: savemat(part, whole), model_file)
         else:
@@ -191,7 +195,7 @@ def linearize(flight: FlightPoint | Scenario | str, elevator: float = 0.0) -> Li
     A, C = _slopes(lambda x: _evaluate(plant, x, u0), x0, np.array(list(STEPS.values())))
     B, D = _slopes(lambda u: _evaluate(plant, x0, u), u0, np.full(len(inputs), INPUT_STEP))
     _, y0 = _evaluate(plant, x0, u0)
-    return LinearModel(trim, STATES, inputs, OUTPUTS, A, B, C, D, x0, u0, y0, modes(A))
+    return LinearModel(trim, STATES, inputs, OUTPUTS, A, B, C, D, x0, u0, y0, modes(A), height_free(A))
 
 
 def _evaluate(plant, x, u):
@@ -241,6 +245,13 @@ def modes(A: np.ndarray) -> list:
         dutch = a, b
     return [_mode("short_period", slow[3], slow[2]), _mode("phugoid", slow[1], slow[0]),
             _mode("dutch_roll", *dutch), _mode("roll", rest[-1]), _mode("spiral", rest[0])]  # fmt: skip
+
+
+def height_free(A: np.ndarray) -> Mode:
+    """Return the phugoid of A in the order of STATES: the slowest pair of roots of tas, alpha, q, theta and h."""
+    i = [list(STATES).index(s) for s in (*LONGITUDINAL, "h")]
+    _, a, b, *_ = sorted(np.linalg.eigvals(A[np.ix_(i, i)]), key=lambda v: (abs(v), v.imag))  # the first is height
+    return _mode("phugoid_height_free", b, a)
 
 
 def _mode(name, a, b=None):
