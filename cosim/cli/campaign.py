@@ -6,7 +6,7 @@ import pandas as pd
 from rich.console import Group
 from rich.text import Text
 
-from cosim.campaign.flights import CampaignResult
+from cosim.campaign.engine import CampaignResult
 from cosim.campaign.worker import FAILED
 from cosim.cli.tables import whole, word
 from cosim.compare.metrics import MEDIAN, delays, proportion

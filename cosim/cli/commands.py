@@ -26,7 +26,7 @@ DEFAULT = "liquid-ofc"
 ARRAYS = (".npy", ".npz")
 # as `cosim -h` shows them: a flight, many flights, what is your own, what stands behind the detectors
 ORDER = (
-    "run list example info report replay recover campaign compare dataset "
+    "run list example info report replay recover campaign compare "
     "new check map linearize reproduce bench"
 ).split()
 

@@ -22,15 +22,14 @@ r_fault_free                       largest |r| of a fault-free flight; r_fault: 
 estimate_rmse, estimate_unit
 """
 
-import contextlib
 import hashlib
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from cosim.campaign.flights import CampaignResult
 from cosim.campaign.worker import run_id
 from cosim.errors import CampaignError
 from cosim.judge import coverage
@@ -40,7 +39,7 @@ from cosim.judge.naming import NOT_GIVEN, outcome
 from cosim.replay import log_schema
 from cosim.replay.detector_replay import tell
 from cosim.scenario import Scenario, parse
-from cosim.texts import from_json, toml
+from cosim.texts import toml
 
 FAMILIES = (
     *("liquid OFC, one segment", "liquid OFC, several", "solid OFC, one segment", "solid OFC, several"),
@@ -259,25 +258,11 @@ def of_logs(
     return frame, tomls
 
 
-def title(source: str | Path) -> str:
-    """Return the title of a campaign's folder, as its manifest says it; "" of others, or where that is damaged."""
-    path, told = Path(source) / "manifest.json", None
-    with contextlib.suppress(CampaignError):
-        told = from_json(path.read_bytes(), place=str(path), error=CampaignError) if path.is_file() else None
-    return str(told.get("title", "")) if isinstance(told, dict) else ""
-
-
 def of_campaign(folder: str | Path) -> tuple:
-    """Return (rows per lane, timing, {run: TOML}) of a campaign's folder. Raises CampaignError."""
-    from cosim.campaign.store import load, scenario_texts
+    """Return (rows per lane, timing, {run: TOML}, title) of a campaign's folder. Raises CampaignError."""
+    from cosim.campaign.engine import load
 
-    frame, timing = load(folder)
-    told = Path(folder) / "guests.json"
-    for entry in log_schema.guests(told.read_bytes(), str(told)) if told.is_file() else ():
+    frame, timing, tomls, about = load(folder)
+    for entry in log_schema.guests(json.dumps(about.get("guests", [])).encode(), str(folder)):
         tell(entry)
-    return frame, timing, scenario_texts(folder)
-
-
-def of_result(result: CampaignResult, scenarios: Iterable[Scenario]) -> tuple:
-    """Return (rows per lane, timing, {run: TOML}) of a CampaignResult of `scenarios`."""
-    return result.frame, result.timing, {run_id(s): s.expanded_toml() for s in scenarios}
+    return frame, timing, tomls, str(about.get("title", ""))
