@@ -50,8 +50,8 @@ from cosim.campaign.spec import load_campaign
 from cosim.campaign.worker import FAILED, Flown, Packed, Signals, failed, fly, fly_packed, run_id
 from cosim.errors import CampaignError, OutputError, did_you_mean, told_at_call
 from cosim.files import FULL, SPACE, beside, held, replace_text, sweep
-from cosim.flight.plugins import with_detectors
 from cosim.judge.row import FIELDS, Field
+from cosim.parts import with_detectors
 from cosim.scenario import Scenario
 from cosim.scenario.user_parts import identified
 from cosim.table import Table
@@ -190,7 +190,7 @@ def run_campaign(
     """Fly the campaign of a built-in name or file and return a CampaignResult; `out` defaults to logs/<name>.
 
     `scheduler` is the address of a Dask scheduler ("tcp://127.0.0.1:8786"). `guests` are files of further detectors
-    (cosim/flight/plugins), which every worker finds under the same name. With `resume` it goes on in its folder. The
+    (cosim/parts), which every worker finds under the same name. With `resume` it goes on in its folder. The
     rest as in `run_many`. Raises CampaignError, ScenarioError.
     """
     made = load_campaign(campaign)
@@ -304,15 +304,15 @@ def _with(scenarios, guests):
 
 def _guests(scenarios):
     """Return what is to be told of a user's detectors, so that they are judged without their code."""
-    from cosim.flight import plugins
+    from cosim import parts
     from fdi import registry
 
     told: dict[str, dict] = {}
     for scenario in scenarios:
         for name in set(scenario.running) - set(registry.SHIPPED) - set(told):
-            plugins.use(scenario)
+            parts.use(scenario)
             own = registry.record(name)
-            guest = plugins.about(registry.module(name))
+            guest = parts.about(registry.module(name))
             told[name] = {"id": name, "level": own.level, "every": own.every, "guest": guest}
     return list(told.values())
 

@@ -20,8 +20,8 @@ from cosim.compare import figures, metrics, paired, tables
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError, told_at_call
-from cosim.flight.plugins import loaded
 from cosim.judge.result import plain
+from cosim.parts import loaded
 
 
 class CompareError(CosimError):
@@ -111,7 +111,7 @@ def compare(
 ) -> Comparison:  # fmt: skip
     """Return the Comparison of logs, of one campaign's folder or folder of logs, or of two campaigns side by side.
 
-    `progress(done, total)` counts flights. `guests` are files of further detectors (cosim/flight/plugins), run on logs
+    `progress(done, total)` counts flights. `guests` are files of further detectors (cosim/parts), run on logs
     as they were flown. Raises CompareError, CampaignError, LogError, GuestError.
     """
     paths = [Path(s) for s in sources]

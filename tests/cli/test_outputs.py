@@ -44,7 +44,6 @@ def flown(tmp_path_factory):
 WRITES = {
     "run": [(["run", "cruise", *SHORT, "-o", "OUT/a.mcap"], ["a.mcap"]),
             (["run", "cruise", *SHORT, "-o", "OUT/b.mcap", "--report"], ["b.html"])],
-    "example": [(["example", "fly_and_plot", "-o", "OUT/e.py"], ["e.py"])],
     "info": [(["info", "LOG", "--scenario", "-o", "OUT"], ["scenario.toml"])],
     "linearize": [(["linearize", "cruise", "-o", f"OUT/m{end}"], [f"m{end}"]) for end in (".npz", ".mat")],
     "replay": [(["replay", "LOG", "-o", "OUT/r.mcap"], ["r.mcap"])],

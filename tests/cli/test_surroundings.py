@@ -16,8 +16,8 @@ import cosim
 from actuators import subprocess_env
 from actuators.source_hash import cache_root
 from cosim.files import left_by
-from cosim.flight.plugins import GuestError, load
 from cosim.log import recover
+from cosim.parts import GuestError, load
 from cosim.replay import replay
 from cosim.replay.map_draft import draft
 from cosim.report import flight_report

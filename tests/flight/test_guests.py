@@ -14,8 +14,8 @@ from cosim.campaign.engine import run_campaign
 from cosim.cli import commands as cli
 from cosim.compare import compare
 from cosim.errors import CosimError, ScenarioError
-from cosim.flight.plugins import load, with_detectors
 from cosim.log import open_log
+from cosim.parts import load, with_detectors
 from cosim.replay import log_schema, replay
 from cosim.report import flight_report
 from cosim.scenario import user_parts
