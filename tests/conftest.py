@@ -11,6 +11,7 @@ import pytest
 
 import cosim
 from actuators.block import Kernel
+from cosim.campaign import engine
 from cosim.campaign.pool import THREADS, finished
 from cosim.flight.loop import compiling
 from fdi import registry
@@ -45,7 +46,7 @@ def no_guests() -> Iterator[None]:
 @pytest.fixture
 def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let commands fly their campaigns in this process: to start a worker costs more than a few short flights."""
-    monkeypatch.setattr("cosim.campaign.pool._local", lambda todo, workers, crashed: finished(todo, workers=0))
+    monkeypatch.setattr(engine, "finished", lambda calls, **how: finished(calls, workers=0))
 
 
 @pytest.fixture

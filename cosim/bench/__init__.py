@@ -183,7 +183,7 @@ _WORKER = """
 from cosim.campaign.worker import fly
 from cosim.scenario import load_scenario
 for seed in (1, 2):
-    rows, _ = fly("bench", load_scenario("liquid-ofc", [f"seed={seed}"]), True)
+    rows = fly("bench", load_scenario("liquid-ofc", [f"seed={seed}"]), True).rows
     assert rows[0]["status"] == "completed"
 print()
 """

@@ -10,12 +10,12 @@ from typer.testing import CliRunner
 
 import cosim
 from actuators.source_hash import closure
-from cosim.campaign.run import run_campaign
+from cosim.campaign.engine import run_campaign
 from cosim.cli import commands as cli
 from cosim.compare import compare
 from cosim.errors import CosimError, ScenarioError
-from cosim.flight.plugins import load, with_detectors
 from cosim.log import open_log
+from cosim.parts import load, with_detectors
 from cosim.replay import log_schema, replay
 from cosim.report import flight_report
 from cosim.scenario import user_parts
@@ -176,7 +176,8 @@ def test_two_detectors_of_one_id_are_refused_in_one_line(command, parity, flight
     own = tmp_path / "own.toml"
     text = cosim.load_scenario("cruise", ["duration_s=2"]).expanded_toml()
     own.write_text(f'{text}\n[detectors.parity]\nfile = "{parity}"\n')
-    words = {"replay": ["replay", str(flight[0])], "scenario": ["run", str(own)]}.get(command, command.split())
+    known = {c: [c, str(flight[0])] for c in ("replay", "compare")} | {"scenario": ["run", str(own)]}
+    words = known.get(command, command.split())
     named = [str(other)] if command == "scenario" else [str(parity), str(other)]
     words += [word for file in named for word in ("--detector", file)]
     if command != "replay":

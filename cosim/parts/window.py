@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.flight.plugins.contract import GuestError
+from cosim.parts.detector import GuestError
 
 
 def window_model(
@@ -24,13 +24,12 @@ def window_model(
     window_s: float = 1.0, every_s: float = 0.1, sample_s: float = 0.01, threshold: float = 0.5,
     features: Callable[[np.ndarray], np.ndarray] = np.ravel, designed_for: Sequence[str] = (), near: str | Path = ".",
 ) -> type:  # fmt: skip
-    """Return the class of a detector (cosim/flight/plugins/contract.py) that asks `model` about a window.
+    """Return the class of a detector (cosim/parts/detector.py) that asks `model` about a window.
 
     `model` is a fitted object with predict_proba or predict, a function of (1, features) that returns (1, classes), or
-    a file of one (.onnx by onnxruntime; .joblib or .pkl, which run code when they are read) in the folder of `near`:
-    pass __file__. `classes` are the model's outputs in order, words of verdicts; the first is "none", and "sensor.rod"
-    names the part as well. r is the probability of anything else over `threshold`. Local with `technologies`, else at
-    aircraft level.
+    a file of one (.onnx, by onnxruntime) in the folder of `near`: pass __file__. `classes` are the model's outputs in
+    order, words of verdicts; the first is "none", and "sensor.rod" names the part as well. r is the probability of
+    anything else over `threshold`. Local with `technologies`, else at aircraft level.
     """
     words = tuple(classes)
     if not words or words[0] != "none":
@@ -77,7 +76,7 @@ def window_model(
 def _asked(model, folder, place):
     """Return ask(x (1, n), classes) -> probabilities (classes,)."""
     if isinstance(model, str | Path):
-        model = _read(folder / model, place)
+        model = _onnx(folder / model, place)
     if hasattr(model, "predict_proba"):
         return lambda x, n: _checked(model.predict_proba(x)[0], n, place)
     if hasattr(model, "predict"):
@@ -91,19 +90,10 @@ def _checked(p, n, place):
     return p
 
 
-def _read(path, place):
-    if not path.is_file():
-        raise GuestError("no such file", place=f"{place}: {path}")
-    if path.suffix == ".onnx":
-        return _onnx(path)
-    if path.suffix in (".joblib", ".pkl"):
-        import joblib
-
-        return joblib.load(path)
-    raise GuestError("is no model", place=str(path), allowed=".onnx, .joblib, .pkl")
-
-
-def _onnx(path):
+def _onnx(path, place):
+    if path.suffix != ".onnx" or not path.is_file():
+        raise GuestError("no such file" if path.suffix == ".onnx" else "is no model", place=f"{place}: {path}",
+                         allowed="a file that ends in .onnx")  # fmt: skip
     try:
         import onnxruntime
     except ImportError:

@@ -1,6 +1,6 @@
-"""Plug-ins: a user's detectors, control law (`law.py`) and tables of inputs (`inputs.py`) in the loop.
+"""Detectors of the user's: from a file or a folder, an installed package, or a program.
 
-A user's detector, called a guest, is a plain Python class (`contract.py`), a block as ours are (actuators/block.py), or
+A user's detector, called a guest, is a plain Python class (`detector.py`), a block as ours are (actuators/block.py), or
 a fitted model over a window of signals (`window.py`). It comes from a file that a scenario or a command line names,
 from an installed package's entry point `cosim.detectors`, or from `cosim.register(Parity)`. Its code has its user's
 rights: it is run as it stands, and only a file that the user has named is run (cosim/scenario/user_parts.py loads it).
@@ -15,19 +15,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
-
-from actuators.block import Entry
-from actuators.object_cache import PLAIN
 from cosim.errors import did_you_mean
-from cosim.flight.plugins.contract import GuestError, is_block, is_guest
-from cosim.flight.plugins.plain import PlainDetector
-from cosim.scenario import Scenario, parse, user_parts, vocabulary
+from cosim.parts.detector import BlockDetector, GuestError, PlainDetector, is_block, is_guest, rollout_of
+from cosim.scenario import Scenario, parse, user_parts
 from cosim.texts import unpaired_surrogate
 from fdi import registry
-from fdi.common.record import Detector
 
-__all__ = ["GuestError", "install", "load", "loaded", "register", "use", "with_detectors"]
+__all__ = ["GuestError", "load", "loaded", "register", "rollout_of", "use", "with_detectors"]
 KEYS = ("file", "sha256")  # of a guest's table, beside its parameters
 GROUP = "cosim.detectors"  # of entry points
 _loaded: dict[tuple[str, str], Any] = {}  # (file, digest) -> guest
@@ -37,12 +31,12 @@ def register(guest: Any) -> Any:
     """Make a guest known to this process: a class, or a module that is a block. It flies in every scenario that does
     not choose its detectors. Returns it, so that it serves as a decorator. Raises GuestError for what is no detector.
     """
-    install(_made(guest, _source(guest)))
+    _install(_made(guest, _source(guest)))
     return guest
 
 
-def install(guest: PlainDetector) -> PlainDetector:
-    """Take a made guest into the registry; raises GuestError for the id of a detector that ships."""
+def _install(guest):
+    """Take a made guest into the registry and return it; raises GuestError for the id of a detector that ships."""
     name = guest.DETECTOR.id
     if name in registry.SHIPPED:
         raise GuestError(f"{name!r} is a detector that ships", place=guest.file or name, remedy="Choose another id")
@@ -64,7 +58,7 @@ def load(name: str | os.PathLike) -> PlainDetector:
     key = str(path.resolve()), part.sha256
     if key not in _loaded:
         _loaded[key] = _only(module, str(name), key)
-    return install(_loaded[key])
+    return _install(_loaded[key])
 
 
 def loaded(files: Iterable[str | os.PathLike]) -> list[PlainDetector]:
@@ -138,7 +132,7 @@ def _entry_point(name):
         raise GuestError(what, place=name, allowed=", ".join(found), remedy=did_you_mean(name, [*beside, *found]))
     with user_parts.run_user_code(lambda text: GuestError(text, place=name)):
         made = found[name].load()
-    return install(_made(made, _source(made)))
+    return _install(_made(made, _source(made)))
 
 
 def _only(module, place, key):
@@ -163,59 +157,6 @@ def _source(guest):
         return "", hashlib.sha256(inspect.getsource(guest).encode()).hexdigest()
     except (OSError, TypeError):
         return "", hashlib.sha256(repr(guest).encode()).hexdigest()
-
-
-class BlockDetector:
-    """A guest that is a block: its module's names, and where it came from."""
-
-    def __init__(self, module: ModuleType, file: str, sha256: str):
-        """`module` is a block with DETECTOR (fdi/common/record.py)."""
-        self._module, self.file, self.sha256 = module, file, sha256
-        if not isinstance(module.DETECTOR, Detector):
-            raise GuestError("DETECTOR is no fdi.common.record.Detector", place=file)
-        self.DETECTOR = module.DETECTOR
-        for word in self.DETECTOR.inputs.values():
-            try:
-                vocabulary.find(word)
-            except KeyError as error:
-                raise GuestError(str(error.args[0]), place=f"{file}: inputs", remedy="`cosim list signals`") from None
-        self.problems: list[str] = []
-        self.own_rollout = module.rollout
-        if not isinstance(module.rollout, Entry):
-            self.rollout = self._careful
-        elif not PLAIN:
-            try:
-                _ = module.rollout.native.address
-            except Exception as error:  # the compiler has dozens of kinds
-                said = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-                raise GuestError(f"does not compile: {said}", place=file) from None
-        lacking = {"r", "alarm", "verdict", "culprit", "valid"} - set(module.OUTPUTS)
-        if lacking:
-            raise GuestError(f"OUTPUTS lacks {', '.join(sorted(lacking))}", place=file)
-
-    def _careful(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: Any = None) -> None:
-        """Step by a rollout in plain Python; a tick at which it raises says nothing."""
-        for k in range(u.shape[1]):
-            try:
-                self._module.rollout(x, u[:, k : k + 1].copy(), p, dt, None if log is None else log[:, k : k + 1])
-                continue
-            except KeyboardInterrupt:
-                raise
-            except BaseException as error:  # whatever user code raises
-                if not self.problems:
-                    said = user_parts.short_traceback(error, self._path)
-                    self.problems.append(f"{self.DETECTOR.id} says nothing where it raises {said}")
-            for name in self._module.OUTPUTS:
-                x[name] = 0.0
-            if log is not None:
-                log[:, k] = x
-
-    @property
-    def _path(self):
-        return Path(self.file) if self.file else None
-
-    def __getattr__(self, name):
-        return getattr(self._module, name)
 
 
 def _made(guest, source):

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.user_actuator import told
+from actuators.python_block import PythonBlock, sentence
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.blocks import law
 from cosim.flight.loop.wiring import DEMANDS
@@ -85,46 +85,47 @@ def block(scenario: Scenario) -> ModuleType | Any:
         return SimpleNamespace(__name__=made.__name__, rollout=made.rollout, **about)
     if not hasattr(made, "Law"):
         raise _wrong(path, "has neither a class Law nor a rollout")
-    return SimpleNamespace(__name__=made.__name__, rollout=_plain(made.Law, path), **about)
+    return SimpleNamespace(__name__=made.__name__, rollout=_python(made.Law, path), **about)
 
 
 def _wrong(path, text):
     return ScenarioError(f"{path.name}: {text}", place="law.file")
 
 
-def _plain(kind: Callable, path: Path) -> Callable:
-    """Return the rollout of a class: one object, made at the first tick."""
-    own: list[Any] = []
-    notes: list[str] = []
-    ticks = [0]
+def _python(kind: Callable, path: Path) -> PythonBlock:
+    """Return a class as the law's rollout: one object, made at the first tick."""
 
-    def rollout(x, u, p, dt):
-        record, now, given = p[0], x[0], u[0, 0]
-        try:
-            if not own:
-                start = {word: float(record[field]) for word, field in TRIM.items()}
-                own.append(kind(dt, SimpleNamespace(**start)))
+    def make(p, dt):
+        own = kind(dt, SimpleNamespace(**{word: float(p[field]) for word, field in TRIM.items()}))
+
+        def step(t, x, u):
+            now, given = x.view(law.STATE)[0], u.view(law.INPUTS)[0]
             y = {n: float(given.y[i]) if given.valid[i] > 0.0 else math.nan for i, n in enumerate(SENSORS)}
             ask = {name: float(given[name]) for name in DEMANDS}
-            said = own[0].update(ticks[0] * dt, SimpleNamespace(**y), SimpleNamespace(**ask))
+            said = own.update(t, SimpleNamespace(**y), SimpleNamespace(**ask))
             if not isinstance(said, dict):
                 raise TypeError(f"update answers {type(said).__name__}; allowed: a dictionary of commands")
             for word, value in said.items():
-                if word not in SURFACES:
-                    raise KeyError(f"commands {word!r}; a law may command {', '.join(SURFACES)}")
-                field, ends, *_ = SURFACES[word]
-                if not isinstance(value, int | float | np.number) or isinstance(value, complex):
-                    raise TypeError(f"commands {word} = {value!r:.40}, which is no number")
-                if math.isfinite(value):
-                    low, high = ends(record)
-                    now[field] = min(max(float(value), low), high)
-                elif not notes:
-                    at = f"{word} = {value} at {ticks[0] * dt:.3f} s"
-                    notes.append(f"{path.name}: {at}; a command that is not finite keeps its last value")
-        except (Exception, SystemExit) as error:  # whatever a user's law raises
-            names = "; `cosim list law` has every name" if isinstance(error, AttributeError) else ""
-            raise _wrong(path, f"at {ticks[0] * dt:.3f} s {told(error)}{names}") from None
-        ticks[0] += 1
+                if math.isfinite(value := _command(word, value)):
+                    low, high = SURFACES[word][1](p)
+                    now[SURFACES[word][0]] = min(max(value, low), high)
+                elif not made.notes:
+                    at = f"{word} = {value} at {t:.3f} s"
+                    made.notes.append(f"{path.name}: {at}; a command that is not finite keeps its last value")
 
-    rollout.notes = notes  # type: ignore[attr-defined]
-    return rollout
+        return step
+
+    def failed(_, t, error):
+        names = "; `cosim list law` has every name" if isinstance(error, AttributeError) else ""
+        raise _wrong(path, f"at {t:.3f} s {sentence(error, path)}{names}") from None
+
+    made = PythonBlock(make, failed)
+    return made
+
+
+def _command(word, value):
+    if word not in SURFACES:
+        raise KeyError(f"commands {word!r}; a law may command {', '.join(SURFACES)}")
+    if not isinstance(value, int | float | np.number) or isinstance(value, complex):
+        raise TypeError(f"commands {word} = {value!r:.40}, which is no number")
+    return float(value)

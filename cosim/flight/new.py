@@ -8,7 +8,7 @@ import sys
 from importlib import resources
 from pathlib import Path
 
-from cosim.flight.plugins.contract import GuestError
+from cosim.parts import GuestError
 from cosim.scenario.aircraft import bundled, load_record
 from cosim.scenario.catalog import TECHNOLOGIES
 from fdi import registry
