@@ -444,7 +444,8 @@ def _opened(out):
     """Make the folder of a campaign and keep other campaigns out of it. Raises OutputError, with what to do, when it
     cannot be written, now or later, another campaign has it, or it holds a foreign file that would be overwritten."""
     try:
-        foreign = [] if _about(out) else [name for name in (*FILES, "parts") if (out / name).exists()]
+        foreign = [] if _about(out) else [name for name in FILES if (out / name).exists()]
+        foreign = foreign or [f"parts/{p.name}" for p in (out / "parts").glob("*") if not _about(out)]
         if foreign:
             said = f"holds a {foreign[0]} that no campaign wrote"
             raise OutputError(said, place=str(out), remedy="Choose another place with -o")

@@ -122,7 +122,7 @@ def compare(
 
 
 def _tidy(frame, tomls, source):
-    rows = compare_rows.tidy(frame, tomls, source)
+    rows = compare_rows.tidy(frame, tomls)
     if rows.empty:
         raise CompareError("no flight has a detector to compare", place=source)
     return rows

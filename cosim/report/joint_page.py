@@ -53,8 +53,8 @@ def counts(rows: pd.DataFrame, parts: dict[str, str]) -> dict[str, dict[str, int
 
 def text(folder: str | Path) -> str:
     """Return table and false alarms of a campaign in `folder` with `joint`, as Markdown."""
-    frame, _, tomls, source = read([folder])
-    rows = compare_rows.tidy(frame, tomls, source)
+    frame, _, tomls, *_ = read([folder])
+    rows = compare_rows.tidy(frame, tomls)
     found = counts(rows, dict(zip(frame["run"], frame["label.part"], strict=True)))
     order = [*compare_rows.FAMILIES, kind(NOT_LEARNED[1], ""), kind(NOT_LEARNED[0], ""), "all"]
     made = Table("", *HEAD, rows=[Row((k, *found[k].values())) for k in order if k in found])

@@ -6,7 +6,7 @@ import numpy as np
 
 from actuators.ema import jay
 from cosim.papers.jay import printed as paper
-from cosim.papers.jay.bench import DT, FAULT, FIGURES, SECONDS, SEEDS, bench, under_load
+from cosim.papers.jay.bench import DT, FAULT, FIGURES, SECONDS, SEEDS, bench
 from cosim.papers.measured import all_valid, apart, share_of_tick, worst
 from fdi.ema import ema_kalman
 from fdi.ema import model as flight_design
@@ -51,13 +51,6 @@ def from_print() -> tuple[float, str]:
 def step() -> tuple[float, str]:
     """Return the time of a step of filter and tests as a share of its 5 ms [%], and in microseconds."""
     return share_of_tick(bench, DT)
-
-
-def in_the_loop() -> tuple[float, str]:
-    """Return the largest R1 [mm] when the biased current sensor closes the loop, and who is blamed."""
-    outs = _seeds(loop_bias=1.0)
-    blamed = sum(_first(out) == ema_kalman.CULPRITS.index("velocity") for out in outs)
-    return max(_peaks(out, FAULT)[1] for out in outs), f"velocity sensor named first in {blamed} of {len(outs)}"
 
 
 def printed() -> tuple[float, str]:
@@ -121,12 +114,6 @@ def smooth() -> float:
     """Return how far the reconfigured loop is from the healthy one from 4 s on [mm]."""
     mended, healthy = (bench(figure=f, noise=0.0, reconfigure=f is not None)["position"] for f in (8, None))
     return 1e3 * np.abs(mended - healthy)[round(4.0 / DT) :].max()
-
-
-def loaded(test: int) -> tuple[float, str]:
-    """Return a test under a hinge moment that the published filter does not know."""
-    found, share = under_load()[test], under_load(0.5)[test] / under_load()[test]
-    return found, f"{share:.3f} of it with the gain zero from 0.5 s on"
 
 
 def matrices() -> tuple[float, str]:
