@@ -85,11 +85,11 @@ def _links(path):
 
 def reached(*roots: Any) -> str:
     """Return a digest of the functions `roots`, of every function that they call, directly or not, and of the constants
-    that these read: the lines of a function, the value of a constant.
+    that these read (the lines of a function, the value of a constant), and of what makes machine code of them.
 
     Its code says which names a function reads; its lines are the same in every version of Python.
     """
-    told: set[str] = set()
+    told = {_digest(ROOT / "actuators" / name).hex() for name in MAKERS}
     seen: dict[Any, None] = {}
     todo = [getattr(root, "py_func", root) for root in roots]
     while todo:
@@ -186,7 +186,7 @@ def closure(path: Path) -> set:
 
 def forget() -> None:
     """Read the sources again where they are asked for next: one of a user's has changed."""
-    for cached in (_source, _digest, _links, closure, cache_dir, code_dir):
+    for cached in (_source, _digest, _links, closure, sources, cache_dir):
         cached.cache_clear()
 
 
@@ -227,27 +227,23 @@ def cache_root() -> Path | None:
 
 
 @functools.cache
-def cache_dir(path: str | Path) -> str | None:
-    """Name a cache folder by the sources a kernel is compiled from: Numba itself misses a change in a callee's file."""
-    digest = hashlib.sha256(installed("numba").encode())
-    for source in sorted(closure(path), key=str):
-        digest.update(_digest(source))
-    return _folder(digest.hexdigest()[:16])
-
-
-def _folder(name):
-    root = cache_root()
-    folder = root and root / name
-    return str(folder) if folder and private(folder) and _all_private(folder) else None
+def sources(path: str | Path) -> str:
+    """Return a digest of the file at `path` and of our files that it imports, directly or not."""
+    return hashlib.sha256(b"".join(sorted(map(_digest, closure(path))))).hexdigest()
 
 
 @functools.cache
-def code_dir() -> str | None:
-    """Return the cache folder of kernels that are named by what they reach, for this way of making them."""
-    made = hashlib.sha256(installed("numba").encode())
-    for name in MAKERS:
-        made.update(_digest(ROOT / "actuators" / name))
-    return _folder(f"code-{made.hexdigest()[:12]}")
+def cache_dir(path: str | Path) -> str | None:
+    """Return the cache folder of what is worked out by the sources that the file at `path` imports, None for none."""
+    return private_folder(sources(path)[:16])
+
+
+@functools.cache
+def private_folder(name: str) -> str | None:
+    """Return a folder of the cache, made where it is missing; None where others may write to it."""
+    root = cache_root()
+    folder = root and root / name
+    return str(folder) if folder and private(folder) and _all_private(folder) else None
 
 
 def _all_private(folder):

@@ -27,7 +27,7 @@ from cosim.flight.blocks import law
 
 def digests():
     for cached in (engine.fingerprint, source_hash.closure, source_hash._links, source_hash._source,
-                   source_hash._digest, source_hash.cache_dir):
+                   source_hash._digest, source_hash.sources, source_hash.cache_dir):
         cached.cache_clear()
     return engine.fingerprint()["digest"], source_hash.cache_dir(Path(law.__file__).resolve())
 
