@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from actuators.source_hash import ROOT, cache_dir, read_whole, write_whole
+from actuators.source_hash import ROOT, cache_dir, code_dir, reached, read_whole, write_whole
 
 PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")  # nothing is compiled
 _ENTRY = "entry"
@@ -32,12 +32,13 @@ class Native:
 
     `make()` returns (Python function, Numba types of its arguments); it is called only when nothing is stored.
     `source` is the file that it comes from, `name` what tells it from others there, `kinds` the ctypes of its
-    arguments, `place` where another process finds this object: "module:name".
+    arguments, `place` where another process finds this object: "module:name". What is stored is named by what the
+    functions `roots` reach, without any by the sources that `source` imports.
     """
 
-    def __init__(self, name: str, source: str | Path, kinds: tuple, make: Callable, place: str):
+    def __init__(self, name: str, source: str | Path, kinds: tuple, make: Callable, place: str, roots: tuple = ()):
         self.name, self.source, self._kinds, self._make = name, Path(source).resolve(), kinds, make
-        self.place = place
+        self.place, self._roots = place, roots
 
     @functools.cached_property
     def address(self) -> int:
@@ -78,9 +79,10 @@ class Native:
 
     def file(self) -> Path | None:
         """Return where the machine code is stored, None where there is no place for it."""
-        folder = cache_dir(self.source)
+        folder = code_dir() if self._roots else cache_dir(self.source)
+        name = f"{self.name}-{reached(*self._roots)[:16]}" if self._roots else self.name
         # not .o: a version that reads no digest before the code would take it for code
-        return Path(folder) / f"{self.name}-{processor()}.code" if folder else None
+        return Path(folder) / f"{name}-{processor()}.code" if folder else None
 
 
 def of_wholes(module: str, name: str, count: int, place: str) -> Native:

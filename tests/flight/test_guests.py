@@ -9,7 +9,6 @@ import pytest
 from typer.testing import CliRunner
 
 import cosim
-from actuators.source_hash import closure
 from cosim.campaign.engine import run_campaign
 from cosim.cli import commands as cli
 from cosim.compare import compare
@@ -291,14 +290,6 @@ def test_campaign_workers_fly_it_and_its_rows_are_judged_without_its_code(parity
     other.write_text(parity.read_text() + "\n# other code\n")
     fresh = run_campaign(tmp_path / "own.toml", workers=0, out=tmp_path / "other", guests=[other])
     assert set(fresh.frame["run"]).isdisjoint(done.frame["run"])  # other code is another run
-
-
-def test_machine_code_of_a_block_is_that_of_its_neighbours_too(tmp_path):
-    (tmp_path / "own.py").write_text("import gains_of_mine\nimport numpy\nfrom actuators.block import kernel\n")
-    (tmp_path / "gains_of_mine.py").write_text("GAIN = 1.0\n")
-    (tmp_path / "another.py").write_text("")
-    names = {file.name for file in closure((tmp_path / "own.py").resolve())}
-    assert {"own.py", "gains_of_mine.py", "block.py"} <= names and "another.py" not in names
 
 
 def test_a_folder_of_logs_is_judged_without_the_file_that_its_flights_name(flight, parity, tmp_path, monkeypatch):

@@ -4,7 +4,6 @@ import functools
 
 import numpy as np
 
-from actuators.block import briefly
 from actuators.ema import jay
 from cosim.papers.jay import printed as paper
 from cosim.papers.jay.bench import DT, FAULT, FIGURES, SECONDS, SEEDS, bench
@@ -161,7 +160,7 @@ def on_elevator(ticks: int = 120) -> tuple[float, str]:
     for k in range(ticks):
         inputs["u"], inputs["y_velocity"] = u[k], velocity[k]
         inputs["y_position"], inputs["y_current"] = position[k], current[k]
-        briefly(ema_kalman.step, x[0], inputs[0], p[0], DT)
+        ema_kalman.step(x[0], inputs[0], p[0], DT)
         found.append([x[name][0] for name in ("eta_bar", "R1", "R2")])
     theirs = paper.kalman(u, velocity, position, current, jay.values("elevator"))
     return _apart([(np.array(found).T, theirs)])
@@ -185,7 +184,7 @@ def blamed(draws: int = 500) -> tuple[int, str]:
         x = np.zeros(1, ema_kalman.STATE)
         over = rng.uniform(-2.0, 2.0, 3)
         x["eta_bar"], x["R1"], x["R2"] = over * (3.0, 5e-4, 0.5)
-        briefly(ema_kalman._decide, x[0], p)
+        ema_kalman._decide(x[0], p)
         beyond = np.abs(over) >= 1.0
         culprit = 0 if not beyond.any() else 1 + int(np.argmax(beyond))  # the velocity sensor first, then R1, then R2
         told = x["culprit"][0], x["alarm"][0], x["reconf"][0]
