@@ -15,7 +15,8 @@ import numpy as np
 
 from actuators import fmu
 from actuators.block import Entry
-from actuators.python_block import of_rollout, sentence
+from actuators.exception_text import sentence
+from actuators.python_block import of_rollout
 from actuators.registry import HYDRAULIC, SIMPLE
 from actuators.technology import Technology
 

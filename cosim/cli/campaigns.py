@@ -101,7 +101,7 @@ def report(
 
 @app.command()
 def compare(
-    sources: Annotated[list[Path], argument("LOG|DIR", "Logs, a campaign's folder, or two of them side by side.")],
+    sources: Annotated[list[Path], argument("PATH", "Logs, a campaign's folder, or two of them side by side.")],
     output: Annotated[Path | None, output_option("DIR", "Folder for report and tables. Default: write none.")] = None,
     overwrite: shared.OverwriteOption = False,
     detector: shared.DetectorOption = None,

@@ -27,7 +27,7 @@ ARRAYS = (".npy", ".npz")
 # as `cosim -h` shows them: a flight, many flights, what is your own, what stands behind the detectors
 ORDER = (
     "run list example info report replay recover campaign compare "
-    "new check map linearize reproduce bench"
+    "new check map linearize reproduce"
 ).split()
 
 
@@ -198,7 +198,7 @@ def linearize(
 
 
 # the modules of the other commands
-PARTS = ("replay", "campaigns", "user_files", "study", "bench")
+PARTS = ("replay", "campaigns", "user_files", "study")
 for part in PARTS:
     importlib.import_module(f"cosim.cli.{part}")
 names = {str(c.name or getattr(c.callback, "__name__", "")).replace("_", "-"): c for c in app.registered_commands}

@@ -28,7 +28,7 @@ def new(
     overwrite: shared.OverwriteOption = False,
     json_: shared.JsonOption = False,
 ) -> None:
-    """Write a detector, law, actuator, aircraft or campaign, or a copy of an example (`cosim list examples`).
+    """Write a detector, law, actuator, aircraft, campaign or example.
 
     It runs as it is, and so does its test: test_NAME.py. An aircraft is first a template of its numbers to fill in.
     """

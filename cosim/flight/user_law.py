@@ -21,7 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from actuators.python_block import PythonBlock, sentence
+from actuators.exception_text import sentence
+from actuators.python_block import PythonBlock
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.blocks import law
 from cosim.flight.loop.wiring import DEMANDS

@@ -32,8 +32,9 @@ from typing import Any
 import numpy as np
 
 from actuators.block import Entry, dtype, record
+from actuators.exception_text import sentence
 from actuators.object_cache import PLAIN
-from actuators.python_block import PythonBlock, of_rollout, sentence
+from actuators.python_block import PythonBlock, of_rollout
 from cosim.errors import CosimError
 from cosim.judge.coverage import true_class
 from cosim.scenario import catalog, vocabulary

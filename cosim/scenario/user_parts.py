@@ -19,7 +19,7 @@ from pathlib import Path, PurePosixPath
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from actuators.python_block import sentence
+from actuators.exception_text import sentence
 from actuators.source_hash import forget
 from cosim.errors import CosimError, LogError, Mistakes, OutputError, ScenarioError
 from cosim.files import replace
