@@ -20,18 +20,15 @@ a value of its state is infinite or not a number after a step, it is not valid a
 has one, is NOT_FINITE; its statistic stays as it came out. It is so for as long as the state is.
 """
 
-import contextlib
 import ctypes
 import functools
 import hashlib
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from actuators.object_cache import PLAIN, Native, of_wholes
-from actuators.source_hash import cache_dir
 
 SAYS = ("r", "alarm", "verdict", "culprit", "valid")  # outputs of every detector
 NOT_FINITE = 11.0  # among the codes of fdi/common/why.py
@@ -70,81 +67,31 @@ def record(kind: Any, **values: Any) -> np.ndarray:
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile `function` with Numba where it is first called, cached on disk by the digest of every source of ours that
-    it depends on; with NUMBA_DISABLE_JIT=1 it stays as it is."""
+    """Let kernels and entries that are compiled call `function`; from Python it runs as plain Python, with the same
+    bits. With NUMBA_DISABLE_JIT=1 it stays as it is."""
     return function if PLAIN else Kernel(function)
 
 
 class Kernel:
-    """A function that Numba compiles when it is first needed: importing it costs nothing."""
-
-    plainly = False  # whether a call from Python runs as plain Python, see `briefly`
+    """A function that Numba compiles into whatever calls it: importing it costs nothing."""
 
     def __init__(self, function: Callable[..., Any]):
         functools.update_wrapper(self, function)
         self.py_func = function
 
     @functools.cached_property
-    def compiled(self) -> Any:
-        """Return Numba's dispatcher of the function, for calls from Python."""
-        return self._dispatcher("")
-
-    @functools.cached_property
     def _inner(self):
-        return self._dispatcher("inner", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+        import numba
+
+        only: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        return numba.njit(error_model="numpy", **only)(self.py_func)
 
     @property
     def _numba_type_(self):  # by which a kernel that calls this one knows it
         return self._inner._numba_type_
 
-    def _dispatcher(self, part, **options):
-        import numba
-        from numba.core import config as _config
-
-        config: Any = _config  # its options are made at run time
-        folder = cache_dir(Path(self.py_func.__code__.co_filename).resolve())
-        before = config.CACHE_DIR
-        config.CACHE_DIR = str(Path(folder) / part) if folder else before
-        try:
-            made = numba.njit(error_model="numpy", **options)(self.py_func)
-            if folder:
-                made._cache = _cache(self.py_func)
-            return made
-        finally:
-            config.CACHE_DIR = before
-
     def __call__(self, *args: Any) -> Any:
-        return (self.py_func if Kernel.plainly else self.compiled)(*args)
-
-
-def _cache(function):
-    """Return Numba's cache of a function; where a power cut or a full disk left half a file, it is compiled again."""
-    from numba.core.caching import FunctionCache
-
-    class Cache(FunctionCache):
-        def load_overload(self, sig, target_context):
-            try:
-                return super().load_overload(sig, target_context)
-            except Exception:  # whatever unpickling makes of such a file
-                self.flush()
-                return None
-
-        def save_overload(self, sig, data):
-            with contextlib.suppress(OSError):  # a disk that is full, a folder that is gone: it works all the same
-                super().save_overload(sig, data)
-
-    return Cache(function)
-
-
-def briefly(function: Callable[..., Any], *args: Any) -> Any:
-    """Call a kernel for a moment's work: as plain Python, with the same bits, unless it is compiled already."""
-    if PLAIN or "compiled" in vars(function):
-        return function(*args)
-    before, Kernel.plainly = Kernel.plainly, True
-    try:
-        return function(*args)
-    finally:
-        Kernel.plainly = before
+        return self.py_func(*args)
 
 
 @kernel
@@ -184,7 +131,8 @@ class Entry:
             pointer, whole = ctypes.c_void_p, ctypes.c_int64
             given = pointer, pointer, pointer, ctypes.c_double, whole, whole, pointer
             place = f"{step.__module__}:rollout.native"
-            self.native = Native(name, step.py_func.__code__.co_filename, given, self._make, place)
+            roots = tuple(filter(None, (step, self.spoil)))
+            self.native = Native(name, step.py_func.__code__.co_filename, given, self._make, place, roots)
 
     @property
     def address(self) -> int:

@@ -1,4 +1,4 @@
-"""Hash of the sources that a compiled kernel depends on, and the cache folder that it names."""
+"""Hash of the sources that a compiled kernel or a computed array depends on, and the cache folders."""
 
 import contextlib
 import functools
@@ -9,9 +9,15 @@ import stat
 import tempfile
 from importlib.metadata import version
 from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("actuators", "fdi", "cosim")
+LIBRARIES = ("numpy", "scipy", "numba", "llvmlite")
+MAKERS = ("block.py", "object_cache.py", "numba_intrinsics.py")  # what makes a kernel of a step
 # an import, with the names behind it, and what stands before it in its line, with the module of a "from"
 IMPORT = re.compile(r"\bimport\b[ \t]*(\((?:[\w\s,]|#[^\n]*)*\)|[^\n;]*)")
 FROM = re.compile(r"(?:^|[;:])[ \t]*(?:from\b[ \t]*([.\w]+)[ \t]*)?$", re.MULTILINE)
@@ -77,6 +83,76 @@ def _links(path):
     return tuple(dict.fromkeys(found))
 
 
+def reached(*roots: Any) -> str:
+    """Return a digest of the functions `roots`, of every function that they call, directly or not, and of the constants
+    that these read (the lines of a function, the value of a constant), and of what makes machine code of them.
+
+    Its code says which names a function reads; its lines are the same in every version of Python.
+    """
+    told = {_digest(ROOT / "actuators" / name).hex() for name in MAKERS}
+    seen: dict[Any, None] = {}
+    todo = [getattr(root, "py_func", root) for root in roots]
+    while todo:
+        function = todo.pop()
+        if function in seen:
+            continue
+        seen[function] = None
+        told.add(_lines(function))
+        for name, value in _reads(function):
+            value = getattr(value, "py_func", value)
+            if isinstance(value, FunctionType) and value.__module__.partition(".")[0] not in LIBRARIES:
+                todo.append(value)
+            else:
+                told.add(f"{function.__module__}.{function.__qualname__} {name} {_value(value)}")
+    return hashlib.sha256("\0".join(sorted(told)).encode()).hexdigest()
+
+
+def _codes(code):
+    yield code
+    for each in code.co_consts:
+        if isinstance(each, CodeType):
+            yield from _codes(each)
+
+
+def _lines(function):
+    """Return the module, the name and the source lines of a function."""
+    codes = list(_codes(function.__code__))
+    last = max(line or 0 for code in codes for position in code.co_positions() for line in position[:2])
+    path = Path(codes[0].co_filename)
+    if path.is_file():
+        text = _source(path).decode("utf-8", "replace").splitlines()[codes[0].co_firstlineno - 1 : last]
+    else:  # typed in, not in a file
+        text = [code.co_code.hex() + repr([c for c in code.co_consts if not isinstance(c, CodeType)]) for code in codes]
+    return "\n".join([f"{function.__module__}.{function.__qualname__}", *text])
+
+
+def _reads(function):
+    """Yield (name, value) of what a function reads from its module, from modules there, and from around it."""
+    names = sorted({name for code in _codes(function.__code__) for name in code.co_names})
+    spaces, seen = [("", function.__globals__)], set()
+    while spaces:
+        at, space = spaces.pop()
+        for name in filter(space.__contains__, names):
+            if not isinstance(value := space[name], ModuleType):
+                yield at + name, value
+            elif value not in seen:
+                seen.add(value)
+                spaces.append((f"{at}{name}.", vars(value)))
+    around = zip(function.__code__.co_freevars, function.__closure__ or ())
+    yield from ((name, cell.cell_contents) for name, cell in around)
+
+
+def _value(value):
+    """Return a text that is another for another value; of what a library brings its name."""
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype.descr} {value.shape} {value.tobytes().hex()}"
+    if isinstance(value, np.dtype):
+        return repr(value.descr)
+    if isinstance(value, (int, float, str, bytes, tuple, np.generic, type(None))):
+        return repr(value)
+    return f"{type(value).__name__} {getattr(value, '__name__', '')}"
+
+
 def read_whole(file: Path | None) -> bytes | None:
     """Return what `write_whole` put into a file, None where there is none or it is not what was written."""
     try:
@@ -110,7 +186,7 @@ def closure(path: Path) -> set:
 
 def forget() -> None:
     """Read the sources again where they are asked for next: one of a user's has changed."""
-    for cached in (_source, _digest, _links, closure, cache_dir):
+    for cached in (_source, _digest, _links, closure, sources, cache_dir):
         cached.cache_clear()
 
 
@@ -151,13 +227,22 @@ def cache_root() -> Path | None:
 
 
 @functools.cache
+def sources(path: str | Path) -> str:
+    """Return a digest of the file at `path` and of our files that it imports, directly or not."""
+    return hashlib.sha256(b"".join(sorted(map(_digest, closure(path))))).hexdigest()
+
+
+@functools.cache
 def cache_dir(path: str | Path) -> str | None:
-    """Name a cache folder by the sources a kernel is compiled from: Numba itself misses a change in a callee's file."""
-    digest = hashlib.sha256(installed("numba").encode())
-    for source in sorted(closure(path), key=str):
-        digest.update(_digest(source))
+    """Return the cache folder of what is worked out by the sources that the file at `path` imports, None for none."""
+    return private_folder(sources(path)[:16])
+
+
+@functools.cache
+def private_folder(name: str) -> str | None:
+    """Return a folder of the cache, made where it is missing; None where others may write to it."""
     root = cache_root()
-    folder = root and root / digest.hexdigest()[:16]
+    folder = root and root / name
     return str(folder) if folder and private(folder) and _all_private(folder) else None
 
 

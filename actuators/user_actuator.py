@@ -15,6 +15,8 @@ import numpy as np
 
 from actuators import fmu
 from actuators.block import Entry
+from actuators.exception_text import sentence
+from actuators.python_block import of_rollout
 from actuators.registry import HYDRAULIC, SIMPLE
 from actuators.technology import Technology
 
@@ -47,35 +49,28 @@ def from_file(name: str, path: Path, servo: str, load: Callable, error: Callable
             if np.shape(x) != p.shape:
                 raise ValueError(f"init_at() returns an array of shape {np.shape(x)}; allowed: STATE of {p.shape}")
         except (Exception, SystemExit) as said:
-            raise error(f"{path.name}: {told(said)}") from None
+            raise error(f"{path.name}: {sentence(said, path)}") from None
         return [*_served(name, servo, own, believed, trim, travel, dt, age), (name, _guarded(made, path, error), p, x)]
 
     return _technology(name, servo, blocks, build)
-
-
-def told(error: BaseException) -> str:
-    """Return in one line what user code raised."""
-    said = " ".join(str(error).split())
-    return type(error).__name__ + (f": {said}" if said else "")
 
 
 def _guarded(made, path, error):
     """Return the block whose plain `rollout` raises error(text) for whatever it raises; a compiled one as it is."""
     if isinstance(made.rollout, Entry):
         return made
-    tick = [0]
 
     def rollout(x, u, p, dt):
-        try:
-            made.rollout(x, u, p, dt)
-            if not np.isfinite(x["delta"]).all():
-                raise ValueError(f"delta = {x['delta'].tolist()}")
-        except (Exception, SystemExit) as said:
-            raise error(f"{path.name}: at {tick[0] * dt:.3f} s {told(said)}") from None
-        tick[0] += 1
+        made.rollout(x, u, p, dt)
+        if not np.isfinite(x["delta"]).all():
+            raise ValueError(f"delta = {x['delta'].tolist()}")
+
+    def failed(_, t, said):
+        raise error(f"{path.name}: at {t:.3f} s {sentence(said, path)}") from None
 
     own = {word: getattr(made, word) for word in ("INPUTS", "STATE", "OUTPUTS")}
-    return SimpleNamespace(__name__=made.__name__, rollout=rollout, **own)
+    stepped = of_rollout(rollout, made.STATE, made.INPUTS, failed, each=False)
+    return SimpleNamespace(__name__=made.__name__, rollout=stepped, **own)
 
 
 def from_fmu(name: str, path: Path, servo: str, tables: dict, error: Callable[[str], Exception]) -> Technology:

@@ -1,7 +1,7 @@
 """The detectors that ship, one line each, and the guests that this process has been given.
 
 A record is read from its module when it is first asked for. A guest is a module, or an object with the same names, that
-a user wrote (cosim/flight/plugins); of a guest that only a log tells about there is the record alone.
+a user wrote (cosim/parts); of a guest that only a log tells about there is the record alone.
 """
 
 import functools

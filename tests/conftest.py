@@ -10,7 +10,7 @@ import hypothesis
 import pytest
 
 import cosim
-from actuators.block import Kernel
+from cosim.campaign import engine
 from cosim.campaign.pool import THREADS, finished
 from cosim.flight.loop import compiling
 from fdi import registry
@@ -45,15 +45,7 @@ def no_guests() -> Iterator[None]:
 @pytest.fixture
 def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let commands fly their campaigns in this process: to start a worker costs more than a few short flights."""
-    monkeypatch.setattr("cosim.campaign.pool._local", lambda todo, workers, crashed: finished(todo, workers=0))
-
-
-@pytest.fixture
-def plain_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run the kernels that a test calls itself as plain Python, with the same bits: a few calls do not pay for seconds
-    of compiling. What flies is compiled all the same.
-    """
-    monkeypatch.setattr(Kernel, "plainly", True)
+    monkeypatch.setattr(engine, "finished", lambda calls, **how: finished(calls, workers=0))
 
 
 @pytest.fixture(scope="session")

@@ -22,14 +22,14 @@ DIGESTS = """
 import json, sys
 from pathlib import Path
 from actuators import source_hash
-import cosim.campaign.store as store
+from cosim.campaign import engine
 from cosim.flight.blocks import law
 
 def digests():
-    for cached in (store.fingerprint, source_hash.closure, source_hash._links, source_hash._source,
-                   source_hash._digest, source_hash.cache_dir):
+    for cached in (engine.fingerprint, source_hash.closure, source_hash._links, source_hash._source,
+                   source_hash._digest, source_hash.sources, source_hash.cache_dir):
         cached.cache_clear()
-    return store.fingerprint()["digest"], source_hash.cache_dir(Path(law.__file__).resolve())
+    return engine.fingerprint()["digest"], source_hash.cache_dir(Path(law.__file__).resolve())
 
 out = {"": digests()}
 for name in sys.argv[1:]:

@@ -20,9 +20,9 @@ import cosim
 from cosim.campaign.spec import load_campaign
 from cosim.cli.commands import app
 from cosim.errors import CosimError
-from cosim.flight.plugins import with_detectors
 from cosim.log import open_log, recover
 from cosim.log.overview import log_info
+from cosim.parts import with_detectors
 from cosim.replay import replay
 from cosim.replay.map import diagnose
 from cosim.replay.map_draft import draft

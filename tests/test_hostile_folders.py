@@ -20,7 +20,7 @@ from hostile_texts import encoded, mangled
 from technologies import forget
 
 import cosim
-from cosim.flight.plugins import load
+from cosim.parts import load
 from cosim.scenario import aircraft
 from cosim.scenario.condition import condition
 

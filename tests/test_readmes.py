@@ -17,7 +17,7 @@ from cosim.scenario import parse
 
 ROOT = structure.ROOT
 PAGES = sorted([ROOT / "README.md", *(p for d in structure.PACKAGES for p in (ROOT / d).rglob("README.md"))])
-LONG = ("cosim bench", "cosim campaign", "cosim reproduce", "cosim compare")
+LONG = ("cosim campaign", "cosim reproduce", "cosim compare")
 
 
 def blocks(kind):

@@ -8,7 +8,7 @@ Nothing is imported before it is asked for: a worker imports this package, and n
 import importlib
 from typing import Any
 
-MODULES = dict.fromkeys(("CampaignError", "CampaignResult", "run_many", "table"), "flights")
+MODULES = dict.fromkeys(("CampaignError", "CampaignResult", "run_many", "table"), "engine")
 MODULES["EVALUATION_SEED"] = "spec"
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from cosim.campaign.spec import builtin_campaigns, load_campaign
 from cosim.errors import CosimError, did_you_mean
-from cosim.flight.plugins import law
+from cosim.flight import user_law as law
 from cosim.scenario import catalog as c
 from cosim.scenario import vocabulary
 from cosim.scenario.aircraft import load_aircraft

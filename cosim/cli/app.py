@@ -166,7 +166,7 @@ class _Command(TyperCommand):
         return params
 
     def collect_usage_pieces(self, ctx):
-        return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
+        return [piece.replace("{", "").replace("}", "") for piece in super().collect_usage_pieces(ctx)]
 
 
 class _App(typer.Typer):

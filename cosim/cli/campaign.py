@@ -6,12 +6,12 @@ import pandas as pd
 from rich.console import Group
 from rich.text import Text
 
-from cosim.campaign.flights import CampaignResult
+from cosim.campaign.engine import CampaignResult
 from cosim.campaign.worker import FAILED
 from cosim.cli.tables import whole, word
-from cosim.compare.metrics import MEDIAN, delays, proportion
-from cosim.judge.lanes import seconds
-from cosim.table import Column, Table, number, of, share
+from cosim.compare import compare
+from cosim.compare.tables import detectors
+from cosim.table import Table
 
 TEXTS = 5  # different errors that are printed
 
@@ -20,37 +20,14 @@ def campaign(result: CampaignResult) -> Group:
     """Return the table of a campaign's outcome."""
     frame = result.frame
     lanes = frame[frame["id"].notna()]
-    counted = [_detector(level, name, rows) for (level, name), rows in lanes.groupby(["level", "id"], sort=True)]
-    columns = (
-        Column("detector", right=False), Column("level", rank=3, right=False),
-        Column("faults", doc="that concern the detector, per actuator it watches, also those it is not made for "
-               "(`cosim compare` counts those it is, once per flight)"),
-        Column("detected"),
-        Column("first alarm", unit="s", doc=MEDIAN),
-        Column("delay", unit="periods", rank=2),
-        Column("false flights", doc="flights with a false alarm"),
-        Column("95 % bound", doc="of its probability, per flight", rank=1),
-    )  # fmt: skip
-    t = of(columns, counted)
     status = frame.drop_duplicates("run")["status"].value_counts()
     line = ", ".join(f"{n} {name}" for name, n in status.items())
     text = f"{result.done} runs: {line}" + (f"; {result.resumed} were there already" if result.resumed else "")
     more = [] if lanes["concerned"].any() or lanes.empty else [nearest(lanes)]
-    shown = [] if lanes.empty else [t]
+    shown = [] if lanes.empty or result.parquet is None else [detectors(compare([result.parquet.parent]).detectors)]
     at = None if lanes.empty else result.parquet
     follows = [whole(f"next   cosim compare {word(at.parent)}")] if at else []
     return Group(*shown, *more, Text(text), *_told(errors(frame)), Text(f"rows   {result.parquet}"), *follows)
-
-
-def _detector(level, name, rows):
-    mine, false = rows[rows["concerned"].astype(bool)], rows.groupby("run")["false_alarms"].max() > 0
-    late = {key: delays(mine[key].to_numpy()).median if len(mine) else None for key in ("delay_s", "delay_periods")}
-    return {
-        "detector": name, "level": level, "faults": len(mine), "detected": int(mine["delay_s"].notna().sum()),
-        "first alarm": seconds(late["delay_s"]), "delay": number(late["delay_periods"], 2),
-        "false flights": f"{int(false.sum())}/{len(false)}",
-        "95 % bound": share(proportion(int(false.sum()), len(false)).high),
-    }  # fmt: skip
 
 
 def errors(frame: pd.DataFrame) -> list[dict]:

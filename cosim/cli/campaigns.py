@@ -9,13 +9,9 @@ from rich.text import Text
 
 from cosim.cli import flight, tables
 from cosim.cli import output as shared
-from cosim.cli.app import answer, app, err, notes, out
+from cosim.cli.app import answer, app, err, notes, only_with, out
 from cosim.cli.output import argument, flag, option, output_option, reserve
 from cosim.errors import CosimError
-
-
-def _left_out(damaged, what):
-    notes(f"damaged and left out: {path}; {what}" for path in damaged)
 
 
 @app.command()
@@ -24,9 +20,12 @@ def campaign(
     workers: shared.WorkersOption = None,
     scheduler: Annotated[str | None, option("ADDRESS", "Fly on a Dask cluster: tcp://host:8786.")] = None,
     resume: Annotated[bool, flag("--resume", "Go on in this folder; failed runs fly again.")] = False,
-    anew: Annotated[bool, flag("--anew", "Go on; runs of a file of yours that has changed fly again.")] = False,
     output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>.")] = None,
-    overwrite: shared.OverwriteOption = False,
+    signals: Annotated[
+        list[str] | None,
+        option("WORD", "Write this signal of every flight, with labels: `cosim list signals`, or all. Repeatable."),
+    ] = None,
+    rate: Annotated[float | None, option("HZ", "With --signals: samples a second. Default: 50.")] = None,
     again: Annotated[str | None, option("ID", "Fly one run again, with a log, and compare its row.", "--rerun")] = None,
     detector: shared.DetectorOption = None,
     json_: shared.JsonOption = False,
@@ -35,18 +34,18 @@ def campaign(
 
     Exit status 1: a run ended in an error, or none could be flown.
     """
-    from cosim.campaign.run import run_campaign
+    from cosim.campaign.engine import run_campaign
 
+    only_with("--signals", signals, rate=rate)
     if again:
         _rerun(campaign, again, json_, out=output, guests=detector or ())
     with tables.progress(err, f"flying {Path(campaign).stem}", "runs", "preparing the workers") as progress:
         done = run_campaign(
-            campaign, workers=workers, scheduler=scheduler, out=output, resume=resume, anew=anew, progress=progress,
-            guests=detector or (),
+            campaign, workers=workers, scheduler=scheduler, out=output, resume=resume, progress=progress,
+            guests=detector or (), signals=signals and [w for w in signals if w != "all"], rate_hz=rate or 50.0,
         )  # fmt: skip
     from cosim.cli import campaign as cli_campaign
 
-    _left_out(done.damaged, "their runs were flown again")
     notes(done.notes)
     answer(json_, {**done.to_dict(), "errors": cli_campaign.errors(done.frame)}, lambda _: cli_campaign.campaign(done))
     raise typer.Exit(cli_campaign.exit_status(done.frame))
@@ -54,7 +53,7 @@ def campaign(
 
 def _rerun(campaign, run, json_, **how):
     """Fly one run again, print it and whether its row repeats, and exit."""
-    from cosim.campaign.run import rerun
+    from cosim.campaign.engine import rerun
 
     flown, result, repeats, same_code = rerun(campaign, run, **how)
     found = {**result.to_dict(), "run": run, "repeats": repeats, "same_code": same_code}
@@ -63,37 +62,6 @@ def _rerun(campaign, run, json_, **how):
         other = "" if same_code else ": the campaign was flown with other code, designs or libraries"
         out.print("its row repeats exactly" if repeats else f"[bold red]its row does not repeat[/]{other}")
     raise typer.Exit(1 if repeats is False else 0)
-
-
-@app.command()
-def dataset(
-    campaign: shared.CampaignArg,
-    output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>-dataset.")] = None,
-    signal: Annotated[list[str] | None, option("WORD", "`cosim list signals`. Default: all.")] = None,
-    rate: Annotated[float, option("HZ", "Samples a second.")] = 50.0,
-    limit: Annotated[int | None, option(None, "The first flights only.", min=1)] = None,
-    anew: Annotated[bool, flag("--anew", "Fly again what a file of yours flew that has changed since.")] = False,
-    workers: shared.WorkersOption = None,
-    json_: shared.JsonOption = False,
-) -> None:
-    """Fly a campaign into a labelled data set.
-
-    Parquet, Croissant, splits, a datasheet. Goes on after a kill.
-    """
-    from cosim.campaign.dataset import make
-    from cosim.campaign.run import folder
-
-    out_dir = output or folder(campaign).with_name(f"{Path(campaign).stem}-dataset")
-    with tables.progress(err, f"flying {Path(campaign).stem}", "flights", "preparing the workers") as progress:
-        made = make(
-            campaign, out_dir, signals=signal or (), rate_hz=rate, limit=limit, anew=anew, workers=workers,
-            progress=progress,
-        )  # fmt: skip
-    lost = f", {made['failed']} without a steady flight" if made["failed"] else ""
-    size = f"{made['bytes'] / 1e6:.1f} MB, {made['bytes_per_flight'] / 1e3:.0f} kB each"
-    told = f"{made['flights']} flights{lost}: {made['samples']} samples, {size}\ndata   {made['folder']}"
-    notes(made["notes"])
-    answer(json_, made, lambda _: tables.whole(told))
 
 
 @app.command()
@@ -133,16 +101,9 @@ def report(
 
 @app.command()
 def compare(
-    sources: Annotated[
-        list[Path] | None,
-        argument(
-            "LOG|DIR", "Logs, a campaign's folder, or two of them side by side. Default: a small built-in matrix."
-        ),
-    ] = None,
+    sources: Annotated[list[Path], argument("PATH", "Logs, a campaign's folder, or two of them side by side.")],
     output: Annotated[Path | None, output_option("DIR", "Folder for report and tables. Default: write none.")] = None,
     overwrite: shared.OverwriteOption = False,
-    workers: shared.WorkersOption = None,
-    readme: shared.ReadmeOption = None,
     detector: shared.DetectorOption = None,
     fault_rate: Annotated[
         list[float] | None, option("PER_HOUR", "What an alarm is worth at so many faults per flight hour.")
@@ -158,20 +119,10 @@ def compare(
     if output:
         for name, sign in SIGNS.items():
             reserve(output / name, sign)
-    if readme:
-        if len(sources or ()) > 1:
-            raise CosimError("is for one campaign", place="--readme", remedy="Leave it out")
-        from cosim.report.compare_markdown import targets, write
-
-        for path in targets(readme):  # before a flight is flown
-            reserve(path, None)
-    with tables.progress(err, "flying" if not sources else "reading", unit="flights", waiting="preparing") as progress:
-        made = work(sources or (), workers=workers, progress=progress, guests=detector or ())
+    with tables.progress(err, "reading", unit="flights", waiting="preparing") as progress:
+        made = work(sources, progress=progress, guests=detector or ())
         if output:
             write_comparison(made, output)
-    _left_out(made.damaged, "`cosim campaign --resume` flies their runs again")
-    if readme:
-        write(made, readme)
     found = made.to_dict() | {"predictive": plain(made.predictive(fault_rate or ()))}
     answer(json_, found, compared)
 

@@ -26,8 +26,8 @@ DEFAULT = "liquid-ofc"
 ARRAYS = (".npy", ".npz")
 # as `cosim -h` shows them: a flight, many flights, what is your own, what stands behind the detectors
 ORDER = (
-    "run list example info report replay recover campaign compare dataset "
-    "new check map linearize reproduce bench"
+    "run list example info report replay recover campaign compare "
+    "new check map linearize reproduce"
 ).split()
 
 
@@ -62,7 +62,7 @@ def run(
     only_with("--live", live, speed=speed, port=port, flightgear=flightgear)
     flown = loaded(scenario, set_ or ())
     if detector:
-        from cosim.flight.plugins import with_detectors
+        from cosim.parts import with_detectors
 
         flown = with_detectors(flown, detector)
     with named(scenario):
@@ -134,30 +134,6 @@ def list_(
 
 
 @app.command()
-def example(
-    name: Annotated[str | None, argument("NAME", "Default: list them.")] = None,
-    output: Annotated[Path | None, output_option("FILE", "Default: NAME.py here.")] = None,
-    overwrite: shared.OverwriteOption = False,
-    json_: shared.JsonOption = False,
-) -> None:
-    """Copy an example program here, ready to run and to change."""
-    from cosim.campaign.inventory import example as source
-    from cosim.files import marked, replace_text
-
-    if name is None:
-        return list_("examples", json_)
-    text, path = source(name), output or Path(f"{name}.py")
-    unchanged = marked(text.encode()[:4096].rstrip())  # one that the user has changed is the user's
-    reserve(path, unchanged)
-    replace_text(path, text, unchanged)
-    answer(
-        json_,
-        {"example": name, "file": str(path)},
-        lambda _: tables.whole(f"wrote  {path}\nnext   python {tables.word(path)}"),
-    )
-
-
-@app.command()
 def info(
     log: Annotated[Path, argument("LOG", "A log written by [b]cosim run[/].")],
     scenario: Annotated[bool, flag("--scenario", "Print the log's scenario as TOML, ready to fly again.")] = False,
@@ -222,7 +198,7 @@ def linearize(
 
 
 # the modules of the other commands
-PARTS = ("replay", "campaigns", "user_files", "study", "bench")
+PARTS = ("replay", "campaigns", "user_files", "study")
 for part in PARTS:
     importlib.import_module(f"cosim.cli.{part}")
 names = {str(c.name or getattr(c.callback, "__name__", "")).replace("_", "-"): c for c in app.registered_commands}

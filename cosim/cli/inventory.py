@@ -31,7 +31,7 @@ TOPICS = {
     "law": "what a control law of yours may read and command: law.file",
     "tolerances": "numbers of the aircraft and its actuators that a scenario may multiply",
     "keys": "tables and keys of a scenario",
-    "examples": "programs to start from: cosim example NAME",
+    "examples": "programs to start from: cosim new example NAME",
 }
 
 
@@ -48,7 +48,7 @@ LISTS = {  # topic -> title, columns of its table
         "A class Law: __init__(dt, start), update(t, y, ask) returns {command: value}",
         ("name", "unit", "what it is:summary"),
     ),
-    "examples": ("Examples: cosim example NAME copies one here", ("name", "what it does:summary")),
+    "examples": ("Examples: cosim new example NAME copies one here", ("name", "what it does:summary")),
 }
 
 

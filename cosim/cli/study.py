@@ -11,7 +11,7 @@ from rich.console import Group
 from cosim.cli import output as shared
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err
-from cosim.cli.output import argument, flag, output_option, reserve
+from cosim.cli.output import argument, output_option, reserve
 from cosim.files import columns, replace
 
 
@@ -20,8 +20,6 @@ def reproduce(
     paper: Annotated[str, argument("PAPER", "lu17, jay, sun13, mar10, alwi14 or all.")] = "all",
     output: Annotated[Path, output_option("DIR", "Folder of page and rows.")] = Path("logs"),
     overwrite: shared.OverwriteOption = False,
-    readme: shared.ReadmeOption = None,
-    break_: Annotated[bool, flag("--break", "Instead break the methods and see which rows notice.")] = False,
     workers: shared.WorkersOption = None,
     json_: shared.JsonOption = False,
 ) -> None:
@@ -31,24 +29,10 @@ def reproduce(
     """
     from pandas import DataFrame
 
-    from cosim.papers import chosen, counts, proof
+    from cosim.papers import chosen, counts
     from cosim.papers import reproduce as work
-    from cosim.report import markdown
 
     chosen(paper)
-    if readme:
-        markdown.read(readme)
-    if break_:
-        with tables.progress(err, f"breaking {paper}", unit="papers", waiting="preparing") as progress:
-            seen = proof(paper, progress=progress, workers=workers)
-        if readme:
-            from cosim.report.papers_markdown import write_proof
-
-            write_proof(readme, seen)
-        from cosim.papers.tables import proof as made
-
-        answer(json_, {"broken": [_finite(asdict(b)) for b in seen]}, lambda _: made(seen))
-        raise typer.Exit(0 if all(b.seen for b in seen) else 1)
     page, table = (output / f"reproduce-{paper}.{ending}" for ending in ("html", "csv"))
     from cosim.report.page import PAGE
 
@@ -64,12 +48,6 @@ def reproduce(
     found["rows"] = [asdict(r) for r in rows]
     frame = DataFrame(found["rows"])
     replace(table, lambda part: frame.to_csv(part, index=False), listed)
-    if readme:
-        from cosim.report.papers_markdown import write
-        from cosim.report.reproduce_page import write_pictures
-
-        write(readme, rows)
-        write_pictures(readme.parent, drawings)
     told = {**found, "rows": [_finite(r) for r in found["rows"]]}
     files = [tables.whole(f"{key:<7}{found[key]}, every row") for key in ("report", "table")]
     answer(json_, told, lambda _: Group(reproduced(rows, found["counts"]), *files))
@@ -86,7 +64,6 @@ def reproduced(found: list[Any], counts: dict[str, int]) -> Group:
     """Return the counts of the verdicts, then the rows that differ, explained or not."""
     from cosim.papers import tables as made
 
-    words = {"ours": "ours (the paper gives no number)", "beyond": "beyond the paper"}
-    total = "   ".join(f"{n} {words.get(v, made.VERDICTS[v][0])}" for v, n in counts.items())
+    total = "   ".join(f"{n} {made.VERDICTS[v][0]}" for v, n in counts.items())
     off = [row for row in found if row.verdict.startswith("differs")]
     return Group(total, *([made.rows(off, several=len({row.paper for row in off}) > 1)] if off else []))

@@ -21,20 +21,29 @@ def edited(path: Path) -> bool:
 
 @app.command()
 def new(
-    what: Annotated[str, argument("KIND", "detector, law, actuator, aircraft or campaign.")],
-    name: Annotated[str, argument("NAME", "Lower-case letters, digits and _.")],
+    what: Annotated[str, argument("KIND", "detector, law, actuator, aircraft, campaign or example.")],
+    name: Annotated[str, argument("NAME", "Lower-case letters, digits and _; of an example its name.")],
     numbers: Annotated[Path | None, option("FILE", "Of an aircraft: numbers.toml; writes its JSBSim files.")] = None,
     output: Annotated[Path, output_option("DIR", "Folder of the files.")] = Path("."),
     overwrite: shared.OverwriteOption = False,
     json_: shared.JsonOption = False,
 ) -> None:
-    """Write a detector, law, actuator, aircraft or campaign.
+    """Write a detector, law, actuator, aircraft, campaign or example.
 
     It runs as it is, and so does its test: test_NAME.py. An aircraft is first a template of its numbers to fill in.
     """
     only_with("aircraft", what == "aircraft", numbers=numbers)
+    from cosim.campaign.inventory import example
     from cosim.files import replace_text
-    from cosim.flight.plugins.new import KINDS, texts
+    from cosim.flight.new import KINDS, texts
+
+    if what == "example":
+        path = output / f"{name}.py"
+        text = example(name)
+        reserve(path, edited)
+        replace_text(path, text, edited)
+        said = f"wrote  {path}\nnext   python {tables.word(path)}"
+        return answer(json_, {"files": [str(path)]}, lambda _: tables.whole(said))
 
     written = {output / file: text for file, text in texts(name, what, numbers).items()}
     made = {path: text for path, text in written.items() if not (numbers and _holds(path, text))}
@@ -100,8 +109,8 @@ def check(
 ) -> None:
     """Say whether a detector, law or aircraft keeps its contract.
 
-    A detector: causal, deterministic, restartable, bounded, whole on dropouts. A law: flies, repeats, bears lost
-    measurements. An aircraft: what is missing, signs, trim, hinge moments, effectors. Exit status 1: it does not.
+    A detector: runs, deterministic, causal, live as in replay, lost samples. A law: runs, deterministic, lost samples.
+    An aircraft: what is missing, signs, trim, hinge moments, effectors. Exit status 1: it does not.
     """
     from cosim.scenario.aircraft import ships
 
@@ -115,7 +124,7 @@ def check(
         t = Table("", "", "point", "found")
         rows = [(marks["good" if p.good else "bad"], p.point, p.found) for p in points]
     else:
-        from cosim.flight.plugins.check import check as of_detector
+        from cosim.flight.check import check as of_detector
 
         with tables.progress(err, "checking", unit="") as progress:
             found = of_detector(what, progress=progress)

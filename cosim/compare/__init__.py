@@ -2,7 +2,6 @@
 
 Computes only; `cosim.report.write_comparison` writes table and page.
 
-found = compare()                        # the built-in matrix
 found = compare(["a.mcap", "b.mcap"])    # logs
 found = compare(["logs/my-campaign"])    # a campaign's folder
 found = compare(["logs/a", "logs/b"])    # two of them, side by side: cosim/compare/paired.py
@@ -21,11 +20,8 @@ from cosim.compare import figures, metrics, paired, tables
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError, told_at_call
-from cosim.flight.plugins import loaded, with_detectors
 from cosim.judge.result import plain
-from cosim.scenario.user_parts import identified
-
-TITLE = "Aircraft-level against local diagnosis, on the same flights"  # of the built-in matrix
+from cosim.parts import loaded
 
 
 class CompareError(CosimError):
@@ -41,7 +37,6 @@ class Comparison:
     runs: int  # flights
     failed: int  # runs without a flight
     source: str  # where the flights are from, in words
-    damaged: tuple[str, ...] = ()  # files of a campaign that are no more whole and were left out
     two: bool = False  # campaigns side by side: each detector stands twice
     title: str = ""  # of the campaign
     pairs: Sequence[dict] = ()  # cosim.compare.paired.Pair of each detector on the flights that both campaigns have
@@ -111,26 +106,23 @@ class Comparison:
 
 @told_at_call
 def compare(
-    sources: Iterable[str | Path] = (), *, workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None, guests: Iterable[str | Path] = (),
+    sources: Iterable[str | Path], *, progress: Callable[[int, int], None] | None = None,
+    guests: Iterable[str | Path] = (),
 ) -> Comparison:  # fmt: skip
-    """Return the Comparison of logs, of one campaign's folder or folder of logs, of two campaigns side by side, or of
-    the built-in matrix.
+    """Return the Comparison of logs, of one campaign's folder or folder of logs, or of two campaigns side by side.
 
-    `progress(done, total)` counts flights. `guests` are files of further detectors (cosim/flight/plugins): they fly in
-    the built-in matrix, and are run on logs as they were flown. Raises CompareError,
-    CampaignError, LogError, GuestError.
+    `progress(done, total)` counts flights. `guests` are files of further detectors (cosim/parts), run on logs
+    as they were flown. Raises CompareError, CampaignError, LogError, GuestError.
     """
     paths = [Path(s) for s in sources]
     if len(paths) == 2 and all((p / "scenarios.parquet").is_file() for p in paths):
         return _side_by_side(paths, guests)
-    frame, timing, tomls, source = read(paths, workers=workers, progress=progress, guests=guests)
-    title = compare_rows.title(paths[0]) if paths else TITLE
+    frame, timing, tomls, source, title = read(paths, progress=progress, guests=guests)
     return _made(_tidy(frame, tomls, source), timing, frame["run"].nunique(), [frame], source, title=title)
 
 
 def _tidy(frame, tomls, source):
-    rows = compare_rows.tidy(frame, tomls, source)
+    rows = compare_rows.tidy(frame, tomls)
     if rows.empty:
         raise CompareError("no flight has a detector to compare", place=source)
     return rows
@@ -139,8 +131,7 @@ def _tidy(frame, tomls, source):
 def _made(rows, timing, runs, frames, source, **more):
     each = compare_stats.detectors(rows, timing)
     failed = sum(int(frame.drop_duplicates("run")["status"].isin(FAILED).sum()) for frame in frames)
-    damaged = tuple(path for frame in frames for path in frame.attrs.get("damaged", ()))
-    return Comparison(rows, each, runs, failed, source, damaged, **more)
+    return Comparison(rows, each, runs, failed, source, **more)
 
 
 def _side_by_side(folders, guests):
@@ -148,7 +139,7 @@ def _side_by_side(folders, guests):
         raise CompareError("is named twice", place=str(folders[0]), remedy="Give the folders of two campaigns")
     names, each, times, frames = paired.labels(folders), [], [], []
     for folder, name in zip(folders, names):
-        frame, timing, tomls, source = read([folder], guests=guests)
+        frame, timing, tomls, source, _ = read([folder], guests=guests)
         each.append(paired.flights(_tidy(frame, tomls, source), tomls))  # while its records are the ones told
         frames.append(frame)
         if timing is not None:
@@ -161,18 +152,10 @@ def _side_by_side(folders, guests):
 
 
 def read(
-    sources: Iterable[str | Path], *, workers: int | None = None, progress: Callable[[int, int], None] | None = None,
-    guests: Iterable = (),
-) -> tuple:  # fmt: skip
-    """Return (rows per lane, timing or None, {run: TOML}, name) of what is to be compared."""
+    sources: Iterable[str | Path], *, progress: Callable[[int, int], None] | None = None, guests: Iterable = ()
+) -> tuple:
+    """Return (rows per lane, timing or None, {run: TOML}, name, title) of what is to be compared."""
     paths = [Path(s) for s in sources]
-    if not paths:
-        from cosim.campaign.flights import run_many
-        from cosim.compare.matrix import matrix
-
-        scenarios = [identified(with_detectors(s, guests)) for s in matrix()]
-        result = run_many(scenarios, workers=workers, progress=progress)
-        return *compare_rows.of_result(result, scenarios), "built-in matrix"
     folders, own = [s for s in paths if s.is_dir()], loaded(guests)
     if len(folders) == 1 == len(paths):
         logs = sorted(folders[0].glob("*.mcap"))
@@ -180,7 +163,8 @@ def read(
             if own:
                 raise CompareError("holds rows, no flights to run a detector on", place=str(folders[0]),
                                    remedy="Fly the campaign with --detector")  # fmt: skip
-            return *compare_rows.of_campaign(folders[0]), str(folders[0])
+            frame, timing, tomls, title = compare_rows.of_campaign(folders[0])
+            return frame, timing, tomls, str(folders[0]), title
         paths = logs
     elif folders:
         remedy = "Give logs, one folder, or the folders of two campaigns"
@@ -188,4 +172,4 @@ def read(
     frame, tomls = compare_rows.of_logs(paths, progress, own)
     again = frame.attrs["again"]
     told = f"; the same flight again, counted once: {', '.join(again)}" if again else ""
-    return frame, None, tomls, f"{len(paths)} log{'s' * (len(paths) != 1)}{told}"
+    return frame, None, tomls, f"{len(paths)} log{'s' * (len(paths) != 1)}{told}", ""

@@ -75,7 +75,8 @@ def predictive_value(
     return Share(value(p.value, f.value), value(p.low, f.high), value(p.high, f.low))
 
 
-MEDIAN = "median from the onset on; a missed fault counts as endless, so that half or more missed give never"
+MEDIAN = "median over all faults, from the onset on"
+FEWER = "fewer than half"  # are seen, or named: there is no median
 
 
 class Delays(NamedTuple):

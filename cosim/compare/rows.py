@@ -15,24 +15,22 @@ detected, delay_s, delay_periods, isolated_class     of the first lane that noti
 first_verdict, right, class_given, place_given, place_level, first_right, first_sure_wrong, time_to_right_s,
 right_after_motion_s, not_excited, masked, class_changes, ambiguous_s, alarm_share, withdrawn, withdrawn_after_s: as
 cosim/judge/detection.py
-outcome                            a word of cosim.judge.naming.outcome, or echo: it alarms in this manoeuvre without a
-                                   fault as well; null when fault-free
+outcome                            a word of cosim.judge.naming.outcome; null when fault-free
+alarms_anyway                      share of the flights without a fault and with the same manoeuvre in which it alarms
 false_alarms, standing_s           over all lanes
 r_fault_free                       largest |r| of a fault-free flight; r_fault: from the onset on, concerned lanes
 estimate_rmse, estimate_unit
 """
 
-import contextlib
 import hashlib
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from cosim.campaign.flights import CampaignResult
 from cosim.campaign.worker import run_id
-from cosim.errors import CampaignError
 from cosim.judge import coverage
 from cosim.judge import row as judged
 from cosim.judge.fault_effect import NAMES as ACHIEVED
@@ -40,7 +38,7 @@ from cosim.judge.naming import NOT_GIVEN, outcome
 from cosim.replay import log_schema
 from cosim.replay.detector_replay import tell
 from cosim.scenario import Scenario, parse
-from cosim.texts import from_json, toml
+from cosim.texts import toml
 
 FAMILIES = (
     *("liquid OFC, one segment", "liquid OFC, several", "solid OFC, one segment", "solid OFC, several"),
@@ -67,10 +65,8 @@ def family(kind: str, target: str, segments: tuple) -> str:
     return "jam or runaway" if kind.startswith(("jam", "runaway")) else "other actuator fault"
 
 
-def tidy(frame: pd.DataFrame, tomls: Mapping[str, str], place: str = "") -> pd.DataFrame:
-    """Return the rows of `frame` (columns of cosim/campaign), `tomls` {run: scenario}; an empty frame without any.
-    Raises CampaignError at `place` for a row that no flight has."""
-    _possible(frame[frame["id"].notna()], place)
+def tidy(frame: pd.DataFrame, tomls: Mapping[str, str]) -> pd.DataFrame:
+    """Return the rows of `frame` (columns of cosim/campaign), `tomls` {run: scenario}; an empty frame without any."""
     lanes: dict = {}
     for lane in frame[frame["id"].notna()].to_dict("records"):
         given = {k: v for k, v in lane.items() if v is not None and v == v}  # without cells that hold nothing
@@ -79,55 +75,20 @@ def tidy(frame: pd.DataFrame, tomls: Mapping[str, str], place: str = "") -> pd.D
     out = []
     for (run, detector), found in lanes.items():
         met = sorted({int(lane["fault"]) for lane in found if "fault" in lane}) or [_earliest(about[run], found[0])]
-        if met[-1] is not None and not 0 <= met[-1] < about[run]["faults"]:
-            raise _impossible(found[0] | {"fault": met[-1]}, "fault", place, f"below {about[run]['faults']}")
         for i, fault in enumerate(met):
             own = [lane for lane in found if lane.get("fault", fault) == fault]
             out.append(_row(run, detector, own, found if i == 0 else [], about[run], fault))
     if not out:
         return pd.DataFrame()
-    return echoes(pd.DataFrame(out).astype({"concerned": bool, "detected": bool, "not_valid": bool}))
+    return with_alarms_anyway(pd.DataFrame(out).astype({"concerned": bool, "detected": bool, "not_valid": bool}))
 
 
-LEVELS = ("local", "aircraft", "both")
-NEVER_BELOW_0 = ("false_alarms", "standing_s", "exposed_s", *NUMBERS, *ACHIEVED)
-
-
-def _possible(lanes, place):
-    """Raise CampaignError for the first row of a lane with a figure that no flight has."""
-    checks = [("level", lanes["level"].isin(LEVELS), " or ".join(LEVELS)),
-              ("concerned", lanes["concerned"].notna(), "true or false"),
-              ("sim_time_s", lanes["sim_time_s"].gt(0.0) & lanes["sim_time_s"].lt(np.inf), "above 0"),
-              ("false_alarms", lanes["false_alarms"].notna(), "0 or more")]  # fmt: skip
-    for name in (n for n in NEVER_BELOW_0 if n in lanes):
-        value = pd.to_numeric(lanes[name])
-        checks.append((name, value.isna() | (value.ge(0.0) & value.lt(np.inf)), "0 or more"))
-    for name, good, allowed in checks:
-        if not good.all():
-            raise _impossible(lanes[~good.astype(bool)].iloc[0], name, place, allowed)
-
-
-def _impossible(row, name, place, allowed):
-    """Return the CampaignError for a row that no flight has."""
-    value = f"{row[name]:g}" if isinstance(row[name], float) else str(row[name])
-    remedy = "Something changed the rows; `cosim campaign --resume` writes them anew"
-    what = f"{name} = {value} of {row['id']} in run {row['run']} is impossible"
-    return CampaignError(what, place=place, allowed=allowed, remedy=remedy)
-
-
-def echoes(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return rows in which an alarm that the same manoeuvre raises without a fault is no detection, but an "echo". That
-    holds for a detector that alarmed in more than half of the fault-free flights with the same manoeuvre."""
+def with_alarms_anyway(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return rows with the column `alarms_anyway`; null where no flight without a fault has the manoeuvre."""
     free = rows[rows["case"].isna()]
-    alarmed = (free["false_alarms"] > 0).groupby([free["id"], free["manoeuvre_key"]]).mean()
-    loud = set(alarmed[alarmed > 0.5].index)
-    echo = rows["detected"] & np.array([pair in loud for pair in zip(rows["id"], rows["manoeuvre_key"])])
-    unseen = dict.fromkeys(NUMBERS, np.nan) | dict.fromkeys(("isolated_class", "first_verdict", "withdrawn"))
-    unseen |= dict.fromkeys(("right", "first_right", "first_sure_wrong", "detected"), False)
-    unseen |= {"class_given": NOT_GIVEN, "place_given": NOT_GIVEN, "place_level": "", "outcome": "echo"}
-    for name in rows.columns.intersection(list(unseen)):  # as of a fault that was missed
-        rows[name] = rows[name].where(~echo, unseen[name])
-    return rows
+    share = (free["false_alarms"] > 0).groupby([free["id"], free["manoeuvre_key"]]).mean()
+    share = share.rename_axis(["id", "manoeuvre_key"]).rename("alarms_anyway").reset_index()
+    return rows.merge(share, on=["id", "manoeuvre_key"], how="left")
 
 
 def flown(text: str) -> Scenario:
@@ -259,25 +220,11 @@ def of_logs(
     return frame, tomls
 
 
-def title(source: str | Path) -> str:
-    """Return the title of a campaign's folder, as its manifest says it; "" of others, or where that is damaged."""
-    path, told = Path(source) / "manifest.json", None
-    with contextlib.suppress(CampaignError):
-        told = from_json(path.read_bytes(), place=str(path), error=CampaignError) if path.is_file() else None
-    return str(told.get("title", "")) if isinstance(told, dict) else ""
-
-
 def of_campaign(folder: str | Path) -> tuple:
-    """Return (rows per lane, timing, {run: TOML}) of a campaign's folder. Raises CampaignError."""
-    from cosim.campaign.store import load, scenario_texts
+    """Return (rows per lane, timing, {run: TOML}, title) of a campaign's folder. Raises CampaignError."""
+    from cosim.campaign.engine import load
 
-    frame, timing = load(folder)
-    told = Path(folder) / "guests.json"
-    for entry in log_schema.guests(told.read_bytes(), str(told)) if told.is_file() else ():
+    frame, timing, tomls, about = load(folder)
+    for entry in log_schema.guests(json.dumps(about.get("guests", [])).encode(), str(folder)):
         tell(entry)
-    return frame, timing, scenario_texts(folder)
-
-
-def of_result(result: CampaignResult, scenarios: Iterable[Scenario]) -> tuple:
-    """Return (rows per lane, timing, {run: TOML}) of a CampaignResult of `scenarios`."""
-    return result.frame, result.timing, {run_id(s): s.expanded_toml() for s in scenarios}
+    return frame, timing, tomls, str(about.get("title", ""))

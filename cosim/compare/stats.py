@@ -108,8 +108,10 @@ def detectors(rows: pd.DataFrame, timing: pd.DataFrame | None = None) -> list[di
         per_hour = metrics.rate(alarms, hours) if hours > 0.0 else metrics.UNKNOWN
         per_flight = metrics.proportion(alarmed, len(free))
         may = own[(own["word"] == MAY) & own["concerned"]]
+        anyway = float(designed_for(own)["alarms_anyway"].mean())
         told = {
             "availability": float(own["valid_share"].mean()), "standing_s": float(own["standing_s"].sum()),
+            "alarms_anyway": None if math.isnan(anyway) else anyway,
             "misnamed_all": int((own["outcome"] == "misnamed").sum()), "seen_of_may": int(may["detected"].sum()),
             "may": len(may), "unexpected": int((own["outcome"] == "bonus").sum()), "false_alarms": alarms,
             **dict(zip(PER_HOUR, per_hour)), "hours": hours, "fault_free_runs": len(free),

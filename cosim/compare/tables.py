@@ -20,8 +20,8 @@ def _count(key: str, bad: bool = False) -> Callable:
 
 
 def _time(key: str) -> Callable:
-    """Return what takes a median time; JSON has no number for an endless one."""
-    return lambda d: (seconds(d[key]) if d.get(key) is not None else "never") if d["designed"] else DASH
+    """Return what takes a median time; where fewer than half have one there is none."""
+    return lambda d: (seconds(d[key]) if finite(d.get(key)) else metrics.FEWER) if d["designed"] else DASH
 
 
 def _interval(low: str, high: str, shown: Callable = number) -> Callable:
@@ -67,12 +67,16 @@ VALID = Column("valid", lambda d: share(d["availability"]), doc="share of all fl
 STANDING = Column("standing alarm", lambda d: number(d["standing_s"]), "s", "alarm without a fault, from 2 s after it "
                   "has healed", 6)  # fmt: skip
 STEP = Column("step", lambda d: number(d.get("step_us"), 2), "µs", "time per step and lane", 5)
-OF = "Over the faults that it was designed for, on parts that it watches; what came of them adds up to the faults."
+ANYWAY = Column("without the fault", lambda d: DASH if d["alarms_anyway"] is None else share(d["alarms_anyway"]),
+                doc="of such flights without a fault alarm, too")  # fmt: skip
+OF = "Over the faults that it was designed for, on parts that it watches."
+FRONT = ("faults", "seen", "right name", "wrong name", "first alarm")
 
 
 def detectors(each: Iterable[dict]) -> Table:
     """Return the Table of all detectors, over what each was designed for."""
-    columns = (NAME, GROUP, *COUNTS, *RATE, FREE, VALID, STANDING, STEP)
+    known = {column.name: column for column in COUNTS}
+    columns = (NAME, *(known[name] for name in FRONT), ANYWAY, RATE[-1])
     return of(columns, each, lambda d: "" if d["detected"] else "muted", caption=OF)
 
 

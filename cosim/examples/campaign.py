@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import cosim
-from cosim.campaign.run import run_campaign
+from cosim.campaign.engine import run_campaign
 
 CAMPAIGN = """
 base = "liquid-ofc"

@@ -6,7 +6,7 @@ DuckDB and PyTorch are installed by whoever wants them (pip install duckdb torch
 from importlib.util import find_spec
 from pathlib import Path
 
-from cosim.campaign.dataset import make
+from cosim.campaign.engine import run_campaign
 
 CAMPAIGN = """
 title = "Oscillations and jams of one elevator segment"
@@ -15,6 +15,7 @@ runs = 1
 [set]
 duration_s = 15.0
 "faults.0.start_s" = 6.0
+"detectors.enabled" = []
 [grid]
 point = [{ name = "heavy", "flight.mass_t" = 320.0, "flight.cas_kt" = 260.0 }, { name = "default" }]
 "faults.0.frequency_hz" = [0.5, 2.0]
@@ -22,18 +23,19 @@ point = [{ name = "heavy", "flight.mass_t" = 320.0, "flight.cas_kt" = 260.0 }, {
 
 if __name__ == "__main__":  # workers are processes of their own, which read this file
     Path("oscillations.toml").write_text(CAMPAIGN)
-    print(make("oscillations.toml", "oscillations", signals=["rod", "valve_command", "q"]))
+    words = ["rod", "valve_command", "q"]
+    done = run_campaign("oscillations.toml", out="oscillations", resume=True, signals=words)
 
     import pandas as pd
 
-    flights = pd.read_parquet("oscillations/flights.parquet").query("split_point == 'train'")
-    frame = pd.concat([pd.read_parquet(f"oscillations/{f}").assign(file=f) for f in flights["file"]])
+    runs = done.frame.query("split == 'train'")["run"].unique()
+    frame = pd.concat([pd.read_parquet(f"oscillations/signals/{run}.parquet").assign(run=run) for run in runs])
     print(frame.groupby("fault_kind")["achieved_left_inner"].agg(["size", "std"]))
 
     if find_spec("duckdb"):
         import duckdb
 
-        of = "from 'oscillations/flights/*.parquet'"
+        of = "from 'oscillations/signals/*.parquet'"
         print(duckdb.sql(f"select fault_kind, count(*), max(abs(achieved_left_inner)) {of} group by 1 order by 1"))
 
     if find_spec("torch"):

@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from actuators.block import dtype
+from actuators.python_block import PythonBlock
 from cosim.errors import ScenarioError
+from cosim.flight import user_law
 from cosim.flight.blocks import actuation, faults, hinge_model, manoeuvre, sensors
 from cosim.flight.blocks.corrections import corrections
 from cosim.flight.blocks.noise import Draw, generator
@@ -24,11 +25,9 @@ from cosim.flight.plant.operating_point import designed
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import Trim
-from cosim.flight.plugins import BlockDetector
-from cosim.flight.plugins import law as user_law
-from cosim.flight.plugins.inputs import user_inputs
-from cosim.flight.plugins.plain import GuestBlock, PlainDetector
 from cosim.flight.tick import Block, Loop
+from cosim.flight.user_inputs import user_inputs
+from cosim.parts import rollout_of
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
 from cosim.scenario.own_actuator import register
@@ -55,22 +54,14 @@ class Setup:
         return self.scenario.ticks
 
     @property
-    def notes(self) -> list[Any]:
-        """Return sentences about guests that did not do what a detector, or a law, does."""
-        runners = [d.runner for d in self.guests]
-        own = [*getattr(self.loop.law.module.rollout, "notes", ())]
-        own += [line for r in runners for line in (*r.notes, *([r.problem] if r.problem else []))]
-        return own + [line for d in self.loop.detectors for line in getattr(d.module, "problems", ())]
+    def notes(self) -> list[str]:
+        """Return sentences about parts of the user's that did not do what a detector, or a law, does."""
+        return [line for block in (self.loop.law, *self.loop.detectors) for line in getattr(block.rollout, "notes", ())]
 
     @property
-    def guests(self) -> list[GuestBlock]:
-        """Return the guests that are plain classes."""
-        return [d for d in self.loop.detectors if isinstance(d, GuestBlock)]
-
-    @property
-    def foreign(self) -> bool:
-        """Tell whether a guest is compiled code, which may never return."""
-        return any(isinstance(d.module, BlockDetector) for d in self.loop.detectors)
+    def guests(self) -> list[Block]:
+        """Return the detectors that are steps in Python."""
+        return [d for d in self.loop.detectors if isinstance(d.rollout, PythonBlock)]
 
     def watches(self) -> list:
         """Return the Watch of every detector lane."""
@@ -79,8 +70,8 @@ class Setup:
     def time_detectors(self, repeats: int = 200) -> None:
         """Measure each detector's cost per step and lane, on copies: a flight's own numbers stay untouched."""
         for d in self.loop.detectors:
-            if isinstance(d, GuestBlock):  # its objects are the flight's own: what its steps took in the loop
-                self.step_us[d.name] = d.runner.seconds / max(1, d.runner.steps * len(d.x)) * 1e6
+            if d in self.guests:  # its objects are the flight's own: what its steps took in the loop
+                self.step_us[d.name] = d.rollout.seconds / max(1, d.rollout.steps * len(d.x)) * 1e6
                 continue
             self.step_us[d.name] = cost(d.module, d.x, d.u, d.p, self.loop.dt * d.every, repeats)
 
@@ -186,8 +177,8 @@ def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
     bus["surfaces"].view("f8")[:] = trim.surfaces  # until the first tick sends its own
 
     def block(name, module, p, x0, every=1):
-        kind = GuestBlock if isinstance(module, PlainDetector) else Block
-        return kind(bus, name, module, p, x0, dt, every)
+        own = rollout_of(module, bus.lanes[name], limited=True)
+        return Block(bus, name, module, p, x0, dt, every, own)
 
     actuator_blocks = [block(n, m, p, x) for n, m, p, x, _ in built]
     wires = _wires(scenario, bus, chosen, fault_lanes)
@@ -214,6 +205,4 @@ def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
     bus.v[told] = bus.v[command]
     members = [(d.id, d.level, d.target(lane), d.module.CULPRITS, d.id, lane) for d in chosen for lane in d.lanes]
     trace = Trace(scenario, bus, members)
-    for d in loop.detectors:
-        getattr(d.module, "problems", []).clear()  # of an earlier flight
     return Setup(scenario=scenario, loop=loop, trim=trim, lanes=fault_lanes, members=members, trace=trace)

@@ -77,7 +77,7 @@ def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None, pause: A
     loop, n = setup.loop, setup.ticks
     index, kind = keep or (setup.trace.index, np.float32)
     rows = np.empty((n if keep else min(n, SPAN), len(index)), kind)  # pages are taken as the flight goes on
-    tape = Tape(loop.v, loop.dt, free=setup.foreign)
+    tape = Tape(loop.v, loop.dt)
     order(loop, tape, *logs, keep=(index, rows))
     trace, (stop, call) = ColumnStore(kind), pause or (n, None)
     flown, status, reason = 0, "", ""

@@ -1,21 +1,18 @@
 """Fly one scenario: build the loop, fly it, judge the detectors."""
 
-import errno
 import os
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable
+from contextlib import nullcontext
 
-from cosim.errors import LogError, told_at_call
-from cosim.flight.build import Setup, build
+from cosim.errors import told_at_call
+from cosim.flight.build import build
 from cosim.flight.detection.detectors import left_out
 from cosim.flight.faults.conditions import resolved
 from cosim.flight.faults.fault_free_reference import Twin
 from cosim.flight.fly import fly
 from cosim.flight.loop.recorder import open_writer, result_texts
-from cosim.flight.plugins.watchdog import ended_by_force, watched
 from cosim.judge.result import Result, judge, judged
-from cosim.log import LogWriter
 from cosim.scenario import Scenario, load_scenario
 from cosim.scenario.user_parts import stdout_to_stderr
 
@@ -42,16 +39,13 @@ def simulate(
     assert isinstance(scenario, Scenario)
     scenario = resolved(scenario)
     setup = build(scenario)
-    own = [guest.runner for guest in setup.guests]
     with (
-        _whose(own),
         open_writer(setup, log) if log else nullcontext() as writer,
         Twin(setup) if achieved else nullcontext() as twin,
     ):
         sinks = [writer] if writer else []
         flown = time.perf_counter()
-        hangs = ended_by_force(lambda: _cut_off(writer, setup)) if setup.foreign else nullcontext()
-        with stdout_to_stderr() if own else nullcontext(), watched(own) if own else nullcontext(), hangs:
+        with stdout_to_stderr() if setup.guests else nullcontext():
             trace, status, reason = fly(setup, *sinks, progress=progress, pause=twin and twin.pause)
         wall = time.perf_counter() - flown
         result = Result(
@@ -74,26 +68,3 @@ def simulate(
                 result.extra["notes"].append(f"{log} stays as it was; the flight so far is {writer.path}")
                 result.log = os.fspath(writer.path)
     return result
-
-
-@contextmanager
-def _whose(runners: list) -> Iterator[None]:
-    """Name the user's detectors where the log's own file was closed under it."""
-    try:
-        yield
-    except LogError as error:
-        if not runners or getattr(error.__cause__, "errno", 0) != errno.EBADF:
-            raise
-        names = ", ".join(r.guest.DETECTOR.id for r in runners)
-        said = f"was closed by code that flew in its flight: {names}"
-        raise LogError(said, place=error.place, remedy="A detector closes only files that it has opened") from error
-
-
-def _cut_off(writer: LogWriter | None, setup: Setup) -> str:
-    """Close the log of a flight that hangs in compiled code, and return what is to be said."""
-    t = float(setup.loop.bus["clock"]["t"][0])
-    why = f"at {t:.2f} s by the user, in a guest that did not return"
-    if writer:
-        cut = Result(log=str(writer.path), status="interrupted", reason=why, sim_time_s=t, wall_time_s=0.0, faults=[])
-        writer.close(result=result_texts(cut))
-    return f"interrupted {why}"

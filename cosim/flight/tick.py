@@ -93,7 +93,7 @@ class Loop:
     corrections: dict = field(default_factory=dict)  # stage -> calls after it (cosim/flight/blocks/corrections.py)
     # detector -> (to, source) of its inputs that are outputs of detectors before it
     read: dict = field(default_factory=dict)
-    inputs: dict = field(default_factory=dict)  # stage -> a pilot's own table (cosim/flight/plugins/inputs.py)
+    inputs: dict = field(default_factory=dict)  # stage -> a pilot's own table (cosim/flight/user_inputs.py)
 
     def __post_init__(self):
         self.v = self.bus.v

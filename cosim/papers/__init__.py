@@ -1,8 +1,7 @@
 """The papers' own experiments, row by row: what a paper says, what we get, and whether they agree.
 
 Each paper is a package: `claims.toml` lists what is asked, with its bands (`cosim.papers.claims` reads it), beside the
-functions that measure it; `figures.drawings()` makes our figures; `breaks.toml` says what is broken in turn. No row
-is left out because it disagrees.
+functions that measure it; `figures.drawings()` makes our figures. No row is left out because it disagrees.
 """
 
 import importlib
@@ -13,8 +12,6 @@ from typing import Any
 from cosim.campaign.pool import finished
 from cosim.errors import CosimError, did_you_mean
 from cosim.papers import claims
-from cosim.papers.broken import Broken
-from cosim.papers.broken import proof as proof_of
 from cosim.papers.row import VERDICTS, Planned, Row, counts
 
 FIGURES = "figures"  # the piece of a paper that makes its drawings
@@ -69,19 +66,4 @@ def one(paper: str, piece: str) -> list:
     return [p.judge() for p in claims.load(paper) if p.piece == piece]
 
 
-def proof(
-    paper: str = "all",
-    *,
-    progress: Callable[[int, int], None] | None = None,
-    workers: int | None = None,
-) -> list[Broken]:
-    """Return what rows show with the method broken: proof that each can fail."""
-    found: dict = {}
-    for name, made in finished([(n, proof_of, (n,)) for n in chosen(paper)], workers=workers):
-        found[name] = made
-        if progress:
-            progress(len(found), len(chosen(paper)))
-    return [b for name in chosen(paper) for b in found[name]]
-
-
-__all__ = ["PAPERS", "VERDICTS", "Broken", "Row", "counts", "plan", "proof", "reproduce"]
+__all__ = ["PAPERS", "VERDICTS", "Row", "counts", "plan", "reproduce"]

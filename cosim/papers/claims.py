@@ -1,7 +1,6 @@
 """What the papers say, as data: `PAPER/claims.toml` has a row per claim, and names the function that measures it.
 
 [[row]]
-kind = "claim"                  # claim, ours, beyond: cosim/papers/row.py
 item = "figure 3(a): …"         # what is looked at, and its unit
 says = "IV.D: …"                # the quotation and its place, and what of the band is ours
 measure = "stats.number"        # module and function in the paper's folder; returns a number, or (number, note)
@@ -15,13 +14,14 @@ piece = "…"                     # rows of one piece are measured in one proces
 
 import importlib
 import inspect
+import math
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from cosim.papers.row import ANY, Kind, Planned
+from cosim.papers.row import Planned
 
 Number = Annotated[float, Field(strict=True)]
 Band = tuple[Number, Number]
@@ -30,7 +30,6 @@ Band = tuple[Number, Number]
 class Claim(BaseModel, extra="forbid"):
     """A row as it stands in a claims.toml."""
 
-    kind: Kind
     item: str
     says: str
     measure: str
@@ -46,12 +45,8 @@ class Claim(BaseModel, extra="forbid"):
         if len({bool(self.reason), self.found is not None, bool(self.spread)}) > 1:
             raise ValueError("reason, found and spread stand together: why it differs, where, and how wide")
         for low, high in filter(None, (self.band, self.found)):
-            if not low <= high:
+            if not low <= high or (low, high) == (-math.inf, math.inf):
                 raise ValueError(f"[{low:g}, {high:g}] is not [least, largest]")
-        if self.kind == "claim" and self.band == ANY:
-            raise ValueError("a claim needs a band")
-        if self.kind != "claim" and self.reason:
-            raise ValueError("without a claim there is no difference to explain")
         return self
 
 
@@ -77,11 +72,11 @@ def _planned(paper, number, row):
     except ValidationError as error:
         raise ValueError(f"{where}: {error}") from None
     measure = _measure(paper, where, c.measure, c.with_)
-    return Planned(paper, c.item, c.says, measure, *c.band, c.reason, c.kind, c.piece, c.found, c.spread, c.measure)
+    return Planned(paper, c.item, c.says, measure, *c.band, c.reason, c.piece, c.found, c.spread, c.measure)
 
 
 def _measure(paper, where, name, arguments):
-    """Return the function `name` with its arguments; it is looked up when it is called, so that a break reaches it."""
+    """Return the function `name` with its arguments."""
     module, _, function = name.partition(".")
     try:
         place = importlib.import_module(f"cosim.papers.{paper}.{module}")

@@ -1,20 +1,15 @@
 """One row of `cosim reproduce`: what a paper says, what we get, and whether they agree.
 
-A row of kind "claim" holds one claim of the paper to a band that the paper states, or that follows from what its figure
-can show. One that leaves it for a known reason has a second band, what was found, as wide as its scatter: outside both
-it differs, whatever the reason. A number that the paper does not give is "ours"; what its authors announce, or we add,
-is "beyond". Those two count apart: they can neither agree nor disagree with the paper, but one with a band `differs`
-when it leaves it.
+A row holds one claim of a paper to a band that the paper states, or that follows from what its figure can show. One
+that leaves it for a known reason has a second band, what was found, as wide as its scatter: outside both it differs,
+whatever the reason.
 """
 
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Literal
 
-VERDICTS = ("agrees", "differs_explained", "differs", "ours", "beyond")
-Kind = Literal["claim", "ours", "beyond"]
-ANY = (-math.inf, math.inf)
+VERDICTS = ("agrees", "differs_explained", "differs")
 
 
 @dataclass(frozen=True)
@@ -25,7 +20,7 @@ class Row:
     item: str  # figure, table or section, and what is looked at
     says: str  # the paper's number or words and where they stand
     got: float  # ours, in the unit that `item` or `says` names
-    tolerance: str  # band that was committed before the run, "none" for a number that only stands beside the paper
+    tolerance: str  # band that was committed before the run
     verdict: str  # one of VERDICTS
     reason: str  # why it differs, empty when it agrees
     evidence: str  # command that prints a figure which supports the reason
@@ -40,10 +35,9 @@ class Planned:
     item: str
     says: str
     measure: Callable
-    low: float = ANY[0]
-    high: float = ANY[1]
+    low: float
+    high: float
     reason: str = ""  # why it is in `found` and not in the band; the rows that it names are printed by the same command
-    kind: Kind = "claim"
     piece: str = ""  # rows of one piece are measured in one process: they share what they fly
     found: tuple[float, float] | None = None  # what was found of a claim that leaves its band, as wide as its scatter
     spread: str = ""  # where that width comes from
@@ -59,9 +53,8 @@ class Planned:
         got = float(got)
         inside = self.low <= got <= self.high and math.isfinite(got)
         explained = bool(self.reason) and self.found is not None and self.found[0] <= got <= self.found[1]
-        good = "agrees" if self.kind == "claim" else self.kind
-        verdict = good if inside else "differs_explained" if explained else "differs"
-        band = f"{self.low:g} .. {self.high:g}" if (self.low, self.high) != ANY else "none"
+        verdict = "agrees" if inside else "differs_explained" if explained else "differs"
+        band = f"{self.low:g} .. {self.high:g}"
         if self.found is not None:
             band += f"; found {self.found[0]:g} .. {self.found[1]:g}"
         why, evidence = (self.reason, f"cosim reproduce {self.paper}") if verdict == "differs_explained" else ("", "")

@@ -20,12 +20,12 @@ from actuators.block import SWEEP, Entry
 from actuators.object_cache import PLAIN
 from actuators.precompile import compile_ahead, cores
 from cosim.errors import told_at_call
-from cosim.flight.plugins import loaded
-from cosim.flight.plugins.plain import SLOW
 from cosim.judge.column_store import SPAN, ColumnStore
 from cosim.judge.detection import columns
 from cosim.judge.result import judged, plain
 from cosim.log import open_log
+from cosim.parts import loaded
+from cosim.parts.detector import SLOW
 from cosim.replay import detector_replay as lanes
 from cosim.replay import log_schema
 from cosim.replay.detector_replay import pieces, replay_lane, tick_of
@@ -98,7 +98,7 @@ def replay(
 
     `detectors` chooses some; `overrides` {detector: {parameter: value}} asks what would have been; `start_s` begins
     at the last whole state before that time; `output` writes a log with the old topics and, under /replay, the new
-    ones. `guests` are files of detectors (cosim/flight/plugins): one that flew is run again, another one is run on the
+    ones. `guests` are files of detectors (cosim/parts): one that flew is run again, another one is run on the
     flight as it was logged, and has no `logged` among its results. A detector whose parameters or states another
     version laid out differently is named in `left_out` and in a note, the others are replayed; where it is chosen, or
     there is no other, it is an error. Raises LogError, ReplayError, GuestError.
@@ -262,7 +262,7 @@ class _Member:
 
     def _by_clock(self, piece):
         """Return the rows up to which a lane can repeat itself: a guest that took too long was dropped by the clock."""
-        if self.w.rollout is None:
+        if self.w.rollout is None or "status" not in self.fields:
             return len(piece.ticks)
         slow = np.flatnonzero(piece.logged[:, self.fields.index("status")] == SLOW)
         return int(slow[0]) if len(slow) else len(piece.ticks)

@@ -34,7 +34,7 @@ _Three = Annotated[list[str], Field(min_length=3, max_length=3)]
 
 
 class _Record(BaseModel, strict=True, extra="forbid"):
-    """What a log tells of a guest (cosim/flight/plugins), so that it is judged without its code."""
+    """What a log tells of a guest (cosim/parts), so that it is judged without its code."""
 
     summary: _Word
     technologies: list[_Name]

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from cosim.flight.detection import detectors as table
-from cosim.flight.plugins import load, with_detectors
 from cosim.judge.result import plain
 from cosim.log import LogWriter, TopicInfo, viewer_layouts
+from cosim.parts import load, with_detectors
 from cosim.replay import clock
 from cosim.replay import map_signals as signals_of
 from cosim.replay.caveats import caveats
@@ -126,7 +126,7 @@ def diagnose(
     `detectors` chooses some (default: all), `overrides` {detector: {parameter: value}} changes parameters, `start_s`
     is a time of the recording, `output` the log to write: inputs under /input, outputs under /replay. `on_reset` and
     `part` say what becomes of a clock that goes back (cosim/replay/clock.py), `guests` are files of further detectors
-    (cosim/flight/plugins), `time` names the time column in place of the map. Raises ReplayError, LogError,
+    (cosim/parts), `time` names the time column in place of the map. Raises ReplayError, LogError,
     ScenarioError, GuestError, and IndexError when there is no stretch of that number.
     """
     chosen_overrides(detectors, overrides)

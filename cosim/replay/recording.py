@@ -89,7 +89,7 @@ class LoggedFlight:
     def __init__(self, path: str | Path, guests: Iterable[Any] = ()):
         """Read the log at `path`, also one that was cut. Raises LogError for one that holds no scenario.
 
-        `guests` are made guests (cosim/flight/plugins) that are run on the flight as well.
+        `guests` are made guests (cosim/parts) that are run on the flight as well.
         """
         self._guests = guests
         self.log = open_log(path, tolerant=True)

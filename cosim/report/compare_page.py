@@ -94,7 +94,6 @@ OUTCOMES = {  # outcome -> symbol, class, meaning
     "masked": ("▫", "c-quiet", "masked by the standing alarm of an earlier fault"),
     "quiet": ("·", "c-quiet", "may see it, no alarm"),
     "bonus": ("!", "c-bonus", "alarm though blind: not of the fault itself"),
-    "echo": ("~", "c-bonus", "alarm that the manoeuvre raises without a fault as well"),
     "not_valid": ("–", "c-quiet", "not valid: it could not judge"),
 }
 KEY = [(look, symbol, told) for symbol, look, told in OUTCOMES.values()]

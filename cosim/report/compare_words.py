@@ -151,10 +151,6 @@ def _care(rows, each):
         once = int((flown == 1).sum())
         told = f": {once} of {len(flown)} kinds of fault flew once" if once else ""
         out.append(f"{runs} flights are a look, not a proof{told}. `cosim campaign` flies thousands.")
-    echo = rows[rows["outcome"] == "echo"]["id"].value_counts()
-    if len(echo):
-        told = ", ".join(f"{n} {k}" for n, k in echo.items())
-        out.append(f"Alarms that the same manoeuvre raises without a fault are no detections: {told}.")
     for d in each:
         if d["not_valid"]:
             why = f": {d['why_not_valid']}" if d["why_not_valid"] else ""

@@ -3,12 +3,10 @@
 import math
 from pathlib import Path
 
-from cosim.files import replace_text
 from cosim.papers import tables
 from cosim.papers.row import Row as PaperRow
-from cosim.report import svg
 from cosim.report.figure import axis, envelope, still
-from cosim.report.page import PICTURE, page, write
+from cosim.report.page import page, write
 
 TITLES = {
     "lu17": "Lu17: hydraulic actuator, two-stage and three-step filters",
@@ -51,21 +49,11 @@ def render(rows: list[PaperRow], drawings: list) -> str:
         about = {"name": name, "key": paper_key(name), "title": TITLES[name]}
         papers.append({**about, "table": tables.rows(own), "rows": len(own), "counts": _count(own), "drawings": shown})
     words = [word for word, _ in tables.VERDICTS.values()]
-    said = (*words[:3], "ours, the paper gives no number", "beyond the paper")
     return page(
         "reproduce.html", title=f"{_papers(names)}, reproduced",
         subtitle="The papers' own experiments: what they say, what we get. Figures, numbers and captions are ours.",
-        figures=figures, total=len(rows), counts=list(zip(_count(rows), said)), papers=papers, meaning=tables.MEANING,
+        figures=figures, total=len(rows), counts=list(zip(_count(rows), words)), papers=papers, meaning=tables.MEANING,
     )  # fmt: skip
-
-
-def write_pictures(folder: str | Path, drawings: list) -> list[Path]:
-    """Write those of `drawings` with a name to folder/<paper>/<name>.svg; returns the paths. Raises OutputError."""
-    out = []
-    for d in (d for d in drawings if d.picture):
-        out.append(Path(folder) / d.paper / f"{d.picture}.svg")
-        replace_text(out[-1], svg.still(_figure(d, d.picture, d.caption), d.title), PICTURE)
-    return out
 
 
 def _papers(papers):

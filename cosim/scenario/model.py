@@ -111,7 +111,7 @@ Parameter = Annotated[Any, BeforeValidator(_parameter)]
 
 
 class Law(Table, extra="allow"):
-    """The control law: a file with one's own, or gains of the shipped one (cosim/flight/plugins/law.py)."""
+    """The control law: a file with one's own, or gains of the shipped one (cosim/flight/user_law.py)."""
 
     __pydantic_extra__: dict[str, float]
     file: str | None = None

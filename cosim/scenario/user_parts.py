@@ -19,6 +19,7 @@ from pathlib import Path, PurePosixPath
 from types import ModuleType
 from typing import Any, NamedTuple
 
+from actuators.exception_text import sentence
 from actuators.source_hash import forget
 from cosim.errors import CosimError, LogError, Mistakes, OutputError, ScenarioError
 from cosim.files import replace
@@ -120,22 +121,7 @@ def run_user_code(error: Callable[[str], Exception], path: Path | None = None) -
     except (KeyboardInterrupt, CosimError):
         raise
     except BaseException as wrong:
-        raise error(f"does not run: {short_traceback(wrong, path)}") from wrong
-
-
-def short_traceback(error: BaseException, path: Path | None = None) -> str:
-    """Return an exception as one line, with the last line that it passed of the part at `path`."""
-    import traceback
-
-    try:
-        said = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
-    except (KeyboardInterrupt, SystemExit):
-        raise
-    except BaseException:  # its own text is a user's code, too
-        said = type(error).__name__
-    own = "" if path is None else os.path.realpath(path)
-    here = [f for f in traceback.extract_tb(error.__traceback__) if os.path.realpath(f.filename).startswith(own)]
-    return f"{said} ({Path(here[-1].filename).name}:{here[-1].lineno})" if here else said
+        raise error(f"does not run: {sentence(wrong, path or '')}") from wrong
 
 
 class Place(NamedTuple):

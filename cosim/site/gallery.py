@@ -139,7 +139,7 @@ def example(name: str) -> tuple[str, str]:
     caption, code = FIGURES[name]
     run = f'```python run="{name}.py"\n{text}```\n'
     figure = f'```python figure="{caption}"\n{START}{code}```\n'
-    copied = f"`cosim example {name}` copies this program into your folder."
+    copied = f"`cosim new example {name}` copies this program into your folder."
     return f"gallery/{name}.md", f"# {title(name)}\n\n{words}\n\n{copied}\n\n{run}\n{figure}"
 
 
@@ -153,5 +153,5 @@ def index(docs: Path) -> str:
         head = text.split("\n")[0].removeprefix("# ")
         picture = f"    [![{head}]({figures[-1].name})]({stem}.md)\n\n" if figures else ""
         cards.append(f"-   **[{head}]({stem}.md)**\n\n{picture}    {words}\n")
-    told = "Every program of `cosim example`, run when this site was built."
+    told = "Every program of `cosim list examples`, run when this site was built."
     return f'# Gallery\n\n{told}\n\n<div class="grid cards" markdown>\n\n' + "\n".join(cards) + "\n</div>\n"

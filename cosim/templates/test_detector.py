@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import cosim
-from cosim.flight.plugins import with_detectors
-from cosim.flight.plugins.check import check
+from cosim.flight.check import check
+from cosim.parts import with_detectors
 
 FILE = Path(__file__).with_name("NAME.py")
 

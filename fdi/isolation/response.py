@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import briefly
 from fdi.hydraulic.two_stage_ekf import transition
 from fdi.isolation.filter import ROWS, SENSORS
 
@@ -18,7 +17,7 @@ def steady(p: Any, dt: float, heard: Any) -> tuple[np.ndarray, np.ndarray, np.nd
     """Return (Phi (4, 4), G (4,) of a flow of 1 m/s, K (SENSORS, 4), s (SENSORS,)) of the resting filter of PARAMS
     record `p` on the sensors `heard`."""
     Phi, G = np.zeros((4, 4)), np.zeros(4)
-    briefly(transition, Phi, G, np.zeros(4), 0.0, 0.0, 0.0, 0.0, True, p, dt)
+    transition(Phi, G, np.zeros(4), 0.0, 0.0, 0.0, 0.0, True, p, dt)
     Phi[3, 3] = 1.0
     P = np.diag(p["h_P0"]).astype(float)
     K, s = np.zeros((SENSORS, 4)), np.zeros(SENSORS)

@@ -2,9 +2,7 @@
 
 import concurrent.futures as cf
 import hashlib
-import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -13,13 +11,13 @@ import time
 import pandas as pd
 import pytest
 import worker_calls
-from worker_calls import die_once, flights, killed
+from worker_calls import flights, square
 
-from cosim.campaign import pool as campaign_pool
-from cosim.campaign.flights import flatten, run_many
-from cosim.campaign.store import FILES, MANIFEST, Store, fingerprint, load
-from cosim.campaign.worker import failed, run_id
+from cosim.campaign import engine, pool, worker
+from cosim.campaign.engine import flatten, load, run_many
+from cosim.campaign.jobs import work
 from cosim.errors import CampaignError, OutputError
+from cosim.flight.faults import fault_free_reference
 from cosim.scenario import load_scenario
 
 
@@ -45,11 +43,7 @@ def test_a_run_has_one_row_per_detector_lane_and_what_a_reader_needs(flown):
     assert (mine["r_max_before"] < 1).all() and (mine["r_max_after"] > 1).all()
     assert mine["amplitude_mm"].between(7, 10).all()  # 8 mm by the linear loop
     assert list(mine["seed"]) == [1_000_000 + i for i in range(5)]
-    pd.testing.assert_frame_equal(pd.read_parquet(result.parquet), result.frame, check_dtype=False)
-
-
-def test_a_point_without_a_trim_is_a_row_with_its_reason(flown):
-    row = flown[0].frame.iloc[-1]
+    row = result.frame.iloc[-1]
     assert row["status"] == "infeasible" and "44000 ft" in row["error"] and pd.isna(row["id"])
 
 
@@ -61,27 +55,24 @@ def test_an_error_inside_a_flight_is_a_row_with_its_text():
     assert "hurricane" in frame["error"][0]
 
 
-def test_a_process_pool_gives_the_same_rows(flown, tmp_path):
-    result = run_many([*flights(5), infeasible()], workers=2, out=tmp_path)
-    pd.testing.assert_frame_equal(result.frame, flown[0].frame)
-
-
-def test_any_executor_gives_the_same_rows(flown):
+def test_any_executor_gives_the_same_rows(flown, tmp_path):
+    processes = run_many([*flights(5), infeasible()], workers=2, out=tmp_path)
+    pd.testing.assert_frame_equal(processes.frame, flown[0].frame)
     with cf.ThreadPoolExecutor(3) as executor:
-        result = run_many([*flights(5), infeasible()], executor=executor)
-    pd.testing.assert_frame_equal(result.frame, flown[0].frame)
+        threads = run_many([*flights(5), infeasible()], executor=executor)
+    pd.testing.assert_frame_equal(threads.frame, flown[0].frame)
 
 
-def test_resume_flies_only_what_is_missing_and_grows(flown, tmp_path):
+def test_resume_flies_only_what_is_missing_and_keeps_what_it_leaves_out(flown, tmp_path):
     first = run_many(flights(2), workers=0, out=tmp_path)
     again = run_many([*flights(5), infeasible()], workers=0, out=tmp_path)
     assert (first.resumed, again.resumed, again.done) == (0, 2, 6)
     pd.testing.assert_frame_equal(again.frame, flown[0].frame)
-
-
-def test_a_folder_with_rows_is_not_flown_over(flown):
+    less = run_many(flights(2), workers=0, out=tmp_path)
+    assert (less.resumed, less.done) == (2, 2) and less.notes[0].startswith("4 runs of an earlier version")
+    assert run_many(flights(5), workers=0, out=tmp_path).resumed == 5
     with pytest.raises(CampaignError, match="--resume"):
-        run_many(flights(5), workers=0, out=flown[1], resume=False)
+        run_many(flights(5), workers=0, out=tmp_path, resume=False)
 
 
 def test_rows_of_other_code_do_not_mix(tmp_path):
@@ -92,83 +83,159 @@ def test_rows_of_other_code_do_not_mix(tmp_path):
         run_many(flights(2), workers=0, out=tmp_path)
 
 
-@pytest.mark.parametrize("name", [*FILES, "parts/rows-mine.parquet"])
+@pytest.mark.parametrize("name", [*engine.FILES, "parts/mine.parquet"])
 def test_a_folder_with_a_foreign_file_stays_as_it_is(name, tmp_path):
-    held = {name: '{"name": "mine"}', ".env.template": "A=1", ".cosim-part-mine": "B=2"}
-    for file, text in held.items():
-        (tmp_path / file).parent.mkdir(exist_ok=True)
-        (tmp_path / file).write_text(text)
-    with pytest.raises(OutputError, match=f"holds a {name} that no campaign wrote"):
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).write_text('{"name": "mine"}')
+    with pytest.raises(OutputError, match="that no campaign wrote"):
         run_many(flights(1), workers=0, out=tmp_path)
-    assert {str(p.relative_to(tmp_path)): p.read_text() for p in tmp_path.rglob("*") if p.is_file()} == held
+    assert [p.read_text() for p in tmp_path.rglob("*") if p.is_file()] == ['{"name": "mine"}']
 
 
-def test_a_folder_with_other_files_takes_a_campaign_and_keeps_them(tmp_path):
-    names = [".env.template", ".env.defaults", ".app.settings.json", "notes.md"]
-    for name in names:
-        (tmp_path / name).write_text("mine")
-    for again in (False, True):
-        assert run_many(flights(1), workers=0, out=tmp_path, resume=again).done == 1
-    assert [(tmp_path / name).read_text() for name in names] == ["mine"] * 4
+def test_a_second_campaign_on_the_folder_is_refused(tmp_path):
+    told = []
+
+    def meanwhile(done, total):
+        with pytest.raises(OutputError, match="is being written by another run"):
+            run_many(flights(1), workers=0, out=tmp_path)
+        told.append(done)
+
+    run_many(flights(1), workers=0, out=tmp_path, progress=meanwhile)
+    assert told == [1]
+
+
+def test_a_damaged_file_is_named_and_its_runs_fly_again(tmp_path):
+    run_many(flights(2), workers=0, out=tmp_path)
+    path = tmp_path / "runs.parquet"
+    path.write_bytes(path.read_bytes()[:500])
+    for reads in (lambda: load(tmp_path), lambda: run_many(flights(2), workers=0, out=tmp_path)):
+        with pytest.raises(CampaignError, match=r"runs\.parquet: is damaged: .* Remove it"):
+            reads()
+    path.unlink()
+    assert run_many(flights(2), workers=0, out=tmp_path).resumed == 0
 
 
 SCRIPT = """
 import sys
 sys.path[:0] = [{root!r}, {helpers!r}]
-from cosim.campaign import flights as many
+from cosim.campaign import engine
 from worker_calls import flights
-if __name__ == "__main__":
-    many.FLUSH_RUNS = 4
-    many.run_many(flights(10), workers=2, out={out!r}, progress=lambda done, total: print(done, flush=True))
+def main():
+    engine.FLUSH_RUNS = 4
+    engine.run_many(flights(10), workers=2, out={out!r}, progress=lambda done, total: print(done, flush=True))
 """
+GUARD = 'if __name__ == "__main__":\n    main()\n'
 
 
-def test_kill_9_and_resume_equals_an_uninterrupted_campaign(tmp_path, monkeypatch):
+def _script(path, end, out):
+    path.write_text(SCRIPT.format(root=os.getcwd(), helpers=os.path.dirname(worker_calls.__file__), out=str(out)) + end)
+    return [sys.executable, path]
+
+
+def test_kill_9_and_resume_equals_an_uninterrupted_campaign(tmp_path):
     killed, whole = tmp_path / "killed", tmp_path / "whole"
-    script = tmp_path / "script.py"
-    script.write_text(SCRIPT.format(root=os.getcwd(), helpers=os.path.dirname(worker_calls.__file__), out=str(killed)))
-    process = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True, start_new_session=True)
+    command = _script(tmp_path / "script.py", GUARD, killed)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     for line in process.stdout:  # some files of rows are there, some runs are in flight
         if int(line) >= 6:
             break
-    os.killpg(process.pid, signal.SIGKILL)
+    process.kill()
     process.wait()
-    parts = list((killed / "parts").glob("rows-*.parquet"))
-    safe = len(pd.concat(map(pd.read_parquet, parts))["run"].unique())
+    safe = load(killed)[0]["run"].nunique()
     assert 0 < safe < 10 and not (killed / "runs.parquet").exists()
     resumed = run_many(flights(10), workers=0, out=killed)
     assert resumed.resumed == safe
     pd.testing.assert_frame_equal(resumed.frame, run_many(flights(10), workers=0, out=whole).frame)
     assert (killed / "runs.parquet").read_bytes() == (whole / "runs.parquet").read_bytes()
+    assert not list((killed / "parts").iterdir())
 
 
-def test_a_worker_that_dies_loses_no_run(monkeypatch):
-    """The first process that flies the third run dies; the run is flown again elsewhere."""
-    monkeypatch.setattr(campaign_pool, "fly", die_once)
-    jobs = [(run, None) for run in ("a", "b", "deadly", *"efghi")]
-    marker = f"/tmp/cosim-test-{os.getpid()}-{time.monotonic_ns()}"
-    monkeypatch.setenv("COSIM_TEST_MARKER", marker)
+def test_a_script_without_a_guard_is_one_line_before_anything_is_written(tmp_path):
+    command = _script(tmp_path / "script.py", "main()\n", tmp_path / "out")
+    told = subprocess.run(command, capture_output=True, text=True, timeout=100)
+    assert told.returncode == 1 and not (tmp_path / "out").exists()
+    assert "script.py:9: flies a campaign at its top level" in told.stderr.splitlines()[-1], told.stderr
+    assert "__name__" in told.stderr.splitlines()[-1]
+
+
+class KilledWorker(Exception):
+    """What Dask raises for a call whose workers died."""
+
+
+class Unlucky(cf.Executor):
+    """Loses a call that has an unlucky run the first time, one with a deadly run always."""
+
+    def submit(self, function, /, *arguments, **more):
+        future: cf.Future = cf.Future()
+        try:
+            future.set_result(function(*arguments, kill=self.dies))
+        except KilledWorker as error:
+            future.set_exception(error)
+        return future
+
+    def dies(self, pid, with_signal):
+        raise KilledWorker("its worker died")
+
+
+@pytest.mark.parametrize("bad, status", [("deadly", "crashed"), ("unlucky", "completed")])
+@pytest.mark.parametrize("executor", [None, Unlucky()], ids=["processes", "cluster"])
+def test_a_run_that_kills_its_process_is_a_row_and_the_others_fly(executor, bad, status, tmp_path, monkeypatch):
+    monkeypatch.setattr(engine, "fly_packed", worker_calls.die)
+    monkeypatch.setattr("cosim.flight.loop.compiling.prepare", lambda scenario: None)
+    monkeypatch.setattr(worker.Packed, "__getitem__", lambda self, i: None)
+    runs, packed = ["a", bad, *"bcdefghijklmnopqrs"], worker.Packed()
+    packed.seeds, packed.packed = [i // 3 for i in range(len(runs))], [str(tmp_path / run) for run in runs]
+    how = {"workers": 2, "achieved": True, "signals": None, "executor": executor}
+    found = [(f.run, f.rows[0]["status"]) for f in engine._flights(runs, packed, None, len(runs), **how)]
+    assert len(found) == len(runs) and dict(found) == {run: "completed" for run in runs} | {bad: status}
+
+
+PARENT = """
+import time
+from cosim.campaign.pool import pool
+if __name__ == "__main__":
+    with pool(2) as workers:
+        held = [workers.submit(time.sleep, 600) for _ in range(2)]
+        while len(workers._processes) < 2:
+            time.sleep(0.01)
+        print(*workers._processes, flush=True)
+        time.sleep(600)
+"""
+
+
+def _alive(pid):
     try:
-        found = sorted(run for run, *_ in campaign_pool.outcomes(jobs, workers=2))
-    finally:
-        os.path.exists(marker) and os.unlink(marker)
-    assert found == [run for run, _ in jobs]
+        with open(f"/proc/{pid}/stat") as file:
+            return file.read().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
 
 
-def test_a_run_that_kills_every_worker_is_a_row_and_the_others_fly(monkeypatch):
-    monkeypatch.setattr(campaign_pool, "fly", killed)
-    jobs = [(run, None) for run in ("a", "b", "deadly")]
-    found = {run: rows for run, rows, _ in campaign_pool.outcomes(jobs, workers=2)}
-    assert len(found) == 3
-    assert [run for run, rows in found.items() if rows[0]["status"] == "crashed"] == ["deadly"]
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc; elsewhere by the same code, not shown")
+def test_workers_of_a_killed_campaign_end_at_once(tmp_path):
+    (tmp_path / "parent.py").write_text(PARENT)
+    with subprocess.Popen([sys.executable, tmp_path / "parent.py"], stdout=subprocess.PIPE, text=True) as parent:
+        workers = [int(pid) for pid in parent.stdout.readline().split()]
+        time.sleep(2.0)  # until they have begun to work
+        assert len(workers) == 2 and all(map(_alive, workers))
+        os.kill(parent.pid, signal.SIGKILL)
+    end = time.monotonic() + 20
+    while any(map(_alive, workers)) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not any(map(_alive, workers))
 
 
-def test_ids_name_the_scenario_and_nothing_else():
+@pytest.mark.skipif(sys.platform != "linux", reason="copies of processes")
+def test_a_worker_copies_itself_and_imports_nothing_from_the_current_folder(tmp_path, monkeypatch):
+    (tmp_path / "json.py").write_text("raise SystemExit(1)")
+    monkeypatch.chdir(tmp_path)
+    with pool.pool(1) as workers:
+        assert workers.submit(fault_free_reference._copies).result()
+
+
+def test_ids_and_columns_name_the_scenario_and_nothing_else():
     a, b = flights(2)
-    assert run_id(a) == run_id(flights(1)[0]) != run_id(b)
-
-
-def test_flatten_names_keys_as_the_scenario_file_does():
+    assert worker.run_id(a) == worker.run_id(flights(1)[0]) != worker.run_id(b)
     assert flatten({"a": {"b": 1}, "faults": [{"kind": "x"}], "e": ["p", "q"], "none": []}) == {
         "a.b": 1,
         "faults.0.kind": "x",
@@ -176,86 +243,32 @@ def test_flatten_names_keys_as_the_scenario_file_does():
     }
 
 
-
-def test_load_reads_a_campaign_finished_or_not(tmp_path, flown):
-    with pytest.raises(CampaignError, match="holds no whole run"):
-        load(tmp_path)
-    rows, timing = load(flown[1])
-    assert len(rows) == 31 and {"wall_time_s", "step_us"} <= set(timing.columns)
-    shutil.copytree(flown[1], tmp_path / "killed")
-    (tmp_path / "killed" / "runs.parquet").unlink()
-    pd.testing.assert_frame_equal(load(tmp_path / "killed")[0], rows, check_dtype=False)
-
-
-def test_a_manifest_says_what_was_flown_with_what_and_what_it_took(flown):
-    rows, timing = load(flown[1])
-    told = json.loads((flown[1] / MANIFEST).read_text(encoding="utf-8"))
-    assert (told["runs"], told["rows"]) == (rows["run"].nunique(), len(rows))
-    assert told["seeds"] == [rows["seed"].min(), rows["seed"].max()] and told["digest"] == fingerprint()["digest"]
+def test_a_folder_says_what_was_flown_with_what_and_what_it_took(flown, tmp_path):
+    rows, timing, tomls, told = load(flown[1])
+    pd.testing.assert_frame_equal(rows, flown[0].frame, check_dtype=False)
+    assert (told["runs"], told["rows"]) == (rows["run"].nunique(), len(rows)) == (len(tomls), 31)
+    assert told["seeds"] == [rows["seed"].min(), rows["seed"].max()]
+    assert told["digest"] == engine.fingerprint()["digest"]
     assert told["sha256"]["runs.parquet"] == hashlib.sha256((flown[1] / "runs.parquet").read_bytes()).hexdigest()
     took = timing["core_s"].dropna()
     assert told["flights_per_core_s"] == pytest.approx(len(took) / took.sum()) and 0.01 < took.median() < 60.0
+    with pytest.raises(CampaignError, match="holds no finished run"):
+        load(tmp_path)
 
 
-def test_rows_survive_being_there_twice(tmp_path):
-    scenarios = pd.DataFrame({"run": ["a", "b"], "order": [0, 1]})
-    store = Store(tmp_path, scenarios, ["", ""])
-    store.add([failed("b", "infeasible", "x")], [])
-    store.add([failed("a", "infeasible", "x"), failed("b", "infeasible", "x")], [])
-    assert list(store.rows()["run"]) == ["a", "b"]
-    assert store.consolidate(tmp_path) == {"a": "infeasible", "b": "infeasible"}
-    assert len(list((tmp_path / "parts").glob("rows-*"))) == 1
-    assert Store(tmp_path, scenarios, ["", ""]).finished == {"a", "b"}
+def test_a_run_that_was_flown_again_counts_once():
+    rows = [("a", 0, "crashed"), ("b", 0, "error"), ("c", 0, "infeasible"), *[("a", i, "completed") for i in (0, 1, 1)]]
+    found = pd.DataFrame(rows, columns=["run", "lane", "status"]).assign(fault=None)
+    told = engine._joined(pd.DataFrame({"run": ["a", "b", "c"], "order": [0, 1, 2]}), found)
+    assert list(told["run"] + told["status"]) == ["acompleted", "acompleted", "berror", "cinfeasible"]
 
 
-def test_resuming_flies_runs_that_failed_again_and_keeps_the_flight(tmp_path):
-    scenarios = pd.DataFrame({"run": ["a", "b", "c"], "order": [0, 1, 2]})
-    store = Store(tmp_path, scenarios, [""] * 3)
-    store.add([failed("a", "crashed", "x"), failed("b", "error", "y")], [])
-    store.add([failed("c", "infeasible", "z")], [])
-    again = Store(tmp_path, scenarios, [""] * 3)
-    assert again.finished == {"c"}
-    again.add([failed("a", "completed", "") | {"lane": i} for i in range(2)], [])
-    assert list(zip(again.rows()["run"], again.rows()["status"])) == [
-        ("a", "completed"), ("a", "completed"), ("b", "error"), ("c", "infeasible"),
-    ]  # fmt: skip
-
-
-@pytest.mark.slow
-def test_two_workers_are_at_least_1_8_times_as_fast_as_one():
-    """Measure on a quiet machine with two cores; the pools' start is paid before the clock runs."""
-    scenarios = [load_scenario("cruise", ["duration_s=60", f"seed={1_000_000 + i}"]) for i in range(40)]
-    took = {}
-    for workers in (1, 2):
-        with campaign_pool.pool(workers) as executor:
-            run_many([load_scenario("cruise", ["duration_s=1", f"seed={i}"]) for i in range(8)], executor=executor)
-            begin = time.perf_counter()
-            run_many(scenarios, executor=executor, workers=workers)
-            took[workers] = time.perf_counter() - begin
-    assert took[1] / took[2] >= 1.8, took
-
-
-def test_a_run_that_a_cluster_gives_up_is_tried_once_more_alone():
-    class KilledWorker(Exception):
-        """What Dask raises for a call whose workers died."""
-
-    class Unlucky(cf.Executor):
-        """Loses a call the first time, another one always."""
-
-        def __init__(self):
-            self.lost = []
-
-        def submit(self, function, /, *arguments, **more):
-            future: cf.Future = cf.Future()
-            key = arguments[0]
-            if key == "bad" or (key == "unlucky" and key not in self.lost):
-                self.lost.append(key)
-                future.set_exception(KilledWorker("its worker died"))
-            else:
-                future.set_result(function(*arguments))
-            return future
-
-    calls = [(key, str.upper, (key,)) for key in ("a", "unlucky", "bad", "b")]
-    found = list(campaign_pool.finished(calls, executor=Unlucky(), crashed=lambda key, text: f"crashed: {text}"))
-    told = {"a": "A", "b": "B", "unlucky": "UNLUCKY", "bad": "crashed: KilledWorker: its worker died"}
-    assert len(found) == 4 and dict(found) == told
+def test_a_job_is_done_once_and_again_where_it_was_cut_short(tmp_path):
+    jobs = [(square, {"x": x}) for x in range(6)]
+    first = work(jobs, folder=tmp_path, workers=1)
+    assert [v["value"] for v in first] == [0, 1, 4, 9, 16, 25] and first[0]["pid"] != os.getpid()
+    (path,) = tmp_path.iterdir()
+    path.write_bytes(path.read_bytes()[:-5])
+    again = work(jobs, folder=tmp_path, workers=0)
+    assert [v["pid"] == os.getpid() for v in again].count(True) == 1
+    assert [v["value"] for v in again] == [0, 1, 4, 9, 16, 25]

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -17,12 +16,9 @@ from killed import heeds_ctrl_c
 from rich.console import Console
 from scipy import stats
 from typer.testing import CliRunner
-from worker_calls import deadly
 
-from cosim.campaign import pool
 from cosim.campaign.draw import draw, unit_cube
-from cosim.campaign.flights import run_many
-from cosim.campaign.run import cluster, rerun
+from cosim.campaign.engine import cluster, rerun, run_many
 from cosim.campaign.spec import EVALUATION_SEED, builtin_campaigns, load_campaign
 from cosim.cli import commands as cli
 from cosim.cli.campaign import nearest
@@ -94,7 +90,8 @@ def test_parts_share_what_stands_above_them(written):
         + "[grid]\n'flight.mass_t' = [200, 250]\n[[part]]\nname = 'a'\ngrid = {'faults.0.frequency_hz' = [1, 2]}\n"
     )
     text += "[[part]]\nname = 'b'\nset = {'faults.0.kind' = 'jam_solid'}\n"
-    scenarios, labels = load_campaign(written(text)).scenarios()
+    made, labels = load_campaign(written(text)).scenarios()
+    scenarios = list(made)
     assert [(s.faults[0].kind, s.flight.mass_t) for s in scenarios[3:]] == [("ofc_liquid", 250)] + [
         ("jam_solid", m) for m in (200, 250)
     ]
@@ -308,13 +305,13 @@ def test_interrupted_campaign_keeps_its_rows_and_can_go_on(written, tmp_path):
         words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heeds_ctrl_c
     )
     deadline = time.monotonic() + 120
-    while not list(out.glob("parts/rows-*")) and time.monotonic() < deadline:
+    while not list(out.glob("parts/runs-*")) and time.monotonic() < deadline:
         assert process.poll() is None, process.stderr.read()
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130 and "Traceback" not in err and "interrupted" in err, err
-    parts = [pd.read_parquet(p) for p in out.glob("parts/rows-*")]
+    parts = [pd.read_parquet(p) for p in out.glob("parts/runs-*")]
     assert 0 < pd.concat(parts)["run"].nunique() < 150
 
 
@@ -351,7 +348,7 @@ PAIRED = "paired = true\nruns = 2\n" + SMALL + """[grid]
 
 
 def test_paired_points_of_a_grid_fly_the_same_draws_and_seeds(written):
-    scenarios, _ = load_campaign(written(PAIRED)).scenarios()
+    scenarios = list(load_campaign(written(PAIRED)).scenarios()[0])
     assert [s.seed - scenarios[0].seed for s in scenarios] == [0, 1] * 3
     assert [s.flight.mass_t for s in scenarios] == [s.flight.mass_t for s in scenarios[:2]] * 3
     assert scenarios[0].flight.mass_t != scenarios[1].flight.mass_t
@@ -363,28 +360,12 @@ def test_runs_with_one_seed_share_the_flight_without_a_fault(written, monkeypatc
     scenarios, _ = load_campaign(written(PAIRED)).scenarios()
     monkeypatch.setattr(fault_free_reference, "_copies", lambda: False)
     monkeypatch.setattr(fault_free_reference, "KEPT", 1)
-    frames, flown = [], []
+    flown: list = []
     whole = fault_free_reference._stored
     monkeypatch.setattr(fault_free_reference, "_stored", lambda *rows: flown.append(1) or whole(*rows))
-    for groups in (pool._groups, lambda jobs, most: [[job] for job in jobs]):
-        monkeypatch.setattr(pool, "_groups", groups)
-        fault_free_reference._positions.clear()
-        frames.append(run_many(scenarios, workers=0).frame)
-    pd.testing.assert_frame_equal(*frames)
-    assert len(flown) == 2 + 6
-
-
-def test_a_group_whose_process_dies_is_flown_again_one_by_one(monkeypatch):
-    monkeypatch.setattr(pool, "fly", deadly)
-    jobs = [(run, SimpleNamespace(seed=1)) for run in ("a", "deadly", "b")]
-    found = {run: rows[0]["status"] for run, rows, _ in pool.outcomes(jobs, workers=1)}
-    assert found == {"a": "completed", "deadly": "crashed", "b": "completed"}
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="copies of processes")
-def test_a_worker_flies_the_flight_without_a_fault_in_a_copy_of_itself():
-    with pool.pool(1) as workers:
-        assert workers.submit(fault_free_reference._copies).result()
+    fault_free_reference._positions.clear()
+    run_many(scenarios, workers=0)
+    assert len(flown) == 2
 
 
 def test_a_dask_cluster_gives_the_same_rows_as_this_process(written, dask):
@@ -413,7 +394,7 @@ def test_a_dask_worker_that_is_killed_loses_no_run(written, dask):
 
 def test_no_scheduler_is_one_line(monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("cosim.campaign.run.CONNECT_S", 0.2)
+    monkeypatch.setattr("cosim.campaign.engine.CONNECT_S", 0.2)
     with pytest.raises(CosimError, match="dask scheduler"), cluster("tcp://127.0.0.1:9"):
         pass
 

@@ -44,14 +44,12 @@ def flown(tmp_path_factory):
 WRITES = {
     "run": [(["run", "cruise", *SHORT, "-o", "OUT/a.mcap"], ["a.mcap"]),
             (["run", "cruise", *SHORT, "-o", "OUT/b.mcap", "--report"], ["b.html"])],
-    "example": [(["example", "fly_and_plot", "-o", "OUT/e.py"], ["e.py"])],
     "info": [(["info", "LOG", "--scenario", "-o", "OUT"], ["scenario.toml"])],
     "linearize": [(["linearize", "cruise", "-o", f"OUT/m{end}"], [f"m{end}"]) for end in (".npz", ".mat")],
     "replay": [(["replay", "LOG", "-o", "OUT/r.mcap"], ["r.mcap"])],
     "recover": [(["recover", "LOG", "-o", "OUT/r.mcap"], ["r.mcap"])],
     "reproduce": [(["reproduce", "jay", "-o", "OUT"], ["reproduce-jay.html", "reproduce-jay.csv"])],
     "campaign": [(["campaign", "OUT/few.toml", "-o", "OUT"], ["runs.parquet"])],
-    "dataset": [(["dataset", "OUT/few.toml", "-o", "OUT"], ["flights.parquet"])],
     "report": [(["report", "LOG", "-o", "OUT/p.html"], ["p.html"]), (["report", "OUT"], ["compare.html"])],
     "compare": [(["compare", "LOG", "-o", "OUT"], ["compare.html", "compare.csv", "compare.parquet"])],
     "new": [(["new", "detector", "mine", "-o", "OUT"], ["mine.py", "test_mine.py"])],
@@ -88,7 +86,7 @@ def test_a_foreign_file_is_refused_before_anything_is_flown_and_stays(words, nam
     assert mine.read_text() == MINE and sorted(p.name for p in tmp_path.iterdir()) == there
 
 
-FOLDERS = ("compare", "campaign", "dataset", "reproduce", "new")
+FOLDERS = ("compare", "campaign", "reproduce", "new")
 
 
 @pytest.mark.parametrize("name", FOLDERS)
@@ -97,7 +95,7 @@ def test_a_file_where_a_folder_is_written_is_refused_in_one_line(name, there, tm
     taken = tmp_path / "page.html"
     if there:
         taken.write_text(MINE)
-    words = {"campaign": ["fault-free"], "dataset": ["fault-free"], "new": ["law", "mine"], "reproduce": ["jay"]}
+    words = {"campaign": ["fault-free"], "new": ["law", "mine"], "reproduce": ["jay"]}
     done = command(name, *words.get(name, []), "-o", taken)
     assert done.exit_code == 2 and done.stdout == "" and done.stderr.count("\n") == 1
     assert f"{taken}: -o takes the folder" in done.stderr and f"Name a folder: -o {tmp_path / 'page'}" in done.stderr

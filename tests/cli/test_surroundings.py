@@ -8,7 +8,6 @@ import sys
 import time
 from pathlib import Path
 
-import pyarrow as pa
 import pytest
 from commands import commands
 from killed import heeds_ctrl_c
@@ -16,10 +15,9 @@ from killed import heeds_ctrl_c
 import cosim
 from actuators import subprocess_env
 from actuators.source_hash import cache_root
-from cosim.campaign import parts
 from cosim.files import left_by
-from cosim.flight.plugins import GuestError, load
 from cosim.log import recover
+from cosim.parts import GuestError, load
 from cosim.replay import replay
 from cosim.replay.map_draft import draft
 from cosim.report import flight_report
@@ -245,14 +243,12 @@ def test_poor_surroundings_are_told_or_borne(tmp_path):
 def test_names_that_are_not_utf8_are_names(tmp_path):
     """A name is bytes; what cannot take one says so."""
     strange = os.fsdecode(b"a\xffb")
-    log, table = tmp_path / f"{strange}.mcap", tmp_path / f"{strange}.parquet"
+    log = tmp_path / f"{strange}.mcap"
     short = ["duration_s=0.2", "detectors.enabled=['position_monitor']", "elevator.feedback=measured"]
     cosim.simulate(cosim.load_scenario("cruise", short), log=log, timed=False)
     assert replay(log, output=tmp_path / f"{strange}2.mcap").exact
     recover(log, tmp_path / f"{strange}3.mcap")
     assert flight_report(log, tmp_path / f"{strange}.html").stat().st_size > 10_000
-    parts.write(table, pa.table({"t_s": [0.0, 0.1]}))
-    assert parts.table_of(table, pa.schema([]), ()).num_rows == 2
     (tmp_path / f"{strange}.csv").write_text("t_s,n_z\n0,1\n0.1,1\n")
     assert "n_z" in draft(tmp_path / f"{strange}.csv")
     with pytest.raises(GuestError, match="not UTF-8"):

@@ -11,14 +11,11 @@ import pandas as pd
 import pytest
 from report_browser import CHROMIUM, use
 
-from cosim.campaign.flights import run_many
-from cosim.campaign.inventory import builtin_names
-from cosim.campaign.run import run_campaign
-from cosim.campaign.spec import EVALUATION_SEED
+from cosim.campaign.engine import run_campaign, run_many
+from cosim.campaign.worker import run_id
 from cosim.cli.commands import app
 from cosim.compare import CompareError, compare, stats
 from cosim.compare import rows as compare_rows
-from cosim.compare.matrix import POINT, matrix
 from cosim.flight.simulate import simulate
 from cosim.report import compared
 from cosim.report.compare_page import _cell, render, write_comparison
@@ -28,21 +25,6 @@ from cosim.scenario import load_scenario, parse
 from cosim.scenario.override import apply
 
 CHOSEN = "detectors.enabled=['iotsekf','position_monitor','rfafe']"
-
-
-def test_matrix_flies_every_builtin_fault_on_seeds_of_the_evaluation():
-    flights = matrix()
-    assert 40 <= len(flights) <= 120
-    seeds = [s.seed for s in flights]
-    assert min(seeds) >= EVALUATION_SEED and len(set(seeds)) == len(seeds)
-    kinds = {(f.kind, f.target.split(".")[0]) for s in flights for f in s.faults}
-    single = [s.faults[0] for s in map(load_scenario, builtin_names()) if len(s.faults) == 1]
-    wanted = {(f.kind, f.target.split(".")[0]) for f in single}
-    assert kinds >= wanted
-    assert all(f.start_s >= 20.0 for s in flights for f in s.faults)  # control_redundancy learns for 20 s
-    assert all(s.flight.mass_t == POINT["flight.mass_t"] for s in flights if s.flight.cas_kt)
-    free = [s for s in flights if not s.faults]
-    assert len(free) >= 20 and {s.manoeuvre for s in flights} == {s.manoeuvre for s in free}
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +51,7 @@ def test_a_flight_that_ends_before_its_fault_counts_as_one_without(tmp_path):
 
 def test_logs_give_the_rows_of_a_campaign_of_the_same_flights(flights, logs):
     result = run_many(flights, workers=0)
-    frame, _, tomls = compare_rows.of_result(result, flights)
+    frame, tomls = result.frame, {run_id(s): s.expanded_toml() for s in flights}
     by = ["run", "id"]
     flown = compare_rows.tidy(frame, tomls).sort_values(by, ignore_index=True)
     read = compare_rows.tidy(*compare_rows.of_logs(logs)).sort_values(by, ignore_index=True)
@@ -115,7 +97,7 @@ def test_compare_of_a_folder_of_logs_writes_table_and_report(logs, tmp_path):
 def test_the_headline_counts_names_as_the_table_of_detectors_does(flights):
     """A detector that sees what it was not designed for has a column of its own, and no place in the sentence."""
     result = run_many(flights, workers=0)
-    frame, _, tomls = compare_rows.of_result(result, flights)
+    frame, tomls = result.frame, {run_id(s): s.expanded_toml() for s in flights}
     rows = compare_rows.tidy(frame, tomls)
     beside = rows["detected"] & (rows["id"] == "iotsekf")
     assert beside.any()
@@ -130,7 +112,7 @@ def test_the_headline_counts_names_as_the_table_of_detectors_does(flights):
 def test_compare_of_a_campaign_folder_is_that_of_its_rows(flights, tmp_path):
     run_many(flights, workers=0, out=tmp_path / "c")
     found = compare([tmp_path / "c"])
-    frame, _, tomls = compare_rows.of_campaign(tmp_path / "c")
+    frame, _, tomls, _ = compare_rows.of_campaign(tmp_path / "c")
     pd.testing.assert_frame_equal(found.rows, compare_rows.tidy(frame, tomls))
     assert found.runs == 3 and all(d["step_us"] is None or d["step_us"] > 0 for d in found.detectors)
 
@@ -244,7 +226,7 @@ def test_delays_are_never_negative_and_missing_ones_are_null(logs):
 
 def test_a_comparison_without_a_designed_for_fault_has_no_empty_figure_and_names_its_marks(flights):
     result = run_many(flights, workers=0)
-    frame, _, tomls = compare_rows.of_result(result, flights)
+    frame, tomls = result.frame, {run_id(s): s.expanded_toml() for s in flights}
     rows = compare_rows.tidy(frame, tomls)
     blind = rows.assign(word=np.where(rows["case"].notna(), "may", rows["word"]))
     assert compared.delays(blind) is None and compared.roc(blind, stats.detectors(blind)) is None

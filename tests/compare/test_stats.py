@@ -1,14 +1,12 @@
 """Statistics of a comparison over rows by hand."""
 
-import io
 import math
 
 import numpy as np
 import pandas as pd
 import pytest
-from rich.console import Console
 
-from cosim.compare import CompareError, Comparison, metrics, stats, tables
+from cosim.compare import CompareError, Comparison, metrics, stats
 from cosim.compare import rows as compare_rows
 from cosim.judge import coverage
 
@@ -55,7 +53,7 @@ def hand_made():
     rows["first_sure_wrong"] = rows["outcome"] == "bonus"
     rows["first_verdict"], rows["right_after_motion_s"] = rows["isolated_class"], rows["time_to_right_s"]
     rows["right"] = rows["outcome"] == "named"
-    return rows
+    return compare_rows.with_alarms_anyway(rows)
 
 
 def test_detectors_are_counted_over_what_they_were_designed_for():
@@ -117,16 +115,15 @@ def test_confusion_has_none_and_false_alarms_as_columns():
     assert counts.loc["no fault", "false alarm"] == 1 and counts.loc["no fault", "none"] == 3
 
 
-def test_alarm_that_the_manoeuvre_raises_alone_is_no_detection():
-    rows = hand_made()
+def test_beside_what_was_seen_stands_how_often_the_same_manoeuvre_alarms_without_the_fault():
+    rows = hand_made().drop(columns="alarms_anyway", errors="ignore")
     rows.loc[(rows["id"] == "lpv_smo") & rows["case"].isna(), "false_alarms"] = 1
-    told = compare_rows.echoes(rows)
-    own = told[(told["id"] == "lpv_smo") & told["case"].notna()]
-    assert not own["detected"].any() and (own["outcome"] == "echo").sum() == 2
-    counts = stats.score(own[own["word"] == coverage.DESIGNED])  # what a false alarm says of a fault is luck
-    assert (counts["held"], counts["right_s"], own["time_to_right_s"].count()) == (0, math.inf, 0)
-    assert not own["right"].any() and own["isolated_class"].isna().all() and set(own["class_given"]) == {"not given"}
-    assert told[told["id"] == "iotsekf"]["detected"].sum() == 2
+    told = compare_rows.with_alarms_anyway(rows)
+    own = told[told["id"] == "lpv_smo"]
+    assert own["detected"].equals(told.loc[own.index, "detected"]) and set(own["alarms_anyway"]) == {1.0}
+    each = {d["id"]: d for d in stats.detectors(told)}
+    assert each["lpv_smo"]["alarms_anyway"] == 1.0 and each["iotsekf"]["alarms_anyway"] == 0.0
+    assert each["lpv_smo"]["detected"] == 1  # designed for, and as before
 
 
 def test_every_flight_stands_in_one_column_and_what_could_not_judge_stays_in_the_denominator():
@@ -168,17 +165,3 @@ def test_a_fault_rate_that_is_none_is_refused_and_one_gives_each_detector_its_pr
     iotsekf, lpv_smo = found.predictive([0.5])
     assert (iotsekf["value"], lpv_smo["id"]) == (1.0, "lpv_smo")
     assert lpv_smo["value"] == pytest.approx(0.5 / 3 / (0.5 / 3 + 1 / 0.08))  # one of three seen, one false in 0.08 h
-
-
-def test_a_false_alarm_rate_never_stands_without_its_bound_however_narrow_the_terminal():
-    each = [d | {"id": name} for name in ("iotsekf", "learned_convolution") for d in stats.detectors(hand_made())]
-    without = 0
-    for width in range(40, 240, 5):
-        for made, bound in ((tables.detectors(each), "at most"), (tables.quiet(each), "95 % bounds")):
-            console = Console(width=width, record=True, file=io.StringIO())
-            console.print(made)
-            words = console.export_text().split()
-            gone = " ".join(words).partition("left out of")[2].partition(";")[0]
-            without += "false alarm rate" in gone
-            assert bound not in gone, (width, gone)
-    assert without

@@ -6,8 +6,6 @@ import pytest
 from fdi.hydraulic import iotsekf
 from fdi.isolation import backlash
 
-pytestmark = pytest.mark.usefixtures("plain_kernels")
-
 DT, H = 0.005, 8e-4
 T = np.arange(0.0, 4.0, DT)
 SIDE = np.where(np.sin(2.0 * np.pi * 0.5 * T) > 0.0, 1.0, -1.0)  # of the load

@@ -22,8 +22,6 @@ from fdi.ema.ema_kalman import CURRENT, POSITION
 from fdi.ema.ema_kalman_flight import CULPRITS
 from fdi.monitors import position_monitor
 
-pytestmark = pytest.mark.usefixtures("plain_kernels")
-
 SECONDS, START, END = 16.0, 5.0, 10.0
 T = np.arange(round(SECONDS / DT)) * DT
 ON = (T >= START) & (T < END)

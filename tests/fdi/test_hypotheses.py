@@ -9,8 +9,6 @@ from cosim.training.flights import watch, wires
 from fdi.common import bank, verdict
 from fdi.hydraulic import hypotheses, iotsekf, losses, runaway_test, sample_rings, sensor_noise
 
-pytestmark = pytest.mark.usefixtures("plain_kernels")
-
 P = iotsekf.params()[0]
 N = sample_rings.N
 LOSSY = int(np.argmin(P["bank_loss"]))  # the frequency whose samples are averaged over most of its period

@@ -14,8 +14,6 @@ from fdi.common import verdict
 from fdi.hydraulic import iotsekf
 from fdi.isolation import adaptation, decide, evidence, filter, response, sums
 
-pytestmark = pytest.mark.usefixtures("plain_kernels")
-
 DT, ONSET, HEALED = 0.005, 10.0, 16.0
 FIELDS = {name: f"iotsekf_in.{{}}.{name}" for name in iotsekf.INPUTS.names}
 VALVE = {"kind": "ofc_liquid", "at": "valve", "amplitude_mm": 0.6, "frequency_hz": 2.0}

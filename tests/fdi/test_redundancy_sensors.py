@@ -17,8 +17,6 @@ from fdi.common.verdict import SENSOR
 from fdi.common.why import GUSTS
 from fdi.control_redundancy import control_redundancy, core, decide
 
-pytestmark = pytest.mark.usefixtures("plain_kernels")
-
 
 @pytest.mark.parametrize("sensor, error", [("n_x", lambda t: 0.03 + 0 * t), ("n_z", lambda t: 0.01 * t),
                                            ("alpha", lambda t: 0.035 + 0 * t)])  # fmt: skip

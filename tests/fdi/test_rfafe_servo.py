@@ -10,8 +10,6 @@ from cosim.training.flights import COMMAND, POINT, SURFACES
 from fdi.rfafe import rfafe, segments, servo
 from fdi.rfafe.store import read
 
-pytestmark = pytest.mark.usefixtures("plain_kernels")
-
 DT, ROLL_S = 0.005, 12.0
 
 

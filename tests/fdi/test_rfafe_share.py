@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from actuators.block import briefly
 from fdi.common import bank
 from fdi.rfafe import decision, rfafe
 
@@ -23,7 +22,7 @@ def test_the_share_and_its_variance_are_those_of_least_squares(hz):
     x["bank_ring"][0, j, np.arange(head - n, head)] = f
     x["bank_ring"][1, j, np.arange(head - n, head)] = u
     x["bank_head"][j], x["bank_seen"][j] = head, bank.N
-    share, weight = briefly(decision.missing, x, p, k, 10.0)
+    share, weight = decision.missing(x, p, k, 10.0)
     told = stats.linregress(u, f)
     assert (share, weight) == pytest.approx((-told.slope, told.stderr**-2), rel=1e-9)
 
@@ -32,7 +31,7 @@ def test_a_window_that_is_not_full_tells_no_share():
     p, x = rfafe.params()[0], np.zeros(1, rfafe.STATE)[0]
     k = int(np.argmin(np.abs(p["bank_hz"] - 1.0)))
     x["bank_seen"][int(p["bank_level"][k])] = p["bank_n"][k]
-    assert briefly(decision.missing, x, p, k, 10.0) == (0.0, 0.0)
+    assert decision.missing(x, p, k, 10.0) == (0.0, 0.0)
     fast = int(np.argmax(p["bank_hz"]))
     x["bank_seen"][:] = bank.N
-    assert briefly(decision.missing, x, p, fast, 0.2) == (0.0, 0.0)  # two of its samples since it was found
+    assert decision.missing(x, p, fast, 0.2) == (0.0, 0.0)  # two of its samples since it was found

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from actuators.block import briefly
 from fdi.common import sinusoid
 
 N, RING, FIRST, ANGLE = 17, 24, 15, 0.7  # the samples run over the end of the ring
@@ -24,7 +23,7 @@ def test_products_are_the_sums_of_the_newest_samples_less_the_mean_of_the_first(
     c, s = np.cos(turn), np.sin(turn)
     pairs = [(f, f), (f, d), (d, d), (f, c), (f, s), (d, c), (d, s), (c, c), (c, s), (s, s)]
     expected = [f.sum(), d.sum(), *(a @ b for a, b in pairs)]
-    assert briefly(sinusoid.products, F, D, FIRST, N, ANGLE, 0.8) == pytest.approx(expected, abs=1e-12)
+    assert sinusoid.products(F, D, FIRST, N, ANGLE, 0.8) == pytest.approx(expected, abs=1e-12)
 
 
 def test_what_is_beside_a_sine_is_the_rest_of_least_squares(rings):
@@ -32,4 +31,4 @@ def test_what_is_beside_a_sine_is_the_rest_of_least_squares(rings):
     turn = ANGLE * np.arange(N)
     X = np.stack([np.cos(turn), np.sin(turn)], 1)
     f, d = (y - X @ np.linalg.lstsq(X, y)[0] for y in (f, d))
-    assert briefly(sinusoid.beside, F, D, FIRST, N, ANGLE) == pytest.approx((f @ f, f @ d, d @ d), abs=1e-9)
+    assert sinusoid.beside(F, D, FIRST, N, ANGLE) == pytest.approx((f @ f, f @ d, d @ d), abs=1e-9)

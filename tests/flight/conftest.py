@@ -2,7 +2,7 @@
 
 import pytest
 
-from cosim.flight.plugins.new import texts
+from cosim.flight.new import texts
 
 
 @pytest.fixture(scope="module")

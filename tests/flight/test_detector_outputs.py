@@ -12,8 +12,8 @@ from cosim.errors import CosimError, LogError, ScenarioError
 from cosim.flight.build import build
 from cosim.flight.detection.detectors import chosen, placed
 from cosim.flight.loop.signals import fly
-from cosim.flight.plugins import load, with_detectors
 from cosim.log import open_log
+from cosim.parts import load, with_detectors
 from cosim.replay import replay
 from cosim.replay.detector_replay import describe, in_stages
 from cosim.scenario.aircraft import load_aircraft

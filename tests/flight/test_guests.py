@@ -9,13 +9,12 @@ import pytest
 from typer.testing import CliRunner
 
 import cosim
-from actuators.source_hash import closure
-from cosim.campaign.run import run_campaign
+from cosim.campaign.engine import run_campaign
 from cosim.cli import commands as cli
 from cosim.compare import compare
 from cosim.errors import CosimError, ScenarioError
-from cosim.flight.plugins import load, with_detectors
 from cosim.log import open_log
+from cosim.parts import load, with_detectors
 from cosim.replay import log_schema, replay
 from cosim.report import flight_report
 from cosim.scenario import user_parts
@@ -176,7 +175,8 @@ def test_two_detectors_of_one_id_are_refused_in_one_line(command, parity, flight
     own = tmp_path / "own.toml"
     text = cosim.load_scenario("cruise", ["duration_s=2"]).expanded_toml()
     own.write_text(f'{text}\n[detectors.parity]\nfile = "{parity}"\n')
-    words = {"replay": ["replay", str(flight[0])], "scenario": ["run", str(own)]}.get(command, command.split())
+    known = {c: [c, str(flight[0])] for c in ("replay", "compare")} | {"scenario": ["run", str(own)]}
+    words = known.get(command, command.split())
     named = [str(other)] if command == "scenario" else [str(parity), str(other)]
     words += [word for file in named for word in ("--detector", file)]
     if command != "replay":
@@ -290,14 +290,6 @@ def test_campaign_workers_fly_it_and_its_rows_are_judged_without_its_code(parity
     other.write_text(parity.read_text() + "\n# other code\n")
     fresh = run_campaign(tmp_path / "own.toml", workers=0, out=tmp_path / "other", guests=[other])
     assert set(fresh.frame["run"]).isdisjoint(done.frame["run"])  # other code is another run
-
-
-def test_machine_code_of_a_block_is_that_of_its_neighbours_too(tmp_path):
-    (tmp_path / "own.py").write_text("import gains_of_mine\nimport numpy\nfrom actuators.block import kernel\n")
-    (tmp_path / "gains_of_mine.py").write_text("GAIN = 1.0\n")
-    (tmp_path / "another.py").write_text("")
-    names = {file.name for file in closure((tmp_path / "own.py").resolve())}
-    assert {"own.py", "gains_of_mine.py", "block.py"} <= names and "another.py" not in names
 
 
 def test_a_folder_of_logs_is_judged_without_the_file_that_its_flights_name(flight, parity, tmp_path, monkeypatch):

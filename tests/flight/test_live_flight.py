@@ -176,7 +176,7 @@ class Chatty:
 
 
 def test_ctrl_c_ends_it_with_a_whole_log_and_what_a_guest_prints_stays_apart(tmp_path, capsys):
-    from cosim.flight.plugins import with_detectors
+    from cosim.parts import with_detectors
     from fdi import registry
 
     (tmp_path / "chatty.py").write_text(CHATTY)

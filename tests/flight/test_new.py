@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import cosim
 from cosim.cli import commands as cli
-from cosim.flight.plugins.new import KINDS, shadows
+from cosim.flight.new import KINDS, shadows
 from cosim.scenario.aircraft import load_aircraft
 
 OWN = [kind for kind in KINDS if kind != "detector"]  # test_guests_contract.py has that one

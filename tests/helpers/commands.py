@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 _SERVER = """
 import json, os, signal, sys, time
-import cosim, cosim.cli.commands, cosim.compare, cosim.report, cosim.replay.map, cosim.campaign.run
+import cosim, cosim.cli.commands, cosim.compare, cosim.report, cosim.replay.map, cosim.campaign.engine
 import pandas, pyarrow.parquet
 from cosim.cli import main
 cosim.simulate(cosim.load_scenario("liquid-ofc", ["duration_s=0.1"]), timed=False, achieved=True)

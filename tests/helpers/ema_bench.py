@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import numba
 import numpy as np
 from scipy.signal import lfilter
 
@@ -68,7 +69,7 @@ def _faulty(true, noise, add, scale, frozen, last):
     return last if frozen > 0.5 else (1.0 + scale) * true + noise + add
 
 
-@kernel
+@numba.njit(error_model="numpy")
 def fly(entries, tick, px, ps, pf, x, s, f, ux, us, uf, reconfigure, log, surface):
     """Fly every tick; log: address of flight.STATE per tick; surface: true angle x1 and N x3 / l, reference, [rad].
 
@@ -175,5 +176,5 @@ def fly_bench(tick: Any, *, tolerance: Any = None, friction: Any = 1.0, reconfig
     ux, us, uf = np.zeros(1, ema.INPUTS), np.zeros(1, ema_servo.INPUTS), np.zeros(1, flight.INPUTS)
     out, true = np.zeros(len(tick), flight.STATE), np.zeros((len(tick), 4))
     entries = np.array([block.rollout.native.address for block in (flight, ema_servo, ema)])
-    fly.compiled(entries, tick, px, ps, pf, x, s, f, ux, us, uf, bool(reconfigure), out.ctypes.data, true)
+    fly(entries, tick, px, ps, pf, x, s, f, ux, us, uf, bool(reconfigure), out.ctypes.data, true)
     return Flight(out, *true.T.copy())

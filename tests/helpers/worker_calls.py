@@ -3,6 +3,7 @@
 import os
 import signal
 
+from cosim.campaign.worker import Flown, failed
 from cosim.scenario import load_scenario
 
 FEW = '["iotsekf", "position_monitor"]'
@@ -19,24 +20,12 @@ def square(x):
     return {"pid": os.getpid(), "value": x * x}
 
 
-def deadly(run, scenario, achieved):
-    """Fly nothing; the run "deadly" ends its process, as a campaign's `fly` otherwise."""
-    if run == "deadly":
-        os._exit(9)
-    return [{"run": run, "lane": 0, "status": "completed"}], []
-
-
-def killed(run, scenario, achieved):
-    """The same; the system kills the process."""
-    if run == "deadly":
-        os.kill(os.getpid(), signal.SIGKILL)
-    return [{"run": run, "lane": 0, "status": "completed"}], []
-
-
-def die_once(run, scenario, achieved):
-    """The same; the first process that flies "deadly" is killed, after it has left COSIM_TEST_MARKER."""
-    marker = os.environ["COSIM_TEST_MARKER"]
-    if run == "deadly" and not os.path.exists(marker):
-        open(marker, "w").close()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return [{"run": run, "lane": 0, "status": "completed"}], []
+def die(group, achieved, signals, kill=os.kill):
+    """Fly nothing of `group`, [(run, path of a marker)]; "deadly" kills its process, "unlucky" the first."""
+    flown = []
+    for run, marker in group:
+        if run == "deadly" or (run == "unlucky" and not os.path.exists(marker)):
+            open(marker, "w").close()
+            kill(os.getpid(), signal.SIGKILL)
+        flown.append(Flown(run, [failed(run, "completed", "")], []))
+    return flown

@@ -10,15 +10,11 @@ from typer.testing import CliRunner
 
 from cosim import papers as reproduce
 from cosim.cli import commands as cli
-from cosim.errors import CosimError, OutputError
+from cosim.errors import CosimError
 from cosim.papers.claims import load
 from cosim.papers.jay import figures as jay_figures
-from cosim.papers.row import ANY, Planned
-from cosim.report import papers_markdown as readme
-from cosim.report.markdown import markers, part
+from cosim.papers.row import Planned
 from cosim.report.reproduce_page import render
-
-README = Path(__file__).parents[2] / "cosim" / "papers" / "README.md"
 
 
 @pytest.fixture(scope="module")
@@ -34,66 +30,34 @@ def test_every_paper_plans_rows_that_quote_it(plan):
               '"close')  # fmt: skip
     for p in plan:
         assert p.says and not (p.low <= 0.0 and p.high == float("inf")), p.item
-        assert p.kind != "claim" or not any(w in p.says for w in silent), p.item
-        assert p.kind == "ours" or p.says.startswith(places) or '"' in p.says, (p.item, p.says)
+        assert not any(w in p.says for w in silent), p.item
+        assert p.says.startswith(places) or '"' in p.says, (p.item, p.says)
 
 
-def judged(got, *band, reason="", kind="claim", found=(0.55, 0.65)):
-    low, high = band or ANY
-    return Planned("p", "i", "s", lambda: got, low, high, reason, kind, found=found if reason else None).judge()
+def judged(got, low, high, reason=""):
+    return Planned("p", "i", "s", lambda: got, low, high, reason, found=(0.55, 0.65) if reason else None).judge()
 
 
 @pytest.mark.parametrize(
-    ("kind", "got", "reason", "verdict"),
+    ("got", "reason", "verdict"),
     [
-        ("claim", 0.5, "", "agrees"),
-        ("claim", 0.5, "why", "agrees"),
-        ("claim", 0.6, "", "differs"),
-        ("claim", 0.6, "why", "differs_explained"),
-        ("claim", 0.52, "why", "differs"),  # a reason is no licence
-        ("claim", 0.7, "why", "differs"),
-        ("claim", float("nan"), "why", "differs"),
-        ("ours", 0.4, "", "ours"),
-        ("ours", 0.6, "", "differs"),
-        ("ours", float("nan"), "", "differs"),
-        ("beyond", 0.4, "", "beyond"),
-        ("beyond", 0.6, "", "differs"),
+        (0.5, "", "agrees"),
+        (0.5, "why", "agrees"),
+        (0.6, "", "differs"),
+        (0.6, "why", "differs_explained"),
+        (0.52, "why", "differs"),  # a reason is no licence
+        (0.7, "why", "differs"),
+        (float("nan"), "why", "differs"),
     ],
 )
-def test_a_number_is_judged_by_its_band_and_by_what_was_found_for_a_reason(kind, got, reason, verdict):
-    row = judged(got, 0.0, 0.5, reason=reason, kind=kind)
+def test_a_number_is_judged_by_its_band_and_by_what_was_found_for_a_reason(got, reason, verdict):
+    row = judged(got, 0.0, 0.5, reason=reason)
     assert row.verdict == verdict and bool(row.reason) == (verdict == "differs_explained")
     assert row.tolerance == "0 .. 0.5" + "; found 0.55 .. 0.65" * bool(reason)
 
 
-def test_a_number_without_a_band_and_a_reason_without_what_was_found():
-    assert judged(7.0, kind="ours").tolerance == "none"
-    assert Planned("x", "y", "z", lambda: 0.6, 0, 0.5, "why").judge().verdict == "differs"  # nothing was found
-
-
-def test_readme_table_has_the_rows_of_the_code(plan):
-    found, totals = readme.parsed(part(README.read_text(encoding="utf-8"), readme.NAME))
-    assert tuple(found) == reproduce.PAPERS
-    for paper in found:
-        assert found[paper] == [p.item for p in plan if p.paper == paper], paper
-        assert totals[paper][0] == sum(totals[paper][1:]) == len(found[paper])
-    assert totals["all"] == tuple(sum(totals[p][i] for p in found) for i in range(6))
-
-
-def test_readme_is_written_between_its_markers_only(tmp_path):
-    rows = [Planned("jay", item, "s", lambda v=v: v, 0.0, 2.0).judge() for item, v in (("a | b", 1.0), ("c", 3.0))]
-    path, (begin, end) = tmp_path / "README.md", markers(readme.NAME)
-    path.write_text(f"before\n{begin}\nold\n{end}\nafter\n")
-    readme.write(path, rows)
-    text = path.read_text()
-    assert text.startswith("before\n") and text.endswith("\nafter\n") and "old" not in text
-    totals = {"jay": (2, 1, 0, 1, 0, 0), "all": (2, 1, 0, 1, 0, 0)}
-    assert readme.parsed(part(text, readme.NAME)) == ({"jay": ["a | b", "c"]}, totals)
-    readme.write(path, [Planned("lu17", "d", "s", lambda: 1.0, 0.0, 2.0).judge()])
-    assert readme.parsed(part(path.read_text(), readme.NAME))[1]["all"] == (3, 2, 0, 1, 0, 0)
-    path.write_text("no markers")
-    with pytest.raises(OutputError, match="markers"):
-        readme.write(path, rows)
+def test_a_reason_without_what_was_found_explains_nothing():
+    assert Planned("x", "y", "z", lambda: 0.6, 0, 0.5, "why").judge().verdict == "differs"
 
 
 def test_an_unknown_paper_is_refused_with_a_proposal():
@@ -126,7 +90,7 @@ def test_command_writes_page_and_rows_and_fails_on_a_difference(jay, tmp_path, m
     run = CliRunner().invoke(cli.app, ["reproduce", "jay", "--json", "-o", "folder"])
     assert run.exit_code == 0, run.output
     found = json.loads(run.stdout)
-    assert found["counts"] == {"agrees": 24, "differs_explained": 1, "differs": 0, "ours": 8, "beyond": 0}
+    assert found["counts"] == {"agrees": 24, "differs_explained": 1, "differs": 0}
     assert Path(found["report"]).read_text(encoding="utf-8").startswith("<!doctype html>")
     assert sorted(p.name for p in Path("folder").iterdir()) == ["reproduce-jay.csv", "reproduce-jay.html"]
     table = pd.read_csv(found["table"])
@@ -147,7 +111,6 @@ def test_pieces_are_put_together_in_the_order_of_the_plan(monkeypatch):
 
 
 ROW = """[[row]]
-kind = "claim"
 item = "figure 3"
 says = "section 4"
 measure = "rows.settles"
@@ -159,7 +122,6 @@ band = [1.0, 2.0]
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (('kind = "claim"', 'kind = "claims"'), r"figure 3.*\n.*kind\n.* 'claim', 'ours' or 'beyond'"),
         (("band = [1.0, 2.0]", "band = [2.0, 1.0]"), r"\[2, 1\] is not \[least, largest\]"),
         (("band = [1.0, 2.0]", ""), r"band\n.*Field required"),
         (("rows.settles", "rows.settled"), "measure = 'rows.settled'"),
@@ -167,9 +129,8 @@ band = [1.0, 2.0]
         (("says =", "say ="), r"says\n.*Field required(.|\n)*say\n.*Extra inputs"),
         (('item = "figure 3"', "item = 3"), r"item\n.*valid string"),
         (("band = [1.0, 2.0]", 'band = [1.0, 2.0]\nreason = "r"'), "reason, found and spread stand together"),
-        (("band = [1.0, 2.0]", "band = [-inf, inf]"), "a claim needs a band"),
+        (("band = [1.0, 2.0]", "band = [-inf, inf]"), r"is not \[least, largest\]"),
         (("band = [1.0, 2.0]", 'band = ["1", true]'), r"band.0\n.*valid number(.|\n)*band.1\n.*valid number"),
-        (('kind = "claim"', 'kind = "ours"\nreason = "r"\nfound = [1, 2]\nspread = "s"'), "without a claim"),
     ],
 )
 def test_a_wrong_row_is_refused_with_its_place(change, told):

@@ -20,7 +20,7 @@ def judged(paper, *measures):
 def test_structure_of_the_talk_and_of_this_aircraft():
     assert judged("mar10", "rows.table", "rows.injected") == ["agrees", "agrees"]
     # the print of slide 16 is not what slide 9 gives
-    assert judged("mar10", "rows.drift") == ["differs_explained", "ours"]
+    assert judged("mar10", "rows.drift") == ["differs_explained"]
     assert mar10.defined()[0] == 10
     columns = [c.name for c in mar10_figures._table().table.columns]
     assert columns[2:6] == ["delta_l", "delta_m", "delta_n", "eta"]
@@ -45,7 +45,7 @@ def test_first_scenario_identifies_its_thrust_loss():
 
 
 def test_model_and_gains_belong_to_the_stored_design():
-    assert set(judged("alwi14", "model.")) == {"agrees", "ours"}
+    assert set(judged("alwi14", "model.")) == {"agrees"}
 
 
 @pytest.mark.slow
@@ -59,4 +59,4 @@ def test_every_row_of_a_paper_agrees_or_says_why_and_has_its_figures(paper):
     rows, drawings = reproduce(paper, workers=0)
     assert [r.item for r in rows if r.verdict == "differs"] == []
     assert all(math.isfinite(r.got) for r in rows)
-    assert len(drawings) == {"sun13": 5, "mar10": 10, "alwi14": 2, "lu17": 8, "jay": 12}[paper]
+    assert len(drawings) == {"sun13": 5, "mar10": 9, "alwi14": 2, "lu17": 7, "jay": 12}[paper]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import cosim
-from cosim.bench.log import log_costs
 from cosim.errors import LogError
 from cosim.log import open_log
 from cosim.replay import ReplayError, pieces, replay, replay_lane
@@ -131,13 +130,3 @@ def test_a_cut_log_replays_exactly_after_recovery(flight, whole, tmp_path):
     r = replay(tmp_path / "whole.mcap")
     assert r.exact
     assert 0 < r.rows < whole.rows
-
-
-def test_the_costs_of_a_recorded_flight_are_told_for_every_detector(flight, monkeypatch):
-    monkeypatch.setattr("cosim.bench.log.ROUNDS", 1)  # the best of several is for those who measure
-    told = log_costs(flight)
-    assert set(told["replay_us"]) == set(cosim.load_scenario("liquid-ofc").running)
-    assert all(cost > 0.0 for cost in told["replay_us"].values())
-    assert told["frames_s"] > 0.0 and told["topic_s"] > 0.0 and told["minutes"] == pytest.approx(0.1)
-    assert told["detectors_realtime"] > told["replay_realtime"] > 0.0
-    assert told["parquet_s"] > 0.0 and told["replay_cpu_s"] > 0.0

@@ -121,7 +121,7 @@ def test_a_column_may_have_a_name_of_300_letters(tmp_path):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("check", LONG), "no such file and no installed detector"),
+        (("check", LONG), "there is no such file, and its name is longer than a file's may be"),
         (("new", "detector", LONG), "longer than a file's may be. Choose a shorter one"),
     ],
 )

@@ -29,7 +29,7 @@ def steps(manoeuvre: Any, trim: Any = None) -> dict[str, Any]:
 
 def _steps(manoeuvre):
     k = manoeuvre
-    if isinstance(k, Inputs):  # cosim/flight/plugins/inputs.py
+    if isinstance(k, Inputs):  # cosim/flight/user_inputs.py
         heading = k.heading_deg is not None
         return {"steps": [], "hold_psi": heading, "hold_h": k.hold_altitude}
     if isinstance(k, m.Cruise):

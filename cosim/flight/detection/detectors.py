@@ -18,8 +18,8 @@ import numpy as np
 
 import fdi
 from actuators.disk_cache import contents, kept
+from cosim import parts
 from cosim.errors import ScenarioError, did_you_mean
-from cosim.flight import plugins
 from cosim.flight.blocks.sensors import installed
 from cosim.flight.detection import stored_designs
 from cosim.flight.detection.detector_context import site
@@ -145,7 +145,7 @@ class Installed:
         is no number or out of range."""
         table, options = scenario.detectors.table(self.id), self.record.options
         if self.id not in registry.SHIPPED:
-            table = {name: value for name, value in table.items() if name not in plugins.KEYS}
+            table = {name: value for name, value in table.items() if name not in parts.KEYS}
         words = {n: _word(self.id, n, table.pop(n), allowed) for n, allowed in options.items() if n in table}
         technology, own = scenario.elevator.technology, scenario.aircraft
         lanes, told = self.lanes if self.level == "local" else [""], scenario.elevator.parameters
@@ -217,7 +217,7 @@ def missing(record: Detector, aircraft: Aircraft) -> str:
 
 def left_out(scenario: Scenario) -> dict[str, str]:
     """Return {detector: why} of those that the scenario runs and its aircraft, or its elevators, cannot have."""
-    plugins.use(scenario)
+    parts.use(scenario)
     own, out = scenario.aircraft, {}
     for name in scenario.running:
         record = registry.record(name)
@@ -361,7 +361,7 @@ def manifest(setup: Any, topics: Sequence[Any]) -> list:
             if bus.index(source) not in place:  # both copies of a sensor are the same bits, and one is logged
                 source = source.removesuffix("_obs")
             inputs[lane].append([field, *place[bus.index(source)]])
-        guest = {} if d.id in registry.SHIPPED else {"guest": plugins.about(d.module)}
+        guest = {} if d.id in registry.SHIPPED else {"guest": parts.about(d.module)}
         lanes = list(d.lanes)
         out.append({"id": d.id, "level": d.level, "lanes": lanes, "every": d.every, "inputs": inputs, **guest})
     return out

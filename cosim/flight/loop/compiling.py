@@ -26,6 +26,11 @@ def shipped() -> dict[str, ModuleType]:
     return _blocks([*_actuators(t.name for t in SHIPPED), *map(registry.module, registry.DEFAULT), *LOOP])
 
 
+def every() -> list[Native]:
+    """Return the compiled functions of every block that ships, of the tape, and of a replay."""
+    return [*(m.rollout.native for m in shipped().values()), schedule.WALK, block.SWEEP]
+
+
 def _actuators(technologies):
     return [m for name in technologies if name in TECHNOLOGIES for m in TECHNOLOGIES[name].modules()]
 

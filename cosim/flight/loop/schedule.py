@@ -21,22 +21,25 @@ class Block:
     """A block in the loop: its module's `rollout` on its lanes in the bus; `advance()` steps every lane by one of its
     ticks, in place."""
 
-    def __init__(self, bus: Any, name: str, module: Any, p: np.ndarray, x0: np.ndarray, dt: float, every: int = 1):
+    def __init__(
+        self, bus: Any, name: str, module: Any, p: np.ndarray, x0: np.ndarray, dt: float, every: int = 1,
+        rollout: Any = None,
+    ):  # fmt: skip
         self.name, self.module, self.p, self.every, self.dt = name, module, p, every, dt * every
+        self.rollout = rollout or module.rollout
         self.x, self.u = bus[name], bus[name + "_in"].reshape(-1, 1)
         self.x[:] = x0
 
     def advance(self) -> None:
         """Advance every lane by `every` ticks."""
-        self.module.rollout(self.x, self.u, self.p, self.dt)
+        self.rollout(self.x, self.u, self.p, self.dt)
 
 
 class Tape:
     """Record what a tick does to the bus vector `v` (n,), then `run` it tick by tick."""
 
-    def __init__(self, v: np.ndarray, dt: float, *, free: bool = False):
-        """`free` lets other threads run while a segment is walked."""
-        self.v, self.dt, self._free = v, dt, free
+    def __init__(self, v: np.ndarray, dt: float):
+        self.v, self.dt = v, dt
         self._kept: list[Any] = [v]  # every array, and every block, that a row points to
         self._rows: list[tuple[int, ...]] = []
         self.parts: list[Callable[[int], Any]] = []  # of a tick: callables that take k
@@ -93,7 +96,7 @@ class Tape:
 
     def step(self, block: Any) -> None:
         """Advance every lane of a block by one tick, every `block.every` ticks; blocks in Python advance themselves."""
-        entry = block.module.rollout if isinstance(block, Block) else None
+        entry = block.rollout if isinstance(block, Block) else None
         if not isinstance(entry, Entry):
             self.call(lambda k: block.advance() if k % block.every == 0 else None)
         elif len(block.x):
@@ -145,6 +148,6 @@ class Tape:
         if self._rows:
             table = np.array(self._rows, np.int64)
             self._rows = []
-            walk, rows, n, v = WALK.free if self._free else WALK.call, self._at(table), len(table), self._at(self.v)
+            walk, rows, n, v = WALK.call, self._at(table), len(table), self._at(self.v)
             self._whole = lambda first, stop: walk(rows, n, v, first, stop)
             self.parts.append(lambda k: walk(rows, n, v, k, k + 1))

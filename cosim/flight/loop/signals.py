@@ -13,6 +13,7 @@ from cosim.flight.build import build
 from cosim.flight.faults.conditions import known, resolved
 from cosim.flight.fly import record
 from cosim.log.reader import Units
+from cosim.parts import rollout_of
 from cosim.scenario import Scenario, load_scenario
 from cosim.scenario.vocabulary import find, words
 
@@ -87,7 +88,7 @@ def detect(
     kind = [(n, "f8", module.STATE[n].shape) for n in fields] if fields is not None else module.STATE
     out = np.zeros(u.shape, kind)
     x, log = module.init(p), np.zeros((lanes, CHUNK), module.STATE)
-    rollout = module.runner() if hasattr(module, "runner") else module.rollout
+    rollout = rollout_of(module)
     for a in range(0, len(frame), CHUNK):
         b = min(a + CHUNK, len(frame))
         rollout(x, np.ascontiguousarray(u[:, a:b]), p, frame.attrs["dt"], log[:, : b - a])

@@ -25,7 +25,6 @@ from typing import Any
 import jsbsim
 import numpy as np
 
-from actuators.block import briefly
 from actuators.constants import G0, M_PER_FT, M_S_PER_KT, N_PER_LBF
 from cosim.errors import ScenarioError, TrimError
 from cosim.flight.plant import gusts
@@ -246,7 +245,7 @@ class Plant:
     def read(self, record: np.ndarray) -> None:
         """Write the truth at t_k into `record`, a record or a (1,) array of the border's truth."""
         self.fetch()
-        briefly(to_si, self._raw, self._scale, np.asarray(record).reshape(1).view("f8"), *self._frame)
+        to_si(self._raw, self._scale, np.asarray(record).reshape(1).view("f8"), *self._frame)
 
     def fetch(self) -> None:
         """Read the properties behind the truth at t_k, in JSBSim's units."""

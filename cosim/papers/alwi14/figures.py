@@ -65,4 +65,4 @@ def _drawing(faults, beside, title, caption, look):
         panels.append(Panel(f"(c) {word} fault", unit, curves, (fault,) if fault else (), least))
     end = min(float(f.index[-1]) for f, _ in flown.values())
     return Drawing("alwi14", beside, title, caption, tuple(panels), onset=alwi14.ONSET if any(faults) else None,
-                   span=(0.0, end), row_px=150, look=look, picture="figure-2" if any(faults) else "")  # fmt: skip
+                   span=(0.0, end), row_px=150, look=look)  # fmt: skip

@@ -18,7 +18,6 @@ from fdi.lpv_smo import lpv_smo
 MACH = {"A": 0.40, "B": 0.51, "C": 0.54, "D": 0.68, "E": 0.53}  # Table 4
 POINTS = {p: (*(SIX[p][k] for k in ("mass_t", "cg_pct", "cas_kt")), m) for p, m in MACH.items()}  # t, %, kt, Mach
 SENSIBLE, LITERAL = (3.0, 0.5, 5.0), (3.0, 5.0, 0.5)  # elevator [deg], n_z [g], alpha [deg]: two readings of section 6
-NAMES = ("elevator", "n_z", "alpha")
 ESTIMATES = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha")
 UNITS = (RAD_PER_DEG, 1.0, RAD_PER_DEG)
 ONSET = 10.0  # [s]

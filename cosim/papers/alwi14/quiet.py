@@ -79,15 +79,6 @@ def shown() -> tuple[float, str]:
     return min(found), _each(found)[1]
 
 
-def all_ranges() -> tuple[float, str]:
-    """Return (range of the angle of attack [deg], largest of A to E, and those of the other signals)."""
-    wires = sources("lpv_smo")
-    asked = [(wires[name], word, unit, scale) for name, word, unit, scale in SHOWN]
-    asked.append(("law.law.de_cmd", "elevator command", "deg", RAD_PER_DEG))
-    found = {word: (max(_ranges(name, scale)), unit) for name, word, unit, scale in asked}
-    return found["angle of attack"][0], ", ".join(f"{word} {v:.3g} {unit}" for word, (v, unit) in found.items())
-
-
 def tracking() -> tuple[float, str]:
     """Return the range of the load factor over the doublet's 0.3 g, farthest from 1.
 
@@ -183,14 +174,6 @@ def e_norm(faults: tuple, noise: float) -> tuple[float, str]:
 def fault_free(which: int, noise: float = 0.0) -> tuple[float, str]:
     """Return the largest fault-free estimate of one of NAMES; with noise, of its mean over the last 5 s."""
     return _each(_quiet(noise)[:, which], 2)
-
-
-def own_model(only: tuple[int, int] | None = None, lag: bool = True) -> tuple[float, str]:
-    """Return the fault-free elevator [deg] with each point's own linear model in the observer, see `_own_worst`."""
-    most, told = _each([_own_worst(p, only, lag) for p in POINTS])
-    if only is None and lag:
-        told += f"; A51 of the affine model off by {_each([_stiffness(p) for p in POINTS])[1]}"
-    return most, told
 
 
 def mach() -> tuple[float, str]:

@@ -5,13 +5,10 @@ import functools
 import numpy as np
 
 from actuators.constants import RAD_PER_DEG
-from cosim.papers.alwi14.flights import ESTIMATES, LITERAL, NAMES, ONSET, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
+from cosim.papers.alwi14.flights import ESTIMATES, ONSET, POINTS, SENSIBLE, UNITS, nonlinear
 from cosim.papers.alwi14.plant import Law, fly
-from cosim.papers.measured import worst
 from fdi.lpv_smo import lpv_smo
 from fdi.lpv_smo import synthesis as lpv_smo_design
-
-DRAWS = 2  # sets of coefficients +-5 % per point
 
 
 @functools.cache
@@ -50,21 +47,3 @@ def _worst(faults, draws=0, t_learn=0.0):
 def error(which: int) -> float:
     """Return the worst error [%] of one of NAMES over the last 5 s on the nonlinear aircraft."""
     return _worst(SENSIBLE)[which]
-
-
-def literal() -> tuple[float, str]:
-    """Return the worst error [%] with the other reading of section 6.1."""
-    return worst(dict(zip(NAMES, _worst(LITERAL))), "{} {:.2g}")
-
-
-def uncertain(learned: bool) -> tuple[float, str]:
-    """Return the worst error of the elevator [%] with coefficients 5 % off; `learned`: with the offset taken out."""
-    found = _worst(SENSIBLE, DRAWS, lpv_smo.LEARN if learned else 0.0)
-    return found[0], "n_z {1:.2g}, alpha {2:.2g}".format(*found)
-
-
-def through_the_law() -> tuple[float, str]:
-    """Return the largest change of altitude [m] when the law flies on the faulty sensors."""
-    heights = {p: fly_point(p, SENSIBLE, "all", None, 1.0)["truth.aircraft.h"].to_numpy() for p in POINTS}
-    found = {p: h[-1] - h[0] for p, h in heights.items()}
-    return max(found.values(), key=abs), worst(found, "{} {:.0f}")[1]

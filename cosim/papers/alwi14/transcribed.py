@@ -12,7 +12,6 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from actuators.block import briefly
 from actuators.constants import M_S_PER_KT, RAD_PER_DEG
 from cosim.papers.measured import all_valid, apart, worst
 from cosim.training import lpv as training
@@ -74,7 +73,7 @@ def observer() -> tuple[float, str]:
     for k in range(TICKS):
         for name, values in y.items():
             u[name] = values[k]
-        briefly(lpv_smo.step, x[0], u[0], p[0], DT)
+        lpv_smo.step(x[0], u[0], p[0], DT)
         found.append(np.concatenate([
             x["alpha_hat"], *x["z"], *x["e"], *x["nu"], x["f_hat_elevator"], x["f_hat_n_z"], x["f_hat_n_z_raw"],
             x["f_hat_alpha"], x["f_sigma"],

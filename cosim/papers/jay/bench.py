@@ -16,15 +16,12 @@ What the paper leaves open, and what stands here:
 - The current faults are on the copy that the monitor reads. What they do inside the current loop has a row.
 """
 
-import functools
 from typing import Any
 
 import numpy as np
 
 from actuators.block import dtype, kernel
-from actuators.ema import actuator as ema
 from actuators.ema import jay
-from actuators.ema import servo as ema_servo
 from cosim.papers.jay import printed
 from cosim.papers.measured import all_valid
 from fdi.ema import ema_kalman
@@ -133,29 +130,3 @@ def bench(
     out = np.zeros(n, OUT)
     _fly(tick, *printed.plant(resistance), printed.LEAD, pf[0], np.zeros(6), f[0], uf[0], reconfigure, out)
     return out
-
-
-@functools.cache
-def under_load(open_from: float = np.inf) -> tuple[float, float]:
-    """Return the largest innovation mean and R1 [mm] of the published filter on an elevator whose hinge moment steps.
-
-    The servo holds zero, a load of 1000 N m comes after 1 s of ten; sensors without noise or delay, so that nothing but
-    the load that the model does not know moves the residuals. `open_from` [s]: from then on the filter's covariance,
-    and with it its gain, is zero.
-    """
-    px, ps, pf = ema.params(), ema_servo.params(delay=0.0), ema_kalman.params("elevator", delay=0)
-    x, s, f = ema.init(px), ema_servo.init(ps), ema_kalman.init(pf)
-    ux, us, uf = np.zeros((1, 1), ema.INPUTS), all_valid(ema_servo, 1, 1), all_valid(ema_kalman, 1, 1)
-    worst = np.zeros(2)
-    for k in range(round(10.0 / DT)):
-        position = px["lead"] * x["motor"]
-        uf["u"], uf["y_velocity"], uf["y_position"], uf["y_current"] = s["u"], x["motor_d"], position, x["i"]
-        if k * DT >= open_from:
-            f["P"] = 0.0
-        ema_kalman.rollout(f, uf, pf, DT)
-        us["pos_meas"], us["vel_meas"] = position, x["motor_d"]
-        ema_servo.rollout(s, us, ps, DT)
-        ux["u"], ux["hm0"] = s["u"], 1000.0 if k * DT > 1.0 else 0.0
-        ema.rollout(x, ux, px, DT)
-        worst = np.maximum(worst, [abs(f["eta_bar"][0]), 1e3 * abs(f["R1"][0])])
-    return float(worst[0]), float(worst[1])

@@ -100,5 +100,4 @@ def _in_flight():
         onset=flown.ONSET,
         span=(8.0, 30.0),
         look="the load factor: with the flight form it lies on that of the healthy flight.",
-        picture="in-flight",
     )

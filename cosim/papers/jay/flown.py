@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from actuators.ema import jay
 from cosim.flight.loop.signals import fly
 from cosim.judge.alarms import detection
 from cosim.scenario import load_scenario
@@ -58,24 +57,6 @@ def named(sensor: str, unit: str) -> tuple[int, str]:
     return each_size(sensor, unit, say)
 
 
-def alarms(*changes: str) -> tuple[float, str]:
-    """Return (fault-free: largest test over its threshold, that of the published filter)."""
-    f = flight("jay-incipient-position", "faults=[]", *changes)
-    return (
-        f[OWN[2]].iloc[400:].max(),
-        f"as published: innovation mean {f[PUBLISHED[0]].abs().max():.0f} of 3, R1 "
-        f"{1e3 * f[PUBLISHED[1]].abs().max():.0f} mm of 0.5",
-    )
-
-
-def warm() -> tuple[float, str]:
-    """Return (largest error of the position estimate [mm], alarms) with the winding 39 % up."""
-    f = flight("ema-winding-resistance", "faults.0.increase_pct=39.3")
-    error = f[OWN[3]].to_numpy()[2:] - jay.values()["lead"] * f[TRUE[2]].to_numpy()[:-2]
-    alarms = f[OWN[0]].iloc[400:].max()
-    return 1e3 * np.abs(error[400:]).max(), "no alarm" if alarms == 0.0 else "alarms"
-
-
 def off() -> tuple[float, str]:
     """Return (largest error of a drifting position when it is reconfigured [deg], when each size is)."""
     (name, key, sizes), told, worst = SIZES["position", "deg/s of drift"], [], 0.0
@@ -86,14 +67,3 @@ def off() -> tuple[float, str]:
         worst = max(worst, off)
         told.append(f"{size:g}: {off:.2f}")
     return worst, "deg at deg/s of drift; " + ", ".join(told)
-
-
-def kept(reconfigure: str) -> float:
-    """Return the largest difference of n_z [g] from the healthy flight on its own sensor, 30 s from the onset.
-
-    `reconfigure` is "true", "false" or "published", as in a scenario.
-    """
-    faulty = flight("ema-position-bias", f"elevator.reconfigure={reconfigure}")[TRUE[0]].to_numpy()
-    healthy = flight("ema-position-bias", "elevator.reconfigure=false", "faults=[]")[TRUE[0]].to_numpy()
-    first, n = round(ONSET / 0.005), min(len(faulty), len(healthy))
-    return np.abs(faulty[first:n] - healthy[first:n]).max()

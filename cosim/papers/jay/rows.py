@@ -4,10 +4,9 @@ import functools
 
 import numpy as np
 
-from actuators.block import briefly
 from actuators.ema import jay
 from cosim.papers.jay import printed as paper
-from cosim.papers.jay.bench import DT, FAULT, FIGURES, SECONDS, SEEDS, bench, under_load
+from cosim.papers.jay.bench import DT, FAULT, FIGURES, SECONDS, SEEDS, bench
 from cosim.papers.measured import all_valid, apart, share_of_tick, worst
 from fdi.ema import ema_kalman
 from fdi.ema import model as flight_design
@@ -52,13 +51,6 @@ def from_print() -> tuple[float, str]:
 def step() -> tuple[float, str]:
     """Return the time of a step of filter and tests as a share of its 5 ms [%], and in microseconds."""
     return share_of_tick(bench, DT)
-
-
-def in_the_loop() -> tuple[float, str]:
-    """Return the largest R1 [mm] when the biased current sensor closes the loop, and who is blamed."""
-    outs = _seeds(loop_bias=1.0)
-    blamed = sum(_first(out) == ema_kalman.CULPRITS.index("velocity") for out in outs)
-    return max(_peaks(out, FAULT)[1] for out in outs), f"velocity sensor named first in {blamed} of {len(outs)}"
 
 
 def printed() -> tuple[float, str]:
@@ -124,12 +116,6 @@ def smooth() -> float:
     return 1e3 * np.abs(mended - healthy)[round(4.0 / DT) :].max()
 
 
-def loaded(test: int) -> tuple[float, str]:
-    """Return a test under a hinge moment that the published filter does not know."""
-    found, share = under_load()[test], under_load(0.5)[test] / under_load()[test]
-    return found, f"{share:.3f} of it with the gain zero from 0.5 s on"
-
-
 def matrices() -> tuple[float, str]:
     """Return how far the filter's Phi, G and H are from print, farthest entry over half of its last digit."""
     p = ema_kalman.params("nozzle")[0]
@@ -174,7 +160,7 @@ def on_elevator(ticks: int = 120) -> tuple[float, str]:
     for k in range(ticks):
         inputs["u"], inputs["y_velocity"] = u[k], velocity[k]
         inputs["y_position"], inputs["y_current"] = position[k], current[k]
-        briefly(ema_kalman.step, x[0], inputs[0], p[0], DT)
+        ema_kalman.step(x[0], inputs[0], p[0], DT)
         found.append([x[name][0] for name in ("eta_bar", "R1", "R2")])
     theirs = paper.kalman(u, velocity, position, current, jay.values("elevator"))
     return _apart([(np.array(found).T, theirs)])
@@ -198,7 +184,7 @@ def blamed(draws: int = 500) -> tuple[int, str]:
         x = np.zeros(1, ema_kalman.STATE)
         over = rng.uniform(-2.0, 2.0, 3)
         x["eta_bar"], x["R1"], x["R2"] = over * (3.0, 5e-4, 0.5)
-        briefly(ema_kalman._decide, x[0], p)
+        ema_kalman._decide(x[0], p)
         beyond = np.abs(over) >= 1.0
         culprit = 0 if not beyond.any() else 1 + int(np.argmax(beyond))  # the velocity sensor first, then R1, then R2
         told = x["culprit"][0], x["alarm"][0], x["reconf"][0]

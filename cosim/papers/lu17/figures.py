@@ -32,7 +32,7 @@ LOADED = " Under a hinge load that the filter does not know, f_hat is off by {er
 
 def drawings() -> list[Drawing]:
     """Return six Drawings of the bench, figures 2 to 7 in flight, and an OFC taken off the valve."""
-    return [*(_drawing(scenario) for scenario in SEEN), _in_flight(), _compensated()]
+    return [*(_drawing(scenario) for scenario in SEEN), _in_flight()]
 
 
 def _in_flight():
@@ -57,32 +57,6 @@ def _in_flight():
         onset=flown.ONSET,
         span=(8.0, 25.0),
         look="the form with a pressure: it lies on the true fault where the two others leave the axes.",
-        picture="in-flight",
-    )
-
-
-def _compensated():
-    rod = f"hydraulic.{flown.LANE}.q_rod"
-    twin, off, on = (
-        flown.flight("lu17-compensated-ofc", *asked)[rod]
-        for asked in (
-            ["faults=[]"],
-            *(["faults.0.frequency_hz=0.5", f"elevator.compensate={w}"] for w in ("true", "false")),
-        )
-    )
-    curves = (
-        Curve("f_hat taken off the valve", 1e3 * (off - twin).to_numpy()),
-        Curve("left on", 1e3 * (on - twin).to_numpy(), "second"),
-    )
-    return Drawing(
-        "lu17",
-        "section VI",
-        "Liquid OFC of 3 mm at 0.5 Hz, its own estimate taken off the valve",
-        "Rod of the left inner elevator less that of the flight without a fault.",
-        (Panel("rod, change", "mm", curves),),
-        onset=flown.ONSET,
-        span=(8.0, 25.0),
-        picture="compensated",
     )
 
 

@@ -16,16 +16,13 @@ import numpy as np
 
 from actuators.common import linkage
 from cosim.flight.loop.signals import fly
-from cosim.judge.alarms import detection
 from cosim.judge.fault_effect import sine
 from cosim.scenario import load_scenario
 from cosim.scenario.catalog import SEGMENTS
-from fdi.common.verdict import JAM_LIQUID, JAM_SOLID, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
 
 ONSET, LANE, HZ, BIAS, DT = 12.0, "left_inner", 1.0, 5e-3, 0.005
 FORMS = ("published", "hinge model", "pressure")
 TRUE = ("q_rod", "qd_rod", "x3")
-SCALES, UNITS = (1e3, 1e3, 1.0), ("mm", "mm/s", "of P_s")
 STATES = ("q_now", "v_now", "x3_now")
 FIGURES = {  # scenario -> figure, detector
     "fault-free": (2, "iotsekf"),
@@ -34,13 +31,6 @@ FIGURES = {  # scenario -> figure, detector
     "liquid-jam": (5, "rtsekf"),
     "solid-jam": (6, "rtsekf"),
     "runaway": (7, "rtsekf"),
-}
-TABLE_1 = {  # fault of table 1 -> (scenario, the verdicts that are right)
-    "1": ("liquid-ofc", (OFC_LIQUID,)),
-    "2": ("solid-ofc", (OFC_SOLID,)),
-    "3": ("liquid-jam", (JAM_LIQUID, SENSOR)),
-    "4": ("solid-jam", (JAM_SOLID,)),
-    "5": ("runaway", (RUNAWAY,)),
 }
 
 
@@ -109,40 +99,6 @@ def fault(scenario: str, form: str) -> tuple[float, str]:
     return rms / size, f"{rms:.2g} of {size:.2g} {unit}"
 
 
-def states(detector: str, form: str) -> tuple[float, str]:
-    """Return (largest rms error of q [mm] of a detector's figures, all errors in words)."""
-    worst, told = 0.0, []
-    for scenario, (figure, own) in FIGURES.items():
-        if own != detector:
-            continue
-        frame = flown(scenario, form)
-        late = late_of(scenario, frame)
-        errors = [
-            s * np.sqrt(np.mean((frame[e].to_numpy()[1:] - frame[n].to_numpy()[:-1])[late[1:]] ** 2))
-            for e, n, s in zip(STATES, TRUE, SCALES, strict=True)
-        ]
-        worst = max(worst, errors[0])
-        told.append(f"figure {figure} " + ", ".join(f"{v:.2g} {u}" for v, u in zip(errors, UNITS, strict=True)))
-    return worst, "; ".join(told)
-
-
-def named(detector: str, form: str) -> tuple[int, str]:
-    """Return (faults of table 1 that a detector names right at the end, what became of each)."""
-    right, told = 0, []
-    for number, (scenario, verdicts) in TABLE_1.items():
-        if FIGURES[scenario][1] != detector:
-            continue
-        for change in ((), ("faults.0.bias_mm=10",)) if scenario == "liquid-jam" else ((),):
-            frame = flown(scenario, form, detector, *change)
-            at = detection(frame.alarm, round(ONSET / DT))
-            last = frame.verdict[frame.alarm > 0.5]
-            good = at is not None and last.iloc[-1] in verdicts
-            right += good
-            when = "not seen" if at is None else f"{'right' if good else 'wrong'} after {at * DT - ONSET:.2f} s"
-            told.append(f"{number}{' (10 mm)' if change else ''} {when}")
-    return right, ", ".join(told)
-
-
 def quiet(detector: str, form: str) -> float:
     """Return the alarms of four segments in a minute of cruise in light turbulence."""
     own, words = watching(detector, form)
@@ -151,19 +107,6 @@ def quiet(detector: str, form: str) -> float:
     asked = ["duration_s=60", 'flight.turbulence="light"', *all_hydraulic, *words]
     frame = fly(load_scenario("cruise", asked), lanes)
     return float(sum((np.diff(frame[lane].to_numpy(), prepend=0.0) > 0.5).sum() for lane in lanes))
-
-
-def compensated(hz: float) -> tuple[float, str]:
-    """Return the rod's oscillation with f_hat taken off the valve over that without, from 4 s after the onset."""
-    rod, late = f"hydraulic.{LANE}.q_rod", slice(round((ONSET + 4.0) / 0.005), round((ONSET + 12.0) / 0.005))
-    asked = f"faults.0.frequency_hz={hz:g}"
-    twin = flight("lu17-compensated-ofc", "faults=[]")[rod].to_numpy()[late]
-    swing = []
-    for word in ("true", "false"):
-        f = flight("lu17-compensated-ofc", asked, f"elevator.compensate={word}")
-        t = f.index.to_numpy()[late]
-        swing.append(1e3 * abs(sine(t, f[rod].to_numpy()[late] - twin, 2 * np.pi * hz)))
-    return swing[0] / swing[1], f"{swing[0]:.2f} of {swing[1]:.2f} mm"
 
 
 def stuck(scenario: str) -> tuple[float, str]:

@@ -11,7 +11,6 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from actuators.block import briefly
 from actuators.common import linkage
 from actuators.hydraulic import lu17, servo
 from cosim.papers.lu17 import bench, transcription
@@ -166,7 +165,7 @@ def _run(which: str, own: dict, ticks: int) -> tuple[np.ndarray, Any, tuple]:
         inputs["u"], inputs["y_rod"] = u[k], y[k - late] if k >= late else np.nan
         if which == "iotsekf":
             inputs["y_dp"] = dp[k - late]
-        briefly(run, x[0], inputs[0], p[0], dt)
+        run(x[0], inputs[0], p[0], dt)
         found.append(np.concatenate([np.ravel(x[name][0]) for name in HELD]))
     return np.array(found[late:]), p[0], (u, y, dp)
 

@@ -1,12 +1,10 @@
-"""Our figures beside slides 10 and 13 to 16 of [Mar10]: signature tables, chosen residuals, robustness, next step."""
+"""Our figures beside slides 10 and 13 to 16 of [Mar10]: signature tables, chosen residuals and robustness."""
 
 import numpy as np
 
-from cosim.flight.loop.signals import fly
 from cosim.papers.drawing import Curve, Drawing, Panel
 from cosim.papers.mar10 import flights, vehicle_rows
 from cosim.papers.mar10.rows import own_structure, throttle_in_error
-from cosim.scenario import load_scenario
 from cosim.table import Cell, Table
 from fdi.control_redundancy import control_redundancy
 from fdi.control_redundancy import structure as redundancy_structure
@@ -20,46 +18,9 @@ TITLES = {
 
 
 def drawings() -> list[Drawing]:
-    """Return the ten Drawings."""
+    """Return the Drawings."""
     flown = [_scenario(n) for n in TITLES]
-    return [_table(), _own_table(), *flown, *vehicle_rows.drawings(), _robustness(), _reconfigured()]
-
-
-def _reconfigured():
-    """Draw the next step: elevators locked, then an engine out, flown around and not."""
-    names = {"altitude": "truth.aircraft.h", "heading": "truth.aircraft.psi", "stabiliser": "truth.aircraft.stab",
-             "throttles": "law.law.throttle_cmd", "held": "law.law.h_ref"}  # fmt: skip
-    scenarios = [load_scenario("mar10-reconfigured", [f"law.reallocate={word}"]) for word in ("true", "false")]
-    with_, without = (fly(s, list(names.values())).set_axis(list(names), axis=1) for s in scenarios)
-    every, dt = 20, with_.attrs["dt"]
-
-    def curve(frame, name, what, role="ours", dash="solid"):
-        y = frame[name].to_numpy()
-        y = np.unwrap(y) - y[0] if name == "heading" else y
-        scale = np.degrees(1.0) if name in ("heading", "stabiliser") else 1.0
-        return Curve(what, scale * y[::every], role, dash, dt=dt * every)
-
-    panels = []
-    for name, unit in (("altitude", "m"), ("heading", "deg"), ("stabiliser", "deg"), ("throttles", "")):
-        curves = [curve(without, name, "law alone", "second", "dash"), curve(with_, name, "reconfigured")]
-        if name == "altitude":
-            curves.append(curve(with_, "held", "what the law holds", "quiet", "dot"))
-        panels.append(Panel(name, unit, tuple(curves)))
-    first, second = (f.start_s for f in scenarios[0].faults)
-    return Drawing(
-        "mar10",
-        "the next step",
-        "Elevators locked, then an engine out: flown around",
-        f"Scenario mar10-reconfigured: all elevators lock in a pull-up at {first:g} s, engine 4 of four fails at "
-        f"{second:g} s. control_redundancy isolates both; the stabiliser then holds the altitude, the throttles make "
-        "up for the engine.",
-        tuple(panels),
-        2,
-        onset=first,
-        span=(0.0, float(with_.index[-1])),
-        row_px=200,
-        picture="reconfigured",
-    )
+    return [_table(), _own_table(), *flown, *vehicle_rows.drawings(), _robustness()]
 
 
 def _signatures(structure):

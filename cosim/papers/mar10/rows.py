@@ -35,8 +35,6 @@ OPTIONS: tuple = (  # of the detector, which all judge the same flights
     {"t_mean": 0.0, "t_learn": 0.0},  # raw samples
     {"rows": "force+moment"},
 )
-WIND = ("flight.turbulence=light",)
-GUSTY = ({"rows": "force+moment"}, {"rows": "force+moment", "gusts": True})
 
 
 def injected() -> tuple[float, str]:
@@ -60,11 +58,6 @@ def injected() -> tuple[float, str]:
 @functools.cache
 def _campaign(number):
     return flights.campaign(number, DRAWS, options=OPTIONS)
-
-
-@functools.cache
-def _gusty():
-    return flights.campaign(3, DRAWS, options=GUSTY, extra=WIND)
 
 
 def share_right(runs: list) -> tuple[float, str]:
@@ -127,11 +120,6 @@ def isolated(scenario: int, options: int) -> tuple[float, str]:
     return share_right(_campaign(scenario)[options])
 
 
-def gusty(options: int) -> tuple[float, str]:
-    """Return the share of draws [%] of scenario 3 in light turbulence that are right, with one of GUSTY."""
-    return share_right(_gusty()[options])
-
-
 def median(options: int, field: str) -> tuple[float, str]:
     """Return the median of a field of scenario 1's outcomes, and its range."""
     found = [getattr(o, field) for o in _campaign(1)[options]]
@@ -144,8 +132,3 @@ def drift() -> tuple[float, str]:
     r = throttle_in_error(ELEVATOR, 0.05)
     note = f"over epsilon delta_m / g_14, which slide 9 gives: {r / (moved / g[0, 3]):.3f}"
     return r / (g[0, 1] * moved / (g[1, 2] * g[0, 3])), note
-
-
-def drift_of_throttle() -> float:
-    """Return the change of slide 16 as a share of throttle."""
-    return abs(throttle_in_error(ELEVATOR, 0.05))

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from actuators.block import briefly
 from actuators.constants import G0
 from cosim.flight.plant.force_model import force_model
 from cosim.papers.mar10 import flights
@@ -138,7 +137,7 @@ def rows(which: str, draws: int = 20) -> tuple[float, str]:
         if draw % 2:
             before = rng.normal(size=len(before)) * 1e4
             x["part_0"][0, : len(before)], x["avg"][0, 2 * core.NR + 3] = before, 0.6
-        briefly(core.row_errors, x[0], u, p)
+        core.row_errors(x[0], u, p)
         air, effectors, engines, parts = _forces(m, u, cmd)
         total = air + engines.sum(0)
         G = np.concatenate([effectors, [engines.sum(0)], engines])  # (8, 6)
@@ -175,7 +174,7 @@ def families(which: str, draws: int = 10) -> tuple[float, str]:
         G[:n, :4] *= shape
         x["G"], x["avg"] = G, rng.normal(size=3 * core.NR)
         x["avg"][0, core.NR : 2 * core.NR] = rng.uniform(0.5, 1.5, core.NR)
-        briefly(core.evaluate_families, x[0], p)
+        core.evaluate_families(x[0], p)
         avg, limit = x["avg"][0], p["threshold"][:n] + p["rel"] * x["avg"][0, core.NR : core.NR + n]
         rows: list[tuple] = []
         for family in found:
@@ -189,7 +188,7 @@ def families(which: str, draws: int = 10) -> tuple[float, str]:
         x["used"][0, : len(found)] = use = rng.uniform(size=len(found)) > 0.3
         for h in range(4):
             w = use / tau
-            value, off = briefly(core.fit_hypothesis, x[0], p, h)
+            value, off = core.fit_hypothesis(x[0], p, h)
             fit = np.linalg.lstsq((w * S[:, h])[:, None], w * r, rcond=None)[0][0]
             if (w * S[:, h]).any():
                 wrong = np.abs(w * (r - S[:, h] * fit)).max()
@@ -217,7 +216,7 @@ def window(mean_s: float, ticks: int = 400) -> tuple[float, str]:
     for k in range(ticks):
         for j, name in enumerate(COMMANDS):
             u[name] = commands[k, j]
-        briefly(core.delayed_commands, x[0], u[0], p, DT)
+        core.delayed_commands(x[0], u[0], p, DT)
         x["started"] = 1.0
         move = np.array([commands[max(k - int(late), 0), j] for j, late in enumerate(p["late"])]) - cmd
         most = np.where(p["rate"] > 0.0, p["rate"] * DT, np.inf)
@@ -228,8 +227,8 @@ def window(mean_s: float, ticks: int = 400) -> tuple[float, str]:
         x["pitch"], x["pitch_e"], x["grown"], x["pitch_0"] = rows[k, -2], rows[k, -3], rows[k, -4] * DT, 0.3
         held.append([*(e - offset), *act, cmd[:4].mean(), cmd[4:6].mean(), cmd[6], abs(rows[k, -1]),
                      rows[k, -2] + rows[k, -4] - 0.3, rows[k, -3]])  # fmt: skip
-        full = briefly(core.accumulate, x[0], p, DT)
-        ready = briefly(core.sliding_mean, x[0], p)
+        full = core.accumulate(x[0], p, DT)
+        ready = core.sliding_mean(x[0], p)
         if full != ((k + 1) % block == 0):
             mean_worst = np.inf
         if full > 0.5 and ready > 0.5:

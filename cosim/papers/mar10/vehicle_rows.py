@@ -14,7 +14,6 @@ from cosim.papers.drawing import Curve, Drawing, Panel
 from cosim.papers.mar10 import isolation, vehicle
 from cosim.papers.mar10.isolation import Choices
 from cosim.papers.measured import share_of, worst
-from fdi.control_redundancy import structure
 
 DRAWS = 20
 ROLL, BANK = "delta_l", 20 * RAD_PER_DEG
@@ -32,13 +31,6 @@ CHOICES = {  # what a user could turn
 @functools.cache
 def _flights(number: int) -> list[vehicle.VehicleFlight]:
     return [vehicle.fly(number, draw) for draw in range(DRAWS)]
-
-
-def exist() -> tuple[float, str]:
-    """Return (residuals of the structure of G as flown, how many signatures)."""
-    _, G = vehicle.equations(vehicle.fly(0), vehicle.numbers())
-    found = structure.signatures(np.abs(G).min(0) > 0)
-    return sum(found.values()), f"{len(found)} signatures"
 
 
 def blind() -> tuple[float, str]:
@@ -106,7 +98,6 @@ def _drawing(number: int) -> Drawing:
         span=(4.0, vehicle.END),
         row_px=140,
         look="the dashed bounds: each family crosses them for the faults of its signature and for no other.",
-        picture="vehicle" if number == max(vehicle.FAULTS) else "",
     )
 
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
-from cosim.papers.sun13 import flown, variants
-from cosim.papers.sun13.flown import HZ, ONSET, farthest, ratio
+from cosim.papers.sun13 import flown
+from cosim.papers.sun13.flown import ONSET, ratio
 from cosim.training.flights import COMMAND, DT, side
 from fdi.rfafe import rfafe_airframe
 from fdi.rfafe.store import read
@@ -41,24 +41,3 @@ def tracking(kind: str, hz: float, point: str = "sun13", designed: Callable | No
     apart = 0.5 * (side(r, "left") - side(r, "right"))
     own, half = (ratio(r, f_hat, f, hz, ONSET + 2.0, SECONDS) for f in (beyond_command(r), apart))
     return own, half
-
-
-def _told(found: dict) -> tuple[float, str]:
-    """Return (|f_hat/f| farthest from 1, all of them) of {what: what `tracking` returns}."""
-    far, told = farthest({what: own for what, (own, _) in found.items()})
-    halves = ", ".join(f"{abs(half):.2f}" for _, half in found.values())
-    return far, f"{told}; over half the difference of the sides {halves}"
-
-
-def frequencies(kind: str) -> tuple[float, str]:
-    """Return |f_hat / f| farthest from 1 over the three frequencies at the design point."""
-    return _told({f"{hz:g} Hz": tracking(kind, hz) for hz in HZ})
-
-
-DESIGNS = {"one": "", "each": "airframe", "scheduled": "scheduled"}  # of `variants`
-
-
-def points(design: str) -> tuple[float, str]:
-    """Return |f_hat / f| farthest from 1 over points A to E, a design of DESIGNS, liquid at 1 Hz."""
-    made = getattr(variants, DESIGNS[design]) if DESIGNS[design] else None
-    return _told({point: tracking("ofc_liquid", 1.0, point, made) for point in "ABCDE"})

@@ -74,7 +74,6 @@ def _estimated(kind, word, _, beside):
         span=SPAN,
         row_px=200,
         look="the left axes: from 20 s on the estimate lies on the injected sine in size and frequency.",
-        picture="figure-6" if word == "liquid" else "",
     )
 
 

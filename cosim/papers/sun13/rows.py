@@ -12,16 +12,12 @@ import numpy as np
 from actuators.constants import RAD_PER_DEG
 from actuators.registry import HYDRAULIC
 from cosim.flight.blocks.sensors import TRANSPORT
-from cosim.flight.loop.signals import fly
-from cosim.judge.alarms import detection
 from cosim.judge.fault_effect import sine
-from cosim.papers.measured import farthest as most_off
 from cosim.papers.sun13 import flown
-from cosim.papers.sun13.flown import HZ, INJECTED, ONSET, SHARE, TRAVEL, farthest, ratio
-from cosim.scenario import load_scenario
+from cosim.papers.sun13.flown import HZ, ONSET, SHARE, TRAVEL, farthest, ratio
 from cosim.scenario.catalog import SEGMENTS as NAMES
 from cosim.training import rfafe_noise
-from cosim.training.flights import AIRCRAFT, DT, fly_aircraft, side
+from cosim.training.flights import DT, fly_aircraft, side
 from fdi.rfafe import rfafe
 from fdi.rfafe.store import read
 
@@ -72,26 +68,6 @@ def frequency(kind: str) -> float:
     return tried[np.argmax([abs(sine(t, f, 2 * math.pi * hz)) for hz in tried])]
 
 
-def periods(kind: str) -> float:
-    """Return after how many periods of a 1 Hz fault the alarm comes, nan if it does not."""
-    at = detection(flown.estimated(flown.faulty(kind, 1.0), "rfafe")["alarm"], 0)
-    return at * DT - ONSET if at is not None else math.nan
-
-
-@functools.cache
-def _both():
-    """Return |f_hat/f| of each side, 1 Hz on the left and 2 Hz on the right at once, and the leak between them."""
-    faults = {"left": (INJECTED, 1.0), "right": (INJECTED.replace("0_left", "1_right"), 2.0)}
-    r = fly(load_scenario("sun13-both-sides"), [*AIRCRAFT, *(name for name, _ in faults.values())])
-    log = flown.estimated(r, "rfafe")
-    found = {
-        (s, of): abs(ratio(r, log[f"f_hat_{s}"], r[name].to_numpy(), hz, ONSET + 2.0, 8.0))
-        for s in faults
-        for of, (name, hz) in faults.items()
-    }
-    return [found[s, s] for s in faults], [v for (s, of), v in found.items() if s != of]
-
-
 def noise() -> tuple[float, str]:
     """Return the deviation of f_hat over the predicted one, without a fault, in still air.
 
@@ -130,18 +106,3 @@ def rest() -> float:
 def tracks(kind: str) -> tuple[float, str]:
     """Return |f_hat / f| farthest from 1 over the three frequencies, still air."""
     return farthest({hz: published(kind, hz) for hz in HZ})
-
-
-def in_gusts(kind: str) -> float:
-    """Return |f_hat / f| at 1 Hz in light turbulence."""
-    return abs(published(kind, 1.0, "light"))
-
-
-def both_sides() -> tuple[float, str]:
-    """Return |f_hat / f| farthest from 1 of two sides that oscillate at once."""
-    return most_off(_both()[0]), "left {:.3f}, right {:.3f}".format(*_both()[0])
-
-
-def leak() -> float:
-    """Return the largest share of one side's fault in the other's estimate."""
-    return max(_both()[1])

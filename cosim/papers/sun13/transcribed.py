@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm
 
-from actuators.block import briefly
 from actuators.constants import RAD_PER_DEG
 from cosim.papers.measured import all_valid
 from cosim.papers.sun13.designs import left_sides
@@ -111,7 +110,7 @@ def flown_block(form: str, known: bool = False, ticks: int = 260) -> tuple[float
             u["surface_valid"] = 0.0 if lost[k] else 1.0
         else:
             u["command"], u["q_valid"] = command[k, 0], 0.0 if lost[k] else 1.0
-        briefly(module.step, x[0], u[0], p[0], DT)
+        module.step(x[0], u[0], p[0], DT)
         found.append(x["f"][0, : d.F.shape[1]].copy())
     y = np.stack([tas, alpha / RAD_PER_DEG, q / RAD_PER_DEG, theta / RAD_PER_DEG], 1)
     if form == "rfafe":

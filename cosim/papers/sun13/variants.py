@@ -9,10 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import TrimError
-from cosim.flight.plant.point import SIX, FlightPoint
 from cosim.training import rfafe as training
-from cosim.training.flights import envelope
 from cosim.training.rfafe import RANK_E
 from fdi.rfafe import rfafe
 from fdi.rfafe.discrete import discretise
@@ -70,45 +67,7 @@ def airframe(point: str = "sun13", source: str = "six flights") -> Any:
     return _airframe(A, B, _unknown(source))
 
 
-@functools.cache
-def scheduled(point: str) -> Any:
-    """Return the stored form of the airframe design of the model that the fit over other points has at `point`."""
-    A, B = _fitted(point)
-    return _airframe(A, B, _unknown("six flights"))
-
-
 def _airframe(A, B, E):
     E = None if E is None else training.freed(E, B)
     made = training.entry("rfafe_airframe", "hydraulic", E, A=A, B=B, min_ratio=0.0)
     return {"designs": {"hydraulic": made}}
-
-
-FITTED, FIT_SEED = 60, 13  # points of the fit, drawn over the envelope
-
-
-def _features(mass_t, cg_pct, altitude_ft, cas_kt):
-    """Return what an entry of A or B is linear in: constant, linear and quadratic in the point, scaled to about 1."""
-    z = np.array([1.0, mass_t / 300.0 - 1.0, cg_pct / 30.0 - 1.0, altitude_ft / 20e3 - 1.0, cas_kt / 260.0 - 1.0])
-    return np.outer(z, z)[np.triu_indices(5)]
-
-
-@functools.cache
-def _fit():
-    """Return the coefficients (features, entries) of A and B over FITTED points, none of them of the paper."""
-    rng = np.random.default_rng(FIT_SEED)
-    rows: list[np.ndarray] = []
-    entries: list[np.ndarray] = []
-    while len(rows) < FITTED:
-        where = envelope(rng)
-        try:
-            A, B, _ = training.linear_at(FlightPoint.at(**where))
-        except TrimError:
-            continue
-        rows.append(_features(**where))
-        entries.append(np.concatenate([A.ravel(), B.ravel()]))
-    return np.linalg.lstsq(np.array(rows), np.array(entries), rcond=None)[0]
-
-
-def _fitted(point):
-    found = _features(**SIX[point]) @ _fit()
-    return found[:16].reshape(4, 4), found[16:].reshape(4, 4)

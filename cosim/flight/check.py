@@ -1,0 +1,201 @@
+"""Whether a detector, or a control law, keeps the contract that ours keep: `cosim check mine.py`.
+
+It is run on the signals of a real flight with a fault, twice, tick by tick, with another future and with lost samples;
+a law flies. "bad" is a breach, "note" something to know.
+"""
+
+import os
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cosim.errors import CosimError
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.detectors import wires, with_sources
+from cosim.flight.loop.signals import fly, inputs
+from cosim.flight.user_law import SENSORS, SURFACES
+from cosim.parts import GuestError, load, rollout_of
+from cosim.scenario import Scenario, load_scenario, user_parts
+from cosim.scenario.catalog import SEGMENTS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FAULT_S, FLIGHT_S = 3.0, 6.0
+LAW_S = 20.0  # several periods of the short-period mode after the doublet
+ASKED = 0.1  # [g] of the doublet
+GUSTS = 0.5  # [g] largest change of load factor that is called light turbulence (WMO-No. 958, AMDAR)
+LOST_S = 0.5  # that a measurement is lost
+DOUBLET = "manoeuvre={kind='nz_doublet', start_s=1.0, width_s=1.0, amplitude_g=" + f"{ASKED:g}}}"
+BASE = ("detectors.enabled=[]", "flight.turbulence=light", DOUBLET)
+SEEN = (*(f"law.law.{field}" for field, *_ in SURFACES.values()), "truth.aircraft.nz")
+
+
+def check(file: str | os.PathLike, *, progress: Callable[[float, float], None] | None = None) -> dict[str, Any]:
+    """Return {id, file, keeps, checks: [{question, result, answer}]} of a detector's file or a control law's; result is
+    good, bad or note. Raises GuestError for a file that is neither."""
+    path = Path(os.path.expanduser(file))
+    law = path.exists() and _is_law(user_parts.load(path, lambda text: GuestError(text, place=str(file)))[0])
+    name, questions = _of_law(path.resolve()) if law else _of_detector(load(file))
+    rows = []
+    for i, (question, ask) in enumerate(questions):
+        if progress:
+            progress(i, len(questions))
+        rows.append({"question": question, **dict(zip(("result", "answer"), ask()))})
+        if rows[0]["result"] == "bad":
+            break  # every other question would say the same
+    keeps = all(row["result"] != "bad" for row in rows)
+    return {"id": name, "file": str(Path(file)), "keeps": keeps, "checks": rows}
+
+
+def _is_law(module):
+    other = hasattr(module, "DETECTOR") or hasattr(module, "init_at")
+    return hasattr(module, "Law") or (hasattr(module, "rollout") and not other)
+
+
+def _said(wrong, good, otherwise="bad"):
+    """Return (result, answer): what is wrong, or that nothing is."""
+    return (otherwise, wrong) if wrong else ("good", good)
+
+
+def _of_detector(guest):
+    """Return (id, questions) of a detector: each a name and a function that asks it."""
+    u, p, dt = _signals(guest)
+    names = list(guest.OUTPUTS)
+    r = [n for n in names for _ in range(guest.STATE[n].itemsize // 8)].index("r")
+
+    def run(given, pieces=()):
+        """Return (outputs (ticks, n), why it was dropped or is not finite, notes) of a fresh lane, in pieces."""
+        rollout, x, log = rollout_of(guest), guest.init(p), np.zeros(given.shape, guest.STATE)
+        for a, b in zip((0, *pieces), (*pieces, given.shape[1])):
+            rollout(x, given[:, a:b], p, dt, log[:, a:b])
+        out = np.concatenate([log[0][n].reshape(log.shape[1], -1) for n in names], axis=1)
+        notes, lost = getattr(rollout, "notes", []), np.flatnonzero(~np.isfinite(out[:, r]))
+        why = f"r is not finite at {lost[0] * dt:.3f} s" if len(lost) else ""
+        return out, notes[-1] if getattr(rollout, "dropped", ()) else why, notes
+
+    whole, why, _ = run(u)
+
+    def runs():
+        alarms = np.count_nonzero(np.diff(np.r_[0.0, whole[:, names.index("alarm")]]) > 0.5)
+        return _said(why, f"{len(whole)} steps, largest r {whole[:, r].max():.2g}, {alarms} alarms")
+
+    def deterministic():
+        at = _differ(whole, run(u)[0])
+        wrong = "" if at is None else f"two runs differ at {at * dt:.3f} s: a seed, a clock, a global"
+        return _said(wrong, "twice the same bits")
+
+    def causal():
+        for cut in (u.shape[1] // 4, u.shape[1] // 2, u.shape[1] - 1):
+            other = u.copy()
+            other[:, cut:] = other[:, cut:][:, ::-1] if cut < u.shape[1] - 1 else np.zeros(1, u.dtype)
+            at = _differ(whole[:cut], run(other)[0][:cut])
+            if at is not None:
+                return "bad", f"what it says at {at * dt:.3f} s depends on what is measured from {cut * dt:.3f} s on"
+        return "good", "another future leaves the past as it was"
+
+    def live():
+        at = _differ(whole, run(u, range(1, u.shape[1]))[0])
+        return _said("" if at is None else f"tick by tick differs from all at once at {at * dt:.3f} s", "the same bits")
+
+    def loses():
+        noted = ""
+        for what, other in _lossy(u, round(LOST_S / dt)):
+            _, why, notes = run(other)
+            if why:
+                return "bad", f"without {what} for half a second: {why}"
+            noted = noted or (f"without {what}: {notes[0]}" if notes else "")
+        return _said(noted, "half a second without an input, or all: r stays finite", "note")
+
+    asked = zip(("runs", "deterministic", "causal", "live as in replay", "lost samples"),
+                (runs, deterministic, causal, live, loses))  # fmt: skip
+    return guest.DETECTOR.id, list(asked)
+
+
+def _differ(a, b):
+    """Return the first row in which two arrays differ bit for bit, None when they do not."""
+    wrong = (np.ascontiguousarray(a).view(np.int64) != np.ascontiguousarray(b).view(np.int64)).any(axis=1)
+    return int(np.flatnonzero(wrong)[0]) if wrong.any() else None
+
+
+def _lossy(u, ticks):
+    """Yield (what is lost, inputs) with each measurement lost for some ticks, then with all of them lost."""
+    names, lost = u.dtype.names, slice(u.shape[1] // 4, u.shape[1] // 4 + max(1, ticks))
+    flags = {n: n.removesuffix("_valid") for n in names if n.endswith("_valid")}
+    measured = [n for n in names if n not in flags]
+    for gone in (*([n] for n in measured), measured):
+        other = u.copy()
+        for name in gone:
+            other[name][:, lost] = np.nan
+            for flag in (f for f, of in flags.items() if of in (name, name.removeprefix("y_"))):
+                other[flag][:, lost] = 0.0
+        yield "every input" if len(gone) > 1 else gone[0], other
+
+
+def _signals(guest):
+    """Return (INPUTS (1, ticks) of a short flight with an oscillation, PARAMS, dt) for one lane of a detector."""
+    own = guest.DETECTOR
+    scenario = _scenario(own.technologies[0] if own.technologies else "hydraulic")
+    lane = "left_inner" if own.level == "local" else ""
+    read = {w.field: w.source for w in wires(own, lane, guest)}
+    if above := with_sources([own.id])[:-1]:  # detectors that it reads
+        own_detectors = scenario.detectors.model_copy(update={"enabled": tuple(above)})
+        scenario = scenario.model_copy(update={"detectors": own_detectors})
+    u = inputs(fly(scenario, [*read.values()]), guest, read)
+    dt = scenario.dt * own.every
+    return np.ascontiguousarray(u[:, :: own.every]), own.fit(site(dt, lane, scenario.elevator.technology)), dt
+
+
+def _scenario(technology: str) -> Scenario:
+    own = "{" + ", ".join(f"{s}='{technology}'" for s in SEGMENTS) + "}"
+    at, size = ("command", "amplitude_deg=1.0") if technology == "simple" else ("valve", "amplitude_mm=6.0")
+    kind = f"target='elevator.left_inner', kind='ofc_liquid', at='{at}', frequency_hz=2.0, {size}"
+    fault = f"faults.0={{start_s={FAULT_S}, {kind}}}"
+    return load_scenario("cruise", [*BASE, f"duration_s={FLIGHT_S}", f"elevator={own}", fault])
+
+
+def _of_law(path):
+    """Return (name, questions) of a law: it flies a load-factor doublet in light turbulence, twice, and once while its
+    measurements are lost."""
+    flown, said = _flown(path, LAW_S)
+
+    def runs():
+        if flown is None:
+            return "bad", said
+        away = np.abs(flown[SEEN[-1]] - 1.0).max()
+        strays = f"{away:.2f} g away from level flight where {ASKED:g} g are asked in light turbulence: {said}"
+        return _said(strays if away > ASKED + GUSTS else "", said)
+
+    def deterministic():
+        again, _ = _flown(path, LAW_S)
+        same = flown is not None and flown.equals(again)
+        wrong = "two flights differ: a seed, a clock, what the first has left behind"
+        return _said("" if same else wrong, "twice the same bits")
+
+    def loses():
+        one = [_lost(name, 1.0 + i * LOST_S) for i, name in enumerate(SENSORS)]
+        every = [_lost(name, 1.0 + len(SENSORS) * LOST_S) for name in SENSORS]
+        lossy, said = _flown(path, 2.0 + (len(SENSORS) + 1) * LOST_S, [*one, *every])
+        told = f"{LOST_S:g} s without each measurement, then without any: {said}"
+        return _said(told if lossy is None else "", told)
+
+    return path.stem, [("runs", runs), ("deterministic", deterministic), ("lost samples", loses)]
+
+
+def _lost(name: str, start: float) -> str:
+    return f"{{target='sensor.{name}', kind='dropout', start_s={start}, end_s={start + LOST_S}}}"
+
+
+def _flown(path: Path, seconds: float, faults: Iterable[str] = ()) -> "tuple[pd.DataFrame | None, str]":
+    """Return (commands and load factor of a flight under the law, what it came to); None where it does not fly."""
+    own = [f"faults.{i}={fault}" for i, fault in enumerate(faults)]
+    try:
+        found = fly(load_scenario("cruise", [*BASE, f"duration_s={seconds}", f"law.file={path}", *own]), SEEN)
+    except CosimError as error:
+        return None, error.problem
+    if found.attrs["status"] != "completed":
+        return None, f"{found.attrs['status']} after {found.index[-1]:.2f} s: {found.attrs['reason']}"
+    n_z = found[SEEN[-1]]
+    return found, f"{seconds:g} s, n_z {n_z.min():.2f} to {n_z.max():.2f} g, asked {1 - ASKED:g} to {1 + ASKED:g} g"
