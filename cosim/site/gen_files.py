@@ -3,6 +3,7 @@
 import ast
 import os
 import re
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 
@@ -35,7 +36,7 @@ def link(match: re.Match, source: Path) -> str:
 for source, page in PAGES.items():
     text = source.read_text(encoding="utf-8").replace("<details>", '<details markdown="1">')
     with mkdocs_gen_files.open(page, "w") as file:
-        file.write(LINK.sub(lambda match, source=source: link(match, source), text))
+        file.write(LINK.sub(partial(link, source=source), text))
 
 for path in sorted((ROOT / "cosim" / "examples").glob("*.py")):
     code = path.read_text(encoding="utf-8")
