@@ -11,8 +11,8 @@ import mkdocs_gen_files
 
 ROOT = Path(__file__).resolve().parents[2]
 SITE = ROOT / "cosim" / "site"
-ROOMS = [p for name in ("cosim", "fdi", "actuators", "aircraft") for p in (ROOT / name).rglob("README.md")]
-PAGES = {p: str(p.relative_to(ROOT)) for p in ROOMS if SITE not in p.parents and "templates" not in p.parts}
+PAGES = {p: str(p.relative_to(ROOT)) for name in ("cosim", "fdi", "actuators", "aircraft")
+         for p in (ROOT / name).rglob("README.md") if SITE not in p.parents and "templates" not in p.parts}  # fmt: skip
 PAGES |= {ROOT / "README.md": "overview.md", ROOT / "CHANGELOG.md": "CHANGELOG.md"}
 LINK = re.compile(r"!?\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 RUN = 'exec="1" source="above" result="text"'
