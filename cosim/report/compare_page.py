@@ -39,7 +39,7 @@ def render(found: Comparison) -> str:
     fitted = not found.two and any(d["a90"] is not None for d in found.sizes)  # else no curve says how large
     of_size = [item for pair in tables.sizes(found.sizes if fitted else []).items() for item in pair]
     matrix_, confused = matrix(rows), confusions(rows)
-    sections = [
+    sections: list[tuple[str, list]] = [
         ("Which level sees what", [None if found.two else tables.by_level(found.levels)]),
         ("Flight by flight", [tables.pairs(found.pairs)]),
         ("The detectors", [tables.detectors(each)]),

@@ -85,7 +85,7 @@ def diagnosis_report(log: str | Path, output: str | Path) -> Path:
     line, alarms, _ = timeline(flown)
     own, chips = detectors(flown)
     lacking = {"title": "Detectors that did not run", "content": watched.lacking}
-    sections = [
+    sections: list[tuple[str, list]] = [
         ("What the detectors said, and when", [line, verdicts(list(watched.verdicts.values()))]),
         ("What to keep in mind", [watched.caveats]),
         ("What lacks a signal", [lacking if watched.lacking else None]),

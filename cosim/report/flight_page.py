@@ -37,7 +37,7 @@ def render(flown: LoggedFlight) -> str:
     provenance = Table("", "", "", rows=[Row((k, Cell(v, "code"))) for k, v in flown.provenance.items()], kind="",
                        heads=False)  # fmt: skip
     folded = {"title": f"{len(quiet)} lanes of healthy parts stayed quiet", "content": lanes.table(quiet, flown.cases)}
-    sections = [
+    sections: list[tuple[str, list]] = [
         ("Who noticed, and when", [line, lanes.KEY, lanes.table(loud, flown.cases), folded if quiet else None]),
         ("The fault, as injected", [flight.injected(flown)]),
         ("Detectors", [DETECTORS, *own]),

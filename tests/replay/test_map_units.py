@@ -152,7 +152,7 @@ def test_a_signal_that_is_off_by_a_units_factor_is_asked_for(tmp_path):
     made = CliRunner().invoke(cli.app, ["report", str(tmp_path / "out.mcap"), "-o", str(tmp_path / "page.html")])
     assert made.exit_code == 0, made.stderr
     page = (tmp_path / "page.html").read_text()
-    assert "is it in degrees?" in page and "as rfafe (robust fast adaptive fault estimator" in page
+    assert "is it in degrees?" in page and "fast adaptive fault estimator on airframe outputs only" in page
     assert "left_outer.hinge_moment" in page and "left_outer.hm0" not in page
     (tmp_path / "map.toml").write_text(MAP.format(more=ALL.format(', unit = "deg"')))
     assert not [c for c in diagnose(tmp_path / "flight.csv", tmp_path / "map.toml").caveats if "out of range" in c]
