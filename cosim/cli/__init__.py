@@ -28,11 +28,9 @@ def main() -> None:
         try:
             run()
         except SystemExit as end:
-            _clear(end.code)
             _leave(end.code)
             raise
     except KeyboardInterrupt:
-        _clear(130)
         sys.exit(130)
     except ImportError as error:
         if not any(word in str(error) for word in ("failed to map segment", "annot allocate memory")):
@@ -44,13 +42,6 @@ def main() -> None:
         if not isinstance(error.__cause__, KeyboardInterrupt):
             raise
         sys.exit(130)
-
-
-def _clear(status: object) -> None:
-    """Remove what an interrupt has left half written before anybody knew of it; name the part of a log that stays."""
-    stay = sys.modules["cosim.files"].interrupted() if "cosim.files" in sys.modules else []
-    for part in stay if status == 130 else []:
-        print(f"{part} holds what was flown: `cosim recover {part}` makes a readable log of it", file=sys.stderr)
 
 
 def _leave(status: object) -> None:

@@ -1,7 +1,9 @@
 """What commands share: --json, --workers, and finding out before a flight that its log cannot be written."""
 
 import hashlib
+import os
 import re
+import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from cosim.errors import CosimError, OutputError, ScenarioError
-from cosim.files import Part, Sign, failed, overwriting
+from cosim.files import Sign, claim, failed, overwriting
 
 LONGEST = 100  # characters of a log's name
 FILES = (".html", ".htm", ".csv", ".parquet", ".json", ".toml", ".mcap", ".md", ".png", ".svg", ".pdf")  # no folder's
@@ -27,7 +29,8 @@ def reserve(
     """Find out before the work whether `path` can be written, leaving nothing but its folder; see cosim.files.claim.
 
     `sign` tells the project's own files of this format, `taken` are inputs that must not be overwritten, {what they are
-    called: files}; `endings` the suffixes that are possible. To a `log` no killed flight may have left anything. Raises
+    called: files}; `endings` the suffixes that are possible. A `log` must not be there
+    unfinished. Raises
     OutputError.
     """
     path = Path(path)
@@ -36,14 +39,18 @@ def reserve(
     for what, files in taken.items():
         if path.exists() and any(Path(file).exists() and path.samefile(file) for file in files):
             raise OutputError(f"is {what} itself, it would be overwritten", place=str(path), remedy="Choose another -o")
+    claim(path, sign)
     try:
-        Part(path, sign).drop()
+        folder = Path(os.path.realpath(path)).parent
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
     except OSError as error:
         raise failed(error, path) from None
     if log:
-        from cosim.flight.interactive import journal
+        from cosim.log.log_file import check_no_part
 
-        journal.absent(path)
+        check_no_part(path)
 
 
 def log_name(scenario: str, overrides: Iterable[str] = ()) -> str:

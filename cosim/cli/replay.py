@@ -15,7 +15,7 @@ from cosim.cli.flight import before
 from cosim.cli.output import flag, option, output_option, reserve
 from cosim.cli.tables import progress as bar
 from cosim.cli.tables import whole
-from cosim.errors import LogError
+from cosim.errors import CosimError, LogError
 from cosim.files import LEFT
 from cosim.table import DASH, Table
 
@@ -115,36 +115,25 @@ def recover(
         Path | None, output_option("LOG", "Default: LOG, or LOG with .recovered before its ending if there is one.")
     ] = None,
     overwrite: shared.OverwriteOption = False,
-    trust: Annotated[bool, flag("--trust", "Run the code that the journal of a killed flight names.")] = False,
     json_: shared.JsonOption = False,
 ) -> None:
-    """Make a readable log of what a kill or a full disk has left.
-
-    It says what is lost. Of a flight by hand or live that was killed, which writes its log at its end, fly again what
-    it had come to.
-    """
+    """Make a readable log of what a kill or a full disk has left, and say what is lost."""
     from cosim.files import left_by
-    from cosim.flight.interactive import journal
     from cosim.log import recover as work
     from cosim.log.format import OURS
 
-    asked = str(log).endswith(LEFT)
-    log = Path(str(log).removesuffix(".flown.toml").removesuffix(LEFT))
+    log = Path(str(log).removesuffix(LEFT))
+    part = left_by(log)
+    source = part if part.is_file() else log
+    changed = Path(f"{log}.flown.toml")
+    if not source.exists() and changed.is_file():
+        remedy = f"`cosim run {changed} -o {log}` flies it again"
+        raise CosimError("the flight was killed before it wrote its log", place=str(log), remedy=remedy)
     path = output or (log.with_suffix(f".recovered{log.suffix}") if log.exists() else log)
-    if journal.beside(log).is_file():
-        reserve(path, OURS, log=path.resolve() != log.resolve())
-        with bar(err, f"flying {log.stem} again", waiting="preparing") as progress:
-            again = journal.recover(log, path, trust=trust, progress=progress)
-        answer(json_, again, lambda _: whole(flown_again(again)))
-        return
-    left = left_by(log)
-    from_part = asked or left.is_file()
-    if not from_part:
-        path = output or log.with_suffix(f".recovered{log.suffix}")
-    reserve(path, OURS, taken={"the log": [left if from_part else log]}, log=path.resolve() != log.resolve())
-    found = work(left if from_part else log, path)
-    if from_part and found["cut"]:  # all but its open end is in the new log
-        left.unlink()
+    reserve(path, OURS, taken={"the log": [source]})
+    found = work(source, path)
+    if source == part and found["cut"]:  # all but its open end is in the new log
+        part.unlink()
     answer(json_, found, recovered)
 
 
@@ -238,14 +227,6 @@ def _not_run(rows, named):
     return lack
 
 
-def flown_again(found: dict[str, Any]) -> str:
-    """Return what came back of a flight that was killed before it wrote its log."""
-    told = [f"{f['kind']} on {f['target']} from {f['start_s']:g} s" for f in found["faults"]]
-    lines = [f"{found['ticks']:,} ticks ({found['duration_s']:g} s) flown again, {', '.join(told) or 'no fault'}",
-             f"log    {found['out']}"]  # fmt: skip
-    return "\n".join(lines)
-
-
 def recovered(found: dict[str, Any]) -> Group:
     """Return what came back of a damaged log, and what is lost."""
     head = Text.assemble(
@@ -255,8 +236,6 @@ def recovered(found: dict[str, Any]) -> Group:
         head.append("nothing of the run is lost", "green")
     else:
         head.append("the run is incomplete: it holds no result", "yellow")
-    if not found["parameters_intact"]:
-        head.append("\nscenario or parameters are not as they were written: replay may differ", "red")
     parts: list[RenderableType] = [head]
     if found["lost"]:
         t = Table("Lost", "at byte>", "bytes>", "why")

@@ -116,15 +116,15 @@ def replay(
     wired = lanes.describe(log, detectors, overrides, left_out) if flew or not fresh else []
     members = [_Member(log, w) for w in wired]
     tick = max(0, round(start_s * 1e9 / log.dt_ns))
-    spans, asked = list(_spans(log, wired, tick)), lanes.topics(log, wired) if output is None else None
+    spans, asked = list(_spans(log, wired, tick)), lanes.topics(log, wired) if output is None else log.topics
     _ready(wired)
     stages = lanes.in_stages(wired, str(log.path))
     with ExitStack() as stack, ThreadPoolExecutor(cores()) as pool:
         overlay = stack.enter_context(Overlay(log, wired, output)) if output else None
-        coming = [pool.submit(log.arrays, asked, *span) for span in spans[:1]]
+        coming = [pool.submit(lanes.values, log, asked, *span) for span in spans[:1]]
         for k, (a, b) in enumerate(spans):
             read = coming.pop().result()
-            coming = [pool.submit(log.arrays, asked, *span) for span in spans[k + 1 : k + 2]]
+            coming = [pool.submit(lanes.values, log, asked, *span) for span in spans[k + 1 : k + 2]]
             new = _span(log, members, stages, read, (a, b, tick), pool)
             if overlay:
                 overlay.append(read, new, a, b)

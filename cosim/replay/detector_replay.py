@@ -179,9 +179,15 @@ def topics(log: Log, wired: Any) -> list[Any]:
     return [t for t in dict.fromkeys(found) if t in log.topics]
 
 
+def values(log: Log, names: Iterable[str], start: int = 0, stop: int | None = None) -> dict[str, np.ndarray]:
+    """Return {topic: (rows, fields)} of the ticks start <= k < stop."""
+    end = None if stop is None else stop * log.dt_ns / 1e9
+    return {name: log.array(name, start_s=start * log.dt_ns / 1e9, end_s=end) for name in names}
+
+
 def fill(log: Log, wired: Any, start: int = 0, stop: Any = None, read: dict | None = None) -> list[Lane]:
-    """Return each Lane of `wired` with the ticks start <= k < stop; `read` is what log.arrays gave for them."""
-    read = log.arrays(topics(log, wired), start, stop) if read is None else read
+    """Return each Lane of `wired` with the ticks start <= k < stop; `read` {topic: its values} in these ticks."""
+    read = values(log, topics(log, wired), start, stop) if read is None else read
     return [_fill(log, w, read, start, stop) for w in wired]
 
 

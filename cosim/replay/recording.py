@@ -101,7 +101,7 @@ class LoggedFlight:
         self._topics = [n for n in self.log.topics if n.startswith((*NEEDED, "/law"))]
         infos = [self.log.topics[n] for n in self._topics]
         small = sum(8 * t.rows * len(t.fields) for t in infos) <= SMALL
-        self._arrays = self.log.arrays(self._topics) if small else None
+        self._arrays = {n: self.log.array(n) for n in self._topics} if small else None
         self.ticks = self.log.ticks("/truth/aircraft")
         self.dt = self.log.dt_ns / 1e9
         if not len(self.ticks):
@@ -126,7 +126,7 @@ class LoggedFlight:
             return self._arrays[topic]
         store = ColumnStore()
         for a, n in self.log.spans:
-            store.append(self.log.arrays([topic], a, a + n)[topic])
+            store.append(self.log.array(topic, start_s=a * self.dt, end_s=(a + n) * self.dt))
         return store
 
     @cached_property

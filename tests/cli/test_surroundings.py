@@ -91,15 +91,6 @@ def test_what_an_interrupt_leaves_half_made_says_nothing(name, tmp_path):
     assert told.returncode == 130 and not told.stderr, told.stderr.decode()
 
 
-def test_a_command_that_an_interrupt_ends_while_it_opens_its_file_leaves_nothing(tmp_path, command):
-    """Seen with SIGTERM in `replay`, after its log was begun and before anything was there to drop it."""
-    assert command(*SHORT, "-o", tmp_path / "a.mcap").status == 0
-    struck = "def struck(*given):\n    was(*given)\n    raise KeyboardInterrupt\n"
-    first = f"import cosim.files as files\nwas = files._open_alone\n{struck}files._open_alone = struck"
-    told = command("replay", tmp_path / "a.mcap", "-o", tmp_path / "again.mcap", first=first)
-    assert told.status == 130 and [p.name for p in tmp_path.iterdir() if p.suffix == ".mcap"] == ["a.mcap"]
-
-
 def test_what_lies_in_the_current_folder_is_not_taken_for_a_library(tmp_path):
     for name in ("numpy", "tomllib", "rich", "json", "jsbsim", "pydantic"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('not asked for')")
