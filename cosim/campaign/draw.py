@@ -46,6 +46,7 @@ class Draw:
         return float(self.low + u * (self.high - self.low))
 
 
+
 def draw(table: dict, place: str) -> Draw:
     """Return the Draw of a table of the campaign file; raises CampaignError that says what is wrong at `place`."""
     if not isinstance(table, dict):
@@ -74,11 +75,8 @@ def draw(table: dict, place: str) -> Draw:
     if made.low >= made.high:
         raise CampaignError(f"low = {made.low:g} is not below high = {made.high:g}", place=place)
     if max(abs(made.low), abs(made.high)) > 1e15 and not normal:
-        raise CampaignError(
-            f"low = {made.low:g} and high = {made.high:g} are beyond what can be drawn",
-            place=place,
-            allowed="-1e15 to 1e15",
-        )
+        raise CampaignError(f"low = {made.low:g} and high = {made.high:g} are beyond what can be drawn", place=place,
+                            allowed="-1e15 to 1e15")
     if made.scale not in ("linear", "log"):
         raise CampaignError(f"unknown scale {made.scale!r}", place=place, allowed="linear, log")
     if made.scale == "log" and made.low <= 0.0:

@@ -60,12 +60,8 @@ def nearest(lanes: pd.DataFrame) -> Table:
 
     A statistic beyond its threshold is an alarm only after its confirmation.
     """
-    t = Table(
-        f"the {MOST} flights in which each came nearest to an alarm: largest |r|, 1 is the threshold",
-        "detector",
-        *(f"{i + 1}>" for i in range(MOST)),
-        "the first: seed, manoeuvre, turbulence",
-    )
+    t = Table(f"the {MOST} flights in which each came nearest to an alarm: largest |r|, 1 is the threshold", "detector",
+              *(f"{i + 1}>" for i in range(MOST)), "the first: seed, manoeuvre, turbulence")
     t.caption = "beyond 1 without an alarm: not for the confirmation time"
     for (_, name), rows in lanes.groupby(["level", "id"], sort=True):
         by_run = rows.sort_values("r_max_before", ascending=False).drop_duplicates("run").head(MOST)

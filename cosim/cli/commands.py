@@ -25,7 +25,10 @@ if TYPE_CHECKING:  # `--help` needs no scenario
 DEFAULT = "liquid-ofc"
 ARRAYS = (".npy", ".npz")
 # as `cosim -h` shows them: a flight, many flights, what is your own, what stands behind the detectors
-ORDER = ("run list example info report replay recover campaign compare new check map linearize reproduce").split()
+ORDER = (
+    "run list example info report replay recover campaign compare "
+    "new check map linearize reproduce"
+).split()
 
 
 @app.command()

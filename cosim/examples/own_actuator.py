@@ -8,7 +8,7 @@ from pathlib import Path
 
 import cosim
 
-Path("lag.py").write_text("""
+Path("lag.py").write_text('''
 import numpy as np
 from actuators.block import dtype
 
@@ -30,7 +30,7 @@ def rollout(x, u, p, dt):
     for i, own in enumerate(u[:, 0]):
         asked = (1.0 - own.s_cmd) * own.command + own.f_cmd
         x[i].delta += dt / p[i].tau * (asked - x[i].delta)
-""")
+''')
 
 shipped, seen = ["duration_s=10", "manoeuvre.kind=nz_doublet", "manoeuvre.start_s=2"], ["truth.aircraft.de_li"]
 mine = [*shipped, "actuators.lag.file=lag.py", "elevator.left_inner=lag"]

@@ -1,7 +1,7 @@
 """Effect of a fault on its elevator: the difference of a flight and its reference without the fault.
 
-peak        largest |d| while a fault on the segment is active and 1 s afterwards
-amplitude   of an oscillation: of the least-squares sine at the fault's frequency over the settled whole periods
+    peak        largest |d| while a fault on the segment is active and 1 s afterwards
+    amplitude   of an oscillation: of the least-squares sine at the fault's frequency over the settled whole periods
 """
 
 import math

@@ -26,7 +26,6 @@ WHY = {  # place of entry -> why the elevator moves otherwise
     "sensor": "the servo follows a fast reading in part, or overshoots",
 }
 
-
 def sentences(found: Mapping[str, Any], scenario: Scenario) -> list[str]:
     """Return a sentence per fault of `scenario` that began within the flight; one about false alarms without any.
 

@@ -55,3 +55,4 @@ class Drawing:
     span: tuple | None = None
     row_px: int = 170  # height of a row of panels
     look: str = ""  # what to look at, one sentence; "" where nothing of the paper stands beside it
+

@@ -80,7 +80,6 @@ class Flight(Table):
     gamma = _si("gamma_deg", math.radians)  # angle of the path at the start [rad]
     bank = _si("bank_deg", math.radians)  # of a steady turn [rad]
     turn = _si("turn_deg_s", math.radians)  # rate of the heading [rad/s]
-
     @model_validator(mode="after")
     def _together(self):
         wrong = Mistakes()

@@ -96,15 +96,8 @@ class ThreeTwoOneOne(_Manoeuvre):
 
 
 Manoeuvre = Annotated[
-    Cruise
-    | AoaProtection
-    | NoseUp
-    | PitchProtection
-    | CoordinatedTurn
-    | YawAngle
-    | NzDoublet
-    | ThreeTwoOneOne
-    | Inputs,
+    Cruise | AoaProtection | NoseUp | PitchProtection | CoordinatedTurn | YawAngle | NzDoublet
+    | ThreeTwoOneOne | Inputs,
     Field(discriminator="kind"),
 ]
 KINDS: dict[str, type[BaseModel]] = {

@@ -28,7 +28,9 @@ def apply(table: dict[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
     return out
 
 
-def applied(table: dict[str, Any], overrides: Iterable[str]) -> tuple[dict[str, Any], Mistakes, list[tuple[str, str]]]:
+def applied(
+    table: dict[str, Any], overrides: Iterable[str]
+) -> tuple[dict[str, Any], Mistakes, list[tuple[str, str]]]:
     """Return a copy of `table` with every override that can be applied, the errors of the others, and (key, "--set
     key=value") of each applied."""
     out, wrong, said = copy.deepcopy(table), Mistakes(), []

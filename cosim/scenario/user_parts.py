@@ -315,7 +315,7 @@ def _files(attachments: Mapping[str, bytes]) -> Iterator[tuple[PurePosixPath, by
         if top != FOLDER:
             continue
         path = PurePosixPath(rest)
-        wrong = any(_hidden(part) or set(part) & set("\\:\0") or not part.isprintable() for part in path.parts)
+        wrong = any(_hidden(part) or set(part) & set('\\:\0') or not part.isprintable() for part in path.parts)
         if wrong or path.is_absolute() or len(path.parts) < 2 or path.as_posix() != rest:
             raise LogError(f"is damaged: attachment {name!r}", place="log")
         yield path, data

@@ -166,7 +166,9 @@ def fit(samples: Any, *, box: Any = BOX, weight: Any = None) -> Any:
     """Fit the `LpvModel` to `samples`; outputs that are states are exact, so C_1 is constant and D_1 zero."""
     size = {"A": SIZE_X, "B": SIZE_U, "C": SIZE_X, "D": SIZE_U}
     weight = volume(samples.rho) if weight is None else weight
-    fitted = {k: lpv_model.fit(samples.rho, getattr(samples, k), box=box, scale=size[k], weight=weight) for k in "ABCD"}
+    fitted = {
+        k: lpv_model.fit(samples.rho, getattr(samples, k), box=box, scale=size[k], weight=weight) for k in "ABCD"
+    }
     A, B, C, D = (fitted[k][0] for k in "ABCD")
     C[:, [0, 1, 2, 3, 5]] = 0.0
     C[0, [0, 1, 2, 3, 5], [1, 2, 3, 4, 0]] = 1.0

@@ -94,14 +94,8 @@ def unknown_inputs(turbulence: str = "none", aero: tuple = (), aircraft: str = D
     states = [f"truth.aircraft.{n}" for n in STATES]
     flights = []
     for kind in MANOEUVRES:
-        flown = scenario(
-            duration=FLIGHT_S,
-            manoeuvre=kind,
-            flight={**_flight(own), "turbulence": turbulence},
-            tolerances={"aero": dict(aero)},
-            aircraft=aircraft,
-            technology=layouts(own)["hydraulic"],
-        )
+        flown = scenario(duration=FLIGHT_S, manoeuvre=kind, flight={**_flight(own), "turbulence": turbulence},
+                         tolerances={"aero": dict(aero)}, aircraft=aircraft, technology=layouts(own)["hydraulic"])
         v = fly(flown, [*states, *surfaces(own)])
         flights.append((UNIT * np.asarray(v[states]) - x0, np.asarray(v[list(surfaces(own))]) / RAD_PER_DEG))
     return rfafe.estimate_E(A, B, np.eye(4), flights, dt=DT)
@@ -117,21 +111,10 @@ def actuator(technology: str, aircraft: str = DEFAULT) -> tuple[float, float, fl
     flight."""
     own, response = load_aircraft(aircraft), []
     for hz in FIT_HZ:
-        fault = {
-            "target": "elevator.all",
-            "kind": "ofc_liquid",
-            "at": "command",
-            "start_s": 1.0,
-            "amplitude_deg": FIT_DEG,
-            "frequency_hz": hz,
-        }
-        flown = scenario(
-            duration=4.0 + max(4.0, 4.0 / hz),
-            faults=[fault],
-            technology=layouts(own)[technology],
-            flight=_flight(own),
-            aircraft=aircraft,
-        )
+        fault = {"target": "elevator.all", "kind": "ofc_liquid", "at": "command", "start_s": 1.0,
+                 "amplitude_deg": FIT_DEG, "frequency_hz": hz}
+        flown = scenario(duration=4.0 + max(4.0, 4.0 / hz), faults=[fault], technology=layouts(own)[technology],
+                         flight=_flight(own), aircraft=aircraft)
         v = fly(flown, [*surfaces(own), COMMAND])
         t, w = v.index.to_numpy(), 2 * math.pi * hz
         late = t > 4.0
@@ -153,18 +136,10 @@ def servo_model(kind: str, aircraft: str = DEFAULT) -> dict[str, float]:
     own, flown = load_aircraft(aircraft), []
     p: list[np.ndarray] = []
     for manoeuvre in ("cruise", "aoa_protection"):
-        flight = scenario(
-            duration=FLIGHT_S,
-            manoeuvre=manoeuvre,
-            flight={**_flight(own), "turbulence": "moderate"},
-            technology=layouts(own)[kind],
-            aircraft=aircraft,
-        )
-        v = fly(
-            flight,
-            [*surfaces(own), COMMAND],
-            prepare=lambda setup: p.append((*setup.loop.servos, *setup.loop.actuators)[0].p[0]),
-        )
+        flight = scenario(duration=FLIGHT_S, manoeuvre=manoeuvre, flight={**_flight(own), "turbulence": "moderate"},
+                          technology=layouts(own)[kind], aircraft=aircraft)
+        v = fly(flight, [*surfaces(own), COMMAND],
+                prepare=lambda setup: p.append((*setup.loop.servos, *setup.loop.actuators)[0].p[0]))
         u, y = v[COMMAND].to_numpy() / RAD_PER_DEG, np.asarray(v[list(surfaces(own))]).mean(1) / RAD_PER_DEG
         flown.append((u, y, np.std(y)))
     model = reference_of(p[0], kind)
@@ -201,11 +176,8 @@ def reference_of(p: Any, kind: str) -> dict[str, float]:
     K = p["k3"] * np.array([p["k2"] * p["k1"], p["k2"], 1.0])
     poles = np.log(np.linalg.eigvals(Phi - np.outer([DT**3 / 6.0, DT**2 / 2.0, DT], K)).astype(complex)) / DT
     pair = poles[np.argmax(poles.imag)]
-    return model | {
-        "j_max_deg_s3": float(p["j_max"]) / unit,
-        "omega_rad_s": round(float(abs(pair)), 6),
-        "zeta": round(float(-pair.real / abs(pair)), 6),
-    }
+    return model | {"j_max_deg_s3": float(p["j_max"]) / unit, "omega_rad_s": round(float(abs(pair)), 6),
+                    "zeta": round(float(-pair.real / abs(pair)), 6)}
 
 
 def sigmas(own: Aircraft | None = None) -> tuple[np.ndarray, float]:
@@ -270,9 +242,9 @@ def entry(
     F = g[1] if name == "rfafe" else np.vstack([Bu, [[0.0]]])
     made = rfafe.design(*g[:2], C, None, E, F, dt=DT, bandwidth=bandwidth or BANDWIDTH[name], sigma=sigma, **options)
     return {
-        "design": to_plain(made),
-        "u_delay_s": late,
-        "actuator": {"a_rad_s": a, "gain": gain, "tau_s": tau, "amplitude_error_2hz": high, "rate_deg_s": RATE_DEG_S},
+        "design": to_plain(made), "u_delay_s": late,
+        "actuator": {"a_rad_s": a, "gain": gain, "tau_s": tau, "amplitude_error_2hz": high,
+                     "rate_deg_s": RATE_DEG_S},
         "noise_deg": noise(made.discrete, sigma).tolist(),
     }
 
@@ -280,12 +252,6 @@ def entry(
 def _made_from(aircraft):
     own = load_aircraft(aircraft)
     A, B, x0 = linear(aircraft=aircraft)
-    return {
-        "point": _flight(own),
-        "A": A.tolist(),
-        "B": B.tolist(),
-        "x0": x0.tolist(),
-        "E": unknown_inputs(aircraft=aircraft).tolist(),
-        "units": "V m/s, angles deg, q deg/s",
-        "flights": list(MANOEUVRES),
-    }
+    return {"point": _flight(own), "A": A.tolist(), "B": B.tolist(), "x0": x0.tolist(),
+            "E": unknown_inputs(aircraft=aircraft).tolist(), "units": "V m/s, angles deg, q deg/s",
+            "flights": list(MANOEUVRES)}

@@ -93,8 +93,6 @@ SCENARIOS = {
     "another's": b"colour = 'red'",
     "empty": b"",
 }
-
-
 def _reshaped(*shape):
     """Return an array with one record of the detector's own parameters, in a shape that no flight writes."""
     out, module = io.BytesIO(), importlib.import_module("fdi.hydraulic.iotsekf")

@@ -26,37 +26,31 @@ from actuators.block import dtype, entry, kernel
 CONSTANT, SINE, DRIFT, RUNAWAY, SQUARE, TRIANGLE, CHIRP = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
 TURN = 2.0 * math.pi
 
-PARAMS = dtype(
-    [
-        ("form", "f8"),  # one of those above
-        ("start", "f8", "s"),
-        ("end", "f8", "s"),  # inf when never healed
-        ("ramp", "f8", "s"),
-        ("amplitude", "f8"),  # [unit of the place; per second for drift and runaway]
-        ("omega", "f8", "rad/s"),
-        ("phase", "f8", "rad"),
-        ("lower", "f8"),  # limits of a runaway [unit of the place], of a chirp's frequency [rad/s]
-        ("upper", "f8"),
-        ("sweep", "f8", "rad/s2"),  # change of a chirp's frequency
-    ]
-)
+PARAMS = dtype([
+    ("form", "f8"),  # one of those above
+    ("start", "f8", "s"),
+    ("end", "f8", "s"),  # inf when never healed
+    ("ramp", "f8", "s"),
+    ("amplitude", "f8"),  # [unit of the place; per second for drift and runaway]
+    ("omega", "f8", "rad/s"),
+    ("phase", "f8", "rad"),
+    ("lower", "f8"),  # limits of a runaway [unit of the place], of a chirp's frequency [rad/s]
+    ("upper", "f8"),
+    ("sweep", "f8", "rad/s2"),  # change of a chirp's frequency
+])
 
-INPUTS = dtype(
-    [
-        ("t", "f8", "s"),  # time of the tick
-        ("ref", "f8"),  # signal latched at the onset of a runaway [unit of the place]
-    ]
-)
+INPUTS = dtype([
+    ("t", "f8", "s"),  # time of the tick
+    ("ref", "f8"),  # signal latched at the onset of a runaway [unit of the place]
+])
 
-STATE = dtype(
-    [
-        ("active", "f8", "-"),  # 1 between start and end
-        ("g", "f8", "-"),  # envelope, 0..1
-        ("f_inj", "f8", "of the place"),  # injected signal
-        ("f_neg", "f8"),  # its negative, for places that count the other way
-        ("latch", "f8"),  # reference at onset [unit of the place]
-    ]
-)
+STATE = dtype([
+    ("active", "f8", "-"),  # 1 between start and end
+    ("g", "f8", "-"),  # envelope, 0..1
+    ("f_inj", "f8", "of the place"),  # injected signal
+    ("f_neg", "f8"),  # its negative, for places that count the other way
+    ("latch", "f8"),  # reference at onset [unit of the place]
+])
 
 OUTPUTS = ("active", "g", "f_inj")
 

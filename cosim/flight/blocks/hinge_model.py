@@ -14,30 +14,26 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel
 
-PARAMS = dtype(
-    [
-        ("k", "f8", "-"),  # model over truth
-        ("m_0", "f8", "N m"),  # hinge moment at zero angle, at trim
-        ("m_alpha", "f8", "N m/rad"),  # its slope over angle of attack
-        ("m_q", "f8", "N m s/rad"),  # over pitch rate
-        ("m_d", "f8", "N m/rad"),  # over the segment's own angle
-        ("alpha_0", "f8", "rad"),
-        ("cas_0", "f8", "m/s"),
-    ]
-)
+PARAMS = dtype([
+    ("k", "f8", "-"),  # model over truth
+    ("m_0", "f8", "N m"),  # hinge moment at zero angle, at trim
+    ("m_alpha", "f8", "N m/rad"),  # its slope over angle of attack
+    ("m_q", "f8", "N m s/rad"),  # over pitch rate
+    ("m_d", "f8", "N m/rad"),  # over the segment's own angle
+    ("alpha_0", "f8", "rad"),
+    ("cas_0", "f8", "m/s"),
+])
 INPUTS = dtype([
     ("alpha", "f8", "rad"), ("alpha_valid", "f8", "-"), ("q", "f8", "rad/s"), ("q_valid", "f8", "-"),
     ("cas", "f8", "m/s"), ("cas_valid", "f8", "-"),
 ])  # fmt: skip
-STATE = dtype(
-    [
-        ("hm0", "f8", "N m"),
-        ("hmd", "f8", "N m/rad"),
-        ("alpha", "f8", "rad"),
-        ("q", "f8", "rad/s"),
-        ("cas", "f8", "m/s"),  # last valid measurements
-    ]
-)
+STATE = dtype([
+    ("hm0", "f8", "N m"),
+    ("hmd", "f8", "N m/rad"),
+    ("alpha", "f8", "rad"),
+    ("q", "f8", "rad/s"),
+    ("cas", "f8", "m/s"),  # last valid measurements
+])
 OUTPUTS = ("hm0", "hmd")
 
 

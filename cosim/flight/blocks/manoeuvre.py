@@ -15,31 +15,25 @@ from actuators.block import dtype, entry, kernel, record
 N = 16  # longest table
 CHANNELS = ("nz_dem", "phi_dem", "psi_dem", "de_add")
 
-PARAMS = dtype(
-    [
-        ("time", "f8", (N,), "s"),  # start of each step, inf where unused
-        ("nz_dem", "f8", (N,), "g"),  # demanded load-factor increment over level flight
-        ("phi_dem", "f8", (N,), "rad"),  # demanded bank angle
-        ("psi_dem", "f8", (N,), "rad"),  # demanded change of heading, with the heading hold
-        ("de_add", "f8", (N,), "rad"),  # surface motion added to the elevator command
-        ("rate", "f8", (4,)),  # slope limits of the four [g/s, rad/s, rad/s, rad/s]
-        ("hold_psi", "f8"),  # 1: the heading hold steers, not the bank demand
-        ("hold_h", "f8"),  # 1: the altitude hold steers while the stick is free
-        ("hold_v", "f8"),  # 1: the speed hold moves the throttles
-    ]
-)
+PARAMS = dtype([
+    ("time", "f8", (N,), "s"),  # start of each step, inf where unused
+    ("nz_dem", "f8", (N,), "g"),  # demanded load-factor increment over level flight
+    ("phi_dem", "f8", (N,), "rad"), # demanded bank angle
+    ("psi_dem", "f8", (N,), "rad"), # demanded change of heading, with the heading hold
+    ("de_add", "f8", (N,), "rad"),  # surface motion added to the elevator command
+    ("rate", "f8", (4,)),    # slope limits of the four [g/s, rad/s, rad/s, rad/s]
+    ("hold_psi", "f8"),      # 1: the heading hold steers, not the bank demand
+    ("hold_h", "f8"),        # 1: the altitude hold steers while the stick is free
+    ("hold_v", "f8"),        # 1: the speed hold moves the throttles
+])
 INPUTS = dtype([("t", "f8", "s")])  # time of the tick
-STATE = dtype(
-    [
-        ("nz_dem", "f8", "g"),
-        ("phi_dem", "f8", "rad"),
-        ("psi_dem", "f8", "rad"),
-        ("de_add", "f8", "rad"),
-        ("hold_psi", "f8", "-"),
-        ("hold_h", "f8", "-"),
-        ("hold_v", "f8", "-"),  # holds engaged
-    ]
-)
+STATE = dtype([
+    ("nz_dem", "f8", "g"),
+    ("phi_dem", "f8", "rad"),
+    ("psi_dem", "f8", "rad"),
+    ("de_add", "f8", "rad"),
+    ("hold_psi", "f8", "-"), ("hold_h", "f8", "-"), ("hold_v", "f8", "-"),  # holds engaged
+])
 OUTPUTS = ("nz_dem", "phi_dem", "psi_dem", "de_add", "hold_psi", "hold_h", "hold_v")
 
 

@@ -18,49 +18,43 @@ from cosim.scenario.aircraft import Aircraft
 
 DELAY_MAX = 32  # longest delay in ticks: 0.15 s at 5 ms
 
-PARAMS = dtype(
-    [
-        ("gain", "f8"),  # what the sensor reads per unit of the truth it is wired to (screw lead), 1 otherwise
-        ("sigma", "f8"),  # standard deviation of white noise per sample [unit]
-        ("bias", "f8"),  # [unit]
-        ("scale", "f8"),  # scale-factor error [-]
-        ("delay", "f8"),  # [ticks]
-        ("quantum", "f8"),  # quantisation step [unit], 0 for none
-    ]
-)
+PARAMS = dtype([
+    ("gain", "f8"),  # what the sensor reads per unit of the truth it is wired to (screw lead), 1 otherwise
+    ("sigma", "f8"),  # standard deviation of white noise per sample [unit]
+    ("bias", "f8"),  # [unit]
+    ("scale", "f8"),  # scale-factor error [-]
+    ("delay", "f8"),  # [ticks]
+    ("quantum", "f8"),  # quantisation step [unit], 0 for none
+])
 
-INPUTS = dtype(
-    [
-        ("truth", "f8"),  # the physical signal at t_k [unit]
-        ("noise", "f8"),  # standard normal draw, made outside and logged [-]
-        ("f_add", "f8"),  # both copies: additive fault [unit]
-        ("f_scale", "f8"),  # scale fault [-]
-        ("f_freeze", "f8"),  # > 0: frozen
-        ("f_noise", "f8"),  # additional standard deviation [unit]
-        ("f_drop", "f8"),  # > 0: no valid sample
-        ("g_add", "f8"),  # the observers' copy only, the same five
-        ("g_scale", "f8"),
-        ("g_freeze", "f8"),
-        ("g_noise", "f8"),
-        ("g_drop", "f8"),
-    ]
-)
+INPUTS = dtype([
+    ("truth", "f8"),  # the physical signal at t_k [unit]
+    ("noise", "f8"),  # standard normal draw, made outside and logged [-]
+    ("f_add", "f8"),  # both copies: additive fault [unit]
+    ("f_scale", "f8"),  # scale fault [-]
+    ("f_freeze", "f8"),  # > 0: frozen
+    ("f_noise", "f8"),  # additional standard deviation [unit]
+    ("f_drop", "f8"),  # > 0: no valid sample
+    ("g_add", "f8"),  # the observers' copy only, the same five
+    ("g_scale", "f8"),
+    ("g_freeze", "f8"),
+    ("g_noise", "f8"),
+    ("g_drop", "f8"),
+])
 
-STATE = dtype(
-    [
-        ("y", "f8"),  # copy for law and servo [unit]
-        ("valid", "f8"),  # 1 or 0
-        ("y_obs", "f8"),  # the observers' copy [unit]
-        ("valid_obs", "f8"),  # 1 or 0
-        ("last", "f8"),  # value repeated while frozen [unit]
-        ("last_obs", "f8"),
-        ("frozen", "f8"),  # 1 while `last` is latched
-        ("frozen_obs", "f8"),
-        ("fresh", "f8"),  # 0 until the delay line is filled
-        ("head", "f8"),  # write position in the delay line
-        ("line", "f8", (DELAY_MAX,)),
-    ]
-)
+STATE = dtype([
+    ("y", "f8"),  # copy for law and servo [unit]
+    ("valid", "f8"),  # 1 or 0
+    ("y_obs", "f8"),  # the observers' copy [unit]
+    ("valid_obs", "f8"),  # 1 or 0
+    ("last", "f8"),  # value repeated while frozen [unit]
+    ("last_obs", "f8"),
+    ("frozen", "f8"),  # 1 while `last` is latched
+    ("frozen_obs", "f8"),
+    ("fresh", "f8"),  # 0 until the delay line is filled
+    ("head", "f8"),  # write position in the delay line
+    ("line", "f8", (DELAY_MAX,)),
+])
 
 OUTPUTS = ("y", "valid", "y_obs", "valid_obs")
 
@@ -116,7 +110,6 @@ rollout = entry(step, STATE, INPUTS, PARAMS)
 
 
 _AIR, _INERTIAL = 0.010, 0.005  # delays of air data, and of all other sensors [s]
-
 
 def installed(aircraft: Aircraft) -> dict[str, tuple[str, float, float, str]]:
     """Return the sensors of TRANSPORT that an aircraft has: a tachometer per engine."""

@@ -331,10 +331,8 @@ def feedback_wires(scenario: Scenario) -> list:
             pairs += [(f"servo_in.{lane}.{to}", f"{source}.{lane}.{field}") for to, field in _ESTIMATE.items()]
         if tech == "hydraulic" and source == "measured" and scenario.elevator.reconfigure:
             # `blame` is 0 while neither position sensor, or none for sure, is wrong
-            pairs += [
-                (f"servo_in.{lane}.{to}", f"rtsekf_flight.{lane}.{'blame' if field == 'valid' else field}")
-                for to, field in _ESTIMATE.items()
-            ]
+            pairs += [(f"servo_in.{lane}.{to}", f"rtsekf_flight.{lane}.{'blame' if field == 'valid' else field}")
+                      for to, field in _ESTIMATE.items()]
         own = scenario.elevator.ema_estimate
         if tech == "ema" and scenario.elevator.reconfigure and own in running:
             pairs += [(f"ema_servo_in.{lane}.pos_fb", f"{own}.{lane}.pos_hat"),

@@ -17,7 +17,6 @@ OTHERS = ("aileron_left", "aileron_right", "rudder", "stabiliser")  # surfaces w
 SURFACE_OF = {"aileron_left": "da_l", "aileron_right": "da_r", "rudder": "dr", "stabiliser": "stab"}
 COMMAND_OF = {"aileron_left": "da_cmd", "aileron_right": "da_cmd", "rudder": "dr_cmd", "stabiliser": "stab_cmd"}
 
-
 def sensor_wires(scenario: Scenario) -> list[tuple[str, str]]:
     """Return the wires from truth and actuators to the sensors."""
     installed = sensors.installed(scenario.aircraft)

@@ -36,54 +36,48 @@ KNOTS = 2 * CHANGES + 1
 AXES = ("longitudinal", "lateral", "vertical")
 SHAPES = ("1-cosine", "ramp")
 
-PARAMS = dtype(
-    [
-        ("time", "f8", (KNOTS,), "s"),  # of the flight, rising from 0, inf where unused
-        ("sigma", "f8", (KNOTS,)),  # rms of each component at those times, between them on a line [m/s]
-        ("length", "f8"),  # scale length [m]
-        ("span", "f8"),  # [m]
-        ("tail_arm", "f8"),  # from the CG aft to tail and fin [m]
-        ("downwash", "f8"),  # d epsilon / d alpha [-]
-        ("stride", "f8"),  # ticks between two samples of the line
-        ("wind", "f8", (2,)),  # steady wind to north and east at h_0 [m/s]
-        ("shear", "f8", (2,)),  # its growth with altitude [1/s]
-        ("h_0", "f8", "m"),
-        ("start", "f8", (DISCRETE,), "s"),  # when each discrete gust is entered, inf where unused
-        ("speed", "f8", (DISCRETE, 3)),  # its speed along AXES, + raises airspeed, sideslip, angle of attack [m/s]
-        ("gradient", "f8", (DISCRETE,)),  # way flown from its beginning to its full speed [m]
-        ("stays", "f8", (DISCRETE,)),  # 1: a ramp
-    ]
-)
-INPUTS = dtype(
-    [
-        ("noise", "f8", (4,)),  # standard normal draws for u, v, w, p
-        ("tas", "f8"),  # [m/s]
-        ("phi", "f8"),  # [rad]
-        ("theta", "f8"),
-        ("psi", "f8"),
-        ("h", "f8", "m"),
-    ]
-)
-STATE = dtype(
-    [
-        ("north", "f8"),  # gust over the ground [m/s]
-        ("east", "f8"),
-        ("down", "f8"),
-        ("p", "f8"),  # its gradients as body rates [rad/s]
-        ("q", "f8"),
-        ("r", "f8"),
-        ("u", "f8"),  # body components over sigma [-]
-        ("v", "f8", (2,)),
-        ("w", "f8", (2,)),
-        ("v_line", "f8", (LINE,)),  # the past of the body components, a ring [m/s]
-        ("w_line", "f8", (LINE,)),
-        ("head", "f8"),  # of the newest sample
-        ("since", "f8"),  # ticks since it was taken
-        ("ticks", "f8", "-"),  # of the flight
-        ("knot", "f8", "-"),  # of the turbulence's changes, the last that has come
-        ("way", "f8", (DISCRETE,)),  # flown into each discrete gust [m]
-    ]
-)
+PARAMS = dtype([
+    ("time", "f8", (KNOTS,), "s"),  # of the flight, rising from 0, inf where unused
+    ("sigma", "f8", (KNOTS,)),  # rms of each component at those times, between them on a line [m/s]
+    ("length", "f8"),  # scale length [m]
+    ("span", "f8"),  # [m]
+    ("tail_arm", "f8"),  # from the CG aft to tail and fin [m]
+    ("downwash", "f8"),  # d epsilon / d alpha [-]
+    ("stride", "f8"),  # ticks between two samples of the line
+    ("wind", "f8", (2,)),  # steady wind to north and east at h_0 [m/s]
+    ("shear", "f8", (2,)),  # its growth with altitude [1/s]
+    ("h_0", "f8", "m"),
+    ("start", "f8", (DISCRETE,), "s"),  # when each discrete gust is entered, inf where unused
+    ("speed", "f8", (DISCRETE, 3)),  # its speed along AXES, + raises airspeed, sideslip, angle of attack [m/s]
+    ("gradient", "f8", (DISCRETE,)),  # way flown from its beginning to its full speed [m]
+    ("stays", "f8", (DISCRETE,)),  # 1: a ramp
+])
+INPUTS = dtype([
+    ("noise", "f8", (4,)),  # standard normal draws for u, v, w, p
+    ("tas", "f8"),  # [m/s]
+    ("phi", "f8"),  # [rad]
+    ("theta", "f8"),
+    ("psi", "f8"),
+    ("h", "f8", "m"),
+])
+STATE = dtype([
+    ("north", "f8"),  # gust over the ground [m/s]
+    ("east", "f8"),
+    ("down", "f8"),
+    ("p", "f8"),  # its gradients as body rates [rad/s]
+    ("q", "f8"),
+    ("r", "f8"),
+    ("u", "f8"),  # body components over sigma [-]
+    ("v", "f8", (2,)),
+    ("w", "f8", (2,)),
+    ("v_line", "f8", (LINE,)),  # the past of the body components, a ring [m/s]
+    ("w_line", "f8", (LINE,)),
+    ("head", "f8"),  # of the newest sample
+    ("since", "f8"),  # ticks since it was taken
+    ("ticks", "f8", "-"),  # of the flight
+    ("knot", "f8", "-"),  # of the turbulence's changes, the last that has come
+    ("way", "f8", (DISCRETE,)),  # flown into each discrete gust [m]
+])
 OUTPUTS = ("north", "east", "down", "p", "q", "r")
 
 

@@ -65,12 +65,8 @@ class FlightPoint:
             raise ValueError("give exactly one of cas_kt, mach, tas_kt")
         kind, value = given[0]
         return cls(
-            mass_t * 1e3,
-            cg_pct / 100.0,
-            altitude_ft * M_PER_FT,
-            kind,
-            value if kind == "mach" else value * M_S_PER_KT,
-            **rest,
+            mass_t * 1e3, cg_pct / 100.0, altitude_ft * M_PER_FT, kind,
+            value if kind == "mach" else value * M_S_PER_KT, **rest,
         )
 
     @classmethod

@@ -8,7 +8,7 @@ from cosim.flight.blocks.law.pitch import BANK_MAX
 from cosim.flight.blocks.law.signals import ALPHA, BETA, CAS, PSI, TAS, THETA, P, R, clip, trust
 
 AILERON_SHARE = 0.75  # of the aileron that holding a bank may take: the rest is left for gusts and failures
-LIFT_SHARE = 0.95  # of the load factor that the angle-of-attack limit leaves, likewise
+LIFT_SHARE = 0.95     # of the load factor that the angle-of-attack limit leaves, likewise
 
 
 @kernel

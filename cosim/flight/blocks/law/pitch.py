@@ -7,13 +7,13 @@ from actuators.constants import G0
 from cosim.flight.blocks.law.signals import ALPHA, CAS, FADE_S, HDOT, HOLD_S, NZ, TAS, THETA, H, Q, clip, trust
 
 TAU_THETA = 0.1  # of the substitute pitch rate [s]
-Q_LIMIT = 0.2  # largest substitute pitch rate [rad/s]: three times that of 2.5 g at 400 kt
-TAU_TRIM = 2.0  # of the elevator seen by the automatic trim [s]
-TAU_ROOM = 0.2  # of `room`: the noise of n_z is 0.2 deg there [s]
-TAU_PATH = 1.0  # with which the held vertical speed gives way while a protection acts [s]
-LAG_N = 0.6  # of the load factor behind its demand, for the path that is held when the stick comes free [s]
+Q_LIMIT = 0.2    # largest substitute pitch rate [rad/s]: three times that of 2.5 g at 400 kt
+TAU_TRIM = 2.0   # of the elevator seen by the automatic trim [s]
+TAU_ROOM = 0.2   # of `room`: the noise of n_z is 0.2 deg there [s]
+TAU_PATH = 1.0   # with which the held vertical speed gives way while a protection acts [s]
+LAG_N = 0.6      # of the load factor behind its demand, for the path that is held when the stick comes free [s]
 BANK_MAX = 1.05  # the trigonometry of the turn stops there [rad]
-TRIM_BANK = 0.58  # automatic trim is off beyond this bank, 33 deg [rad]
+TRIM_BANK = 0.58   # automatic trim is off beyond this bank, 33 deg [rad]
 STICK_FREE = 0.005  # smaller demands count as zero [g]
 
 
