@@ -139,15 +139,13 @@ class _Command(TyperCommand):
         return super().invoke(ctx)
 
 
-class _App(typer.Typer):
-    """The commands of the command line by group, as `cosim -h` shows them."""
-
-    def command(self, group, name=None):
-        return super().command(name, cls=_Command, rich_help_panel=group)
+app = typer.Typer(cls=_Group, no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_enable=False,
+                  context_settings={"help_option_names": ["-h", "--help"]})  # fmt: skip
 
 
-app = _App(cls=_Group, no_args_is_help=True, rich_markup_mode="rich",
-           pretty_exceptions_enable=False, context_settings={"help_option_names": ["-h", "--help"]})  # fmt: skip
+def command(group: str, name: str | None = None) -> Callable:
+    """Make a function a command of a group of `cosim -h`."""
+    return app.command(name, cls=_Command, rich_help_panel=group)
 
 
 def _version(wanted: bool):

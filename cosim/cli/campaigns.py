@@ -13,8 +13,8 @@ from cosim.cli import app as shared
 from cosim.cli import flight
 from cosim.cli.app import (
     answer,
-    app,
     argument,
+    command,
     flag,
     notes,
     only_with,
@@ -31,7 +31,7 @@ from cosim.files import columns, replace
 TEXTS = 5  # different errors that are printed
 
 
-@app.command("Many flights")
+@command("Many flights")
 def campaign(
     campaign: Annotated[str, argument("CAMPAIGN", "Built-in name or file.")],
     workers: Annotated[int | None, option("N", "Processes. Default: one per core.", min=1)] = None,
@@ -108,7 +108,7 @@ def errors(frame: Any) -> list[dict]:
     return [{"status": status, "error": text, "runs": int(n)} for (status, text), n in counts.items()]
 
 
-@app.command("Many flights")
+@command("Many flights")
 def compare(
     sources: Annotated[list[Path], argument("PATH", "Logs, a campaign's folder, or two of them side by side.")],
     output: Annotated[Path | None, output_option("DIR", "Folder for report and tables. Default: write none.")] = None,
@@ -124,8 +124,9 @@ def compare(
     from cosim.report import write_comparison
     from cosim.report.compare_page import SIGNS
 
-    for name, sign in SIGNS.items() if output else ():
-        reserve(output / name, sign)
+    if output:
+        for name, sign in SIGNS.items():
+            reserve(output / name, sign)
     with progress("reading", unit="flights", waiting="preparing") as tell:
         made = work(sources, progress=tell, guests=detector or ())
         if output:
@@ -148,7 +149,7 @@ def compared(found: dict) -> Group:
     return Group(*parts, *(whole(f"{key:<7}{found[key]}") for key in ("report", "table") if found[key]))
 
 
-@app.command("Papers")
+@command("Papers")
 def reproduce(
     paper: Annotated[str, argument("PAPER", "lu17, jay, sun13, mar10, alwi14 or all.")] = "all",
     output: Annotated[Path, output_option("DIR", "Folder of page and rows.")] = Path("logs"),
@@ -175,7 +176,7 @@ def reproduce(
     reproduction_report(rows, drawings, page)
     frame = DataFrame(map(asdict, rows))
     replace(table, lambda part: frame.to_csv(part, index=False), listed)
-    found = {"counts": counts(rows), "report": str(page), "table": str(table)}
+    found: dict[str, Any] = {"counts": counts(rows), "report": str(page), "table": str(table)}
     plain = [asdict(r) | {"got": r.got if math.isfinite(r.got) else None} for r in rows]
     answer(json_, {**found, "rows": plain}, lambda _: reproduced(rows, found))
     if found["counts"]["differs"]:

@@ -18,6 +18,7 @@ from cosim.cli.app import (
     answer,
     app,
     argument,
+    command,
     err,
     flag,
     named,
@@ -39,7 +40,7 @@ DEFAULT = "liquid-ofc"
 LONGEST = 100  # characters of a log's name
 
 
-@app.command("Start")
+@command("Start")
 def run(
     scenario: shared.ScenarioArg = DEFAULT,
     set_: shared.SetOption = None,
@@ -141,7 +142,7 @@ def log_name(scenario: str, overrides: Any = ()) -> str:
     return f"{Path(scenario).stem[:LONGEST]}+{hashlib.sha256(chr(0).join(overrides).encode()).hexdigest()[:8]}"
 
 
-@app.command("Start", "list")
+@command("Start", "list")
 def list_(
     topic: Annotated[str | None, argument("TOPIC", f"{', '.join(inventory.TOPICS)} or all.")] = None,
     json_: shared.JsonOption = False,
@@ -156,7 +157,7 @@ def list_(
     answer(json_, found if topic in (None, "all") else {topic: found[topic]}, lambda _: inventory.shown(found, topic))
 
 
-@app.command("Start")
+@command("Start")
 def info(
     log: Annotated[Path, argument("LOG", "A log written by [b]cosim run[/].")],
     scenario: Annotated[bool, flag("--scenario", "Print the log's scenario as TOML, ready to fly again.")] = False,
@@ -190,7 +191,7 @@ def _write_sources(log, folder):
     out.print(whole(f"wrote  {path}\nnext   cosim run {word(path)}"))
 
 
-@app.command("Start")
+@command("Start")
 def report(
     log: Annotated[Path, argument("LOG|DIR", "A log; a campaign's folder, or one of logs.")],
     output: Annotated[Path | None, output_option("HTML", "Default: beside the log.")] = None,
@@ -219,7 +220,7 @@ def report(
     answer(json_, {"report": str(made)}, lambda _: whole(f"report {made}"))
 
 
-@app.command("Start")
+@command("Start")
 def linearize(
     scenario: shared.ScenarioArg = DEFAULT,
     set_: shared.SetOption = None,

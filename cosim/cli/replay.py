@@ -12,7 +12,7 @@ from cosim.cli import app as shared
 from cosim.cli.app import (
     LIVE_PORT,
     answer,
-    app,
+    command,
     flag,
     notes,
     only_with,
@@ -30,7 +30,7 @@ from cosim.table import DASH, Table
 SHOWN = 12  # differences in the table; all of them are in --json
 
 
-@app.command("Start")
+@command("Start")
 def replay(
     log: shared.LogArg,
     detectors: Annotated[str | None, option("A,B", "Only these detectors.")] = None,
@@ -84,7 +84,7 @@ def replay(
     raise typer.Exit(0 if (made.exact and not made.left_out) or (detector and not made.values) else 1)
 
 
-@app.command("Start")
+@command("Start")
 def recover(
     log: shared.LogArg,
     output: Annotated[
@@ -149,7 +149,12 @@ def _detection(rows, changed):
     t = Table("Detection, as logged and as replayed", "detector", "watches", "at, s>", "now, s>", "isolated", "now",
               "false alarms>", "now>", keys=2,
               caption="left of each `now` what the log holds, under `now` what this build finds")  # fmt: skip
-    none = {"detected_at_s": None, "isolated": {"class": "was not there"}, "false_alarms": DASH, "alarm": False}
+    none: dict[str, Any] = {
+        "detected_at_s": None,
+        "isolated": {"class": "was not there"},
+        "false_alarms": DASH,
+        "alarm": False,
+    }
     for r in (r for r in rows if not changed or r["id"] in changed):
         old, new = r["logged"] or none, r["replayed"]
         at, said, false = zip(*((seconds(e["detected_at_s"]), e["isolated"]["class"] if e["isolated"] else DASH,

@@ -8,7 +8,7 @@ import typer
 from rich.text import Text
 
 from cosim.cli import app as shared
-from cosim.cli.app import answer, app, argument, only_with, option, output_option, progress, reserve, whole, word
+from cosim.cli.app import answer, argument, command, only_with, option, output_option, progress, reserve, whole, word
 from cosim.errors import CosimError
 from cosim.table import Cell, Table
 
@@ -20,7 +20,7 @@ def edited(path: Path) -> bool:
     return False
 
 
-@app.command("Yours")
+@command("Yours")
 def new(
     what: Annotated[str, argument("KIND", "detector, law, actuator, aircraft, campaign or example.")],
     name: Annotated[str, argument("NAME", "Lower-case letters, digits and _; of an example its name.")],
@@ -60,7 +60,7 @@ def _holds(path, text):
     return path.is_file() and path.read_text("utf-8") == text
 
 
-@app.command("Yours")
+@command("Yours")
 def check(
     what: Annotated[str, argument("FILE.py|NAME|DIR", "A detector, a law; an aircraft.")],
     json_: shared.JsonOption = False,
@@ -92,7 +92,7 @@ def check(
     raise typer.Exit(0 if found["keeps"] else 1)
 
 
-@app.command("Yours", "map")
+@command("Yours", "map")
 def map_(
     recording: Annotated[Path, argument("FILE", "A table (text, Parquet) or an MCAP file.")],
     aircraft: Annotated[str | None, option("NAME", "Whose detectors judge.")] = None,
