@@ -272,4 +272,5 @@ def test_import_and_help_stay_light():
     heavy = "{'numba', 'pandas', 'jsbsim', 'scipy', 'plotly', 'mcap', 'pyarrow', 'cvxpy', 'numpy'}"
     assert python(f"import sys, cosim; print({heavy} & set(sys.modules))") == "set()\n"
     assert python(f"import sys, cosim.cli.commands; print({heavy} & set(sys.modules))") == "set()\n"
+    assert python("import sys, cosim.report.flight_page; print('scipy.stats' in sys.modules)") == "False\n"
     assert python(f"import sys, cosim; cosim.load_scenario(); print({heavy} & set(sys.modules))") == "set()\n"

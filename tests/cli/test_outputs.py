@@ -120,30 +120,13 @@ def _simulate(path, log):
     cosim.simulate(cosim.load_scenario("cruise", SHORT[1::2]), log=path, timed=False)
 
 
-def _hand(path, log):
-    with cosim.Flight(cosim.load_scenario("cruise", SHORT[1::2]), log=path) as flight:
-        flight.step(10)
-
-
-def _replay(path, log):
-    from cosim.replay import replay
-
-    replay(log, output=path)
-
-
-def _recover(path, log):
-    from cosim.log import recover
-
-    recover(log, path)
-
-
 def _report(path, log):
     from cosim.report import flight_report
 
     flight_report(log, path)
 
 
-CALLS = _simulate, _hand, _replay, _recover, _report
+CALLS = _simulate, _report
 
 
 @pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
