@@ -6,7 +6,6 @@ import os
 import secrets
 import stat
 from collections.abc import Callable, Iterator
-from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -17,25 +16,9 @@ SPACE = "Free space there, or choose another place"
 PART = ".cosim-part-"  # how the name of a file begins that is not whole yet
 LEFT = ".part"  # what follows the name of a log that is not whole yet: of a killed flight it stays
 
-# -- what may be replaced: a file that the project wrote in the same format, or any other where the user says so
+# -- what may be replaced: a file that the project wrote in the same format
 
 Sign = Callable[[Path], bool]  # tells whether a file that is there was written by the project, in one format
-_overwrite: ContextVar[bool] = ContextVar("overwrite", default=False)
-
-
-@contextlib.contextmanager
-def overwriting(allowed: bool = True) -> Iterator[None]:
-    """Let what is written inside replace files that are foreign, or what a killed flight left; as --overwrite does."""
-    before = _overwrite.set(allowed)
-    try:
-        yield
-    finally:
-        _overwrite.reset(before)
-
-
-def overwrites() -> bool:
-    """Tell whether that is allowed here."""
-    return _overwrite.get()
 
 
 def marked(*marks: bytes) -> Sign:
@@ -70,14 +53,14 @@ def columns(*names: str) -> Sign:
 def claim(path: str | os.PathLike, sign: Sign | None = None) -> None:
     """Raise OutputError where nothing may be written to `path`.
 
-    That is a folder, a device, a pipe, and, without `overwriting`, a file of which `sign` says that the project did not
-    write it. None: `path` lies in a folder of the project's.
+    That is a folder, a device, a pipe, and a file of which `sign` says that the project did not write it. None: `path`
+    lies in a folder of the project's.
     """
     path = Path(path)
     if path.is_dir():
         raise OutputError("is a folder, not a file", place=str(path), remedy=f"Choose a file: -o {path / 'name'}")
     regular(path, OutputError)
-    if sign is None or _overwrite.get() or not path.is_file():
+    if sign is None or not path.is_file():
         return
     try:
         own = not path.stat().st_size or sign(path)
@@ -85,7 +68,7 @@ def claim(path: str | os.PathLike, sign: Sign | None = None) -> None:
         own = False
     if not own:
         raise OutputError("is there already: not written by cosim in this format, or perhaps edited", place=str(path),
-                          remedy="Choose another place, or add --overwrite")  # fmt: skip
+                          remedy="Choose another place, or remove it")  # fmt: skip
 
 
 # -- writing

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from cosim.cli.output import reserve
+from cosim.cli.app import reserve
 from cosim.errors import OutputError
 from cosim.files import beside, replace_text
 
@@ -144,8 +144,8 @@ def test_an_interrupt_leaves_nothing_and_what_was_there_stays(tmp_path):
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes with names")
 def test_a_pipe_is_no_output_and_a_look_at_a_place_leaves_only_its_folder(tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    for write in (reserve, replace_text):
+    for write in (lambda path: reserve(path, None), lambda path: replace_text(path, "")):
         with pytest.raises(OutputError, match="pipe: is no regular file"):
-            write(tmp_path / "pipe", None)
+            write(tmp_path / "pipe")
     reserve(tmp_path / "new" / "a.mcap", None, log=True)
     assert not list((tmp_path / "new").iterdir())

@@ -25,7 +25,7 @@ from mcap.records import (
 )  # fmt: skip
 
 from cosim.errors import OutputError
-from cosim.files import FULL, claim, left_by, overwrites, settle
+from cosim.files import FULL, claim, left_by, settle
 
 from .format import LIBRARY, MAGIC, OURS, log_error
 
@@ -75,7 +75,6 @@ class LogFile:
         claim(path, OURS)
         check_no_part(path)
         try:
-            self.part.unlink(missing_ok=True)
             self._file = open(self.part, "xb", buffering=0)
         except OSError as error:
             said = f"cannot create the log: {error.strerror}"
@@ -218,7 +217,7 @@ _ORDER = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX, 
 def check_no_part(path: str | os.PathLike) -> None:
     """Raise OutputError where another run is writing the log at `path`, or a killed one has left it unfinished."""
     part = left_by(path)
-    if part.exists() and not overwrites():
+    if part.exists():
         said = f"{part} is there: another run writes it, or a killed one has left it"
-        remedy = f"`cosim recover {part}` makes it readable; --overwrite lets it go"
+        remedy = f"`cosim recover {part}` makes it readable, or remove it"
         raise OutputError(said, place=os.fspath(path), remedy=remedy)

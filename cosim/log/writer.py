@@ -6,8 +6,6 @@ from typing import Any
 import numpy as np
 from isal.isal_zlib import crc32
 
-from cosim.files import overwrites
-
 from . import foxglove
 from .compression import compress, keep_memory
 from .format import LogError, channel_metadata, check_texts
@@ -155,8 +153,8 @@ class LogWriter:
     def close(self, result: dict | None = None) -> None:
         """Write what is buffered, the result with a hash of all samples, and the summary; no result: incomplete.
 
-        The log of a flight that did not end by itself replaces no other one, unless the user overwrites: it stays at
-        `path`.part, and `path` says so.
+        The log of a flight that did not end by itself replaces no other one: it stays at `path`.part, and `path` says
+        so.
         """
         if not self._file.open:
             return
@@ -165,7 +163,7 @@ class LogWriter:
             self.flush()
             texts = {} if result is None else {"result": {**result, "content": content_hash(self._file.chunks)}}
             cut = result is None or result.get("status") == "interrupted"
-            self._file.finish(texts, aside=cut and self._kept and os.path.isfile(self._file.path) and not overwrites())
+            self._file.finish(texts, aside=cut and self._kept and os.path.isfile(self._file.path))
         finally:
             self._file.drop()
 

@@ -112,7 +112,7 @@ def test_a_single_constant_byte_of_a_chunk_is_checked(row, place, forged, whole)
 
 def test_tails_that_are_no_messages_are_refused(forged):
     for tail in (b"\x05", bytes(31), b"\x05" + struct.pack("<QHIQQ", 22, 1, 0, 0, 0)):
-        refused(forged(lambda records, tail=tail: records.chunk(1, content=records.content(1) + tail)), "no message")
+        refused(forged(lambda records, tail=tail: records.chunk(1, content=records.content(1) + tail)), " message")
 
 
 def _change(opcode, old, new):
