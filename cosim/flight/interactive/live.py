@@ -35,10 +35,11 @@ def requests(scenario: Scenario) -> dict[str, tuple[dict, dict]]:
     """Return {service: (JSON schema of a request, a first request)} for a flight of `scenario`."""
     low, high = SPEEDS
     segment = next(iter(scenario.aircraft.segments))
+    fault = Fault.model_json_schema() | {"required": ["target", "kind"]}  # its start is now where none is given
     number = {"type": "integer", "minimum": 0, "description": "number of the fault, as /inject answered; from 0"}
     pace = {"type": "number", "minimum": low, "maximum": high, "description": "times the clock's"}
     return {
-        "inject": (Fault.model_json_schema() | {"required": ["target", "kind"]}, {"target": f"elevator.{segment}", "kind": "jam_solid"}),
+        "inject": (fault, {"target": f"elevator.{segment}", "kind": "jam_solid"}),
         "heal": ({"type": "object", "required": ["fault"], "properties": {"fault": number}}, {"fault": 0}),
         "speed": ({"type": "object", "required": ["value"], "properties": {"value": pace}}, {"value": 4}),
     }
