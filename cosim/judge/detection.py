@@ -26,6 +26,7 @@ ABLE = 0.5  # share of the time in which a lane that missed must have been valid
 MOVES = ("jam_solid", "jam", "runaway")  # kinds that show only where the rod is not where it should be
 SAID = ("verdict", "culprit", "alarm", "second", "verdict_2")  # `second`: the other part of a lane that names two
 OUTPUTS = (*SAID, "r", "valid", "why")
+NO_FAULT: Mapping = {"targets": (), "start_s": math.inf, "end_s": math.inf}
 UNSEEN = {
     **dict.fromkeys(("detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "named_at_s",
                      "first_verdict", "time_to_right_s", "right_after_motion_s", "alarm_share", "withdrawn_after_s",
@@ -158,7 +159,7 @@ class Word(NamedTuple):
     stop: int
     verdict: float
     part: Any
-    name: Name | None = None
+    name: Name = Name(NOT_GIVEN, NOT_GIVEN, "")
 
     @property
     def said(self) -> tuple:
@@ -187,7 +188,7 @@ def _says(lane, said, fault, mine, theirs):
     lane names those count that are not `theirs`, with the class of the first that is left.
     """
     alarm, verdict, part = said["alarm"] > 0.5, said["verdict"], _part(lane, said["culprit"])
-    if fault is None:
+    if not fault["targets"]:
         return alarm, verdict, part
     if "second" in said:
         names = {p: c for p, c in ((part, verdict), (_part(lane, said["second"]), said["verdict_2"])) if p}
@@ -207,15 +208,15 @@ def _part(lane, i):
 
 
 class Heard:
-    """What a lane says of one fault, beside the `others`; without a fault what it says. Arrays are over its runs."""
+    """What a lane says of one fault, beside the `others`; of NO_FAULT all that it says. Arrays are over its runs."""
 
-    def __init__(self, runs: Runs, fault: Mapping | None, others: Sequence[Mapping], dt: float):
+    def __init__(self, runs: Runs, fault: Mapping, others: Sequence[Mapping], dt: float):
         self.runs, self.lane, self.fault, self.others, self.dt = runs, runs.lane, fault, others, dt
         self.groups = alike(others)
         self.there = [during(group, runs.first, dt) for group in self.groups]
-        self.earlier = [f for f in others if f["start_s"] < fault["start_s"]] if fault else []
-        self.later = alike(f for f in others if f["start_s"] > fault["start_s"]) if fault else []
-        mine = set(members_of(self.lane.parts, fault, self.lane.level)) if fault else set()
+        self.earlier = [f for f in others if f["start_s"] < fault["start_s"]]
+        self.later = alike(f for f in others if f["start_s"] > fault["start_s"])
+        mine = set(members_of(self.lane.parts, fault, self.lane.level))
         theirs = {p for f, *_ in self.groups for p in members_of(self.lane.parts, f, self.lane.level)} - mine
         heard = [_says(self.lane, said, fault, mine, theirs) for said in runs.said]
         self.words = [(verdict, part) for _, verdict, part in heard]  # of each of runs.said
@@ -307,7 +308,7 @@ class Heard:
     def _name(self, of, verdict, part, *there):
         fault = self.fault if of is None else self.others[of]
         met = [group[0] for group, here in zip(self.groups, there) if here]
-        return fault and name_of(fault, self.lane.level, code.class_name(verdict), part, met)
+        return name_of(fault, self.lane.level, code.class_name(verdict), part, met)
 
     def verdicts(self, words: Sequence[Word]) -> dict:
         """Return the first of n > 0 words, the name at the end, and when the latter was first said [s]."""

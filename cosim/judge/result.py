@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cosim.judge import coverage
 from cosim.judge.alarms import acts, during
-from cosim.judge.detection import ABLE, UNSEEN, Heard, JudgedLane, Runs, noticed
+from cosim.judge.detection import ABLE, NO_FAULT, UNSEEN, Heard, JudgedLane, Runs, noticed
 from cosim.judge.store import release
 from cosim.scenario import Scenario
 from cosim.table import DASH, Table
@@ -124,7 +124,7 @@ def judge(lane: JudgedLane, trace: NDArray, dt: float, faults: Sequence[Mapping]
     begun = (f for f in faults if acts(f, len(trace), dt))  # others are not there to be noticed
     mine = sorted((f for f in begun if concerns(lane, f["targets"])), key=lambda f: f["start_s"])
     runs = Runs(lane, trace, mine, dt)
-    heard = Heard(runs, None, (), dt)
+    heard = Heard(runs, NO_FAULT, (), dt)
     healthy = ~during(mine, runs.first, dt)
     share, why = runs.validity(min(round(SETTLE_S / dt), runs.ticks // 2), runs.ticks)
     entry = {

@@ -346,7 +346,7 @@ def _said(lane, verdict, culprit, start, step):
     given = np.flatnonzero(verdict > 0.5)
     if not len(given):
         return "alarm, no name"
-    named = [Word(k, k + 1, verdict[k], culprit[k]) for k in given]
+    named = [Word(int(k), int(k) + 1, verdict[k], culprit[k]) for k in given]
     if (last := name_at_end(named, step)) is None:
         return "alarm, names in turn"
     first = next(w.first for w in named if w.said == last.said)
