@@ -18,7 +18,7 @@ from cosim.errors import LogError, did_you_mean
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import wires
 from cosim.flight.detection.parameters import wrong_state
-from cosim.judge.detection import watch_of
+from cosim.judge.detection import JudgedLane
 from cosim.judge.result import judge
 from cosim.log import Log
 from cosim.replay import log_schema as schema
@@ -68,12 +68,12 @@ def unlogged(record: Any, lane: str, module: Any, u: np.ndarray, p: np.ndarray, 
     return Lane(record.id, lane, record.level, module, every, p, x, (), rollout, u=u[:, ::every], ticks=ticks)
 
 
-def judgement(record: Any, lane: str, culprits: tuple, names: Any, rows: Any, dt: float, faults: Sequence) -> dict:
+def judgement(record: Any, lane: str, parts: tuple, names: Any, rows: Any, dt: float, faults: Sequence) -> dict:
     """Return the entry of a lane (`judge`) of its outputs `rows` (n, fields), fields by `names`, at ticks of `dt` [s];
     of `record` the id, the level and the ticks from step to step are read."""
     target = f"elevator.{lane}" if record.level == "local" else "aircraft"
-    watch = watch_of(record.id, record.level, target, culprits, {n: i for i, n in enumerate(names)})
-    return judge(watch, rows, dt * record.every, faults)
+    judged = JudgedLane(record.id, record.level, target, parts, {n: i for i, n in enumerate(names)})
+    return judge(judged, rows, dt * record.every, faults)
 
 
 def manifest(log: Log) -> list:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import cosim
-from cosim.judge import column_store
+from cosim.judge import store
 from cosim.log import LogWriter, Topic, open_log
 from cosim.replay import recording
 from cosim.report import flight_report
@@ -42,7 +42,7 @@ def test_a_page_holds_few_numbers_per_tick(tmp_path, monkeypatch):
     """Of what a flight logs at a tick (some 500 numbers) its page holds a few columns at a time."""
     monkeypatch.setattr(recording, "SMALL", 0)
     monkeypatch.setattr("cosim.log.reader.CACHE_BYTES", 1 << 20)
-    monkeypatch.setattr(column_store, "MEMORY", 0)
+    monkeypatch.setattr(store, "LARGE", 0)
 
     def peak(seconds):
         asked = [f"duration_s={seconds}", "detectors.enabled=['iotsekf', 'lpv_smo']", "elevator.feedback=measured"]
