@@ -20,10 +20,11 @@ What the paper leaves open, and what stands here:
 
 from typing import Any
 
+import numba
 import numpy as np
 from scipy.signal import cont2discrete
 
-from actuators.block import dtype, kernel
+from actuators.block import dtype
 from actuators.ema import jay
 from cosim.papers.measured import all_valid
 from fdi.ema import ema_kalman
@@ -94,7 +95,7 @@ def plant(resistance: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return Phi, G[:, 0], G[:, 1]
 
 
-@kernel
+@numba.njit(error_model="numpy")  # called from Python a kernel is plain Python
 def _fly(tick, Phi, G, Gamma, lead, pf, x, f, uf, reconfigure, out):
     """Close the loop u = K_p (command - position) over every tick."""
     u, ahead = 0.0, np.zeros(6)
