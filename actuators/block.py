@@ -69,7 +69,10 @@ def record(kind: Any, **values: Any) -> np.ndarray:
 def kernel(function: Callable[..., Any]) -> Any:
     """Let kernels and entries that are compiled call `function`; from Python it runs as plain Python, with the same
     bits. With NUMBA_DISABLE_JIT=1 it stays as it is."""
-    return function if PLAIN else Kernel(function)
+    if PLAIN:
+        function.compiled = function  # type: ignore[attr-defined]
+        return function
+    return Kernel(function)
 
 
 class Kernel:
@@ -85,6 +88,13 @@ class Kernel:
 
         only: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         return numba.njit(error_model="numpy", **only)(self.py_func)
+
+    @functools.cached_property
+    def compiled(self) -> Callable[..., Any]:
+        """The same for a caller in Python that passes many ticks at once; compiling it takes each process seconds."""
+        import numba
+
+        return numba.njit(error_model="numpy")(self.py_func)
 
     @property
     def _numba_type_(self):  # by which a kernel that calls this one knows it

@@ -10,15 +10,9 @@ from pathlib import Path
 
 import pytest
 from killed import heeds_ctrl_c
-from typer.testing import CliRunner
 
 import cosim
-from cosim.cli.commands import app
 from cosim.files import left_by
-from cosim.log import recover
-from cosim.parts import GuestError, load
-from cosim.replay import replay
-from cosim.report import flight_report
 
 COSIM = [sys.executable, "-m", "cosim.cli"]
 SHORT = ["run", "cruise", "-s", "duration_s=0.2", "-s", "detectors.enabled=[]", "-s", "elevator.feedback=measured"]
@@ -37,16 +31,6 @@ def test_what_lies_in_the_current_folder_is_not_taken_for_a_library(tmp_path):
     command = [sys.executable, "-m", "cosim", *SHORT, "-o", "a.mcap"]
     told = subprocess.run(command, env=there, cwd=tmp_path, capture_output=True)
     assert told.returncode == 0, told.stderr.decode()
-
-
-def test_a_link_to_a_file_that_is_not_there_yet_is_written_through_and_a_hard_links_other_name_stays(tmp_path):
-    (tmp_path / "link.mcap").symlink_to("behind.mcap")
-    assert CliRunner().invoke(app, [*SHORT, "-o", str(tmp_path / "link.mcap")]).exit_code == 0
-    assert (tmp_path / "link.mcap").is_symlink() and cosim.open_log(tmp_path / "behind.mcap").complete
-    (tmp_path / "kept").write_bytes(b"\x89MCAP0\r\n cosim-log 1 of yesterday")
-    os.link(tmp_path / "kept", tmp_path / "b.mcap")
-    assert CliRunner().invoke(app, [*SHORT, "-o", str(tmp_path / "b.mcap")]).exit_code == 0
-    assert (tmp_path / "kept").read_bytes().endswith(b"of yesterday") and cosim.open_log(tmp_path / "b.mcap").complete
 
 
 def test_a_signal_while_kernels_are_compiled_ends_the_command_and_its_compilers(tmp_path):
@@ -110,17 +94,3 @@ def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
     assert len(ended) == len(commands), told.stderr.decode()
     for args, (status, said) in zip(commands, ended):
         assert status == 2 and said.count("\n") == 1, (args, said)
-
-
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere names are Unicode")
-def test_names_that_are_not_utf8_are_names(tmp_path):
-    """A name is bytes; what cannot take one says so."""
-    strange = os.fsdecode(b"a\xffb")
-    log = tmp_path / f"{strange}.mcap"
-    short = ["duration_s=0.2", "detectors.enabled=['position_monitor']", "elevator.feedback=measured"]
-    cosim.simulate(cosim.load_scenario("cruise", short), log=log, timed=False)
-    assert replay(log, output=tmp_path / f"{strange}2.mcap").exact
-    recover(log, tmp_path / f"{strange}3.mcap")
-    assert flight_report(log, tmp_path / f"{strange}.html").stat().st_size > 10_000
-    with pytest.raises(GuestError, match="not UTF-8"):
-        load(tmp_path / f"{strange}.py")

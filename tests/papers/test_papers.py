@@ -15,7 +15,8 @@ from cosim.training.flights import estimate
 
 FIGURES = {"lu17": 7, "jay": 12, "sun13": 5, "mar10": 9, "alwi14": 2}
 QUICK = [("mar10", "rows.table"), ("mar10", "rows.injected"), ("mar10", "rows.drift"), ("mar10", "rows.identified"),
-         ("sun13", "designs.lmis"), ("sun13", "designs.conditions"), ("alwi14", "model."), ("lu17", "stats.relative_degree")]  # fmt: skip
+         ("sun13", "designs.lmis"), ("sun13", "designs.conditions"), ("alwi14", "model."),
+         ("lu17", "stats.relative_degree")]  # fmt: skip
 
 
 @pytest.mark.parametrize(("paper", "measure"), QUICK)

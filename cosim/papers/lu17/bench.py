@@ -243,5 +243,5 @@ def fly(
     out = np.zeros((seeds, len(tick)), OUT)
     noise = np.zeros((seeds, len(tick), 5)) if quiet else _noise(seeds)
     i, r = iotsekf.init(np.repeat(pi, seeds)), rtsekf.init(np.repeat(pr, seeds))
-    _fly(tick, noise, s[0], c[0], pi[0], pr[0], x, i, r, us[0], ui[0], ur[0], DT, out)
+    _fly.compiled(tick, noise, s[0], c[0], pi[0], pr[0], x, i, r, us[0], ui[0], ur[0], DT, out)
     return out
