@@ -20,11 +20,10 @@ What the paper leaves open, and what stands here:
 
 from typing import Any
 
-import numba
 import numpy as np
 from scipy.signal import cont2discrete
 
-from actuators.block import dtype
+from actuators.block import dtype, kernel
 from actuators.ema import jay
 from cosim.papers.measured import all_valid
 from fdi.ema import ema_kalman
@@ -95,7 +94,7 @@ def plant(resistance: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return Phi, G[:, 0], G[:, 1]
 
 
-@numba.njit(error_model="numpy")  # called from Python a kernel is plain Python
+@kernel
 def _fly(tick, Phi, G, Gamma, lead, pf, x, f, uf, reconfigure, out):
     """Close the loop u = K_p (command - position) over every tick."""
     u, ahead = 0.0, np.zeros(6)
@@ -154,5 +153,5 @@ def bench(
         pf["Phi"], pf["G"] = matrices
     f, uf = ema_kalman.init(pf), all_valid(ema_kalman)
     out = np.zeros(n, OUT)
-    _fly(tick, *plant(resistance), LEAD, pf[0], np.zeros(6), f[0], uf[0], reconfigure, out)
+    _fly.compiled(tick, *plant(resistance), LEAD, pf[0], np.zeros(6), f[0], uf[0], reconfigure, out)
     return out

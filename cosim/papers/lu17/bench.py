@@ -24,7 +24,6 @@ import functools
 import math
 from typing import Any
 
-import numba
 import numpy as np
 
 from actuators.block import dtype, kernel
@@ -160,7 +159,7 @@ def _seed(tick, noise, s, c, pi, pr, x, i, r, us, ui, ur, dt, out):
         x3 += s.walk[2] * noise[k, 3]
 
 
-@numba.njit(error_model="numpy")  # called from Python a kernel is plain Python
+@kernel
 def _fly(tick, noise, s, c, pi, pr, x, i, r, us, ui, ur, dt, out):
     for n in range(out.shape[0]):
         _seed(tick, noise[n], s, c, pi, pr, x[n], i[n], r[n], us, ui, ur, dt, out[n])
