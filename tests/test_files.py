@@ -12,10 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from cosim import files
 from cosim.cli.app import reserve
 from cosim.errors import OutputError
-from cosim.files import Part, _swept, beside, held, replace_text, sweep
+from cosim.files import beside, replace_text
 
 ROOT = Path(__file__).resolve().parent.parent
 DIGESTS = """
@@ -134,57 +133,19 @@ def test_a_replaced_file_keeps_its_mode_and_a_link_its_target(tmp_path):
     assert path.read_text() == "b" and path.stat().st_mode & 0o777 == 0o640 and link.is_symlink()
 
 
-def test_what_a_killed_writer_left_is_swept_and_nothing_else(tmp_path):
-    with pytest.raises(KeyboardInterrupt), beside(tmp_path / "a.parquet"):
+def test_an_interrupt_leaves_nothing_and_what_was_there_stays(tmp_path):
+    (tmp_path / "a.txt").write_text("mine")
+    with pytest.raises(KeyboardInterrupt), beside(tmp_path / "a.txt") as part:
+        part.write_text("half")
         raise KeyboardInterrupt
-    assert not list(tmp_path.iterdir())
-    left, held_now = (Part(tmp_path / "a.parquet") for _ in range(2))
-    left.file.close()  # as a kill does
-    _swept.clear()
-    mine = [tmp_path / name for name in (".hidden", "a.parquet", ".git", ".env.template", ".app.settings.json")]
-    for path in mine:
-        path.write_text("")
-    sweep(tmp_path)
-    assert not left.place.exists() and all(path.exists() for path in [*mine, held_now.place])
-
-
-def test_a_folder_that_is_held_lets_nobody_else_in(tmp_path):
-    with held(tmp_path), pytest.raises(OutputError, match="another run"), held(tmp_path):
-        pass
-    with held(tmp_path):
-        pass
-
-
-def test_an_output_that_nobody_reads_is_refused_at_once(tmp_path):
-    os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(OutputError, match="pipe: cannot be written"):
-        reserve(tmp_path / "pipe", None)
+    assert [p.read_text() for p in tmp_path.iterdir()] == ["mine"]
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes with names")
-def test_a_pipe_that_nobody_reads_is_refused_and_one_that_is_read_gets_it_whole(tmp_path):
-    pipe = tmp_path / "a.html"
-    os.mkfifo(pipe)
-    with pytest.raises(OutputError, match=r"a\.html: cannot be written: No such device"):
-        replace_text(pipe, "lost")
-    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
-    try:
-        replace_text(pipe, "read")
-        assert os.read(reader, 100) == b"read"
-    finally:
-        os.close(reader)
-
-
-def test_an_interrupt_while_a_part_is_opened_leaves_nothing(tmp_path, monkeypatch):
-    opened = files._open_alone
-
-    def struck(*given):
-        opened(*given)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(files, "_open_alone", struck)
-    with pytest.raises(KeyboardInterrupt):
-        files.replace_text(tmp_path / "x.txt", "x")
-    assert list(tmp_path.iterdir())  # nobody has it in hand
-    files.interrupted()
-    assert not list(tmp_path.iterdir())
+def test_a_pipe_is_no_output_and_a_look_at_a_place_leaves_only_its_folder(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for write in (lambda path: reserve(path, None), lambda path: replace_text(path, "")):
+        with pytest.raises(OutputError, match="pipe: is no regular file"):
+            write(tmp_path / "pipe")
+    reserve(tmp_path / "new" / "a.mcap", None, log=True)
+    assert not list((tmp_path / "new").iterdir())

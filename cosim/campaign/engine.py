@@ -49,7 +49,7 @@ from cosim.campaign.pool import alone, finished
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.worker import FAILED, Flown, Packed, Signals, failed, fly, fly_packed, run_id
 from cosim.errors import CampaignError, OutputError, did_you_mean, told_at_call
-from cosim.files import FULL, SPACE, beside, held, replace_text, sweep
+from cosim.files import FULL, SPACE, beside, replace_text
 from cosim.judge.row import FIELDS, Field
 from cosim.parts import with_detectors
 from cosim.scenario import Scenario
@@ -441,8 +441,8 @@ def cluster(address: str) -> Iterator[tuple]:
 
 @contextmanager
 def _opened(out):
-    """Make the folder of a campaign and keep other campaigns out of it. Raises OutputError, with what to do, when it
-    cannot be written, now or later, another campaign has it, or it holds a foreign file that would be overwritten."""
+    """Make the folder of a campaign. Raises OutputError, with what to do, when it cannot be written, now or later, or
+    holds a foreign file that would be overwritten."""
     try:
         foreign = [] if _about(out) else [name for name in FILES if (out / name).exists()]
         foreign = foreign or [f"parts/{p.name}" for p in (out / "parts").glob("*") if not _about(out)]
@@ -450,10 +450,7 @@ def _opened(out):
             said = f"holds a {foreign[0]} that no campaign wrote"
             raise OutputError(said, place=str(out), remedy="Choose another place with -o")
         (out / "parts").mkdir(parents=True, exist_ok=True)
-        with held(out):
-            for part in (out, out / "parts", out / "signals"):
-                sweep(part)
-            yield
+        yield
     except OutputError as error:
         error.remedy = GO_ON if error.remedy == SPACE else error.remedy
         raise

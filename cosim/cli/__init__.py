@@ -19,21 +19,8 @@ def main() -> None:
 
         run()
     except KeyboardInterrupt:
-        _interrupted()
         sys.exit(130)
-    except SystemExit as end:
-        if end.code == 130:
-            _interrupted()
-        raise
 
 
 def _interrupt(*_: object) -> None:
     raise KeyboardInterrupt
-
-
-def _interrupted() -> None:
-    """Remove what an interrupt has left half written; name the part of a log that stays."""
-    from cosim.files import interrupted
-
-    for part in interrupted():
-        print(f"{part} holds what was flown: `cosim recover {part}` makes a readable log of it", file=sys.stderr)

@@ -64,7 +64,7 @@ def live_layout(topics: Sequence[Any], requests: Mapping[str, Mapping]) -> bytes
         for name, keys in requests.items()
     ]  # fmt: skip
     if requests:
-        sides = [_split("column", [*calls, _panel("Parameters")]), _split("column", seen)]
+        sides = [_split("column", calls), _split("column", seen)]
         layout["content"]["tabs"].insert(0, {"title": "Inject and heal", "content": _split("row", sides)})
     return json.dumps(layout, indent=1).encode()
 

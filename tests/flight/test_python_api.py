@@ -63,17 +63,12 @@ def test_frames_carry_units(log):
     assert wide.attrs["units"]["aircraft.n_z"] == "g" and wide.attrs["units"]["left_inner.rod"] == "m"
 
 
-def test_results_logs_and_models_print_and_draw_themselves(log, liquid_log):
+def test_results_logs_and_models_print_and_draw_themselves(log):
     assert "topics, complete" in repr(log) and "<table>" in log._repr_html_()
     figure = log.plot(["/truth/aircraft.alpha", "/law.de_cmd"])
     assert [axis.title.text for axis in figure.select_yaxes()] == ["rad", "rad"] and len(figure.data) == 2
     result = cosim.simulate(cosim.load_scenario("cruise", "duration_s=0.2"), timed=False)
     assert repr(result).startswith("Result: completed after 0.2 s") and "completed" in result._repr_html_()
-    with pytest.raises(ValueError, match="not logged"):
-        result.plot()
-    result.log, result.detectors = str(liquid_log), [d for d in result.detectors if d["id"] == "iotsekf"]
-    drawn = {trace.name for trace in result.plot().data}
-    assert drawn == {f"/detectors/iotsekf/left_{n}.r" for n in ("inner", "outer")}
 
 
 def test_the_linear_model_is_of_a_scenario_a_name_or_a_point():

@@ -176,7 +176,7 @@ def achieved(case: Any, seed: int) -> list[float | None]:
     flight = arguments(made, seed)
     faulty, twin = fly_hydraulic(**flight), fly_hydraulic(**{**flight, "faults": []})
     q = (faulty[f"hydraulic.{SEGMENT}.q_rod"] - twin[f"hydraulic.{SEGMENT}.q_rod"]).to_numpy()
-    size = amplitude(q[:, None], 0, 2 * math.pi * made.hz, T_FAULT, math.inf, DT)
+    size = amplitude(q, 2 * math.pi * made.hz, T_FAULT, math.inf, DT)
     return [float(faulty[f"hydraulic_in.{SEGMENT}.f_u"].abs().max()), size]
 
 
