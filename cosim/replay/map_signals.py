@@ -23,6 +23,7 @@ HINGE = ".hinge_moment"  # of a map: hm0, and hmd of zero
 TURN = 2.0 * np.pi  # [rad]
 TURNS = ("psi", "phi")  # angles that jump by a turn: between two samples they go the short way
 NEAREST = 0.5  # of a tick: a sample that near to a tick is that tick's
+LONE = 2.5  # ticks between two samples of which one is lost, not two
 GAP = 3.0  # of a channel's own intervals that are bridged where the map does not say otherwise
 
 
@@ -145,12 +146,15 @@ def ticks(spans: Sequence[tuple[float, float]], dt: float, start: float | None =
     return t_0 + dt * np.arange(max(0, int(np.floor((end - t_0) / dt + NEAREST)) + 1))
 
 
-def slow(sources: Mapping[str, Signal], steps: Mapping[str, float], dt: float) -> dict[str, str]:
-    """Return {command of a valve or motor that is sampled at less than the tick's rate: sentence}."""
+def unsure(times: Mapping[str, NDArray], dt: float) -> dict[str, str]:
+    """Return {command to a valve or motor of which not every tick's is known: sentence} of the times of their samples:
+    they come at less than the tick's rate, or two or more are lost in a row."""
     out = {}
-    for name, step in steps.items():
-        if sources[name].kind == "sent" and step > dt * 1.01:
-            told = f"{name} comes at {1 / step:.4g} Hz and the tick is {1 / dt:g} Hz: the detectors read it late by"
-            more = "a filter on it may alarm for that alone; it wants the rate at which it was sent"
-            out[name] = f"{told} up to {1e3 * step:.3g} ms, and {more}"
+    for name, t in times.items():
+        step = clock.interval(t)
+        if step > dt * 1.01:
+            told = f"{name} comes at {1 / step:.4g} Hz and the tick is {1 / dt:g} Hz: it is read late by up to"
+            out[name] = f"{told} {1e3 * step:.3g} ms, and a filter on it may alarm for that alone"
+        elif len(t) > 1 and np.diff(t).max() > LONE * dt:
+            out[name] = f"{name} has gaps: a filter on it does not know what was sent there, and sees less for it"
     return out

@@ -168,7 +168,7 @@ TOLD = {  # file, what is written to it, and what is said
     "another unit": ("a.csv", lambda p: table(p, frame(t=1e3 * T)), r"5 s apart; allowed: below 1 s.*NAME \[us\]"),
     "a text": ("a.csv", lambda p: table(p, frame(q=["1", "", "oops", *Q[3:]])), "no number: 'oops' in row 3"),
     "decimal commas": ("a.csv", lambda p: p.write_text("t;q\n0;0,1\n.1;0,2\n"), "no number: '0,1' in row 1"),
-    "texts": ("a.parquet", lambda p: table(p, frame(q="x")), "column 'q' is .*string, no number"),
+    "texts": ("a.parquet", lambda p: table(p, frame(q="x")), "column 'q' holds something that is no number: 'x'"),
     "another name": ("a.csv", lambda p: table(p, frame().rename(columns={"q": "q_"})), "has no column 'q'.*mean 'q_'"),
     "a name twice": ("a.csv", lambda p: p.write_text("t,q,q\n0,1,2\n"), "has more than one column 'q'"),
     "Latin letters": ("a.csv", lambda p: p.write_bytes("t,q,größer\n".encode("cp1252")), "cannot be read: .*utf-8"),

@@ -233,8 +233,17 @@ def test_half_the_rate_is_interpolated_and_a_slow_command_is_told(flight, bench,
     assert again[::2] == pytest.approx(true[::2], rel=1e-12)
     # between two samples: their mean, off by white noise of 0.02 deg times sqrt(1.5)
     assert np.abs(again - true)[1::2].max() < 6 * 1.5**0.5 * 0.02 * DEG
-    (said,) = bench(bench_frame(signals, 100), detectors=["iotsekf"]).caveats
+    *_, said = bench(bench_frame(signals, 100), detectors=["iotsekf"]).caveats
     assert said.startswith("left_inner.valve_command comes at 100 Hz and the tick is 200 Hz")
+
+
+def test_a_gap_of_the_command_makes_no_alarm_and_is_told(bench, signals):
+    frame = bench_frame(signals)
+    for n, told in ((1, "2 of 1,000 samples lost; 100 % of"), (2, "has gaps: a filter on it does not know what was")):
+        frame.loc[300 : 299 + n, "VALVE_PCT"] = np.nan
+        made = bench(frame, detectors=["iotsekf"])
+        assert made.detectors[0]["alarms"] == 1 and 2.5 < made.detectors[0]["first_alarm_s"] < 3.0
+        assert any(told in c for c in made.caveats)
 
 
 def test_what_is_missing_is_named_per_detector(bench):
@@ -339,7 +348,7 @@ def test_the_page_of_a_diagnosis_shows_verdicts_and_what_was_read(bench, signals
     assert all(f'data-detector="{d["id"]}"' in page for d in told.detectors)
     assert "false alarm" not in page[: page.index("<script")] and f"{told.not_run[0]['id']} of " in page
     watched = Watched(tmp_path / "out.mcap")
-    assert watched.caveats == told.caveats != [] and all(text in unescape(page) for text in told.caveats)
+    assert watched.caveats == [told.clock, *told.caveats] and all(text in unescape(page) for text in told.caveats)
     assert watched.inputs()["left_inner.rod"][0] == "m" and len(watched.lanes) == len(told.detectors)
 
 
