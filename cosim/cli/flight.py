@@ -41,7 +41,7 @@ def _injected(found, scenario, details):
     from cosim.judge import narrator
 
     for i, (line, note) in enumerate(narrator.faults(scenario, found.get("achieved"))):
-        if details:
+        if details or scenario.faults[i].when is not None:  # that of a condition may never have begun
             yield Text.assemble((f"fault {i}  ", "red"), line)  # as in --set faults.1.kind
         if note:
             yield Text(f"note   {note}", style="yellow")

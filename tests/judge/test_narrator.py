@@ -97,7 +97,7 @@ def moved(**values):
 
 def test_a_saturated_valve_is_told_by_the_command(tmp_path):
     keys = ("duration_s=3", "faults.0.start_s=1", "faults.0.amplitude_mm=50", "faults.0.frequency_hz=10")
-    words = [w for k in keys for w in ("-s", k)]
+    words = ["--details", *(w for k in keys for w in ("-s", k))]
     told = CliRunner().invoke(cli.app, ["run", "liquid-ofc", *words, "-o", str(tmp_path / "a.mcap")]).stdout
     text = " ".join(told.split())
     assert "(amplitude_mm 50, frequency_hz 10); achieved 6." in text and "note faults.0: asked for 50 mm" in text
