@@ -59,24 +59,6 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
-class _Fields(Mapping):
-    """{field: column} of the `rows` (n, fields) of a lane; each is read when it is asked for."""
-
-    def __init__(self, names, rows):
-        self._names, self._rows = tuple(names), rows
-
-    def __getitem__(self, name):
-        if name not in self._names:
-            raise KeyError(name)
-        return self._rows[:, self._names.index(name)]
-
-    def __iter__(self):
-        return iter(self._names)
-
-    def __len__(self):
-        return len(self._names)
-
-
 class LoggedFlight:
     """The content of one log. `values(topic, field)` is a column, NaN where there is none.
 
@@ -174,8 +156,8 @@ class LoggedFlight:
 
     def _lane(self, record, lane, culprits, units, rows):
         entry = judgement(record, lane, culprits, units, rows, self.dt, self.faults)
-        fields, about = _Fields(units, rows), (record.id, record.level, lane, entry["target"], culprits, record.every)
-        made = Lane(*about, fields, entry, units, self._truth(record.id, lane))
+        about = record.id, record.level, lane, entry["target"], culprits, record.every
+        made = Lane(*about, dict(zip(units, rows.T)), entry, units, self._truth(record.id, lane))
         if made.truth:
             made.entry |= self._errors(made)
         return made

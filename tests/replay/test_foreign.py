@@ -157,6 +157,7 @@ TOLD = {  # file, what is written to it, and what is said
     "5 GB": ("a.csv", longer, r"has 5.37 GB; allowed: 1 GB. Cut it"),
     "no Parquet": ("a.parquet", lambda p: p.write_bytes(b"PAR1" * 9), "cannot be read: .*Parquet"),
     "no MCAP": ("a.mcap", lambda p: p.write_bytes(b"no such thing, however long"), "not a readable MCAP file"),
+    "a word": ("a.mcap", lambda p: p.write_bytes(b"no such"), "not a readable MCAP file"),
     "no clock": ("a.csv", lambda p: table(p, frame(t=None).rename(columns={"t": "x"})), "no column may be its clock"),
     "two clocks": ("a.csv", lambda p: table(p, frame(time_s=T)), "2 columns may be its clock; allowed: t, time_s"),
     "a time twice": ("a.csv", lambda p: table(p, frame(t=T - 0.005 * (T > 0.5))), "row 102: the time 0.5 s stands"),
