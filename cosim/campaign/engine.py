@@ -43,7 +43,7 @@ import pyarrow as pa
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
-from actuators.source_hash import closure
+from actuators.source_hash import FLYING
 from cosim.campaign.pool import finished
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.worker import FAILED, Flown, Packed, Signals, failed, fly, fly_packed, run_id
@@ -58,7 +58,7 @@ from cosim.texts import from_json, read
 ROOT = Path(__file__).resolve().parents[2]
 ABOUT = "campaign.json"
 FILES = (ABOUT, "scenarios.parquet", "runs.parquet", "timing.parquet")
-FLYING = ("actuators", "fdi", "aircraft")  # with what a worker imports of cosim: what decides about a row
+FOLDERS = (*FLYING, "cosim/campaign", "aircraft")  # what decides about a row
 DECIDING = (".py", ".json", ".npz", ".toml", ".xml")
 CORE = (
     "seed", "duration_s", "flight.mass_t", "flight.cg_pct", "flight.altitude_ft", "flight.turbulence", "manoeuvre.kind",
@@ -244,8 +244,7 @@ def folder(campaign: str | Path) -> Path:
 def fingerprint() -> dict:
     """Return {digest, versions} of everything that decides about a row: sources, designs, aircraft, libraries."""
     digest = hashlib.sha256()
-    files = {p for name in FLYING for p in (ROOT / name).rglob("*") if p.suffix in DECIDING}
-    for path in sorted(files | closure(Path(__file__).with_name("worker.py"))):
+    for path in sorted(p for name in FOLDERS for p in (ROOT / name).rglob("*") if p.suffix in DECIDING):
         digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
     versions = {name: version(name) for name in ("jsbsim", "numpy", "scipy", "numba")}
     return {"digest": digest.hexdigest()[:16], "versions": versions}

@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from actuators.source_hash import closure
 from cosim.campaign.engine import fingerprint
 from cosim.campaign.pool import finished
 
@@ -45,8 +44,9 @@ def work(
 
 def code_of(jobs: Sequence[Job]) -> str:
     """Return the digest of all that decides about the values of `jobs`."""
+    folders = {Path(inspect.getfile(function)).resolve().parent for function, _ in jobs}
     digest = hashlib.sha256(json.dumps(fingerprint()).encode())
-    for path in sorted({p for function, _ in jobs for p in closure(Path(inspect.getfile(function)).resolve())}):
+    for path in sorted({p for folder in folders for p in (*folder.glob("*.py"), *folder.parent.glob("*.py"))}):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -198,7 +198,7 @@ SetOption = Annotated[
 ]
 DetectorOption = Annotated[
     list[Path] | None,
-    option("FILE.py", "A detector of your own, or an installed one by name. Its code runs with your rights. "
+    option("FILE.py", "A detector of your own. Its code runs with your rights. "
            "Repeatable."),
 ]  # fmt: skip
 ScenarioArg = Annotated[str, argument("SCENARIO", "Built-in name (see [b]cosim list[/]) or TOML file.")]

@@ -98,9 +98,9 @@ def recover(
     from cosim.log import recover as work
     from cosim.log.format import OURS
 
-    log = Path(str(log).removesuffix(LEFT))
+    asked, log = log, Path(str(log).removesuffix(LEFT))
     part, changed = left_by(log), Path(f"{log}.flown.toml")
-    source = part if part.is_file() else log
+    source = part if part.is_file() else asked
     if not source.exists() and changed.is_file():
         remedy = f"`cosim run {changed} -o {log}` flies it again"
         raise CosimError("the flight was killed before it wrote its log", place=str(log), remedy=remedy)

@@ -144,16 +144,13 @@ def _wires(scenario, bus, chosen, fault_lanes):
     return {stage: bus.wires(pairs) for stage, pairs in stages.items()}
 
 
-def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
-    """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown.
-
-    `flightgear` is the UDP port of this machine at which FlightGear is told of the flight, once `plant.show` says so.
-    """
+def build(scenario: Scenario) -> Setup:
+    """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown."""
     scenario = identified(scenario)
     register(scenario.actuators)  # another scenario may have brought others of the same names
     prepare(scenario)
     dt, point = scenario.dt, FlightPoint.of(scenario)
-    plant = Plant(point, dt=dt, flightgear=flightgear)
+    plant = Plant(point, dt=dt)
     trim = plant.trim()
     aircraft = scenario.aircraft
     truth = plant.truth()

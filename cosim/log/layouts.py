@@ -92,8 +92,7 @@ def _foxglove(pages):
     tabs = []
     for page, plots in pages:
         tabs.append({"title": page, "content": _split("column", [_plot(*plot) for plot in plots])})
-    place = [{"proportion": 2, "content": _panel("ThreeDee")}, {"proportion": 1, "content": _panel("Log")}]
-    tabs.append({"title": "Place", "content": {"type": "split", "direction": "row", "items": place}})
+    tabs.append({"title": "Place", "content": _split("row", [_panel("ThreeDee")])})
     return {"version": 1, "content": {"type": "tabs", "selectedTabIndex": 0, "tabs": tabs}}
 
 

@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import SWEEP, Entry
-from actuators.object_cache import PLAIN
+from actuators.block import Entry
 from actuators.precompile import compile_ahead, cores
 from cosim.errors import told_at_call
 from cosim.judge.detection import outputs_read
@@ -163,10 +162,9 @@ def _both(old, new):
 def _ready(wired):
     """Compile on every core what is not compiled yet."""
     natives = [w.module.rollout.native for w in wired if _compiled(w.module)]
-    if natives and not PLAIN:
-        compile_ahead([SWEEP, *natives])
-        for native in (SWEEP, *natives):
-            _ = native.address  # before there are threads, of which each would compile it
+    compile_ahead(natives)
+    for native in natives:
+        _ = native.address  # before there are threads, of which each would compile it
 
 
 def _compiled(module):

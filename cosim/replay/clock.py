@@ -105,8 +105,8 @@ def interval(t: NDArray) -> float:
 
 
 def lost(t: NDArray) -> int:
-    """Return how many samples are missing in `t` (rows,) [s] against its median step."""
-    return int(np.maximum(np.round(np.diff(t) / interval(t)) - 1.0, 0.0).sum()) if len(t) > 2 else 0
+    """Return how many samples are missing in `t` (rows,) [s] against its median step; a late one is none."""
+    return max(0, int((np.round(np.diff(t) / interval(t)) - 1.0).sum())) if len(t) > 2 else 0
 
 
 def sentence(label: str, zero: Any, times: Mapping[str, NDArray]) -> str:

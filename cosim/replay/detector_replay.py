@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import Entry, unit
+from actuators.block import unit
 from cosim.errors import LogError, did_you_mean
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import wires
@@ -290,9 +290,6 @@ def replay_lane(lane: Any, dt: float) -> Any:
     wanted = lane.states[0]
     wanted = wanted[(wanted >= first) & (wanted <= last) & ((wanted - first) % lane.every == 0)]
     at = np.searchsorted(lane.ticks, wanted)
-    if isinstance(rollout, Entry):
-        out, held = rollout.sweep(x, lane.u, p, dt * lane.every, outputs, at, hidden)
-        return out, (wanted, held), x
     out, held = np.empty((n, len(outputs))), np.empty((len(wanted), len(hidden)))
     block = max(1, BLOCK_BYTES // module.STATE.itemsize)
     for a in range(0, n, block):

@@ -88,7 +88,7 @@ def prepare(path: str | Path, map_path: Any, *, detectors: Any = None, start_s: 
     names = dict.fromkeys(name for s in own.values() for name in (s.channel, s.valid) if name)
     read = read_recording(path, tuple(names), m.time)
     used = {s.channel: read.times[read.channels[s.channel][0]] for s in own.values()}
-    at = signals_of.ticks([(t[0], t[-1]) for t in used.values()], dt, start_s or None)
+    at = signals_of.ticks(list(used.values()), dt, start_s or None)
     if not 2 <= len(at) <= MOST_TICKS:
         spans = ", ".join(f"{name} {t[0]:.12g} to {t[-1]:.12g} s" for name, t in list(used.items())[:6])
         said = f"the channels have {len(at)} ticks of {m.rate_hz} Hz in common"

@@ -138,9 +138,12 @@ def resample(
     return np.where(valid, np.where(exact, y[near], values), np.nan), valid.astype(float)
 
 
-def ticks(spans: Sequence[tuple[float, float]], dt: float, start: float | None = None) -> NDArray:
-    """Return the ticks t_0 + k dt [s] that all `spans` [(first, last)] [s] cover, from `start` on."""
-    t_0, end = max(a for a, _ in spans), min(b for _, b in spans)
+def ticks(times: Sequence[NDArray], dt: float, start: float | None = None) -> NDArray:
+    """Return the ticks t_0 + k dt [s] that the samples at all `times` [s] cover, from `start` on; they stand where most
+    samples of the channel that begins last do, not where its first one happens to."""
+    last = max(times, key=lambda t: t[0])
+    off = np.angle(np.exp(1j * TURN * (last - last[0]) / dt).mean()) / TURN  # [ticks]
+    t_0, end = last[0] + dt * np.round(off, 3), min(t[-1] for t in times)
     if start is not None and start > t_0:
         t_0 += dt * np.ceil((start - t_0) / dt - 1e-3)
     return t_0 + dt * np.arange(max(0, int(np.floor((end - t_0) / dt + NEAREST)) + 1))

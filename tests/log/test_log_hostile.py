@@ -9,7 +9,7 @@ import pytest
 import zstandard
 from log_samples import MIB, TOPICS, Records, bounded, flight_log, same_bits, vectors
 
-from cosim.log import Limits, LogError, LogWriter, Topic, open_log, recover
+from cosim.log import LogError, LogWriter, Topic, open_log, recover
 
 HEADER, SCHEMA, CHANNEL, CHUNK, ATTACHMENT, METADATA = 1, 3, 4, 6, 9, 12
 
@@ -156,12 +156,6 @@ def test_samples_that_are_not_those_of_the_result_are_refused(whole, tmp_path):
     records.chunk(1, content=bytes(data))
     (tmp_path / "a").write_bytes(records.sealed(result=False))
     refused(tmp_path / "a", "not those of the result")
-
-
-def test_limits_can_be_set(whole):
-    for limits in (Limits(chunk_bytes=1000), Limits(text_bytes=100)):
-        with pytest.raises(LogError):
-            open_log(whole, limits=limits)
 
 
 def test_reading_takes_what_was_asked_for_and_a_bounded_cache(tmp_path, monkeypatch):

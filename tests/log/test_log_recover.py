@@ -72,18 +72,6 @@ def test_a_bad_chunk_in_the_middle_costs_only_itself(whole, tmp_path):
         assert log_info(tmp_path / "out")["gaps"] == (0 if number == 4 else ROWS)  # the last leaves none
 
 
-def test_a_tolerant_reader_gives_what_is_whole_and_lists_what_is_not(whole, tmp_path):
-    v, data = vectors(230), bytearray(whole.read_bytes())
-    chunk = open_log(whole).chunks[1]
-    data[chunk.offset + 300] ^= 1
-    (tmp_path / "bad").write_bytes(data[:-100])
-    log = open_log(tmp_path / "bad", tolerant=True)
-    ticks = np.array([k for k in range(230) if k // ROWS != 1])
-    assert (log.ticks("/truth") == ticks).all() and not log.complete
-    assert same_bits(log.array("/truth"), expected(v, TOPICS[0], ticks))
-    assert {d.offset for d in log.damage} >= {chunk.offset}
-
-
 def test_a_whole_log_comes_back_whole(whole, tmp_path):
     report = recover(whole, tmp_path / "out")
     assert report["complete"] and not report["lost"]

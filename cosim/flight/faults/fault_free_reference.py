@@ -138,7 +138,6 @@ def _quietly(setup, k, index, rows):
     quiet = _quiet(setup.scenario).running
     loop = replace(setup.loop, detectors=[d for d in setup.loop.detectors if d.name in quiet])
     loop.faults.p["start"] = np.inf
-    loop.plant.hide()
     tape = Tape(loop.v, loop.dt)
     order(loop, tape, keep=(index, rows))
     return onwards(loop, tape, range(k, len(rows)))[0]

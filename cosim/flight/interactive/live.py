@@ -47,13 +47,12 @@ def requests(scenario: Scenario) -> dict[str, tuple[dict, dict]]:
 
 def fly_live(
     scenario: Scenario, *, port: int, log: str | os.PathLike | None = None, speed: float = 1.0,
-    flightgear: int | None = None, ready: Callable[[Any], None] | None = None,
+    ready: Callable[[Any], None] | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> tuple[Result, Scenario]:  # fmt: skip
     """Fly `scenario` at `speed` times the clock's, served on `port` of this machine, and return what `simulate` does,
     and the scenario that the flight came to.
 
-    `flightgear` is a UDP port of this machine where FlightGear shows the flight (cosim/flight/plant/plant.py).
     `ready(server)` is called when viewers may come (`server.url`, `server.steer_url` with the token). Ctrl-C ends the
     flight there; its log is whole, its status "interrupted". Raises OutputError when it cannot be served, TrimError and
     LogError as `simulate`.
@@ -61,7 +60,7 @@ def fly_live(
     from cosim.log.live import Control, Live
 
     speed, ended = checked_speed(speed), False
-    flight = Flight(scenario, log=log, flightgear=flightgear)
+    flight = Flight(scenario, log=log)
 
     def told(**more):
         live.shown.declare(topics(flight.setup), pose(flight.setup.loop.bus))

@@ -74,25 +74,19 @@ class Flight:
     """Fly a scenario tick by tick; faults are injected and healed while it flies.
 
     `scenario` is a Scenario or what `cosim.load_scenario` takes, `log` the path of the log that is written when the
-    flight is closed, or None; a flight that is killed flies again by LOG.flown.toml. `flightgear` is a UDP port of this
-    machine where FlightGear shows the flight. `scenario` of the flight holds what was injected, `tick` and `time` [s]
-    count what was flown, `status` is "flying", "completed", "departed" or "diverged". Raises TrimError when the point
-    cannot be flown.
+    flight is closed, or None; a flight that is killed flies again by LOG.flown.toml. `scenario` of the flight holds
+    what was injected, `tick` and `time` [s] count what was flown, `status` is "flying", "completed", "departed" or
+    "diverged". Raises TrimError when the point cannot be flown.
     """
 
     @told_at_call
-    def __init__(
-        self, scenario: Scenario | str | os.PathLike, *, log: str | os.PathLike | None = None,
-        flightgear: int | None = None,
-    ):  # fmt: skip
+    def __init__(self, scenario: Scenario | str | os.PathLike, *, log: str | os.PathLike | None = None):
         self.scenario = resolved(scenario if isinstance(scenario, Scenario) else load_scenario(scenario))
         self.log = log
         for path, sign in ((log, OURS), (self._changed, CHANGED)) if log is not None else ():
             claim(path, sign)
         self.tick, self.status, self.reason = 0, "flying", ""
-        self._flightgear = flightgear
-        self._setup = build(self.scenario, flightgear)
-        self._setup.loop.plant.show()
+        self._setup = build(self.scenario)
         self._last, self._sink = self._setup.loop.v.copy(), self._keep
         self._result: tuple[int, Result] | None = None
 
@@ -194,13 +188,12 @@ class Flight:
             raise ScenarioError(f"the flight is {self.status}", place=f"at {self.time:g} s")
         table = self.scenario.model_dump(mode="json", exclude_none=True)
         changed = resolved(retitled(parse({**table, "faults": faults}, place="inject")))
-        setup = build(changed, self._flightgear)
+        setup = build(changed)
         before = self._setup.loop
         for k in range(self.tick):
             setup.loop.tape(self._sink).run(k)
         if setup.loop.truth.tobytes() != before.truth.tobytes():  # cannot be: a fault that is to come changes nothing
             raise ScenarioError("the flight to here would be another one with this fault", place="inject")
-        setup.loop.plant.show()
         self.scenario, self._setup = changed, setup
         self._result = None
         if self.log is not None:
