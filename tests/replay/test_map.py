@@ -147,7 +147,8 @@ def test_other_units_signs_and_clocks_give_the_verdicts_of_the_flight(flight, be
     acted = sent.assign(VALVE_PCT=100 * signals["left_inner.valve_command"])
     held = {'"VALVE_PCT", unit = "%"': '"VALVE_PCT", unit = "%", held = true'}
     told = bench(acted, held, output=tmp_path / "out.mcap")
-    assert {r["id"] for r in told.detectors} == LOCAL | {"joint"} and told.clock.startswith("clock: clock_ms in ms; 1,000 samples")
+    assert {r["id"] for r in told.detectors} == LOCAL | {"joint"}
+    assert told.clock.startswith("clock: clock_ms in ms; 1,000 samples")
     native = {d["id"]: d["replayed"] for d in replay(flight.path, detectors=list(LOCAL)).detectors
               if d["target"] == "elevator.left_inner"}  # fmt: skip
     for name, at, named in (row for row in verdicts(told) if row[0] in LOCAL):
@@ -247,7 +248,8 @@ def test_a_gap_of_the_command_makes_no_alarm_and_is_told(bench, signals):
 
 
 def test_what_is_missing_is_named_per_detector(bench):
-    lack = {(r["id"], r["target"]): r["missing"] for r in bench(detectors=["rfafe_airframe", "rfafe", "position_monitor"]).not_run}
+    told = bench(detectors=["rfafe_airframe", "rfafe", "position_monitor"])
+    lack = {(r["id"], r["target"]): r["missing"] for r in told.not_run}
     assert lack["rfafe_airframe", "aircraft"] == ["theta"] and "left_outer.surface" in lack["rfafe", "aircraft"]
     assert set(lack["position_monitor", "elevator.left_outer"]) == {"left_outer.surface"}
     with pytest.raises(ReplayError, match=r"Missing: rfafe_airframe of aircraft: theta"):
