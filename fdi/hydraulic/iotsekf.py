@@ -232,8 +232,8 @@ def name(x):
     joined = x.rival_lead[multiple_models.JOINED] > multiple_models.SURE
     if max(x.shown[0], x.shown[1]) > 0.5 and x.sensor < 0.5 and (joined or not pressure):
         return EFFECTIVENESS, 0.0
-    if likely == by_evidence.OF_PRESSURE and x.sensor < 0.5:
-        return SENSOR, 3.0
+    if (likely == by_evidence.OF_PRESSURE or (likely == by_evidence.WEAK and x.dp_out > 0.5)) and x.sensor < 0.5:
+        return SENSOR, 3.0  # a reading that drifts takes the flow of a leak
     if likely == by_evidence.LIQUID:
         return OFC_LIQUID, 0.0
     if likely == by_evidence.SOLID:
@@ -262,7 +262,7 @@ def conclude(x, dt):
     verdict, culprit = name(x)
     x.next_s = x.next_s + dt if verdict == x.next_verdict and culprit == x.next_culprit else 0.0
     x.next_verdict, x.next_culprit = verdict, culprit
-    sure = x.frozen > 0.5 or x.sensor > 0.5 or x.jump_of > 0.5
+    sure = x.frozen > 0.5 or x.sensor > 0.5 or x.jump_of > 0.5 or x.stands_open != 0.0  # each has been confirmed
     if sure or x.next_s >= HOLD_S:
         x.verdict, x.culprit = verdict, culprit
     elif x.verdict == NONE:

@@ -22,10 +22,10 @@ from fdi.isolation import filter
 
 JUMP, BEFORE = 6e-4, 0.4  # of a position, six sigma of the sensor [m], and the share that the sample before may have
 FROZEN = 20.0  # equal samples in a row that a sensor with noise has not
-TURNS = 0.4  # share of steps that turn back, of a sensor with noise: white noise has 2/3, one in a coarse quantum few
+TURNS = 0.4  # share of second differences that turn, of a sensor with noise: of white noise 0.73, in a coarse quantum few
 WITHOUT_ROD, WITHOUT_PRESSURE = 1.6, 4.0  # noise of f_hat on the surface sensor; on the hinge-moment model
-FLAT, FLAT_S = 0.15, 0.15  # a valve that stands open keeps within this share for [s]
-NOISE = 0.25  # ... and this of the threshold of an input fault, which noise seldom passes
+FLAT, FLAT_S, FLAT_TAU = 0.2, 0.2, 0.1  # a valve that stands open keeps within this share of its lagged opening for [s]
+NOISE = 0.4  # ... and this of the threshold of an input fault, which noise seldom passes
 # RISE_S before it kept to that opening had at most this share of it: a sine that is as flat, of 1.2 Hz at most, has 40 % some 80 ms before
 RISE, RISE_S = 0.45, 0.06
 HISTORY = 6  # samples of w in RISE_S
@@ -79,8 +79,9 @@ STATE = [
     ("jam_most", "f8", "-"),  # largest load beyond the model since
     ("jam_s", "f8", "s"),  # time since
     ("same", "f8", (3,)),  # equal samples in a row, of rod, surface and pressure
-    ("turns", "f8", (3,)),  # share of samples whose step goes against the one before, over 1 s
+    ("turns", "f8", (3,)),  # share of samples whose second difference has another sign than the one before, over 1 s
     ("step_last", "f8", (3,)),
+    ("bend_last", "f8", (3,)),  # second difference
     ("last_y", "f8", (3,)),
     ("frozen", "f8", "-"),  # 1 rod, 2 surface, 3 pressure sensor repeats its last value
     ("r_run", "f8", "-"),  # input fault over its threshold
@@ -156,13 +157,14 @@ def runaway(x, noise, p, dt):
     x.w_flat_s += dt
     if math.fabs(w - x.w_flat) > FLAT * math.fabs(x.w_flat) + NOISE * noise * p.run_threshold:
         x.w_flat, x.w_before, x.w_flat_s = w, x.w_old[HISTORY - 1], 0.0
+    x.w_flat += dt / FLAT_TAU * (w - x.w_flat)
     x.w_clock += dt
     if x.w_clock >= RISE_S / HISTORY - 0.5 * dt:
         for i in range(HISTORY - 1, 0, -1):
             x.w_old[i] = x.w_old[i - 1]
         x.w_old[0], x.w_clock = w, 0.0
-    sudden = x.w_before * x.w_flat < RISE * x.w_flat * x.w_flat
-    if x.run < 0.5 or (x.r_run >= 1.0 and w * x.stands_open < 0.0):
+    sudden = x.w_before * x.w_flat < RISE * x.w_flat * x.w_flat and math.fabs(x.w_flat) > noise * p.run_threshold
+    if x.run < 0.5 or (x.r_run >= 1.0 and w * x.stands_open < RISE * x.stands_open * x.stands_open):
         x.stands_open = 0.0
     elif x.w_flat_s >= FLAT_S and sudden and x.r_run >= 1.0 and w * x.u_slow < 0.0:
         x.stands_open = x.w_flat
@@ -203,9 +205,9 @@ def freezes(x, u, dt):
         valid = u.y_rod_valid if j == 0 else (u.y_surface_valid if j == 1 else u.y_dp_valid)
         x.same[j] = min(x.same[j] + 1.0, 1e6) if valid > 0.5 and y == x.last_y[j] else 0.0
         if valid > 0.5 and math.isfinite(y) and x.same[j] < FROZEN:
-            by = y - x.last_y[j]
-            x.turns[j] += min(dt, 1.0) * ((1.0 if by * x.step_last[j] < 0.0 else 0.0) - x.turns[j])
-            x.step_last[j] = by
+            bend = y - x.last_y[j] - x.step_last[j]
+            x.turns[j] += min(dt, 1.0) * ((1.0 if bend * x.bend_last[j] < 0.0 else 0.0) - x.turns[j])
+            x.step_last[j], x.bend_last[j] = y - x.last_y[j], bend
         x.last_y[j] = y if math.isfinite(y) else 0.0
         if x.same[j] >= FROZEN and x.turns[j] > TURNS:
             x.frozen = j + 1.0

@@ -197,6 +197,8 @@ def judge(x, p, o, dt):
         in_a_row(x, p)
     c, row = leader(x), x.row > 0.0 and x.row + x.row_last > SURE and x.alarm > 0.5
     found = x.own_class[c] if c >= 0 else (float(LIQUID) if row else 0.0)
+    if found == OPENED or found == APART or found == DRIVEN:  # they have no name
+        found = 0.0
     x.candidate_s *= 1.0 if x.candidate == found else 0.0
     x.candidate, x.candidate_hz = found, x.own_hz[c] if c >= 0 else 0.0
     x.candidate_octave = float(c) if c >= 0 else OCTAVES - 1.0
