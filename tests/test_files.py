@@ -134,16 +134,6 @@ def test_a_replaced_file_keeps_its_mode_and_a_link_its_target(tmp_path):
     assert path.read_text() == "b" and path.stat().st_mode & 0o777 == 0o640 and link.is_symlink()
 
 
-def test_a_readme_that_is_not_utf_8_is_told_so_and_stays(tmp_path):
-    from cosim.report.markdown import replace
-
-    path = tmp_path / "README.md"
-    path.write_bytes(b"\xff<!-- compare: begin -->\n<!-- compare: end -->")
-    with pytest.raises(OutputError, match="not UTF-8 at byte 0"):
-        replace(path, "compare", "new")
-    assert path.read_bytes().startswith(b"\xff")
-
-
 def test_what_a_killed_writer_left_is_swept_and_nothing_else(tmp_path):
     with pytest.raises(KeyboardInterrupt), beside(tmp_path / "a.parquet"):
         raise KeyboardInterrupt

@@ -11,7 +11,6 @@ from cosim.cli import flight, tables
 from cosim.cli import output as shared
 from cosim.cli.app import answer, app, err, notes, only_with, out
 from cosim.cli.output import argument, flag, option, output_option, reserve
-from cosim.errors import CosimError
 
 
 @app.command()
@@ -69,17 +68,12 @@ def report(
     log: Annotated[Path, argument("LOG|DIR", "A log; a campaign's folder, or one of logs.")],
     output: Annotated[Path | None, output_option("HTML", "Default: beside the log.")] = None,
     overwrite: shared.OverwriteOption = False,
-    light: Annotated[
-        bool, flag("--light", "Of one log: figures as SVG, under 500 kB, without cursor and zoom.")
-    ] = False,
     json_: shared.JsonOption = False,
 ) -> None:
     """Write one HTML page of a flight, a recording or a folder.
 
     It opens offline. Of a recording: what `cosim replay --map -o` made of it. Of a folder: its logs, compared.
     """
-    if light and log.is_dir():
-        raise CosimError("is for the page of one log", place="--light", remedy="Name a log, or leave --light out")
     path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
     from cosim.report.page import PAGE
 
@@ -95,7 +89,7 @@ def report(
         from cosim.report import diagnosis_report, flight_report
 
         foreign = "map.toml" in open_log(log, tolerant=True).attachments
-        made = (diagnosis_report if foreign else flight_report)(log, path, light=light)
+        made = (diagnosis_report if foreign else flight_report)(log, path)
     answer(json_, {"report": str(made)}, lambda _: tables.whole(f"report {made}"))
 
 

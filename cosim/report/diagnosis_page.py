@@ -73,9 +73,8 @@ class Watched:
         return out
 
 
-def diagnosis_report(log: str | Path, output: str | Path, *, light: bool = False) -> Path:
-    """Write the page of a diagnosis to the file `output`; returns its Path. Raises LogError, OutputError. `light`:
-    figures as SVG, without cursor and zoom, a tenth of the size."""
+def diagnosis_report(log: str | Path, output: str | Path) -> Path:
+    """Write the page of a diagnosis to the file `output`; returns its Path. Raises LogError, OutputError."""
     watched = Watched(log)
     flown = cast(LoggedFlight, watched)  # for the figures, which read these of its attributes alone
     line, alarms, _ = timeline(flown)
@@ -89,7 +88,7 @@ def diagnosis_report(log: str | Path, output: str | Path, *, light: bool = False
             summary=_summary(watched), line=line, lanes=verdicts(list(watched.verdicts.values())),
             detectors=[(own[i], f"{i}: {_summary_of(i)}") for i in own], read=read, caveats=watched.caveats,
             lacking=watched.lacking, map=watched.map, figures=[line, *own.values(), read], chips=chips,
-            span=[watched.t0, watched.end], start=watched.t0, alarms=alarms, light=light,
+            span=[watched.t0, watched.end], start=watched.t0, alarms=alarms,
         ),
     )  # fmt: skip
 

@@ -36,7 +36,6 @@ class Figure:
     rows: list | None = None
     track: list | None = None
     hint: str = ""  # what the cursor does with it, said where there is one
-    svg: str = ""  # what a light page shows instead of `data` and `layout`
 
     def points(
         self, panel: int, *, hover: str = "", mode: str = "markers", detector: str | None = None, **more: Any

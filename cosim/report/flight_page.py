@@ -11,13 +11,12 @@ from cosim.table import Cell, Row, Table
 from fdi import registry
 
 
-def flight_report(log: str | Path, output: str | Path, *, light: bool = False) -> Path:
-    """Write the report of the log at `log` to the file `output`; returns its Path. Raises LogError, OutputError.
-    `light`: figures as SVG, without cursor and zoom, a tenth of the size."""
-    return write(output, render(LoggedFlight(log), light))
+def flight_report(log: str | Path, output: str | Path) -> Path:
+    """Write the report of the log at `log` to the file `output`; returns its Path. Raises LogError, OutputError."""
+    return write(output, render(LoggedFlight(log)))
 
 
-def render(flown: LoggedFlight, light: bool = False) -> str:
+def render(flown: LoggedFlight) -> str:
     """Return the page of a logged flight as HTML text."""
     line, alarms, faults = flight.timeline(flown)
     elevators, others = flight.surfaces(flown)
@@ -34,7 +33,7 @@ def render(flown: LoggedFlight, light: bool = False) -> str:
         damage=[f"{d.length} bytes at {d.offset}: {d.reason}" for d in flown.log.damage],
         provenance=Table("", "", "", rows=provenance, kind="", heads=False), toml=flown.toml,
         figures=[line, injected, *own.values(), elevators, others, motion, track], chips=chips,
-        span=[flown.t0, flown.end], start=start, faults=faults, alarms=alarms, light=light,
+        span=[flown.t0, flown.end], start=start, faults=faults, alarms=alarms,
     )  # fmt: skip
 
 

@@ -142,7 +142,7 @@ for (const chip of document.querySelectorAll("button.chip")) {
     const id = chip.dataset.toggle, off = !hidden.has(id);
     off ? hidden.add(id) : hidden.delete(id);
     chip.setAttribute("aria-pressed", String(!off));
-    for (const el of document.querySelectorAll(`[data-detector="${id}"]`)) el.toggleAttribute("hidden", off);  // of SVG, too
+    for (const el of document.querySelectorAll(`[data-detector="${id}"]`)) el.toggleAttribute("hidden", off);
     for (const fig of figures) {
       if (fig.data.some((t) => t.meta && t.meta.detector)) draw(fig, zoom);
       else if (fig.detector === id && !off) draw(fig, zoom);

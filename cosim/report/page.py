@@ -17,7 +17,6 @@ from plotly.offline import get_plotlyjs
 
 from cosim.files import marked, replace_text
 from cosim.judge.result import plain
-from cosim.report import svg
 
 
 @cache
@@ -35,19 +34,14 @@ def environment() -> Environment:
 def page(
     template: str, *, title: str, subtitle: str, figures: list, chips: Sequence[Any] = (),
     span: list[float] | None = None, start: float = 0.0, faults: Sequence[Any] = (), alarms: Sequence[Any] = (),
-    light: bool = False, **content: Any,
+    **content: Any,
 ) -> str:  # fmt: skip
     """Return the page of `template` as HTML text; `content` are the template's own names.
 
     `figures` are the Figures whose places stand in it; `chips` [(detector, level, alarmed)]; `span` the (first, last)
     time for pages with a time cursor, which starts at `start`; `faults` and `alarms` are [{from, to, text, detector}]
-    for the line that says what is on at the cursor. `light`, for figures of a flight: they are drawn as SVG, without
-    plotly.js and cursor.
+    for the line that says what is on at the cursor.
     """
-    if light:
-        for f in filter(None, figures):
-            f.svg = Markup(svg.drawn(f))
-        figures, span = [], None
     drawn = {
         "figures": [f.plain() for f in figures if f],
         "span": span,
@@ -55,7 +49,7 @@ def page(
         "faults": list(faults),
         "alarms": list(alarms),
     }
-    fixed = {"css": _own("page.css"), "js": _own("page.js"), "plotly": Markup("" if light else get_plotlyjs())}
+    fixed = {"css": _own("page.css"), "js": _own("page.js"), "plotly": Markup(get_plotlyjs())}
     made = environment().get_template(template)
     told = {"summary": (), **content, **fixed, "title": title, "subtitle": subtitle, "chips": chips, "span": span}
     return made.render(data=plain(drawn), **told).lstrip() + "\n"
@@ -65,8 +59,7 @@ def _own(name):
     return Markup(files(__package__).joinpath(name).read_text(encoding="utf-8"))
 
 
-PAGE = marked(b"<!doctype html", b'<meta name="generator" content="cosim">')  # the signs of our pages and pictures
-PICTURE = marked(b"<svg", b'font-family="system-ui,Segoe UI,Roboto,Liberation Sans,sans-serif"')
+PAGE = marked(b"<!doctype html", b'<meta name="generator" content="cosim">')  # the sign of our pages
 
 
 def write(path: str | Path, content: str) -> Path:

@@ -3,7 +3,6 @@
 import json
 import math
 import re
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -13,8 +12,8 @@ from cosim.errors import LogError, OutputError
 from cosim.flight.simulate import simulate
 from cosim.judge.lanes import part
 from cosim.replay.recording import LoggedFlight, joined, spans
-from cosim.report import flight_report, svg
-from cosim.report.figure import POINTS, Figure, base, envelope, peaks
+from cosim.report import flight_report
+from cosim.report.figure import POINTS, envelope, peaks
 from cosim.report.flight_page import render
 from cosim.scenario import load_scenario
 
@@ -66,33 +65,6 @@ def test_every_figure_is_valid_by_plotlys_own_schema(page):
     for figure in drawn:
         made = go.Figure(coloured({"data": figure["data"], "layout": figure["layout"]}))
         assert len(made.data) == len(figure["data"]) > 0
-
-
-def test_the_light_page_draws_the_same_curves_as_svg_in_less_than_500_kb(flight, page, tmp_path):
-    light = flight_report(flight[0], tmp_path / "light.html", light=True)
-    text, full = light.read_text(encoding="utf-8"), figures(page.read_text(encoding="utf-8"))
-    drawn = re.findall(r'<svg class="drawn".*?</svg>', text, re.S)
-    assert light.stat().st_size < 500e3 and "Plotly.newPlot" not in text and len(drawn) == len(full)
-    for figure, one in zip(full, drawn):
-        root = ElementTree.fromstring(one)  # well formed
-        lines = [t for t in figure["data"] if t["line"]["width"]]
-        assert len(root.findall("g")) == len(figure["data"])
-        assert len([p for p in root.iterfind("g/path") if p.get("fill") == "none"]) == len(lines)
-        panels = {t["yaxis"] for t in figure["data"]}
-        assert len(root.findall("clipPath")) >= len(panels)
-        assert "nan" not in one and "inf" not in one.replace("info", "")
-
-
-def test_a_curve_of_the_light_page_goes_through_its_samples():
-    layout = base(160.0, legend=False)
-    Figure("f", layout=layout).grid(["a"], ["m"], 1, span=(0.0, 4.0))
-    layout["yaxis"]["range"] = [0.0, 10.0]
-    figure = Figure("f", layout=layout)
-    figure.curve(0.0, 1.0, np.array([0.0, 5.0, np.nan, 10.0, 10.0]))
-    root = ElementTree.fromstring(svg.drawn(figure))
-    clip, path = root.find("clipPath/rect"), root.find("g/path").get("d")
-    x, y, w, h = (float(clip.get(k)) for k in ("x", "y", "width", "height"))
-    assert path == f"M{x:g} {y + h:g}l{w / 4:g}{-h / 2:g}M{x + 0.75 * w:g} {y:g}l{w / 4:g} 0"
 
 
 def test_every_detector_of_the_log_has_a_figure_a_toggle_and_a_row_on_the_time_line(flight, page):
