@@ -117,7 +117,7 @@ class Table:
             return f'<tr class="group"><th colspan="{len(self.columns)}">{_tagged(row.cells[0])}</th></tr>'
         cells = []
         for i, cell in enumerate(row.cells):
-            tag = "th" if self.kind == "matrix" and i == 0 else "td"
+            tag = "th" if self.kind.startswith("matrix") and i == 0 else "td"
             look = cell.tone if isinstance(cell, Cell) and cell.tone.startswith("c-") else ""
             title = cell.title if isinstance(cell, Cell) else ""
             cells.append(f"<{tag}{self._td(i, title, look)}>{_tagged(cell)}</{tag}>")

@@ -1,10 +1,9 @@
 """The commands `replay` and `recover`, and their tables, from the same plain data that `--json` prints."""
 
 import contextlib
-import itertools
 import tempfile
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 from rich.console import Group, RenderableType
@@ -35,13 +34,8 @@ def replay(
     start: Annotated[float, option("T", "Start in the middle, at T seconds.", "--from", min=0.0)] = 0.0,
     map_: Annotated[
         Path | None,
-        option("MAP.toml", "Diagnose a recording, file or folder, by this map of [b]cosim map[/].", "--map"),
+        option("MAP.toml", "Diagnose a recording by this map of [b]cosim map[/].", "--map"),
     ] = None,
-    on_reset: Annotated[
-        Literal["split", "offset"] | None,
-        option(None, "With --map: where the clock goes back, stretches apart or joined."),
-    ] = None,
-    time: Annotated[str | None, option("COLUMN", "With --map: the time column.")] = None,
     output: Annotated[Path | None, output_option("LOG", "Write old and new outputs to a log.")] = None,
     overwrite: shared.OverwriteOption = False,
     live: Annotated[
@@ -60,7 +54,6 @@ def replay(
     """
 
     only_with("--live", live, speed=speed, port=port)
-    only_with("--map", map_, on_reset=on_reset, time=time)
     if live:
         from cosim.replay.live import show
 
@@ -85,19 +78,8 @@ def replay(
     if map_:
         from cosim.replay.map import diagnose
 
-        stretches = []
-        for part in itertools.count() if on_reset == "split" else (0,):
-            path = output.with_stem(f"{output.stem}-{part + 1}") if output and part else output
-            if part and path and path.exists():
-                reserve(path, OURS, taken=taken, log=True)
-            overwritten = path is not None and path.is_file()
-            try:
-                done = diagnose(log, map_, output=path, part=part, on_reset=on_reset, time=time, **how).to_dict()
-                stretches.append(done | {"overwritten": overwritten})
-            except IndexError:
-                break
-        found = stretches[0] if len(stretches) == 1 else {"stretches": stretches}
-        answer(json_, found, lambda _: Group(*map(diagnosis, stretches)))
+        done = diagnose(log, map_, output=output, **how).to_dict()
+        answer(json_, done | {"overwritten": overwritten}, diagnosis)
         return
     from cosim.replay import replay as work
 
@@ -225,7 +207,8 @@ def diagnosis(found: dict[str, Any]) -> Group:
     t = verdicts(found["detectors"])
     end = found["start_s"] + found["duration_s"]
     head = Text(f"{found['start_s']:.12g} to {end:.12g} s of {found['recording']} at {found['rate_hz']} Hz")
-    parts: list[RenderableType] = [head, *(Text(c, style="yellow") for c in found["caveats"]), t]
+    first = Text(found["clock"])
+    parts: list[RenderableType] = [first, head, *(Text(c, style="yellow") for c in found["caveats"]), t]
     if found["not_run"]:
         parts.append(_not_run(found["not_run"], {s["name"].partition(".")[0] for s in found["signals"]}))
     if found["output"]:

@@ -71,26 +71,22 @@ def _holds(path, text):
 
 @app.command("map")
 def map_(
-    recording: Annotated[Path, argument("FILE", "Text, MATLAB, Parquet, MCAP, or a folder.")],
-    time: Annotated[str | None, option("COLUMN", "The time column.")] = None,
+    recording: Annotated[Path, argument("FILE", "A table (text, Parquet) or an MCAP file.")],
     aircraft: Annotated[str | None, option("NAME", "Whose detectors judge.")] = None,
-    columns: Annotated[str | None, option("A,B,...", "Names of a file without any, or a file with them.")] = None,
     output: Annotated[Path | None, output_option("MAP.toml", "Default: print it.")] = None,
     overwrite: shared.OverwriteOption = False,
     json_: shared.JsonOption = False,
 ) -> None:
     """Draft a map of a recording: which column is which signal.
 
-    By the columns' names and ranges: check signs and units before you believe it.
+    By the columns' names: what they do not say, a unit or a sign, stands as a comment and does not fly.
     """
     from cosim.files import replace_text
-    from cosim.replay.foreign import columns_of
     from cosim.replay.map_draft import draft
 
-    names = columns_of(columns) if columns and os.path.isfile(columns) else (columns or "").split(",")
     if output:
         reserve(output, edited, taken={"the recording": [recording]}, endings=(".toml",))
-    text = draft(recording, time=time, aircraft=aircraft, columns=[n.strip() for n in names if n.strip()])
+    text = draft(recording, aircraft=aircraft)
     if output:
         replace_text(output, text, edited)
     if json_:

@@ -103,10 +103,10 @@ def names(each: Iterable[dict]) -> Table:
     """Return the Table of the names given to every fault that a detector alarmed on, designed for or not."""
     columns = (
         NAME, GROUP, Column("alarmed on", "alarmed_on", doc="faults, designed for or not"),
-        Column("class right", "class_right"), Column("class wrong", "class_wrong", doc="ambiguous is neither"),
+        Column("class right", "class_right"), Column("class wrong", "class_wrong", doc="ambiguous is neither", rank=1),
         *(Column(f"right {level}", partial(_right_at, level), doc="" if i else FINEST)
           for i, level in enumerate(LEVELS[1:])),
-        Column("place wrong", "place_wrong"), Column("wrong name", "name_wrong", doc="class or place"),
+        Column("place wrong", "place_wrong", rank=1), Column("wrong name", "name_wrong", doc="class or place"),
     )  # fmt: skip
     return of(columns, each)
 
@@ -215,17 +215,23 @@ def flights(rows: pd.DataFrame) -> Table:
 
 def by_level(found: Iterable[dict]) -> Table:
     """Return the Table *fault by level* of `cosim.compare.stats.by_level`."""
-    columns = (
-        Column("kind of fault", lambda d: Cell(d["family"], "bold"), right=False), Column("faults"),
+    found = list(found)
+    columns = [
+        Column("kind of fault", lambda d: Cell(d["family"], "bold"), right=False),
+        Column("faults"),
         Column("local only", "local", doc="only detectors of one actuator alarmed"),
         Column("aircraft only", "aircraft", doc="only detectors of the whole aircraft alarmed"),
-        Column("both"), Column("nobody"), Column("joint", doc="the joint verdict alarmed"),
+        Column("both"),
+        Column("nobody"),
+    ]
+    joint = (
+        Column("joint", doc="the joint verdict alarmed"),
         Column("its place right", "right", doc="valve, command, surface or sensor of the segment, sensor, engine"),
         Column("coarser", "coarse", doc="right by segment, side or axis"),
         Column("not given", "open", doc="a set that holds it, or no place"),
         Column("wrong", lambda d: Cell(d["wrong"], "bad" if d["wrong"] else "muted")),
     )  # fmt: skip
-    return of(columns, found)
+    return of([*columns, *(joint if any(d["joint"] for d in found) else ())], found)
 
 
 def predictive(found: Iterable[dict]) -> Table:

@@ -39,24 +39,22 @@ def compress(content: bytes, name: str) -> bytes:
     return zstandard.ZstdCompressor(level=LEVEL).compress(content) if name else content
 
 
-def decompress(data: Any, size: int, name: str, *, others: bool = False) -> Any:
+def decompress(data: Any, size: int, name: str) -> Any:
     """Return the content of one frame, which must have `size` bytes; no more memory than that is taken.
 
-    The frame states its size, and nothing follows it; those of `others` need not. Raises FrameError.
+    The frame states its size, and nothing follows it. Raises FrameError.
     """
     try:
         if name == "zstd":
-            stated = zstandard.get_frame_parameters(data).content_size
-            _same(size if others and stated == zstandard.CONTENTSIZE_UNKNOWN else stated, size)
+            _same(zstandard.get_frame_parameters(data).content_size, size)
             frame = zstandard.ZstdDecompressor(max_window_size=1 << 27)
             # 0 would stand for a size that the frame states
-            data = frame.decompress(data, max_output_size=max(size, 1), allow_extra_data=others)
+            data = frame.decompress(data, max_output_size=max(size, 1), allow_extra_data=False)
         elif name == "lz4":
-            if not others:
-                _same(lz4.frame.get_frame_info(data)["content_size"], size)
+            _same(lz4.frame.get_frame_info(data)["content_size"], size)
             frame = lz4.frame.LZ4FrameDecompressor()
             data = frame.decompress(data, max_length=size + 1)
-            if not frame.eof or (frame.unused_data and not others):
+            if not frame.eof or frame.unused_data:
                 said = "its frame is not whole, or not as long as its chunk says"
                 raise FrameError(f"the chunk cannot be decompressed: {said}")
     except (zstandard.ZstdError, RuntimeError, MemoryError) as error:

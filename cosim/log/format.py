@@ -79,9 +79,6 @@ class Limits:
     text_bytes: int = 16 << 20  # a schema, channel or metadata record
     channels: int = 4096
     records: int = 20_000_000  # top-level records
-    message_bytes: int = 1 << 20  # of another writer's, to be decoded: JSON makes objects of ten times that
-    fields: int = 4096  # of one of another writer's channels
-    values: int = 20_000_000  # of all of another writer's channels that are decoded
     expansion: int = 10_000  # content over compressed size: of a message 3 bytes or more vary
 
 

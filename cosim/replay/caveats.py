@@ -1,87 +1,38 @@
-"""What has to be said beside the verdicts on a recording: whose design judged, on what, for how long not, and when an
-alarm speaks against the model rather than against the aircraft."""
+"""What has to be said beside the verdicts on a recording: what is lost, whose design judged, for how long not, and when
+an alarm speaks against the model rather than against the aircraft."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cosim.replay import clock
 from cosim.replay.detector_replay import output_names
-from cosim.replay.units import bare, factors
 from fdi import registry
 from fdi.common import why as reason
 
 TOLD_S = 1.0  # shorter times out of range are not told
 DECIDES_S = 2.0  # that a detector may take to decide, beside the time until it is ready
-NEARLY = 0.9  # of the samples
-ASKED = {"deg": "degrees", "rad": "radians", "deg/s": "degrees per second", "rad/s": "radians per second",
-         "m": "metres", "ft": "feet", "m/s": "metres per second", "kt": "knots", "ft/s": "feet per second",
-         "km/h": "kilometres per hour", "ft/min": "feet per minute", "g": "g", "m/s2": "m/s2"}  # fmt: skip
 MOST = 0.5  # an alarm that stands for this share of the valid time so far, at any moment, speaks against the model
+
+
+def lost(found: Mapping[str, tuple[NDArray, NDArray, NDArray]]) -> list[str]:
+    """Return sentences about the samples that signals {name: (times of its samples, times of its table's rows, valid
+    (ticks,))} lack, empty cells and missing rows alike; signals that lack the same stand together."""
+    same: dict[str, list[str]] = {}
+    for name, (t, rows, valid) in found.items():
+        n = clock.lost(np.concatenate([rows[:1], t, rows[-1:]])) if len(t) else len(rows)
+        share = f"{100.0 * float(valid.mean()):.4g} % of the ticks have a value"
+        if n:
+            same.setdefault(f"{n:,} of {n + len(t):,} samples lost; {share}", []).append(name)
+    return [f"{', '.join(names)}: {told}" for told, names in same.items()]
 
 
 def caveats(made: Any, done: list) -> list[str]:
     """Return sentences about the lanes that ran on the Prepared recording `made` (cosim/replay/map.py),
     [(detector, lane, inputs, outputs (n, fields))]; times are the recording's."""
-    m, aircraft = made.map, made.scenario.aircraft
-    own = [*_units(made, done), *_designs(m, aircraft, done)]
-    own += [*_mass(aircraft, made.values), *_dead(m, made), *_late(made), *_proxies(m, done)]
-    return [*own, *_lanes(done, made.dt, made.t_0)]
-
-
-def _units(made, done):
-    """Ask for the unit of a signal that is out of a detector's range nearly all along, and would not be in another."""
-    out: dict[str, list[str]] = {}
-    for d in {d.id: d for d, *_ in done}.values():
-        for word, (low, high) in d.record.range.items():
-            y = made.values[word][0] if word in made.values else np.empty(0)
-            y, signal = y[np.isfinite(y)], made.map.signals.get(word)
-            if not len(y) or not signal.channel or np.mean((y < low) | (y > high)) < NEARLY:
-                continue
-            si = made.sources[word].unit
-            units = factors(si)
-            own = bare(signal.unit or si)
-            raw = (y - signal.offset) / units[own]  # as the channel has it
-            spans = {u: (raw * f + signal.offset >= low) & (raw * f + signal.offset <= high) for u, f in units.items()}
-            fits = [ASKED[u] for u, within in spans.items() if u != own and u in ASKED and np.mean(within) >= NEARLY]
-            if fits:
-                shown = next(u for u in ("deg", "deg/s", si) if u in units)
-                a, b = np.percentile(y, (1.0, 99.0))
-                told = [f"{a / units[u]:.3g} to {b / units[u]:.3g} {u}" for u in dict.fromkeys((own, shown))]
-                asked = f"{word} {' is '.join(told)}, out of range: is it in {' or '.join(fits)}?"
-                out.setdefault(asked, []).append(d.id)
-    return [f"{', '.join(names)}: {text}" for text, names in out.items()]
-
-
-def _mass(aircraft, values):
-    """Tell of a mass that the aircraft of the designs never has."""
-    y = values["mass"][0] if "mass" in values else np.empty(0)
-    if not np.isfinite(y).any():
-        return []
-    (low, high), middle = aircraft.mass.mass_t, float(np.nanmedian(y)) * 1e-3
-    if low <= middle <= high:
-        return []
-    return [f"the recording's mass, {middle:.4g} t, lies outside the {aircraft.name}'s, {low:g} to {high:g} t: what is "
-            "judged by forces or moments is no proof"]  # fmt: skip
-
-
-def _dead(m, made):
-    """Tell of sensors and commands whose channel never changes."""
-    out = []
-    for name, signal in m.signals.items():
-        y = made.channels[name][1] if signal.channel and name in made.channels and name in made.sources else ()
-        y = np.asarray(y)[np.isfinite(y)]
-        if len(y) > 1 and y.min() == y.max() and made.sources[name].kind != "model" and name not in ("mass", "cg"):
-            out.append(f"{name}: channel {signal.channel} is {y[0]:.6g} all along: not connected, or absent = true")
-    return out
-
-
-def _late(made):
-    """Tell of valve commands that the detectors were given at another time than that of the recording."""
-    out = []
-    for name, by in made.delays.items():
-        off = f"{1e3 * abs(by) * made.dt:.3g} ms too {'early' if by > 0.0 else 'late'}"
-        out.append(f"{name} is recorded {off} for the pressure that answers it, and was moved by it: is `held` right?")
-    return out
+    return [*_designs(made.map, made.scenario.aircraft, done), *_lanes(done, made.dt, float(made.at[0]))]
 
 
 def _designs(m, aircraft, done):
@@ -97,26 +48,8 @@ def _designs(m, aircraft, done):
     return [f"{', '.join(told)}: {other if recorded else unsaid}: an alarm may come from that"]
 
 
-def _proxies(m, done):
-    """Tell which detectors stand on a channel that is not what they take it for."""
-    twice: dict[str, list[str]] = {}
-    for name, signal in m.signals.items():
-        if signal.channel:
-            twice.setdefault(signal.channel, []).append(name)
-    stands = {name: f"a proxy, {s.stands_on}" for name, s in m.signals.items() if s.stands_on}
-    for channel, names in twice.items():
-        for name in names[1:]:
-            if name.endswith(("alpha_ground", "v_ground", "h_inertial")):
-                stands.setdefault(name, f"a proxy, the same channel {channel} as {names[0]}")
-    out = []
-    for name, what in stands.items():
-        readers = dict.fromkeys(d.id for d, lane, *_ in done if any(w.signal.word == name for w in d.inputs(lane)))
-        if readers:
-            out.append(f"{', '.join(readers)}: {name} stands on {what}: what it judges by it is no proof")
-    return out
-
-
 def _lanes(done, dt, t_0):
+    """Tell of times at which a detector does not judge, and of alarms that cover the recording."""
     out = []
     for d, lane, _, again in done:
         names, step = output_names(d), dt * d.every
@@ -130,10 +63,9 @@ def _lanes(done, dt, t_0):
                 out.append(f"{said}: {reason.words(code)} {of}, not valid there")
         broken = ~np.isfinite(again).all(axis=1) | (why == reason.NOT_FINITE)
         if broken.any():
-            first = int(np.argmax(broken))
-            since, n = f"{t_0 + first * step:.6g} s", np.count_nonzero(broken)
-            when = f"from {since} on" if broken[first:].all() else f"for {n * step:.4g} s, first at {since}"
-            out.append(f"{said}: its numbers are not finite {when}{'' if valid[broken].all() else ': not valid'}")
+            since = f"{t_0 + int(np.argmax(broken)) * step:.6g} s"
+            length = f"{np.count_nonzero(broken) * step:.4g} s"
+            out.append(f"{said}: its numbers are not finite for {length}, first at {since}")
         if valid.any():
             waited = int(np.count_nonzero(why[: np.argmax(valid)] == reason.NOT_READY))
             out += _standing(said, valid, again[:, names.index("alarm")] > 0.5, waited, step, t_0)

@@ -1,443 +1,341 @@
-"""Read recordings of others as tables over time: text, Parquet, MATLAB, MCAP, a folder of files."""
+"""Recordings of others: one table (text with a header line, Parquet) or one MCAP file, over one clock that is named.
 
-import codecs
+Only the columns and fields that are asked for are read. What is not taken here is refused with the remedy: any tool
+that reads it can write Parquet.
+"""
+
 import contextlib
-import os
 import re
-from collections import Counter
+from array import array
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cosim.errors import CosimError, LogError
+from cosim.errors import LogError, did_you_mean
 from cosim.files import regular
-from cosim.log.foreign import read_mcap
-from cosim.log.format import OURS, log_error
-from cosim.log.reader import open_log
+from cosim.log.foreign import ForeignMcap
+from cosim.log.format import log_error
 from cosim.log.walker import BAD
 from cosim.replay import clock
-from cosim.replay.units import is_unit, known
-from cosim.texts import from_json
 
-TEXT = (".csv", ".tsv", ".txt", ".asc", ".dat")
-KINDS = (*TEXT, ".parquet", ".mat")
-LOOKED_AT = 60  # lines in which the numbers of a text begin
-MOST_LETTERS = 1_000_000  # of such a line: some tens of thousands of columns
-MOST_VALUES = 50_000_000  # of a file: 400 MB in memory
-MOST_BYTES = 20 * MOST_VALUES  # of a text, whose numbers take some twenty characters, or of messages
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|[-+]?nan|[-+]?inf", re.IGNORECASE)
-TIME_NAMES = ("t_s", "t", "time", "time_s", "timestamp", "t_ns", "time_ns", "timestamp_ns")  # looked for in this order
-TIME_WORDS = {*"time clock timestamp stamp seconds zeit uhrzeit temps tiempo datum date utc gmt".split()}
-_SCALES = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}  # ends of a name: Zeit [ms]
-_UNIT = re.compile(r"(?<=\S)\s*\[(ns|us|ms|s|min|h)\]$")  # said of a column without one: timestamp [us]
-_DAY_S = 86400.0
-LEAST_MS = 4  # whole numbers farther apart are no seconds: 200 Hz in ms, 1 Hz in ms is up to 1e3, in us up to 1e6
+TEXT = (".csv", ".tsv", ".txt", ".dat")
+KINDS = (*TEXT, ".parquet", ".mcap")
+CONVERT = "Convert to Parquet: one row per time, one column per signal"
+MOST_VALUES = 50_000_000  # of all columns that are read: 400 MB in memory
+MOST_BYTES = 20 * MOST_VALUES  # of a text or of messages, whose numbers take some twenty characters
+LOOKED_AT = 1_000_000  # letters of a line in which the separator is looked for
+STAMPS = (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs"), ("seconds", "nanos"))  # of a field that is a time
+LOGGED, PUBLISHED = "log_time", "publish_time"
 
 
-def read_channels(
-    path: str | Path, *, time: str | None = None, on_reset: Any = None, part: int = 0, wanted: Any = None,
-    columns: tuple[str, ...] = ()
-) -> dict:  # fmt: skip
-    """Return {channel: DataFrame} of a recording; columns are float64, the index is `t_s` [s], ascending.
+@dataclass
+class Recording:
+    """Channels of a recording by the names that were asked for, over the times of their table or topic."""
 
-    A text, MATLAB or Parquet file is one channel, named by the file's stem; `time` names its time column (default: the
-    first of TIME_NAMES in any case, else one with a word for time in its name, else Parquet's own index). Its name ends
-    in _ns, (us) or [ms], say, where it is not in seconds, or `time` says so: "timestamp [us]" of a column `timestamp`.
-    Dates count from the first. `columns` name those of a file without names. A folder has a channel per table, and one
-    for its files of a single column.
-    An MCAP file has a channel per topic, times from its first message: when it was logged, or with `time`
-    "header.stamp", say, that stamp of ROS where a topic has it. Columns without numbers are left out and named
-    in `attrs["texts"]`. A clock that goes back is an error, unless `on_reset` says what to do ("offset", or "split" for
-    stretch number `part`); `attrs["oddities"]` tells of gaps, doubled times and changes of rate. Of an MCAP file only
-    the topics that `wanted(topic)` accepts are decoded. Raises LogError when the file cannot be read or has no usable
-    time, IndexError when there is no stretch of that number.
+    clock: str = ""  # sentence: which field, unit and zero, and of each table or topic how many samples in which step
+    times: dict[str, NDArray] = field(default_factory=dict)  # table or topic -> (rows,) [s], rising
+    channels: dict[str, tuple[str, NDArray]] = field(default_factory=dict)  # name -> (table or topic, (rows,))
+    notes: list[str] = field(default_factory=list)  # sentences: where it is cut
+
+
+def read_recording(path: str | Path, names: Sequence[str], time: str | None = None) -> Recording:
+    """Return the columns or fields `names` of the recording at `path` over the clock `time` (cosim/replay/clock.py).
+
+    `time` is a column or a field, with "[us]" behind it where its name does not end in its unit, or for an MCAP file
+    `log_time` (its default) or `publish_time`; of a table the default is the only column that is called t, time or
+    timestamp. Raises LogError for a file that is not read here, a name that it lacks, a column that holds no numbers,
+    a clock that goes back or stands.
     """
-    path = Path(os.fspath(path))
-    if path.suffix.lower() == ".mcap":
-        return _mcap(path, wanted, time)
-    frames, told = _frames(path, columns, time=time)
-    out = {name: _timed(frame, path, name, time, on_reset, part) for name, frame in frames.items()}
-    for frame in list(out.values())[:1]:
-        frame.attrs["oddities"] += told
-    return out
+    with _readable(path := Path(path)):
+        return _mcap(path, names, time) if path.suffix.lower() == ".mcap" else _table(path, names, time)
 
 
-def _frames(path, columns=(), rows=None, time=None):
-    """Return ({name: DataFrame}, sentences) of a file or a folder."""
-    if path.is_dir():
-        return _together(path, columns)
+def columns_of(path: str | Path) -> tuple[list[str], list[str]]:
+    """Return (channels of numbers, columns or topics without numbers) of a recording. Raises LogError."""
+    with _readable(path := Path(path)):
+        if path.suffix.lower() == ".mcap":
+            return _fields_of(path)
+        if path.suffix.lower() == ".parquet":
+            kinds = _schema(path)
+        else:
+            kinds = {str(n): y.dtype.kind in "iufb" for n, y in _text(path, None, rows=200).items()}
+        numbers = [name for name, is_number in kinds.items() if is_number]
+        return numbers, [name for name in kinds if name not in numbers]
+
+
+@contextlib.contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Raise LogError for a file that is not of a kind and size that is read here, or in which a reader fails."""
     kind = path.suffix.lower()
-    if kind not in KINDS:
-        raise LogError(f"unknown kind of file {kind!r}", place=str(path), allowed=", ".join((*KINDS, ".mcap")))
-    frame = read_table(path, columns, rows, time)
-    return {path.stem: frame}, frame.attrs.get("left", [])
-
-
-def _together(path, columns):
-    """Return ({name: DataFrame} of the tables in a folder, sentences): files of one column each and of the same length
-    are one table, named by the folder, with a column per file."""
-    import pandas as pd
-
-    files = sorted(f for f in path.iterdir() if f.suffix.lower() in KINDS and f.is_file() and f.name[0] != ".")
-    if not files:
-        raise LogError("holds no table", place=str(path), allowed=", ".join(KINDS))
-    read = {f.stem: read_table(f, columns) for f in files}
-    single = {stem: frame.iloc[:, 0] for stem, frame in read.items() if frame.shape[1] == 1}
-    if len(single) < 2:
-        return read, []
-    lengths = [len(column) for column in single.values()]
-    n = max(set(lengths), key=lengths.count)
-    joined = pd.DataFrame({stem: column.to_numpy() for stem, column in single.items() if len(column) == n})
-    left = [f"{stem} ({len(c)} rows)" for stem, c in single.items() if len(c) != n]
-    told = [f"left out, other than {n} rows: {', '.join(left)}"] if left else []
-    return {path.name: joined, **{stem: frame for stem, frame in read.items() if stem not in single}}, told
-
-
-def _mcap(path, wanted, time):
-    import pandas as pd
-
+    if path.is_dir() or kind not in KINDS:
+        said = "is a folder" if path.is_dir() else f"unknown kind of file {kind!r}"
+        raise LogError(said, place=str(path), allowed=f"one file: {', '.join(KINDS)}", remedy=CONVERT)
     regular(path, LogError)
+    if path.is_file() and kind != ".parquet" and (size := path.stat().st_size) > MOST_BYTES:
+        raise LogError(f"has {size / 1e9:.3g} GB", place=str(path), allowed=f"{MOST_BYTES / 1e9:g} GB",
+                       remedy=f"Cut it. {CONVERT}")  # fmt: skip
     try:
-        if OURS(path):
-            log = open_log(path)
-            return {topic: log.frame(topic) for topic in log.topics}
+        yield
     except OSError as error:
-        raise log_error(f"cannot read the file: {error.strerror}", path) from error
-    _bounded(path, MOST_BYTES)  # each of its messages is looked at, wanted or not
-    read = read_mcap(path, wanted=wanted)
-    if time and not any(f"{time}.sec" in rows for _, rows in read.values()):
-        allowed = "a stamp of whole seconds and nanoseconds: header.stamp of header.stamp.sec and .nanosec"
-        raise LogError(f"no topic has the time {time!r}", place=str(path), allowed=allowed)
-    at = {topic: _stamps(time, rows, np.array(times, np.int64)) for topic, (times, rows) in read.items()}
-    first = min(int(times.min()) for times in at.values())
-    out = {}
-    for topic, (_, rows) in read.items():
-        order = np.argsort(at[topic], kind="stable")
-        index = pd.Index((at[topic][order] - first) / 1e9, name="t_s")
-        out[topic] = pd.DataFrame(rows).iloc[order].set_axis(index)
-        out[topic].attrs["oddities"] = clock.oddities(index.to_numpy(), topic)
+        raise log_error(f"cannot read the file: {error.strerror or error}", path) from error
+    except (*BAD, RuntimeError) as error:  # of pandas and Arrow, too, whose errors are ValueErrors
+        raise log_error(
+            f"cannot be read: {error or type(error).__name__}", path, remedy=CONVERT * (kind != ".parquet")
+        ) from error
+
+
+# -- tables
+def _table(path: Path, names: Sequence[str], time: str | None) -> Recording:
+    parquet = path.suffix.lower() == ".parquet"
+    header = list(_schema(path)) if parquet else list(_text(path, None, rows=0).columns)
+    name, unit = clock.of_table(header, time, path)
+    for wanted in (name, *names):
+        if header.count(wanted) != 1:
+            said = "has no column" if wanted not in header else "has more than one column"
+            raise LogError(f"{said} {wanted!r}", place=str(path), allowed=", ".join(header[:20]),
+                           remedy=did_you_mean(wanted, header))  # fmt: skip
+    used = list(dict.fromkeys((name, *names)))
+    frame = _parquet(path, used, name) if parquet else _text(path, used)
+    out = Recording()
+    if not parquet and len(frame) > 1 and not _ended(path):
+        frame = frame.iloc[:-1]
+        out.notes.append(f"the file is cut: its last line, row {len(frame) + 1}, has no end and is not read")
+    stamps, label = clock.stamps(frame[name], name, unit, path)
+    clock.check(stamps, path)
+    zero = stamps[0] if stamps.dtype.kind == "M" else None
+    out.times = {"": clock.since(stamps, zero)}
+    out.clock = clock.sentence(label, zero, out.times)
+    out.channels = {n: ("", _numbers(frame[n], n, path)) for n in names}
     return out
 
 
-def _stamps(name, rows, logged):
-    """Return the times [ns] of a topic's messages: their own stamps `name` where they have some, else `logged`."""
-    whole, rest = (rows.get(f"{name}.{part}") for part in ("sec", "nanosec"))
-    if whole is None or rest is None or not np.isfinite(whole + rest).all():
-        return logged
-    return whole.astype(np.int64) * 1_000_000_000 + rest.astype(np.int64)
-
-
-def _bounded(path, most):
-    """Raise LogError for what is no file, or one of more than `most` bytes."""
-    regular(path, LogError)
-    if path.is_file() and (size := path.stat().st_size) > most:
-        remedy = "Cut it, or keep the columns that are needed as Parquet"
-        raise LogError(f"has {size / 1e9:.3g} GB", place=str(path), allowed=f"{most / 1e9:g} GB", remedy=remedy)
-
-
-def columns_of(path: str | Path) -> list[str]:
-    """Return the columns of a file or folder of tables. Raises LogError."""
-    frames, _ = _frames(Path(path), rows=5)
-    return [c for f in frames.values() for c in (*map(str, f.columns), *f.attrs.get("texts", ()))]
-
-
-def time_in(path: Path, columns: tuple[str, ...] = ()) -> str | None:
-    """Return the time column of a table by its name, with a unit where its whole numbers are too far apart for seconds:
-    "timestamp [us]"; None where `read_channels` finds it alone or there is none. Raises LogError."""
-    if path.suffix.lower() not in KINDS or path.is_dir():
-        return None
-    frame = read_table(path, columns, rows=200)
-    names = [*map(str, frame.columns), *frame.attrs.get("texts", ())]
-    name = time_of(names)
-    t = frame[name] if name in frame.columns else np.empty(0)
-    if t.dtype.kind in "iuf" and np.isfinite(t).all() and not _scale(_apart(name)) and (t % 1 == 0).all():
-        step = clock.interval(np.asarray(t, np.float64))
-        if unit := next((u for u, least in (("ns", 1e6), ("us", 1e3), ("ms", LEAST_MS)) if step > least), ""):
-            return f"{name} [{unit}]"
-    return None if set(names) & set(TIME_NAMES) else name
-
-
-def time_of(names: Any) -> str | None:
-    """Return which of a table's columns is its time by its name, or None."""
-    small = {re.split(r"\s*[\[(]", str(n).lower())[0]: n for n in reversed(list(names))}
-    exact = next((small[n] for n in TIME_NAMES if n in small), None)
-    return exact or next((n for n in names if set(re.split(r"[^a-z]+", _apart(n).lower())) & TIME_WORDS), None)
-
-
-def _apart(name):
-    """Return the name of a column with its unit apart: Time_US of TimeUS."""
-    return re.sub(r"(?<=[a-z])(US|MS|NS|S)$", r"_\1", str(name))
-
-
-def _timed(frame, path, stem, time, on_reset, part):
+def _text(path: Path, used: Sequence[str] | None, rows: int | None = None) -> Any:
+    """Return the columns `used` (default: all, whose names may stand twice) of a text, its first `rows`."""
     import pandas as pd
 
-    name = time or time_of(frame.columns) or frame.attrs.get("index")
-    said = name
-    if name not in frame.columns and time and (unit := _UNIT.search(time)):
-        name, said = time[: unit.start()], time
-    if (text := time or time_of(frame.attrs.get("texts", ()))) in frame.attrs.get("texts", ()):
-        raise LogError(f"its time column {text!r} is text", place=str(path), remedy="Save its columns as numbers")
-    if name is None or name not in frame.columns:
-        allowed = f"one of its columns: {', '.join(map(str, frame.columns[:20]))}"
-        remedy = "--time COLUMN names it; without names: columns = [...] in the map, or cosim map --columns"
-        raise LogError(f"no time column {name or ''}".rstrip(), place=str(path), allowed=allowed, remedy=remedy)
-    t = _seconds(frame[name], _apart(said), path)
-    numbers = frame.drop(columns=name).select_dtypes(["number", "bool"], exclude="timedelta").astype(np.float64)
-    numbers.columns = numbers.columns.map(str)
-    texts = {str(c): _word(frame[c]) for c in frame.columns if c != name and str(c) not in numbers.columns}
-    numbers.attrs = {"texts": texts | dict.fromkeys(frame.attrs.get("texts", ()), "")}
-    clock.finite(t, f"column {str(name)!r}", path)
-    rising, rows, told = clock.rising(t, path, on_reset, part)
-    frame = numbers.iloc[rows].set_axis(pd.Index(rising, name="t_s"))
-    frame.attrs = numbers.attrs | {"oddities": told + clock.oddities(rising, stem)}
+    exact: dict[str, Any] = {"float_precision": "round_trip"} if pd.__version__ < "3" else {}  # what 3 does anyway
+    with path.open(encoding="utf-8-sig") as file:
+        lines = [line for _ in range(10) if (line := file.readline(LOOKED_AT)).strip()]
+    if not lines:
+        raise ValueError("it is empty")
+    head, row = lines[0], lines[min(1, len(lines) - 1)]
+    sep = max(",;\t|", key=lambda mark: min(head.count(mark), row.count(mark)))  # not the comma of a name or a number
+    how: dict[str, Any] = {"sep": sep if sep in row else r"\s+", "encoding": "utf-8-sig", "skipinitialspace": True}
+    header = [str(n).strip() for n in pd.read_csv(path, header=None, nrows=1, dtype=str, **how).iloc[0]]
+    at = range(len(header)) if used is None else [header.index(n) for n in used]
+    frame = pd.read_csv(path, usecols=sorted(at), index_col=False, nrows=rows, low_memory=False, **how, **exact)
+    frame.columns = pd.Index([header[k] for k in sorted(at)])
     return frame
 
 
-def _word(column):
-    """Return the first cell of a column that is no number, with its row, counted from 1 below the header; "" without
-    one."""
-    import pandas as pd
-
-    bad = (pd.to_numeric(column, errors="coerce").isna() & column.notna()).to_numpy()
-    k = int(np.argmax(bad)) if bad.any() else -1
-    return f": {str(column.iloc[k])[:40]!r} in row {k + 1}" if k >= 0 else ""
+def _ended(path: Path) -> bool:
+    """Tell whether the last line of a text has its end."""
+    with path.open("rb") as file:
+        file.seek(-1, 2)
+        return file.read() in (b"\n", b"\r")
 
 
-def _seconds(column, name, path):
-    """Return a time column in seconds as float64."""
-    import pandas as pd
-
-    if not len(column):
-        raise log_error("holds no row", path)
-    if isinstance(column.dtype, pd.DatetimeTZDtype) or column.dtype.kind == "M":
-        return (column - column.iloc[0]).dt.total_seconds().to_numpy()
-    if column.dtype.kind == "m":
-        return column.dt.total_seconds().to_numpy()
-    t = pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
-    if column.dtype.kind not in "iuf" and not np.isfinite(t).any():
-        dates = pd.to_datetime(column, errors="coerce", format="mixed", dayfirst=_day_first(column), utc=True)
-        t = (dates - dates.iloc[0]).dt.total_seconds().to_numpy()
-        if re.fullmatch(r"\s*\d{1,2}:[\d:.,]+\s*Z?", str(column.iloc[0])):  # times of day alone: past midnight
-            t = t + _DAY_S * np.cumsum(np.diff(t, prepend=0.0) < -0.5 * _DAY_S)
-        return t
-    return t * (_scale(name) or 1.0)
-
-
-def _scale(name):
-    """Return what one of a time column is in seconds, by the end of its name; None without a unit there."""
-    unit = re.search(r"[\W_]([a-z]+)[)\]]?$", name.lower())
-    return _SCALES.get(unit[1]) if unit else None
-
-
-def _day_first(column):
-    """Tell whether dates are written 24.11.2026, or 24/11/2026 with days beyond 12 ahead."""
-    heads = [re.match(r"\s*(\d{1,2})([./-])\d{1,2}[./-]\d{4}", str(value)) for value in column.iloc[:1000]]
-    return any(h and (h[2] == "." or int(h[1]) > 12) for h in heads)
-
-
-def read_table(path: Path, columns: tuple[str, ...] = (), rows: int | None = None, time: str | None = None) -> Any:
-    """Return the table in a text, Parquet or MATLAB file as a DataFrame; `columns` name those of a file without names,
-    `time` chooses among the structures of a MATLAB file the one of its time column.
-
-    Columns that are no numbers stay as they are. Raises LogError where the file cannot be read, is too large or does
-    not have as many columns as are named.
-    """
-    kind = path.suffix.lower()
-    _bounded(path, {".mat": 8.0 * MOST_VALUES, ".parquet": np.inf}.get(kind, MOST_BYTES))
-    try:
-        if kind == ".mat":
-            return _mat(path, columns, time)
-        return _parquet(path) if kind == ".parquet" else _text(path, columns, rows)
-    except OSError as error:
-        raise log_error(f"cannot read the file: {error.strerror or error}", path) from error
-    except NotImplementedError:
-        how = {"allowed": "versions 4 to 7", "remedy": "save -v7 in MATLAB"}
-        raise LogError("is a MATLAB file of version 7.3", place=str(path), **how) from None
-    except BAD as error:  # parser errors are ValueErrors and the like
-        raise log_error(f"cannot be read as {kind[1:]}: {error}", path) from error
-
-
-def _parquet(path):
-    """Return the columns of numbers and times of a Parquet file; `attrs` name the others, and the column of its index.
-
-    Nothing else is decoded: a text of a few bytes may stand for gigabytes.
-    """
+def _schema(path: Path) -> dict[str, bool]:
+    """Return {column: whether it holds numbers} of a Parquet file."""
     import pyarrow.parquet as pq
     from pyarrow import types
 
+    fields = list(pq.read_schema(path))
+    if len({f.name for f in fields}) != len(fields):
+        raise ValueError("a column is there twice")
+    kinds = (types.is_integer, types.is_floating, types.is_boolean)
+    return {f.name: any(is_kind(f.type) for is_kind in kinds) for f in fields}
+
+
+def _parquet(path: Path, used: Sequence[str], time: str) -> Any:
+    """Return the columns `used`, of which `time` may hold dates."""
+    import pyarrow.parquet as pq
+
     with pq.ParquetFile(path) as file:
-        schema, about = file.schema_arrow, file.metadata
-        if len(set(schema.names)) != len(schema.names):
-            raise ValueError("a column is there twice")
-        kinds = (types.is_integer, types.is_floating, types.is_boolean, types.is_timestamp, types.is_duration)
-        taken = [f.name for f in schema if any(is_kind(f.type) for is_kind in kinds)]
-        if about.num_rows * len(taken) > MOST_VALUES:
-            raise ValueError(f"more than {MOST_VALUES} values; keep fewer columns or cut the file")
-        frame = file.read(taken).to_pandas(ignore_metadata=True)
-    frame.attrs = {"texts": [n for n in schema.names if n not in taken]}
-    own = (schema.metadata or {}).get(b"pandas", b"{}")
-    with contextlib.suppress(CosimError, AttributeError, LookupError, TypeError):
-        index = from_json(own, place=str(path))["index_columns"][0]
-        frame.attrs["index"] = index if isinstance(index, str) else None  # a range of rows has no name
-    return frame
+        if file.metadata.num_rows * len(used) > MOST_VALUES:
+            raise ValueError(f"more than {MOST_VALUES} values")
+        numbers = _schema(path)
+        for name in used:
+            if not numbers[name] and name != time:
+                raise ValueError(f"column {name!r} is {file.schema_arrow.field(name).type}, no number")
+        return file.read(list(used)).to_pandas(ignore_metadata=True)
 
 
-# -- text
-def _text(path, columns, rows):
+def _numbers(column: Any, name: str, path: Path) -> NDArray:
+    """Return a column as float64. Raises LogError with the first cell that is no number."""
     import pandas as pd
 
-    how: dict[str, Any] = {"encoding": _encoding(path), "encoding_errors": "replace", "nrows": rows}
-    begin, names, separator, decimal = _layout(path, how["encoding"])
-    how |= {"sep": separator, "decimal": decimal}
-    if begin is None:  # an ordinary header, and anything below it
-        frame = pd.read_csv(path, **_exactly(), **how)
-        with contextlib.suppress(ValueError):  # a header alone
-            names = pd.read_csv(path, header=None, dtype=str, **{**how, "nrows": 1}).iloc[0]
-    else:
-        frame = pd.read_csv(path, header=None, skiprows=begin, **_exactly(), **how)
-        names = _named(path, frame.shape[1], columns or names)
-        frame.columns = [n if n not in names[:i] else f"{n}.{names[:i].count(n)}" for i, n in enumerate(names)]
-    many = Counter(map(str, names))
-    frame.attrs["left"] = [f"{k} columns are called {n!r}: the others {n}.1 to {n}.{k - 1}"
-                           for n, k in many.items() if k > 1]  # fmt: skip
-    return frame
+    if column.dtype.kind not in "iufb":
+        bad = (pd.to_numeric(column, errors="coerce").isna() & column.notna()).to_numpy()
+        k = int(np.argmax(bad))
+        what = f"column {name!r} holds something that is no number: {str(column.iloc[k])[:40]!r} in row {k + 1}"
+        raise LogError(what, place=str(path), remedy="An empty cell or NaN is a lost sample")
+    return column.to_numpy(np.float64)
 
 
-def _encoding(path):
-    """Return how a text is written, by its first megabyte: UTF-16, UTF-8, or what is neither as Windows writes it."""
-    with path.open("rb") as file:
-        head = file.read(MOST_LETTERS)
-    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return "utf-16"
-    try:
-        codecs.getincrementaldecoder("utf-8")().decode(head)
-    except UnicodeDecodeError:
-        return "cp1252"
-    return "utf-8-sig"
+# -- MCAP
+@dataclass
+class _Topic:
+    """The messages of a topic: their times, the channels that sent them, and a column per name."""
+
+    keys: dict[str, list]  # name in the map -> keys of the field in a message
+    stamps: list = field(default_factory=list)
+    senders: array = field(default_factory=lambda: array("q"))
+    columns: list[array] = field(default_factory=list)
 
 
-def _layout(path, encoding):
-    """Return (first line of numbers, names, separator, decimal point); line None for a header of one line."""
-    with path.open(encoding=encoding, errors="replace") as file:
-        lines = [file.readline(MOST_LETTERS) for _ in range(LOOKED_AT)]
-    filled = [k for k, line in enumerate(lines) if line.strip()]
-    body = next((k for k in filled if _numbers(lines[k])), None)
-    if body is None:  # dates, texts: what pandas makes of it
-        first = lines[filled[0]] if filled else ","
-        return None, (), max(";\t,", key=first.count), "."
-    row = lines[body]
-    separator = next((c for c in ";\t" if c in row), ",")
-    spaced = separator not in row or (separator == "," and re.search(r"\d,\d", row) and not re.search(r",\s", row))
-    if spaced and len(row.split()) > 1:
-        separator = r"\s+"
-    comma = separator != "," and any(re.search(r"\d,\d", lines[k]) for k in filled if k >= body)
-    width = len(_cells(row, separator))
-    heads = [h for h in (_cells(lines[k], separator) for k in filled if k < body) if len(h) == width]
-    quoted = not heads and body != filled[0] and separator != r"\s+"  # a header over several lines
-    if quoted or (heads and body == filled[1]):
-        return None, (), separator, "," if comma else "."
-    units = heads.pop() if len(heads) > 1 and sum(map(is_unit, heads[-1])) > 0.5 * width else ()
-    names = tuple(heads[-1]) if heads else ()
-    if units:
-        names = tuple(f"{n} [{u}]" if known(u) else n for n, u in zip(names, units))
-    return body, names, separator, "," if comma else "."
-
-
-def _cells(line, separator):
-    parts = line.split() if separator == r"\s+" else line.rstrip("\r\n").split(separator)
-    return [p.strip().strip('"') for p in parts]
-
-
-def _numbers(line):
-    """Tell whether a line holds numbers, empty cells and separators only, and at least one number."""
-    cells = [c for c in re.split(r"[;,\s]+", line.strip().replace('"', "")) if c]
-    return bool(cells) and all(NUMBER.fullmatch(c) for c in cells)
-
-
-def _named(path, width, names):
-    """Return the names of `width` columns: those given, of one alone the file's, else numbers."""
-    if names and len(names) != width:
-        what, remedy = f"has {width} columns, and {len(names)} are named", "columns = [...] in the map"
-        raise LogError(what, place=str(path), remedy=remedy)
-    return names or ((path.stem,) if width == 1 else tuple(f"column_{i + 1}" for i in range(width)))
-
-
-def _exactly():
-    """Return the options with which read_csv reads doubles bit for bit, as pandas 3 does anyway, and whole columns."""
-    import pandas as pd
-
-    exact = {} if int(pd.__version__.split(".")[0]) >= 3 else {"float_precision": "round_trip"}
-    return {"low_memory": False, **exact}  # a column has one type, whatever its length
-
-
-# -- MATLAB
-def _mat(path, columns, time=None):
-    """Return vectors and the columns of matrices of one length, and of one structure where there are several: those of
-    `time`, else those that hold most values; `varlab` and kin name columns. `attrs` tell what is left out."""
-    import pandas as pd
-    from scipy.io import loadmat, whosmat
-
-    try:
-        size = sum(int(np.prod(shape)) for _, shape, _ in whosmat(path))
-        found = loadmat(path, simplify_cells=True) if size <= MOST_VALUES else {}
-    except (OSError, NotImplementedError):
-        raise
-    except Exception as error:  # a damaged file ends in whatever the parser runs into
-        raise ValueError(str(error) or type(error).__name__) from error
-    if size > MOST_VALUES:
-        raise ValueError(f"more than {MOST_VALUES} values; keep fewer")
-    found = {n: v for n, v in found.items() if not n.startswith("__")}
-    flat: dict[str, np.ndarray] = {}
-    _flatten("", found, flat)
-    numbers = {n: v for n, v in flat.items() if v.dtype.kind in "fiub" and 1 <= v.ndim <= 2}
-    tables: Counter = Counter()  # (structure, rows): values
-    for name, v in numbers.items():
-        if len(v) > 2:
-            tables[_table(name, v)] += v.size
-    if not tables:
-        raise ValueError("no variable of it is a table or a vector")
-    asked = [_table(time, numbers[time])] if time in numbers else []
-    chosen = max(asked or tables, key=lambda table: (tables[table], table[1]))
-    n = chosen[1]
-    texts = [v for v in flat.values() if v.dtype.kind == "U" and v.ndim == 1]
-    out: dict[str, np.ndarray] = {}
-    for name, v in numbers.items():
-        if len(v) != n or (chosen[0] and _table(name, v)[0] not in ("", chosen[0])):
+def _mcap(path: Path, names: Sequence[str], time: str | None) -> Recording:
+    name, unit = clock.of_messages(time)
+    topics: dict[str, _Topic] = {}
+    unread: dict[str, str] = {}
+    file, left = ForeignMcap(path), MOST_VALUES
+    for sent in file:
+        where = sent.channel.topic
+        if where not in topics:
+            own = {n: _keys(n[len(where) + 1 :]) for n in names if n.startswith(f"{where}.")}
+            topics[where] = _Topic(own, columns=[array("d") for _ in own])
+        topic = topics[where]
+        if not topic.keys:
             continue
-        if v.ndim == 1:
-            out.setdefault(name, v)
+        if sent.decoder is None:
+            unread[where] = sent.channel.message_encoding
             continue
-        labels = next((t for t in texts if len(t) == v.shape[1]), None)
-        own = columns
-        if len(columns) != v.shape[1] and labels is not None:
-            own = tuple(re.sub(r"\s+", " ", str(x)).strip() for x in labels)
-        elif len(columns) != v.shape[1]:
-            own = tuple(f"{name}_{i + 1}" for i in range(v.shape[1]))
-        for label, column in zip(own, v.T):
-            out.setdefault(label, column)
-    if columns and not set(columns) <= set(out):
-        widths = ", ".join(f"{name} has {v.shape[1]}" for name, v in numbers.items() if v.ndim == 2 and len(v) == n)
-        raise LogError(f"{len(columns)} columns are named, {widths or 'it has vectors only'}", place=str(path))
-    frame = pd.DataFrame({name: np.asarray(v, np.float64) for name, v in out.items()})
-    frame.attrs["texts"] = [name for name in flat if name not in numbers]
-    left = [f"{of or 'variables'} of {rows} rows" for of, rows in tables if (of, rows) != chosen]
-    if left and chosen[0]:
-        told = f"read: {chosen[0]}, {n} rows; left out: {', '.join(left)}; --time NAME.COLUMN reads another"
-        frame.attrs["left"] = [told]
-    return frame
+        message = sent.decoded()
+        topic.senders.append(sent.channel.id)
+        topic.stamps.append(_stamp(sent.record, message, name, f"{path}, {where}"))
+        for (n, keys), column in zip(topic.keys.items(), topic.columns):
+            column.append(_number(_pick(message, keys), n))
+        left -= 10 + len(topic.columns)  # a time takes ten times the memory of a number
+        if left < 0:
+            raise ValueError(f"more than {MOST_VALUES} values; map fewer channels or cut the file")
+    out = _recording(path, {n: t for n, t in topics.items() if t.stamps}, name, unit)
+    out.notes = ["the file is cut: read up to its last whole chunk or message"] * file.cut
+    for n in names:
+        if n not in out.channels:
+            raise _lacks(path, n, unread, file.cut)
+    return out
 
 
-def _table(name, values):
-    """Return (structure that holds a variable, its rows)."""
-    return name.partition(".")[0] if "." in name else "", len(values)
+def _recording(path: Path, topics: dict[str, _Topic], name: str, unit: str) -> Recording:
+    """Return the Recording of the messages that were read; raise LogError for a clock that goes back or stands."""
+    import pandas as pd
+
+    out, stamps, label = Recording(), {}, name
+    for topic, got in topics.items():
+        place = f"{path}, {topic}"
+        made, label = clock.stamps(pd.Series(got.stamps), name, unit, place)
+        _one_sender(np.array(got.senders), made, place)
+        order = np.argsort(made, kind="stable")
+        stamps[topic] = made[order]
+        clock.check(stamps[topic], place)
+        columns = ((n, np.array(column)[order]) for n, column in zip(got.keys, got.columns))
+        out.channels |= {n: (topic, y) for n, y in columns if not np.isnan(y).all()}
+    zero = min((s[0] for s in stamps.values() if s.dtype.kind == "M"), default=None)
+    out.times = {topic: clock.since(s, zero) for topic, s in stamps.items()}
+    out.clock = clock.sentence(label, zero, out.times)
+    return out
 
 
-def _flatten(prefix, value, out):
-    """Fill `out` with the arrays in a structure, named by their path."""
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            _flatten(f"{prefix}.{name}" if prefix else name, inner, out)
-    elif isinstance(value, np.ndarray):
-        out[prefix] = value
+def _lacks(path: Path, name: str, unread: dict[str, str], cut: bool) -> LogError:
+    """Return the error for a channel that no message has."""
+    topic = next((t for t in unread if name.startswith(f"{t}.")), "")
+    if topic:
+        remedy = "pip install 'cosim-fdi[ros2]' reads it" if unread[topic] == "cdr" else CONVERT
+        said = f"the messages of {topic} are {unread[topic] or 'of no encoding'}"
+        return LogError(said, place=str(path), allowed="protobuf, json, cdr of ROS 2", remedy=remedy)
+    known, texts = _fields_of(path)
+    close = next((k for k in known if k.endswith(f".{name}")), "")
+    remedy = f"Did you mean {close!r}?" if close else did_you_mean(name, known)
+    said = f"no message{' up to its cut' if cut else ''} holds a number {name!r}"
+    allowed = [", ".join(known[:20]), f"topics without numbers: {', '.join(texts[:5])}" * bool(texts)]
+    return LogError(said, place=str(path), allowed="; ".join(filter(None, allowed)), remedy=remedy)
+
+
+def _one_sender(senders: NDArray, stamps: NDArray, place: str) -> None:
+    """Raise LogError where channels of one topic overlap in time: two sources are two signals."""
+    spans = sorted((stamps[senders == s].min(), stamps[senders == s].max()) for s in np.unique(senders))
+    if any(begin <= end for (_, end), (begin, _) in pairwise(spans)):
+        said = f"{len(spans)} channels share the topic and overlap in time"
+        raise LogError(said, place=place, allowed="one source at a time",
+                       remedy="Record each source on a topic of its own")  # fmt: skip
+
+
+def _stamp(record: Any, message: Any, name: str, place: str) -> Any:
+    """Return the time of a message: nanoseconds as a date, a number of the field's unit as it is, or a text."""
+    if name in (LOGGED, PUBLISHED):
+        return np.datetime64(getattr(record, name), "ns")
+    value = _pick(message, _keys(name))
+    for pair in STAMPS:
+        whole, rest = (_pick(value, [key]) for key in pair)
+        if whole is not None and rest is not None:
+            return np.datetime64(int(whole) * 1_000_000_000 + int(rest), "ns")
+    if isinstance(value, int | float | str):
+        return value
+    pairs = ", ".join(f"{{{a}, {b}}}" for a, b in STAMPS)
+    allowed = f"log_time, publish_time, or a field: {pairs}, a number with its unit, ISO 8601"
+    raise LogError(f"a message has no time {name!r}", place=place, allowed=allowed)
+
+
+def _keys(text: str) -> list[str | int]:
+    """Return the keys of a field in a message: a, b, 2 of "a.b[2]"."""
+    return [int(k[1:-1]) if k[0] == "[" else k for k in re.findall(r"\[\d+\]|[^.\[\]]+", text)]
+
+
+def _pick(value: Any, keys: Sequence[str | int]) -> Any:
+    """Return the part of a message at `keys`, None where there is none."""
+    for key in keys:
+        if isinstance(value, dict):
+            value = value.get(key)
+        elif isinstance(key, int):
+            value = value[key] if hasattr(value, "__len__") and key < len(value) else None
+        elif hasattr(value, "DESCRIPTOR"):
+            known = value.DESCRIPTOR.fields_by_name.get(key)
+            there = known is not None and (not known.has_presence or value.HasField(key))
+            value = getattr(value, key) if there else None
+        else:
+            value = getattr(value, str(key), None)
+    return value
+
+
+def _number(value: Any, name: str) -> float:
+    """Return a field as a float: NaN where it is null; 64-bit integers and infinities come as texts in JSON."""
+    if value is None:
+        return np.nan
+    with contextlib.suppress(ValueError, TypeError):
+        return float(value)
+    raise ValueError(f"channel {name!r} holds something that is no number: {str(value)[:40]!r}")
+
+
+def _fields_of(path: Path) -> tuple[list[str], list[str]]:
+    """Return (channels of numbers, topics without one) by the first message of each topic."""
+    found: dict[str, list[str]] = {}
+    for sent in ForeignMcap(path):
+        if sent.channel.topic not in found:
+            named = _named(sent.decoded(), sent.channel.topic) if sent.decoder else ()
+            found[sent.channel.topic] = list(named)
+    return [n for some in found.values() for n in some], [topic for topic, some in found.items() if not some]
+
+
+def _named(value: Any, name: str) -> Iterator[str]:
+    """Yield the names of the numbers in a message."""
+    if isinstance(value, int | float):
+        yield name
+    elif isinstance(value, dict):
+        for key, part in value.items():
+            yield from _named(part, f"{name}.{key}")
+    elif hasattr(value, "DESCRIPTOR"):
+        for f in value.DESCRIPTOR.fields:
+            part = getattr(value, f.name)
+            if not hasattr(part, "DESCRIPTOR") or value.HasField(f.name):  # one that is not there may hold itself
+                yield from _named(part, f"{name}.{f.name}")
+    elif hasattr(value, "__slots__"):  # of ROS 2
+        for key in value.__slots__:
+            yield from _named(getattr(value, key), f"{name}.{key}")
+    elif not isinstance(value, str | bytes | None.__class__):
+        for k, part in enumerate(value):
+            yield from _named(part, f"{name}[{k}]")

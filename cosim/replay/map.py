@@ -19,17 +19,15 @@ from cosim.log import LogWriter, TopicInfo, viewer_layouts
 from cosim.parts import load, with_detectors
 from cosim.replay import clock
 from cosim.replay import map_signals as signals_of
-from cosim.replay.caveats import caveats
-from cosim.replay.detector_replay import elements, flat, judgement, output_names, replay_lane, unlogged
-from cosim.replay.foreign import read_channels
-from cosim.replay.lane_inputs import delays, in_time, lane_inputs
+from cosim.replay.caveats import caveats, lost
+from cosim.replay.detector_replay import elements, flat, inputs, judgement, output_names, replay_lane, unlogged
+from cosim.replay.foreign import read_recording
 from cosim.replay.log_schema import ReplayError, check_start, chosen_overrides, override
 from cosim.replay.map_file import load_map
 from cosim.replay.write import stacked
 from cosim.scenario import parse, vocabulary
 from cosim.scenario.user_parts import locate
 
-NEAREST = 4  # detectors of which it is said what they lack
 MOST_TICKS = 4_000_000  # five and a half hours at 200 Hz: all inputs of a recording are in memory
 
 
@@ -39,10 +37,11 @@ class Diagnosis:
 
     recording: str  # its file
     map: str  # file of the map
+    clock: str  # sentence: which field is the time, its zero, how regular, how samples became ticks
     rate_hz: int  # of the detectors' ticks [Hz]
     start_s: float  # of the first tick, in the recording's time
     duration_s: float
-    signals: list = field(default_factory=list)  # a dict per mapped signal: name, channel, unit, sign
+    signals: list = field(default_factory=list)  # a dict per mapped signal: name, channel, unit, valid_pct
     detectors: list = field(default_factory=list)  # a dict per lane that ran, as of a flight
     not_run: list = field(default_factory=list)  # a dict per lane that did not: id, target, missing signals
     caveats: list = field(default_factory=list)  # sentences
@@ -60,147 +59,149 @@ class Prepared:
     map: Any  # cosim/replay/map_file.py
     text: str  # of the map
     scenario: Any  # cosim.scenario.Scenario
-    tables: dict
-    channels: dict  # signal -> (times, samples, flags or None), as recorded
-    sources: dict  # signal -> vocabulary.Signal
-    values: dict  # signal -> (values (n,), valid (n,)), SI
+    clock: str
     found: list  # detectors
     wires: dict  # (detector, lane) -> its Wires
-    t_0: float  # [s]
-    n: int  # ticks
+    at: np.ndarray  # ticks (n,) [s]
     dt: float  # [s]
-    delays: dict = field(default_factory=dict)  # of valve commands against what answers them [ticks]
-
-    def params(self, d: Any) -> Any:
-        """Return PARAMS of the lanes of detector `d`."""
-        return d.params(self.scenario, self.dt)
+    notes: list  # sentences: what is cut or lost
+    values: dict = field(default_factory=dict)  # signal -> (values (n,), valid (n,)), SI
+    slow: dict = field(default_factory=dict)  # command that comes at less than the tick's rate -> sentence
 
 
-def prepare(
-    path: str | Path, map_path: Any, *, detectors: Any = None, start_s: float = 0.0, on_reset: Any = None,
-    part: int = 0, guests: Sequence[Any] = (), time: str | None = None
-) -> Prepared:  # fmt: skip
+def prepare(path: str | Path, map_path: Any, *, detectors: Any = None, start_s: float = 0.0,
+            guests: Sequence[Any] = ()) -> Prepared:  # fmt: skip
     """Return the recording at `path` as the map at `map_path` has it; arguments and errors as of `diagnose`."""
     made = [load(g).DETECTOR.id for g in guests]
     check_start(start_s)
     m, text = load_map(map_path)
     scenario = with_detectors(_scenario(m, detectors, map_path), guests)
     detectors = [*detectors, *made] if detectors else detectors
-    m = signals_of.with_hinge(m)
-    dt = 1.0 / m.rate_hz
-    used = [name for s in m.signals.values() for name in (s.channel, s.valid) if name]
-    how: dict[str, Any] = {"time": time or m.time, "columns": m.columns, "on_reset": on_reset, "part": part}
+    m, dt = signals_of.with_hinge(m), 1.0 / m.rate_hz
+    factors = signals_of.factors(m, map_path, scenario)
     found = [d for d in table.chosen(scenario) if not detectors or d.id in detectors]
     wires = {(d.id, lane): d.inputs(lane) for d in found for lane in d.lanes}
     sources = {w.signal.word: w.signal for own in wires.values() for w in own if w.signal.kind != "detector"}
-    signals_of.check(m, map_path, scenario)
-    tables = read_channels(path, wanted=lambda topic: signals_of.named(topic, used), **how)
-    recorded = signals_of.channels_of(m, tables, path, map_path)
-    channels = signals_of.acting(m, sources, signals_of.derived(m, recorded, map_path), dt)
-    spans = [(t[0], t[-1]) for t, *_ in channels.values() if len(t)]
-    if not spans:
-        raise ReplayError("no signal has a channel with samples", place=str(map_path))
-    t_0, n = signals_of.ticks(spans, dt, start_s or None)
-    if n > MOST_TICKS:
-        allowed = f"{MOST_TICKS * dt:.3g} s at {m.rate_hz} Hz"
-        what = f"the channels last {n * dt:.3g} s"
-        raise ReplayError(what, place=str(path), allowed=allowed, remedy=clock.IN_SECONDS)
-    if n < 2:
-        once = all(len(frame) and frame.index[0] == frame.index[-1] for frame in tables.values())
-        said = "holds a single time" if once else "the channels have no time in common"
-        raise ReplayError(said, place=str(path), allowed=_spans(m, channels))
-    values = {}
-    for name, source in ((name, source) for name, source in sources.items() if name in m.signals):
-        share = signals_of.shares(scenario, name, source)
-        values[name] = signals_of.sampled(m.signals[name], source, channels.get(name), t_0, dt, n, share)
-    return Prepared(m, text, scenario, tables, channels, sources, values, found, wires, float(t_0), n, dt)
+    own = {name: s for name, s in m.signals.items() if s.channel}
+    if not own:
+        raise ReplayError("no signal has a channel", place=str(map_path))
+    names = dict.fromkeys(name for s in own.values() for name in (s.channel, s.valid) if name)
+    read = read_recording(path, tuple(names), m.time)
+    used = {s.channel: read.times[read.channels[s.channel][0]] for s in own.values()}
+    at = signals_of.ticks([(t[0], t[-1]) for t in used.values()], dt, start_s or None)
+    if not 2 <= len(at) <= MOST_TICKS:
+        spans = ", ".join(f"{name} {t[0]:.12g} to {t[-1]:.12g} s" for name, t in list(used.items())[:6])
+        said = f"the channels have {len(at)} ticks of {m.rate_hz} Hz in common"
+        raise ReplayError(said, place=str(path), allowed=f"2 to {MOST_TICKS}; {spans}", remedy=clock.UNSAID)
+    told = f"each tick ({m.rate_hz} Hz) has the sample nearest to it, within {500 * dt:.3g} ms"
+    out = Prepared(m, text, scenario, f"clock: {read.clock}; {told}", found, wires, at, dt, list(read.notes))
+    steps, lacking = {}, {}
+    for name, signal in ((n, s) for n, s in m.signals.items() if n in sources):
+        source = sources[name]
+        if not signal.channel:
+            value = np.nan if signal.absent else signal.constant
+            out.values[name] = np.full(len(at), value), np.full(len(at), float(not signal.absent))
+            continue
+        y, t = read.channels[signal.channel][1], used[signal.channel]
+        flags = read.channels.get(signal.valid or "")
+        on = (read.times[flags[0]], flags[1]) if flags else None
+        rows, (t, y) = t, signals_of.samples(signal, t, y, on)
+        kept, steps[name] = t, clock.interval(t)
+        if source.kind == "sent" and not signal.held:
+            t, y = signals_of.acting(t, y, dt)
+        linear = (signal.resample or ("linear" if source.kind in ("sensor", "model") else "hold")) == "linear"
+        how: dict[str, Any] = {"linear": linear, "max_gap": signal.max_gap_s, "turns": source.word in signals_of.TURNS}
+        y = y if factors[name] == 1.0 else factors[name] * y
+        out.values[name] = signals_of.resample(t, y if signal.offset == 0.0 else y + signal.offset, at, dt, **how)
+        lacking[name] = kept, rows, out.values[name][1]
+    out.notes += lost(lacking)
+    out.slow = signals_of.slow(sources, steps, dt)
+    return out
 
 
 def diagnose(
     path: str | Path, map_path: Any, *, detectors: Any = None, overrides: Mapping[str, Any] | None = None,
-    start_s: float = 0.0, output: str | Path | None = None, on_reset: Any = None, part: int = 0,
-    guests: Sequence[Any] = (), time: str | None = None
+    start_s: float = 0.0, output: str | Path | None = None, guests: Sequence[Any] = ()
 ) -> Diagnosis:  # fmt: skip
-    """Run the detectors on the recording at `path`, file or folder, by the map at `map_path`; return a Diagnosis.
+    """Run the detectors on the recording at `path` by the map at `map_path`; return a Diagnosis.
 
     `detectors` chooses some (default: all), `overrides` {detector: {parameter: value}} changes parameters, `start_s`
-    is a time of the recording, `output` the log to write: inputs under /input, outputs under /replay. `on_reset` and
-    `part` say what becomes of a clock that goes back (cosim/replay/clock.py), `guests` are files of further detectors
-    (cosim/parts), `time` names the time column in place of the map. Raises ReplayError, LogError,
-    ScenarioError, GuestError, and IndexError when there is no stretch of that number.
+    is a time of the recording, `output` the log to write: inputs under /input, outputs under /replay; `guests` are
+    files of further detectors (cosim/parts). Raises ReplayError, LogError, ScenarioError, GuestError.
     """
     chosen_overrides(detectors, overrides)
-    how: dict[str, Any] = {"on_reset": on_reset, "part": part, "guests": guests, "time": time}
-    made = prepare(path, map_path, detectors=detectors, start_s=start_s, **how)
-    m, values, sources, t_0, n, dt = made.map, made.values, made.sources, made.t_0, made.n, made.dt
-    out = Diagnosis(str(path), str(map_path), m.rate_hz, float(t_0), n * dt, output=str(output) if output else None)
-    out.signals = []
-    for name, (_, valid) in values.items():
+    made = prepare(path, map_path, detectors=detectors, start_s=start_s, guests=guests)
+    m, n = made.map, len(made.at)
+    about = str(path), str(map_path), made.clock, m.rate_hz, float(made.at[0]), n * made.dt
+    out = Diagnosis(*about, output=str(output) if output else None)
+    for name, (_, valid) in made.values.items():
         s, share = m.signals[name], 100.0 * float(valid.mean())
-        told = {"name": name, "channel": s.channel or s.stands_on or None, "unit": s.unit or sources[name].unit}
-        out.signals.append({**told, "valid_pct": share})
-    odd = [text for frame in made.tables.values() for text in frame.attrs.get("oddities", ())]
+        unit = s.unit or signals_of.readable(made.scenario.aircraft)[name].unit
+        out.signals.append({"name": name, "channel": s.channel, "unit": unit, "valid_pct": share})
     done, out.not_run = run_all(made, overrides or {})
     if not done:
-        remedy = _nearest(out.not_run, m.signals)
+        remedy = _nearest(out.not_run)
         raise ReplayError("no detector has all its inputs", place=str(map_path), remedy=remedy)
-    out.detectors = [_verdict(d, lane, again, dt, t_0) for d, lane, _, again in done]
-    out.caveats = [*odd, *signals_of.slow(sources, made.channels, dt).values(), *caveats(made, done)]
+    out.detectors = [_verdict(d, lane, again, made) for d, lane, _, again in done]
+    out.caveats = [*made.notes, *made.slow.values(), *caveats(made, done)]
     if output:
-        _write(output, done, out, made.text, dt)
+        _write(output, done, out, made.text, made.dt)
     return out
 
 
-def _nearest(not_run: list, signals: Mapping[str, Any]) -> str:
-    """Return what the detectors lack that need the fewest signals more, each on the segment that needs the fewest."""
-    best: dict[str, tuple[int, bool, str, str]] = {}
-    named = {name.partition(".")[0] for name in signals}
-    for r in not_run:
-        lacks = signals_of.in_map(r["missing"])
-        alone = ", and with it this one runs" if len(lacks) == 1 else ""
-        away = r["target"].removeprefix("elevator.") not in named
-        row = (len(lacks), away, r["id"], f"{r['id']} of {r['target']}: {', '.join(lacks)}{alone}")
-        best[r["id"]] = min(best.get(r["id"], row), row, key=lambda row: row[:2])
-    near = sorted(best.values(), key=lambda row: row[0])[:NEAREST]
-    told = f"Missing: {'; '.join(text for *_, text in near)}"
-    base = next((name for name in ("cas", "mach") if name in signals), "cas")
-    if any("tas" in r["missing"] for r in not_run if any(r["id"] == name for *_, name, _ in near)):
-        needs = "" if {base, "h_baro"} <= signals.keys() else ", where the map has them"
-        told += f'. tas = {{ speed_of = "{base}" }} makes tas of {base} and h_baro in the standard atmosphere{needs}'
-    return told
+def _nearest(not_run: list) -> str:
+    """Return what the detector lacks that needs the fewest signals more."""
+    best = min(not_run, key=lambda r: len(signals_of.in_map(r["missing"])))
+    return f"Missing: {best['id']} of {best['target']}: {', '.join(signals_of.in_map(best['missing']))}"
 
 
-def run_all(made: Prepared, overrides: Mapping[str, Any], only: str = "") -> tuple[list, list]:
-    """Return ([(detector, lane, inputs, outputs)] of the lanes whose inputs are complete, what the others lack); of all
-    detectors or `only` one."""
-    wires, n, dt = made.wires, made.n, made.dt
-    slow = signals_of.slow(made.sources, made.channels, dt)
-    made.delays = delays(made.scenario, {k: v for k, v in made.values.items() if k not in slow}, n, dt)
-    values = in_time(made.values, made.delays)
+def run_all(made: Prepared, overrides: Mapping[str, Any]) -> tuple[list, list]:
+    """Return ([(detector, lane, inputs, outputs)] of the lanes whose inputs are complete, what the others lack)."""
+    wires, n, dt, values = made.wires, len(made.at), made.dt, dict(made.values)
     read = {w.source.split(".")[0] for own in wires.values() for w in own if w.signal.kind == "detector"}
     done: list = []
     not_run: list = []
-    for d in (d for d in made.found if not only or d.id == only):
+    for d in made.found:
         words = {lane: dict.fromkeys(w.signal.word for w in wires[d.id, lane]) for lane in d.lanes}
         spare = {w.source for lane in d.lanes for w in wires[d.id, lane] if d.record.may_lack}
         missing = {lane: [w for w in own if w not in values and w not in spare] for lane, own in words.items()}
         not_run += [{"id": d.id, "target": d.target(lane), "missing": lack} for lane, lack in missing.items() if lack]
         ready = replace(d, lanes=tuple(lane for lane in d.lanes if not missing[lane]))
-        if ready.lanes:
-            p = made.params(ready)
-            for i, lane in enumerate(ready.lanes):
-                if any(w.signal.word in slow for w in wires[d.id, lane]):
-                    for name, value in d.record.slow.items():
-                        p[name][i] = value
-            override(d.record, d.module, p, overrides.get(d.id, {}), dt)
-            for i, lane in enumerate(ready.lanes):
-                u = lane_inputs(d.module, wires[d.id, lane], values, n)
-                again = run(ready, lane, u, p[i : i + 1], dt)
-                done.append((ready, lane, u, again))
-                if d.id in read:
-                    outputs = zip(vocabulary.outputs(d.module), np.repeat(again, d.every, axis=0)[:n].T)
-                    values |= {f"{d.id}.{lane}.{name}": (y, np.ones(n)) for name, y in outputs}
+        if not ready.lanes:
+            continue
+        p = ready.params(made.scenario, dt)
+        for i, lane in enumerate(ready.lanes):
+            if words[lane].keys() & made.slow.keys():
+                for name, value in d.record.slow.items():
+                    p[name][i] = value
+        override(d.record, d.module, p, overrides.get(d.id, {}), dt)
+        for i, lane in enumerate(ready.lanes):
+            u = lane_inputs(d.module, wires[d.id, lane], values, n)
+            again = replay_lane(unlogged(ready, lane, d.module, u, p[i : i + 1]), dt)[0]
+            done.append((ready, lane, u, again))
+            if d.id in read:
+                outputs = zip(vocabulary.outputs(d.module), np.repeat(again, d.every, axis=0)[:n].T)
+                values |= {f"{d.id}.{lane}.{name}": (y, np.ones(n)) for name, y in outputs}
     return done, not_run
+
+
+def lane_inputs(module: Any, own: Sequence[Any], values: Mapping[str, Any], n: int) -> np.ndarray:
+    """Return INPUTS (1, n) of one lane with Wires `own`; what has no flag of its own holds its last valid value."""
+    read = []
+    for w in (w for w in own if w.signal.kind != "detector" or w.signal.word in values):
+        value, valid = values[w.signal.word]
+        gaps = np.where(valid > 0.0, value, np.nan) if w.signal.flag else _held(value, valid)
+        read.append((w.field, valid if w.flag else gaps))
+    return inputs(module, n, read)
+
+
+def _held(value, valid):
+    """Return a command without gaps: the last valid value, before the first one that first one."""
+    good = np.flatnonzero(valid > 0.0)
+    if not len(good):
+        return np.zeros_like(value)
+    last = np.searchsorted(good, np.arange(len(value)), side="right") - 1
+    return value[good[np.maximum(last, 0)]]
 
 
 def _scenario(m, chosen, place):
@@ -211,25 +212,15 @@ def _scenario(m, chosen, place):
     return parse(locate(tables, Path(place).parent, str(place)), place=str(place))
 
 
-def _spans(m, channels):
-    some = [(m.signals[name].channel, t) for name, (t, *_) in list(channels.items())[:6] if len(t)]
-    return ", ".join(f"{channel} {t[0]:.12g} to {t[-1]:.12g} s" for channel, t in some)
-
-
-def run(d: Any, lane: str, u: np.ndarray, p: np.ndarray, dt: float) -> np.ndarray:
-    """Return the outputs (n, fields) of one lane."""
-    return replay_lane(unlogged(d, lane, d.module, u, p), dt)[0]
-
-
-def _verdict(d, lane, again, dt, t_0):
+def _verdict(d, lane, again, made):
     """Return one row of the verdict table; times are the recording's."""
     names = output_names(d)
-    found = judgement(d, lane, d.module.CULPRITS, names, again, dt, [])
+    found = judgement(d, lane, d.module.CULPRITS, names, again, made.dt, [])
     at, valid = found["detected_at_s"], again[:, names.index("valid")] > 0.5
     return {
         **{name: found[name] for name in ("id", "level", "target", "alarm")},
         "alarms": found["false_alarms"],
-        "first_alarm_s": None if at is None else at + t_0,
+        "first_alarm_s": None if at is None else at + float(made.at[0]),
         "isolated": found["isolated"],
         "r_max": found["r_max_before"],
         "valid_pct": 100.0 * float(valid.mean()),
@@ -258,5 +249,6 @@ def _write(path, done, out, text, dt):
     with LogWriter(path, topics, n_values=n, dt_ns=round(dt * 1e9), **kept) as log:
         for row in np.concatenate(parts, axis=1):
             log.append(row)
-        told = {n: json.dumps(plain(getattr(out, n)), sort_keys=True) for n in ("detectors", "caveats", "not_run")}
-        log.close(result={"status": "diagnosed", **told})
+        told = ("clock", "detectors", "caveats", "not_run")
+        kept = {n: json.dumps(plain(getattr(out, n)), sort_keys=True) for n in told}
+        log.close(result={"status": "diagnosed", **kept})

@@ -1,21 +1,17 @@
-"""The page of a comparison, with its matrices: fault by level, fault by detector, what each detector called it."""
+"""The page of a comparison, with its matrices: fault by detector, what each detector called it."""
 
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
-from cosim.compare import Comparison, metrics, stats, tables
-from cosim.compare.metrics import proportion
+from cosim.compare import Comparison, stats, tables
 from cosim.files import columns, replace
 from cosim.judge import coverage
-from cosim.judge.lanes import seconds
 from cosim.report import compared
-from cosim.report.compare_words import summary, versus
-from cosim.report.compared import MANY, maps
 from cosim.report.page import PAGE, page, write
 from cosim.table import Cell, Column, Table
 
+CALLED = "Rows: what was broken on a part that the detector watches; columns: what it said last while its alarm stood."
 TITLES = ("Detectors on the same flights", "Two campaigns side by side")
 ROWS = columns("run", "fault")  # the sign of tables of ours
 SIGNS = {"compare.parquet": ROWS, "compare.csv": ROWS, "compare.html": PAGE}
@@ -38,52 +34,46 @@ def write_comparison(found: Comparison, out: str | Path) -> None:
 def render(found: Comparison) -> str:
     """Return the page as HTML text."""
     rows, each = found.rows, found.detectors
-    grouped, equal = stats.by_group(rows, each), stats.equal_thresholds(rows)
-    sized = [] if found.two else found.sizes  # of a level: the two campaigns are none
-    made: dict[str, Any] = {
-        "maps": maps(rows), "equal": maps(rows, equal) if equal else None, "delays": compared.delays(rows),
-        "false_alarms": compared.false_alarms(each), "sweeps": compared.sweeps(rows),
-        "roc": compared.roc(rows, each) if equal else None, "cost": compared.cost(each),
-    }  # fmt: skip
     free = rows[rows["case"].isna()]["run"].nunique()
     lost = f"; {found.failed} could not be flown" if found.failed else ""
+    fitted = not found.two and any(d["a90"] is not None for d in found.sizes)  # else no curve says how large
+    of_size = [item for pair in tables.sizes(found.sizes if fitted else []).items() for item in pair]
+    matrix_, confused = matrix(rows), confusions(rows)
+    sections: list[tuple[str, list]] = [
+        ("Which level sees what", [None if found.two else tables.by_level(found.levels)]),
+        ("Flight by flight", [tables.pairs(found.pairs)]),
+        ("The detectors", [tables.detectors(each)]),
+        ("After the alarm", [tables.after(each)]),
+        ("By kind of fault", [tables.families(found.families)]),
+        ("How large an oscillation must be", [*of_size, tables.SIZES] if of_size else []),
+        ("Coverage: fault kind by detector", [KEY, matrix_] if matrix_ else []),
+        ("Oscillations over achieved amplitude and frequency", [compared.maps(rows)]),
+        ("How soon", [compared.delays(rows)]),
+        ("Names, over every fault alarmed on", [tables.names(each)]),
+        ("Without a fault", [tables.quiet(each)]),
+        ("What they called it", [CALLED, NAMES_KEY, *confused] if confused else []),
+        ("Faults against false alarms", [compared.roc(rows, each)]),
+        ("The flights", [{"title": f"{found.runs} flights, and who noticed", "content": tables.flights(rows)}]),
+    ]
     return page(
-        "compare.html", title=found.title or TITLES[found.two],
-        subtitle=f"{found.runs} flights, {found.source}; {free} of them fault-free{lost}", figures=list(made.values()),
+        title=found.title or TITLES[found.two], summary=[("In short", headline(found))], sections=sections,
+        subtitle=f"{found.runs} flights, {found.source}; {free} of them fault-free{lost}",
         chips=[(d["id"], d["level"], d["detected"] > 0) for d in each],
-        summary=versus(found.pairs, each) if found.two else summary(rows, each, grouped, sized),
-        levels=None if found.two else levels(grouped), pairs=tables.pairs(found.pairs) if found.pairs else None,
-        detectors=tables.detectors(each), quiet=tables.quiet(each), names=tables.names(each), after=tables.after(each),
-        families=tables.families(found.families), sizes=tables.sizes(sized), sizes_told=tables.SIZES,
-        levels_key=LEVELS_KEY, matrix_key=KEY, names_key=NAMES_KEY,
-        remarks=[(d["id"], coverage.remark(d["id"])) for d in each if coverage.remark(d["id"])], matrix=matrix(rows),
-        confusions=confusions(rows), flights=tables.flights(rows), as_shipped=_as_shipped(rows, each, free),
-        equal_told=_equal(equal), **made,
     )  # fmt: skip
 
 
-def _as_shipped(rows, each, free):
-    n, bound = sum(d["fault_free_alarmed"] == 0 for d in each), proportion(0, free).high
-    told = (f"{n} of {len(each)} detectors raised no alarm in the {free} fault-free flights, which bounds their "
-            f"false-alarm probability per flight below {bound:.0%} (95 %).") * bool(free)  # fmt: skip
-    many = rows[rows["frequency_hz"].notna() & rows["concerned"]].groupby("id").size().max() >= MANY
-    cells = "Each cell holds flights seen / flights flown, bright where all were seen, the same flights in every panel"
-    marks = "Each mark is one flight, the same in every panel (diamonds: both segments of a side, drawn to the right)"
-    shown = cells if many else marks
-    return f"{shown}; the amplitude is the one achieved at the rod, against the same flight without the fault. {told}"
-
-
-def _equal(equal):
-    if not equal:
-        return ""
-    _, k, n, bound = next(iter(equal.values()))
-    each = ", ".join(f"{name} × {c[0]:.2g}" for name, c in equal.items() if c[0] is not None)
-    return (
-        f"Every threshold is scaled so that at most {k} of the {n} fault-free flights cross it (run-level "
-        f"false-alarm probability {stats.ALPHA:.0%} or less in this sample, below {bound:.0%} at 95 %; "
-        f"before confirmation): {each}. An oscillation counts as seen when |r| reaches the scaled "
-        f"threshold after its onset."
-    )
+def headline(found: Comparison) -> list[str]:
+    """Return what the flights say in a sentence or two: which level, or of two campaigns which of both, saw more."""
+    mute = [d["id"] for d in found.detectors if not d["credible"]]
+    care = f"{', '.join(mute)}: alarms in more than half of the fault-free flights, left out of the levels"
+    if found.two:
+        parted = [p for p in found.pairs if p["at"] == "shipped" and (p["only_a"] or p["only_b"])]
+        told = [f"{p['a']} alone in {p['only_a']}, {p['b']} alone in {p['only_b']} of {p['n']} faults" for p in parted]
+        return told or ["every detector saw the same faults in both"]
+    n = {key: sum(d[key] for d in found.levels) for key in ("faults", "local", "aircraft", "both", "nobody")}
+    told = [f"of {n['faults']} faults the local level alone saw {n['local']}, the aircraft level alone "
+            f"{n['aircraft']}, both {n['both']}, neither {n['nobody']}"]  # fmt: skip
+    return (told if n["faults"] else ["no fault was flown"]) + [care] * bool(mute)
 
 
 OUTCOMES = {  # outcome -> symbol, class, meaning
@@ -97,36 +87,9 @@ OUTCOMES = {  # outcome -> symbol, class, meaning
     "not_valid": ("–", "c-quiet", "not valid: it could not judge"),
 }
 KEY = [(look, symbol, told) for symbol, look, told in OUTCOMES.values()]
-LEVELS_KEY = (("c-seen", "n/n", "all seen"), ("c-part", "k/n", "some seen"), ("c-missed", "0/n", "none seen"),
-              ("c-none", "blind", "cannot see it, or none judged"))  # fmt: skip
 NAMES_KEY = (("c-seen", "n", "right name"), ("c-quiet", "n", "ambiguous, or no alarm though not designed for it"),
              ("c-wrong", "n", "another name"),
              ("c-missed", "n", "missed though designed for it, or a false alarm"))  # fmt: skip
-
-LEVELS_TOLD = (
-    "Flights in which a detector of the group saw the fault, and the time to its first alarm: "
-    f"{metrics.MEDIAN}. Detectors that alarm in more than half of the fault-free flights do not count."
-)
-
-
-def levels(grouped: pd.DataFrame) -> Table | None:
-    """Return the Table of case x group: flights in which the group saw the fault, and how soon; None without."""
-    if grouped.empty:
-        return None
-    names = list(dict.fromkeys(grouped["group"]))
-    made = Table("", "fault", *(Column(n, right=False) for n in names), kind="matrix", caption=LEVELS_TOLD)
-    for case, own in sorted(grouped.groupby("case", sort=False), key=lambda pair: _order(pair[0])):
-        cells = []
-        for g in names:
-            part = own[own["group"] == g]
-            seen, able = int(part["seen"].sum()), bool(part["able"].any())
-            late = seconds(metrics.delays(part["delay_s"].to_numpy(float)).median) if seen else ""
-            told = f"{seen}/{len(part)}" + (f", {late}{' s' * (late != 'never')}" if seen else "")
-            look = "c-none" if not able else "c-seen" if seen == len(part) else "c-part" if seen else "c-missed"
-            who = ", ".join(sorted(set(part["first"].dropna())))
-            cells.append(Cell(told if able else "blind", look, f"first: {who}" if who else ""))
-        made.add(coverage.label(case), *cells)
-    return made
 
 
 def _order(case):
@@ -177,8 +140,8 @@ def _cell(name, cell):
     return Cell(told, look + border, f"{name}: {more}")
 
 
-def confusions(rows: pd.DataFrame) -> list[tuple[str, Table]]:
-    """Return [(detector, Table)]: one confusion matrix per detector; rows are faults, columns what it said last."""
+def confusions(rows: pd.DataFrame) -> list[Table]:
+    """Return a confusion matrix per detector, whose name heads it; rows are faults, columns what it said last."""
     out = []
     for name in dict.fromkeys(rows["id"]):
         counts = stats.confusion(rows, name)
@@ -192,13 +155,13 @@ def confusions(rows: pd.DataFrame) -> list[tuple[str, Table]]:
         last = [c for c in ("ambiguous", "none", "false alarm") if c in counts.columns]
         columns = [c for c in counts.columns if c not in last] + last
         heads = (Column({"none": "no alarm"}.get(c, c.replace("_", " ")), right=False) for c in columns)
-        made = Table("", "fault", *heads, kind="matrix")
+        made = Table("", name, *heads, kind="matrix")
         made.caption = f"{rest} further kind{'s' * (rest > 1)} of fault: never an alarm." if rest else ""
         for case in sorted(counts.index, key=lambda c: _order(c) if c != "no fault" else (99, "")):
             cells = [(int(counts.loc[case, c]), c) for c in columns]
             made.add(case if case == "no fault" else coverage.label(case),
                      *(Cell(n or "", _shade(n, c, case, name)) for n, c in cells))  # fmt: skip
-        out.append((name, made))
+        out.append(made)
     return out
 
 

@@ -1,13 +1,10 @@
-"""Figures of a comparison: maps over amplitude and frequency, delays, false alarms, threshold sweeps, cost."""
-
-import math
+"""Figures of a comparison: delays, faults against false alarms, shares seen over amplitude and frequency."""
 
 import numpy as np
 import pandas as pd
 
 from cosim.compare import metrics, stats
 from cosim.judge.coverage import DESIGNED
-from cosim.replay.recording import finite
 from cosim.report.figure import (
     COLOURS,
     DASHES,
@@ -18,6 +15,8 @@ from cosim.report.figure import (
     still,
     style_axis,
 )
+
+LEAST = -3  # octaves of a mm: what achieves less hardly moves the rod, and is in that row
 
 
 def _beside(name, caption, height):
@@ -33,11 +32,6 @@ def _curve(j, name, showlegend=True, **line):
     """Return name and look of the curve of detector number `j`."""
     line |= {"width": 2, "color": COLOURS[j % 8], "dash": DASHES[j // 8]}
     return {"name": name, "legendgroup": name, "line": line, "showlegend": showlegend}
-
-
-def _named(names):
-    """Return what makes an axis one of names, the first at the top."""
-    return {"type": "category", "categoryarray": names[::-1], "tickfont": {"size": 11, "color": "--ink"}}
 
 
 def delays(rows: pd.DataFrame) -> Figure | None:
@@ -66,72 +60,6 @@ def delays(rows: pd.DataFrame) -> Figure | None:
                     i, mode="lines", x=packed(x), y=packed(y), detector=name,
                     hover=f"{name}: %{{y:.0%}} by %{{x:.2g}}<extra></extra>", **_curve(j, name, i == 1, shape="hv"),
                 )  # fmt: skip
-    return figure
-
-
-def false_alarms(found: list[dict]) -> Figure:
-    """Return false alarms per fault-free flight and per hour of all flights, with exact bounds."""
-    names = [d["id"] for d in found]
-    figure = still(
-        "false-alarms",
-        "Bars: exact 95 % bounds (Clopper and Pearson; Poisson for the rate). Left: share of fault-free "
-        "flights with an alarm. Right: "
-        "false alarms per hour in which one would count: valid, without a fault that concerns it.",
-        70 + 22 * len(names),
-    )
-    figure.layout["margin"]["l"] = 150
-    figure.grid(["Fault-free flights with an alarm", "False alarms per valid hour"], "", 2, x_title="")
-    for i in (1, 2):
-        figure.layout[axis("yaxis", i)] |= _named(names) | {"showticklabels": i == 1}
-    figure.layout["xaxis"] |= {"range": [-0.02, 1.02], "tickformat": ".0%"}
-    rates = [d["false_alarms_per_hour_high"] for d in found if finite(d["false_alarms_per_hour_high"])]
-    floor = min([0.5, *(d["false_alarms_per_hour"] / 2 for d in found if d["false_alarms_per_hour"] > 0.0)])
-    figure.layout["xaxis2"] |= log_axis(floor, max([10.0, *rates]) * 1.3)
-    for d in found:
-        for i, key, told in (
-            (1, "false_alarm", f"{d['fault_free_alarmed']} of {d['fault_free_runs']}"),
-            (2, "false_alarms_per_hour", f"{d['false_alarms']} alarms"),
-        ):
-            p, low, high = d["false_alarm_probability" if i == 1 else key], d[f"{key}_low"], d[f"{key}_high"]
-            if math.isnan(p) or math.isinf(high):
-                continue
-            none = i == 2 and not p  # a logarithm has no zero: an open triangle at the edge
-            at = floor if none else p
-            bar = {"type": "data", "symmetric": False, "color": "--muted", "thickness": 1.4, "width": 4}
-            bar |= {"array": [high - at], "arrayminus": [max(0.0, at - max(low, floor if i == 2 else 0.0))]}
-            symbol = "triangle-left-open" if none else "circle"
-            figure.points(
-                i, x=[at], y=[d["id"]], cliponaxis=False, error_x=bar,
-                marker={"size": 8, "color": "--fault" if p else "--blue", "symbol": symbol},
-                hover=f"{d['id']}: {told}, {p:.3g} ({low:.3g} to {high:.3g})<extra></extra>",
-            )  # fmt: skip
-    return figure
-
-
-def sweeps(rows: pd.DataFrame) -> Figure:
-    """Return, per detector, the shares of faulty and fault-free flights whose largest |r| reaches each threshold."""
-    found, c = stats.maxima(rows), np.geomspace(0.03, 100.0, 61)
-    names, columns = list(found), min(4, len(found))
-    figure = still(
-        "sweeps",
-        "Blue: share of the faults it was designed for whose largest |r| reaches this multiple of the shipped "
-        "threshold; dotted: the same of "
-        "fault-free flights. The further apart, the better it separates; the vertical line is the threshold as "
-        "shipped. Before confirmation.",
-        74 + 180 * -(-len(names) // columns),
-        hovermode="x unified",
-    )
-    figure.grid(names, "share", columns, x_title="threshold × ")
-    for i, name in enumerate(names, 1):
-        free, hit = (metrics.beyond(x, c) for x in found[name])
-        figure.layout[axis("xaxis", i)] |= log_axis(c[0], c[-1])
-        figure.layout[axis("yaxis", i)] |= {"range": [-0.04, 1.04], "tickformat": ".0%", "tickvals": [0, 0.5, 1]}
-        figure.upright(i, 1, color="--muted", width=1)
-        for y, colour, dash, told in ((hit, "--blue", "solid", "faults"), (free, "--fault", "dot", "fault-free")):
-            if not np.isnan(y).all():
-                line = {"color": colour, "dash": dash, "width": 2, "shape": "hv"}
-                hover = "%{y:.0%}"
-                figure.points(i, mode="lines", x=packed(c), y=packed(y), name=told, line=line, hover=hover)
     return figure
 
 
@@ -164,108 +92,34 @@ def roc(rows: pd.DataFrame, each: list[dict]) -> Figure | None:
     return figure if figure.data else None
 
 
-def cost(found: list[dict]) -> Figure | None:
-    """Return microseconds per step and lane of each detector, or None when nobody measured them."""
-    timed = [d for d in found if d["step_us"] is not None and not math.isnan(d["step_us"])]
-    if not timed:
-        return None
-    told = "Per step and lane, one core, live calls: 200 steps per second are flown."
-    figure = still("cost", told, 60 + 22 * len(timed))
-    figure.layout["margin"] |= {"l": 150, "t": 8}
-    figure.layout["xaxis"] = style_axis("µs", rangemode="tozero")
-    figure.layout["yaxis"] = style_axis() | _named([d["id"] for d in timed])
-    for d in timed:
-        figure.points(
-            1, type="bar", orientation="h", x=[d["step_us"]], y=[d["id"]], marker={"color": "--blue"},
-            text=[f"{d['step_us']:.2f}"], textposition="outside", cliponaxis=False, detector=d["id"],
-            hover="%{x:.2f} µs<extra></extra>",
-        )  # fmt: skip
-    return figure
-
-
-MANY = 150  # oscillations per detector from which on a map shows shares of cells instead of single flights
-CELLS = 6
-
-
-def maps(rows: pd.DataFrame, thresholds: dict | None = None) -> Figure | None:
-    """Return the maps of seen oscillations over achieved amplitude and frequency, one panel per detector. As shipped,
-    or with `thresholds` {detector: (multiplier, ...)} for the same false-alarm probability."""
-    ofc = rows[rows["frequency_hz"].notna() & rows["amplitude_mm"].notna() & rows["concerned"]]
+def maps(rows: pd.DataFrame) -> Figure | None:
+    """Return the flights seen of those flown over achieved amplitude, in octaves, and frequency, a panel per detector;
+    None without an oscillation."""
+    ofc = rows[rows["frequency_hz"].notna() & (rows["amplitude_mm"] > 0.0) & rows["concerned"]]
     names = [n for n in rows["id"].unique() if (ofc["id"] == n).any()]
     if not names:
         return None
-    equal = thresholds is not None
-    columns = min(4, len(names))
-    figure = still("maps-equal" if equal else "maps", "", 74 + 210 * -(-len(names) // columns), not equal)
-    figure.grid(names, "mm", columns, x_title="Hz")
-    low, high = ofc["amplitude_mm"].min() / 1.5, ofc["amplitude_mm"].max() * 1.5
+    octave = np.round(np.log2(ofc["amplitude_mm"])).astype(int).clip(lower=LEAST)
+    hz, sizes = stats.bands(ofc["frequency_hz"]), range(octave.min(), octave.max() + 1)
+    columns, shown = min(3, len(names)), sorted(hz.unique())
+    x, y = [f"{f:g}" for f in shown], [f"{'≤ ' * (k == LEAST)}{2.0**k:.2g}" for k in sizes]
+    told = ("Flights seen of flights flown, alarms as shipped, over frequency and amplitude achieved at the rod (in "
+            "octaves; against the same flight without the fault).")  # fmt: skip
+    height = 60 + (24 * len(sizes) + 52) * -(-len(names) // columns)
+    figure = still("maps", told, height, width=220 * columns)
+    figure.grid(names, "achieved, mm of rod", columns, x_title="Hz")
     for i, name in enumerate(names, 1):
-        own = ofc[ofc["id"] == name]
-        seen = own["detected"]
-        if equal:
-            limit = (thresholds or {}).get(name, (None,))[0]
-            seen = own["detected"] & False if limit is None else own["r_fault"] >= limit
-        figure.layout[axis("xaxis", i)] |= {"type": "log", **_ticks(sorted(own["frequency_hz"].unique()))}
-        figure.layout[axis("yaxis", i)] |= _fine(low, high)
-        if own["not_valid"].all():
-            figure.note(i, "not valid in any of these")
-        (_cells if len(own) >= MANY else _points)(figure, i, own, seen.astype(bool))
-    figure.layout["legend"]["y"] = 1.04
-    return figure
-
-
-def _ticks(values):
-    shown = values if len(values) <= 8 else [0.5, 1.0, 2.0, 5.0, 10.0]
-    pad = 1.25
-    return {
-        "tickvals": shown,
-        "ticktext": [f"{v:g}" for v in shown],
-        "range": [math.log10(values[0] / pad), math.log10(values[-1] * pad)],
-    }
-
-
-def _fine(low, high):
-    made = log_axis(low, high, (1, 2, 5))
-    return made if len(made["tickvals"]) <= 6 else log_axis(low, high)
-
-
-def _points(figure, panel, own, seen):
-    """Draw every flight: filled where it was seen, a cross where not; faults of several segments beside."""
-    side = own["target"].str.endswith(("left", "right", "all"))
-    named = {trace.get("name") for trace in figure.data}
-    for mask, symbol, colour, name in (
-        (seen, "circle", "--blue", "seen"),
-        (~seen, "x-thin-open", "--fault", "not seen"),
-    ):
-        part, wide = own[mask], side[mask]
-        if not len(part):
-            continue
-        marks = ["diamond" if w and symbol == "circle" else symbol for w in wide]
-        told = [
-            [f"{r['frequency_hz']:g} Hz, {r['target']}",
-             "not seen" if not r["detected"] else f"{r['delay_s']:.2f} s, {r['isolated_class']}"]
-            for _, r in part.iterrows()
-        ]  # fmt: skip
+        seen = ofc.loc[ofc["id"] == name, "detected"].astype(int)
+        cells = seen.groupby([octave[seen.index], hz[seen.index]])
+        n, k = (v.unstack().reindex(index=sizes, columns=shown).fillna(0).to_numpy(int)
+                for v in (cells.size(), cells.sum()))  # fmt: skip
+        for key, marks in (("xaxis", x), ("yaxis", y)):
+            about = {"type": "category", "categoryarray": marks, "range": [-0.5, len(marks) - 0.5]}
+            figure.layout[axis(key, i)] |= about
+        text = [[f"{a}/{b}" if b else "" for a, b in zip(*row)] for row in zip(k, n)]
+        share = [[a / b if b else None for a, b in zip(*row)] for row in zip(k.tolist(), n.tolist())]
         figure.points(
-            panel, x=(part["frequency_hz"] * np.where(wide, 1.13, 1.0)).tolist(), y=part["amplitude_mm"].tolist(),
-            name=name, legendgroup=name, showlegend=name not in named, customdata=told,
-            marker={"symbol": marks or symbol, "size": 9, "color": colour, "line": {"width": 2, "color": colour}},
-            hover="%{y:.2f} mm achieved<br>%{customdata[0]}<br>%{customdata[1]}<extra></extra>",
+            i, type="heatmap", x=x, y=y, z=share, text=text, texttemplate="%{text}", textfont={"size": 9}, zmin=0,
+            zmax=1, colorscale="Cividis", showscale=False, hover="%{x} Hz, %{y} mm: %{text} flights<extra></extra>",
         )  # fmt: skip
-
-
-def _cells(figure, panel, own, seen):
-    """Draw the share of flights seen per cell of frequency and amplitude, with their number."""
-    f, a = np.log10(own["frequency_hz"].to_numpy()), np.log10(own["amplitude_mm"].to_numpy())
-    fe, ae = (np.linspace(v.min(), v.max() + 1e-9, CELLS + 1) for v in (f, a))
-    n, *_ = np.histogram2d(a, f, bins=(ae, fe))
-    k, *_ = np.histogram2d(a[seen], f[seen], bins=(ae, fe))
-    share = np.where(n > 0, k / np.maximum(n, 1), np.nan)
-    text = [[f"{int(k[i, j])}/{int(n[i, j])}" if n[i, j] else "" for j in range(CELLS)] for i in range(CELLS)]
-    centre = lambda e: (10.0 ** ((e[1:] + e[:-1]) / 2)).tolist()  # noqa: E731
-    shown = [[None if math.isnan(v) else float(v) for v in row] for row in share]
-    figure.points(
-        panel, type="heatmap", x=centre(fe), y=centre(ae), z=shown, text=text, texttemplate="%{text}",
-        textfont={"size": 9}, zmin=0, zmax=1, colorscale="Cividis", showscale=False,
-        hover="%{x:.2g} Hz, %{y:.2g} mm: seen in %{text} flights<extra></extra>",
-    )  # fmt: skip
+    return figure

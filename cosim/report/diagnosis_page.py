@@ -18,6 +18,11 @@ from cosim.report.page import page, write
 from cosim.scenario import vocabulary
 from fdi import registry
 
+DETECTORS = (
+    "Left: the largest test statistic of each lane within intervals of a 600th of the recording, on a logarithmic "
+    "scale; the dashed line is the threshold. Right: the fault estimate; pale: not valid by its own flag."
+)
+FITS_PCT = 50.0  # a filter that is valid for less of a recording models another actuator or aircraft
 REPLAYED, INPUT = "/replay/detectors/", "/input/"
 
 
@@ -79,38 +84,39 @@ def diagnosis_report(log: str | Path, output: str | Path) -> Path:
     flown = cast(LoggedFlight, watched)  # for the figures, which read these of its attributes alone
     line, alarms, _ = timeline(flown)
     own, chips = detectors(flown)
-    read = _inputs(watched)
+    lacking = {"title": "Detectors that did not run", "content": watched.lacking}
+    sections: list[tuple[str, list]] = [
+        ("What the detectors said, and when", [line, verdicts(list(watched.verdicts.values()))]),
+        ("What to keep in mind", [watched.caveats]),
+        ("What lacks a signal", [lacking if watched.lacking else None]),
+        ("Detectors", [DETECTORS, *own]),
+        ("What they read", [_inputs(watched), {"title": "map.toml", "source": watched.map}]),
+    ]
     return write(
         output,
         page(
-            "diagnosis.html", title=watched.log.metadata.get("run", {}).get("title", "Diagnosis"),
+            title=watched.log.metadata.get("run", {}).get("title", "Diagnosis"),
             subtitle=f"{watched.t0:.6g} to {watched.end:.6g} s of the recording, at {1 / watched.dt:.6g} Hz",
-            summary=_summary(watched), line=line, lanes=verdicts(list(watched.verdicts.values())),
-            detectors=[(own[i], f"{i}: {_summary_of(i)}") for i in own], read=read, caveats=watched.caveats,
-            lacking=watched.lacking, map=watched.map, figures=[line, *own.values(), read], chips=chips,
-            span=[watched.t0, watched.end], start=watched.t0, alarms=alarms,
+            summary=_summary(watched), sections=sections, chips=chips, span=[watched.t0, watched.end],
+            start=watched.t0, alarms=alarms,
         ),
     )  # fmt: skip
 
 
-def _summary_of(name: str) -> str:
-    """Return what a detector is; where its record says that it is "the same" as the one before it, with that one."""
-    known = list(registry.SHIPPED)
-    said = getattr(registry.find(name), "summary", "")
-    before = known[known.index(name) - 1] if name in known[1:] else ""
-    if not before or not said.startswith("the same"):
-        return said
-    return said.replace("the same", f"as {before} ({registry.record(before).summary}),", 1)
-
-
 def _summary(watched: Watched) -> list[tuple[str, list[Any]]]:
-    alarmed = [lane for lane in watched.lanes if lane.entry["alarm"]]
-    at = {lane.name: watched.verdicts[lane.id, lane.target] for lane in alarmed}
-    first = sorted(at, key=lambda name: at[name]["first_alarm_s"])
-    said = [f"{name} at {at[name]['first_alarm_s']:.3f} s: {words((at[name]['isolated'] or {}).get('class', 'alarm'))}"
-            for name in first]  # fmt: skip
+    """Return the summary: what fits the recording first, by the time of its alarm."""
+    alarmed = [(lane, watched.verdicts[lane.id, lane.target]) for lane in watched.lanes if lane.entry["alarm"]]
+    alarmed.sort(key=lambda pair: (pair[1]["valid_pct"] < FITS_PCT, pair[1]["first_alarm_s"]))
     quiet = [lane.name for lane in watched.lanes if not lane.entry["alarm"]]
-    return [("noticed", said or ["nobody"]), ("quiet", [", ".join(quiet)] if quiet else [])]
+    said = [_said(lane, told) for lane, told in alarmed]
+    return [("Noticed", said or ["nobody"]), ("Quiet", [", ".join(quiet)] if quiet else [])]
+
+
+def _said(lane, told):
+    name = words((told["isolated"] or {}).get("class", "alarm"))
+    model = "another aircraft's" if lane.level == "aircraft" else "another actuator's"
+    care = "" if told["valid_pct"] >= FITS_PCT else f"; valid for {told['valid_pct']:.2g} % only: its model is {model}"
+    return f"{lane.name} at {told['first_alarm_s']:.3f} s: {name}{care}"
 
 
 def _inputs(watched: Watched) -> Figure:

@@ -35,7 +35,8 @@ class Figure:
     detector: str | None = None
     rows: list | None = None
     track: list | None = None
-    hint: str = ""  # what the cursor does with it, said where there is one
+    heading: str = ""
+    width: int = 0  # least width [px]: on a narrower screen it scrolls by itself, not the page
 
     def points(
         self, panel: int, *, hover: str = "", mode: str = "markers", detector: str | None = None, **more: Any
@@ -110,24 +111,10 @@ class Figure:
         middle, spread = (high + low) / 2, max(1.12 * (high - low) / 2, half)
         self.layout[axis("yaxis", panel)]["range"] = [middle - spread, middle + spread]
 
-    def note(self, panel: Any, text: str) -> None:
-        """Write a remark into the middle of a panel."""
-        at = place(panel)
-        self.layout["annotations"].append({
-            "text": text, "xref": at["xaxis"] + " domain", "yref": at["yaxis"] + " domain", "x": 0.5, "y": 0.5,
-            "showarrow": False, "font": {"size": 12, "color": "--muted"}, "bgcolor": "--page", "borderpad": 3,
-        })  # fmt: skip
-
     def level(self, panel: int, y: float) -> None:
         """Draw a horizontal line at `y` through a panel: a threshold."""
         at, line = place(panel), {"color": "--fault", "width": 1.2, "dash": "dash"}
         ends = {"xref": at["xaxis"] + " domain", "yref": at["yaxis"], "x0": 0, "x1": 1, "y0": y, "y1": y}
-        self.layout["shapes"].append({"type": "line", **ends, "line": line})
-
-    def upright(self, panel: int, x: float, **line: Any) -> None:
-        """Draw a vertical line at `x` through a panel."""
-        at = place(panel)
-        ends = {"xref": at["xaxis"], "yref": at["yaxis"] + " domain", "x0": x, "x1": x, "y0": 0, "y1": 1}
         self.layout["shapes"].append({"type": "line", **ends, "line": line})
 
     def plain(self) -> dict:
@@ -216,9 +203,9 @@ def base(height: float, legend: bool = True) -> dict[str, Any]:
     }
 
 
-def still(name: str, caption: str, height: int, legend: bool = False, **layout: Any) -> Figure:
-    """Return a Figure that does not follow time, of the shared layout with `layout` on top."""
-    return Figure(name, caption, height, layout=base(height, legend) | {"hovermode": "closest"} | layout, time=False)
+def still(name: str, caption: str, height: int, legend: bool = False, hover: str = "closest", **more: Any) -> Figure:
+    """Return a Figure that does not follow time, of the shared layout; `more` are fields of Figure."""
+    return Figure(name, caption, height, layout=base(height, legend) | {"hovermode": hover}, time=False, **more)
 
 
 def log_axis(low: float, high: float, marks: Sequence[float] = (1,)) -> dict[str, Any]:

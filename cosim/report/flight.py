@@ -33,6 +33,7 @@ LOOKS: tuple[dict, ...] = (  # of curves in a panel of motion, the last one on t
     {"colour": "--green", "dash": "dot", "width": 1.4}, {"colour": "--orange", "width": 1.1},
     {"colour": "--blue", "width": 1.6},
 )  # fmt: skip
+LETTER = 0.014  # width of a letter of the time line as a share of its axis on a page of 700 px
 EARTH = 6_371_000.0  # mean radius [m]: the track is drawn on a local plane
 
 
@@ -65,9 +66,9 @@ def motion(flown: LoggedFlight) -> Figure:
         ("Attitude", "deg", 1.0, [("pitch", truth, "theta", deg, 0.0), ("bank", truth, "phi", deg, 0.0)]),
         ("Rates", "deg/s", 0.5, [(name, truth, field, deg, 0.0) for name, field in RATES]),
     ]  # fmt: skip
-    hint = "Drag to zoom in time, double-click to see all; every figure follows."
     names, units = [p[0] for p in shown], [p[1] for p in shown]
-    figure = panels(flown, "motion", "Shaded: a fault is active.", 560, names, units, 2, hint=hint)
+    told = "Shaded: a fault is active. Drag to zoom in time, double-click to see all; every figure follows."
+    figure = panels(flown, "motion", told, 560, names, units, 2)
     for i, (_, _, half, curves) in enumerate(shown, 1):
         made = [(name, *drawn(flown, topic, field, factor, add)) for name, topic, field, factor, add in curves]
         for (name, y, step), look in zip(made, LOOKS[-len(made) :]):
@@ -96,8 +97,8 @@ def track(flown: LoggedFlight) -> Figure:
     broken = np.zeros(len(t), bool)
     for a, b in flown.intervals:
         broken |= (t >= a) & (t <= b)
-    figure = still("track", "Thick: flown with a fault.", 250)
-    figure.hint = "The dot is where the aircraft is at the time cursor."
+    told = "Thick: flown with a fault. The dot is where the aircraft is at the time cursor."
+    figure = still("track", told, 250)
     titles = ["Path over ground, seen from above", "Height along the path"]
     figure.grid(titles, ["north, km", "ft"], 2, x_title="")
     figure.layout["xaxis"]["title"]["text"] = "east, km"
@@ -162,11 +163,13 @@ def injected(flown: LoggedFlight) -> Figure | None:
 FLOOR = 1e-3  # |r| below this is drawn here: a logarithm has no zero
 
 
-def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure | None:
-    """Return the figure of one detector: statistic of every lane over its threshold; estimate with band and truth. None
-    where it never judged: there is nothing to draw."""
+def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure:
+    """Return the figure of one detector: statistic of every lane over its threshold; estimate with band and truth. It
+    has no curve where the detector never judged."""
+    heading = f"{lanes[0].id}: {getattr(registry.find(lanes[0].id), 'summary', '')}"
     if not any((np.abs(lane.fields["r"]) > 0.0).any() for lane in lanes):
-        return None
+        told = "It never judged: its validity flag stayed down throughout."
+        return Figure(f"d-{lanes[0].id}", told, heading=heading, detector=lanes[0].id)
     estimates = [n for n in lanes[0].fields if n.startswith("f_hat")]
     name = lanes[0].id
     main = next((lane.truth[0] for lane in lanes if lane.truth), estimates[0] if estimates else None)
@@ -178,7 +181,8 @@ def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure | None:
     caption = _of_what(name, main) if main else untold
     titles = ["Statistic |r|"] + ([f"Estimate {main}"] if main else [])
     units = ["|r|, threshold 1", unit][: len(titles)]
-    figure = panels(flown, f"d-{name}", caption, 272, titles, units, len(titles), legend=True, detector=name)
+    figure = panels(flown, f"d-{name}", caption, 272, titles, units, len(titles), legend=True, detector=name,
+                    heading=heading)  # fmt: skip
     figure.layout["margin"] |= {"t": 58}
     figure.layout["legend"]["y"] = 1.12  # above the titles: on paper they are as long as it is
     _statistic(figure, flown, lanes)
@@ -187,13 +191,18 @@ def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure | None:
     return figure
 
 
-def detectors(flown: LoggedFlight) -> tuple[dict[str, Figure | None], list[tuple[str, str, bool]]]:
-    """Return {id: figure} of every detector that flew, and the page's chips (id, level, whether it alarmed)."""
+def detectors(flown: LoggedFlight) -> tuple[list[Figure], list[tuple[str, str, bool]]]:
+    """Return a figure of every detector that flew, and the page's chips (id, level, whether it alarmed)."""
     lanes: dict[str, list[Lane]] = {}
     for lane in flown.lanes:
         lanes.setdefault(lane.id, []).append(lane)
     chips = [(i, own[0].level, any(lane.entry["alarm"] for lane in own)) for i, own in lanes.items()]
-    return {i: detector(flown, own) for i, own in lanes.items()}, chips
+    return [detector(flown, own) for own in lanes.values()], chips
+
+
+def is_quiet(flown: LoggedFlight, lane: Lane) -> bool:
+    """Tell whether the lane watches a part that stayed healthy in a flight with faults, and never alarmed."""
+    return bool(flown.faults) and not lane.entry["concerned"] and not lane.entry["alarm"]
 
 
 def _of_what(detector, field):
@@ -268,7 +277,10 @@ def _band(figure, t0, step, f, half, colour):
 
 def timeline(flown: LoggedFlight) -> tuple[Figure, list[dict], list[dict]]:
     """Return all alarms on one time line: a row per lane, thick where it alarms, pale where it cannot judge."""
-    hollow, top = ("; hollow bars: false alarms", " The topmost bars: the faults.") if flown.knows_faults else ("", "")
+    hollow, top = "; hollow bars: false alarms", (" The topmost bars: the faults. Lanes of healthy parts that never "
+                                                  "alarmed are not drawn.")  # fmt: skip
+    if not flown.knows_faults:
+        hollow = top = ""
     figure = Figure(
         "timeline",
         f"Thick bars: alarms, with the last name and when it first came, if later; of close ones the "
@@ -291,7 +303,7 @@ def timeline(flown: LoggedFlight) -> tuple[Figure, list[dict], list[dict]]:
             figure.rows.append({"name": row, "detector": ""})
         _bar(figure, row, f.start_s, end, "--ink", 9, f"{words(f.kind)} on {words(f.target)}")
         faults.append({"from": f.start_s, "to": end, "text": f"{words(f.kind)} on {words(f.target)}"})
-    for lane in flown.lanes:
+    for lane in (n for n in flown.lanes if not is_quiet(flown, n)):
         figure.rows.append({"name": lane.name, "detector": lane.id})
         alarms += _row(figure, flown, lane)
     figure.layout["margin"]["l"] = max([190, *(round(6.5 * len(row["name"])) for row in figure.rows)])
@@ -346,18 +358,18 @@ def _said(lane, verdict, culprit, start, step):
 
 
 def _labels(figure, flown, lane, alarms):
-    """Write the verdict beside its bar, of bars without room between them that of the longest; at the left edge on the
-    bar itself."""
+    """Write the verdict on its bar, right of the bar's beginning; of bars without room between them that of the
+    longest. A text that would pass the right edge of a narrow page ends before the bar."""
     near: list[list] = []
-    room = (flown.end - flown.t0) / 8
+    span = flown.end - flown.t0
     for alarm in alarms:
-        if near and alarm[0] - near[-1][0][0] < room:
+        if near and alarm[0] - near[-1][0][0] < span / 8:
             near[-1].append(alarm)
         else:
             near.append([alarm])
     for a, _, said in (max(own, key=lambda alarm: alarm[1] - alarm[0]) for own in near):
-        inside = a - flown.t0 < room
-        side = {"xanchor": "left", "xshift": 12} if inside else {"xanchor": "right", "xshift": -3}
+        fits = a + span * LETTER * len(said) < flown.end
+        side = {"xanchor": "left", "xshift": 12} if fits else {"xanchor": "right", "xshift": -3}
         look = {"font": {"size": 11, "color": "--ink"}, "bgcolor": "--page", "borderpad": 1}  # watching runs behind it
         told = {"text": said, "x": a, "y": lane.name, "showarrow": False, "detector": lane.id}
         figure.layout["annotations"].append({**told, **side, **look})

@@ -8,7 +8,18 @@ from cosim.replay.recording import LoggedFlight
 from cosim.report import flight
 from cosim.report.page import page, write
 from cosim.table import Cell, Row, Table
-from fdi import registry
+
+OPENS_S = 3.0  # after the first onset: most detectors have alarmed, the cursor shows what they said
+DETECTORS = (
+    "Left: the largest test statistic of each lane within intervals of a 600th of the flight, on a logarithmic scale; "
+    "thick: the lane of the faulty part. The dashed line is the threshold, an alarm needs it to be crossed for the "
+    "detector's confirmation time. Right: the fault estimate with its two-sigma band where the detector gives one, and "
+    "the injected truth where both have the same unit; pale: not valid by its own flag."
+)
+DRAWN = (
+    "Curves of more than 2,000 samples are drawn as the smallest and the largest value of each of 1,000 intervals: no "
+    "peak is lost. Angles in degrees, heights in feet, speeds in knots; the log is in SI."
+)
 
 
 def flight_report(log: str | Path, output: str | Path) -> Path:
@@ -20,20 +31,27 @@ def render(flown: LoggedFlight) -> str:
     """Return the page of a logged flight as HTML text."""
     line, alarms, faults = flight.timeline(flown)
     elevators, others = flight.surfaces(flown)
-    injected, motion, track = flight.injected(flown), flight.motion(flown), flight.track(flown)
     own, chips = flight.detectors(flown)
-    start = flown.intervals[0][0] if flown.intervals else (flown.t0 + flown.end) / 2
-    title = flown.scenario.title or "Flight"
-    provenance = [Row((k, Cell(v, "code"))) for k, v in flown.provenance.items()]
+    loud, quiet = ([n.entry for n in flown.lanes if flight.is_quiet(flown, n) == q] for q in (False, True))
+    lost = [f"{d.length} bytes at {d.offset}: {d.reason}" for d in flown.log.damage]
+    provenance = Table("", "", "", rows=[Row((k, Cell(v, "code"))) for k, v in flown.provenance.items()], kind="",
+                       heads=False)  # fmt: skip
+    folded = {"title": f"{len(quiet)} lanes of healthy parts stayed quiet", "content": lanes.table(quiet, flown.cases)}
+    sections: list[tuple[str, list]] = [
+        ("Who noticed, and when", [line, lanes.KEY, lanes.table(loud, flown.cases), folded if quiet else None]),
+        ("The fault, as injected", [flight.injected(flown)]),
+        ("Detectors", [DETECTORS, *own]),
+        ("Elevators: command, true and measured surface", [elevators]),
+        ("Other surfaces", [others]),
+        ("The flight", [flight.motion(flown), flight.track(flown)]),
+        ("Provenance", [f"Parts of the log are lost: {'; '.join(lost)}" if lost else None, provenance, DRAWN,
+                        {"title": "scenario.toml, ready to fly again", "source": flown.toml}]),
+    ]  # fmt: skip
+    onset = flown.intervals[0][0] if flown.intervals else (flown.t0 + flown.end) / 2
     return page(
-        "flight.html", title=title, subtitle=narrator.point(flown.scenario), summary=summary(flown), line=line,
-        names_key=lanes.KEY, lanes=lanes.table([lane.entry for lane in flown.lanes], flown.cases), injected=injected,
-        detectors=[(own[i], f"{i}: {getattr(registry.find(i), 'summary', '')}") for i in own], elevators=elevators,
-        others=others, motion=motion, track=track,
-        damage=[f"{d.length} bytes at {d.offset}: {d.reason}" for d in flown.log.damage],
-        provenance=Table("", "", "", rows=provenance, kind="", heads=False), toml=flown.toml,
-        figures=[line, injected, *own.values(), elevators, others, motion, track], chips=chips,
-        span=[flown.t0, flown.end], start=start, faults=faults, alarms=alarms,
+        title=flown.scenario.title or "Flight", subtitle=narrator.point(flown.scenario), summary=summary(flown),
+        sections=sections, chips=chips, span=[flown.t0, flown.end], start=min(onset + OPENS_S, flown.end),
+        faults=faults, alarms=alarms,
     )  # fmt: skip
 
 
@@ -44,13 +62,11 @@ def summary(flown: LoggedFlight) -> list[tuple[str, list]]:
              "not_run": lost}  # fmt: skip
     s, status = flown.scenario, (flown.log.result or {}).get("status", "incomplete: the log ends early")
     broken = [". ".join(filter(None, line)) for line in narrator.faults(s, flown.achieved)]
-    rows = [
+    return [
         ("In short", narrator.sentences(found, s)),
         ("Flown", [f"{flown.end - flown.t0 + flown.dt:.1f} s: {narrator.point(s)}; {status}"]),
         ("Broken", broken or ["nothing: every alarm below is a false one"]),
+        ("Missed", narrator.silent(found, s) if broken else []),
+        ("Not run", [f"{name}: {why}" for name, why in lost.items()]),
+        ("False alarms", [*narrator.false(found), *narrator.apart(found)]),
     ]
-    if broken:
-        rows += [("Noticed", narrator.noticed(found, s) or ["by nobody"]), ("Missed", narrator.silent(found, s))]
-    if lost:
-        rows.append(("Not run", [f"{name}: {why}" for name, why in lost.items()]))
-    return [*rows, ("False alarms", [*narrator.false(found), *narrator.apart(found)])]

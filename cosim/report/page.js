@@ -123,7 +123,8 @@ function placeCursor() {
   $("t").textContent = `t = ${cursor.toFixed(3)} s`;
   const on = (list) => list.filter((a) => a.from <= cursor && cursor <= a.to && !hidden.has(a.detector)).map((a) => a.text);
   const faults = on(page.faults), alarms = on(page.alarms);
-  $("now").textContent = `${faults.length ? "fault: " + faults.join(", ") : "no fault"} · ${alarms.length ? "alarm: " + alarms.join(", ") : "no alarm"}`;
+  const broken = faults.length ? "fault: " + faults.join(", ") + " · " : page.faults ? "no fault · " : "";
+  $("now").textContent = `${broken}${alarms.length ? "alarm: " + alarms.join(", ") : "no alarm"}`;
   $("now").title = $("now").textContent;
 }
 

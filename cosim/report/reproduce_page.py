@@ -27,32 +27,22 @@ def reproduction_report(rows: list[PaperRow], drawings: list, output: str | Path
 def render(rows: list[PaperRow], drawings: list) -> str:
     """Return the page as HTML text, from the Rows and Drawings of `cosim.papers`."""
     names = list(dict.fromkeys(r.paper for r in rows))
-    papers, figures, number = [], [], 0
+    sections, summary, number = [], [("Rows", [_count(rows)])], 0
     for name in names:
-        shown, own = [], [r for r in rows if r.paper == name]
+        own, key = [r for r in rows if r.paper == name], paper_key(name)
+        summary += [(key, [_count(own)])] * (len(names) > 1)
+        sections.append((TITLES[name], [_count(own)]))
         for d in (d for d in drawings if d.paper == name):
             number += 1
             look = f"Look at {d.look} " if d.look else ""
-            caption = f"{look}{d.caption} Beside [{paper_key(name)}] {d.beside}."
-            figure = None
+            caption = f"{look}{d.caption} Beside [{key}] {d.beside}."
             if d.table:
                 d.table.caption = caption
-            else:
-                figure = _figure(d, f"f{number}", caption)
-            figures.append(figure)
-            shown.append({
-                "heading": f"Figure {number}. {d.title}",
-                "table": d.table,
-                "figure": figure,
-                "narrow": NARROW[min(d.columns, len(d.panels))] if figure else None,
-            })  # fmt: skip
-        about = {"name": name, "key": paper_key(name), "title": TITLES[name]}
-        papers.append({**about, "table": tables.rows(own), "rows": len(own), "counts": _count(own), "drawings": shown})
-    words = [word for word, _ in tables.VERDICTS.values()]
+            sections.append((f"Figure {number}. {d.title}", [d.table or _figure(d, f"f{number}", caption)]))
+        sections.append((f"All rows of {key}", [tables.MEANING, tables.rows(own)]))
     return page(
-        "reproduce.html", title=f"{_papers(names)}, reproduced",
+        title=f"{_papers(names)}, reproduced", summary=summary, sections=sections,
         subtitle="The papers' own experiments: what they say, what we get. Figures, numbers and captions are ours.",
-        figures=figures, total=len(rows), counts=list(zip(_count(rows), words)), papers=papers, meaning=tables.MEANING,
     )  # fmt: skip
 
 
@@ -70,14 +60,15 @@ def paper_key(paper: str) -> str:
 
 
 def _count(rows):
-    return [sum(r.verdict == v for r in rows) for v in tables.VERDICTS]
+    counts = [f"{sum(r.verdict == v for r in rows)} {word}" for v, (word, _) in tables.VERDICTS.items()]
+    return f"{len(rows)} rows: {'; '.join(counts)}"
 
 
 def _figure(d, name, caption):
     columns = min(d.columns, len(d.panels))
     lines = -(-len(d.panels) // columns)
     height = 84 + d.row_px * lines + 52 * (lines - 1)
-    figure = still(name, caption, height, True, hovermode="x unified")
+    figure = still(name, caption, height, True, "x unified", width=NARROW[columns])
     figure.layout["margin"]["t"] = 50
     figure.grid([p.title for p in d.panels], [p.unit for p in d.panels], columns, span=d.span)
     figure.layout["legend"]["y"] = 1 + 20 / (height - 84)

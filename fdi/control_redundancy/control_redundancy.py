@@ -156,6 +156,8 @@ STATE = dtype(
         ("refuted", "f8", (NH,), "s"),  # time for which that would show and does not
         ("low", "f8", (2,), "rad"),  # range of commanded and of reconstructed position since the declaration
         ("high", "f8", (2,), "rad"),
+        ("asked_low", "f8", (3,), "rad"),  # range of the surfaces' commands before the alarm
+        ("asked_high", "f8", (3,), "rad"),
         ("bias_0", "f8", (2,), "g"),  # learned
         ("doubt", "f8", (2,), "g"),  # what gusts from the side may have made of them
         ("velocity", "f8", (2,), "m/s"),  # models of the velocity over the ground: forward, down

@@ -10,6 +10,8 @@ from fdi.control_redundancy.core import NH, NR, PITCH, fit_hypothesis
 HEALED_S = 5.0  # so long what a declared fault would do now, were it still there, is not there [s]
 SHOWS = (0.5, 0.75, 1.0)  # of a threshold: a fault that no longer shows, one that would, one that does
 SURFACES = 3  # hypotheses of surfaces, those of engines follow: a fault of these is a share of the thrust
+HOME = 0.02  # of what was commanded before the alarm: the error of the position that forces tell, 1 deg [rad]
+ASKED_S = 20.0  # for so long a command is remembered [s]
 UNNAMED_S = 10.0  # an alarm without a name outlives its residuals by this [s]
 FAR = 1e3  # beyond every position [rad]; a state is finite
 FIRING = 0.8  # of a row's threshold: with less it says nothing of its accelerometer
@@ -151,6 +153,11 @@ def decide(x, p, dt):
             for i in range(2):
                 x.low[i], x.high[i] = FAR, -FAR
     x.timer_any, x.on = confirm(x.timer_any, x.on, x.r >= 1.0 and count != 1, dt, p.t_ambiguous, UNNAMED_S)
+    if x.on < 0.5 and x.r < 1.0:
+        for h in range(SURFACES):
+            command = x.avg[2 * NR + h]
+            x.asked_low[h] = min(command, x.asked_low[h] + (command - x.asked_low[h]) * dt / ASKED_S)
+            x.asked_high[h] = max(command, x.asked_high[h] + (command - x.asked_high[h]) * dt / ASKED_S)
     x.f_hat_elevator, x.f_hat_aileron = _estimate(x, p, 0), _estimate(x, p, 1)
     x.f_hat_rudder, x.f_hat_thrust = _estimate(x, p, 2), _estimate(x, p, 3)
     x.alarm = x.on
@@ -189,7 +196,9 @@ def _name(x, p):
         x.low[0], x.high[0] = min(x.low[0], command), max(x.high[0], command)
         x.low[1], x.high[1] = min(x.low[1], command + x.f_hat), max(x.high[1], command + x.f_hat)
         moved, stood = x.high[0] - x.low[0], x.high[1] - x.low[1]
-        x.verdict = JAM_SOLID if moved > 0.03 and stood < 0.5 * moved else AMBIGUOUS
+        h, mean = int(x.culprit) - 1, 0.5 * (x.low[1] + x.high[1])
+        home = x.asked_low[h] - HOME <= mean <= x.asked_high[h] + HOME  # a jam stands where it was commanded
+        x.verdict = JAM_SOLID if moved > 0.03 and stood < 0.5 * moved and home else AMBIGUOUS
     else:
         x.verdict = AMBIGUOUS
 

@@ -203,7 +203,7 @@ OUTPUTS = (
 DETECTOR = Detector(
     id="ema_kalman_flight",
     level="local",
-    summary="the same with hinge load, process noise and surface sensor: sensors, drive and jam",
+    summary="Kalman filter with hinge load, process noise and surface sensor: sensors, drive and jam",
     technologies=("ema",),
     inputs={
         "u": "current_command", "y_velocity": "velocity", "y_position": "position", "y_current": "current",

@@ -19,6 +19,7 @@ NEAR = 0.9  # of the largest rms of gusts: beyond it nothing is said
 STEADY = 0.05
 MARGIN = 1.4  # of half a box from its middle: beyond a fifth of its width the affine model is no longer believed
 STAY = 1.25  # so far a box is kept though another one fits better
+BLOWN_S = 4.0  # for which a change of the wind across that only the vane tells is remembered [s]
 DELAY = 12  # of the commands: beyond 5 ms at 2 kHz [ticks]
 
 
@@ -144,12 +145,13 @@ def drift(x, u, p, dt):
 
     Airspeed less ground speed has the wind ahead, and gusts. In a bank lateral velocity over the ground lowers the
     aircraft: V slip = sin(phi) (V_air sin(beta) + cos(phi) wind). Without one it turns the path while the aircraft
-    rolls: until a bank has told the wind, limits are wider there.
+    rolls: until a bank has told the wind, limits are wider there. A gust from the side is told by the vane, whose
+    lateral velocity it changes where that over the ground stays: x.blown [m/s], for BLOWN_S.
     """
     air = usable(u.tas, u.tas_valid) > 0.5
     if x.age == 0.0:
         x.ahead, x.ahead_var = u.tas - x.v_s if air else 0.0, PRIOR
-        x.across, x.across_var, x.lean, x.tilt, x.spin = 0.0, PRIOR * PRIOR, 0.0, 0.0, 0.0
+        x.across, x.across_var, x.lean, x.tilt, x.spin, x.blown = 0.0, PRIOR * PRIOR, 0.0, 0.0, 0.0, 0.0
     phi = u.phi if usable(u.phi, u.phi_valid) > 0.5 else 0.0
     roll = u.p if usable(u.p, u.p_valid) > 0.5 else 0.0
     yaw = u.r if usable(u.r, u.r_valid) > 0.5 else 0.0
@@ -177,6 +179,13 @@ def drift(x, u, p, dt):
     below = x.v_s * math.sin(u.alpha_ground) + x.ahead * math.sin(u.theta)
     x.over = math.atan2(below, x.v_s * math.cos(u.alpha_ground) + x.ahead * math.cos(u.theta))
     x.speed = x.v_s + x.ahead
+    # the path over the ground veers by gravity and rates alone, a vane by gusts from the side, too
+    veer = G0 * sp * math.cos(u.theta) - speed * (yaw * math.cos(x.over) - roll * math.sin(x.over))
+    change = lateral - x.lateral if vane and x.vane > 0.5 else veer * dt
+    blown = math.exp(-dt / BLOWN_S) * (x.blown + veer * dt - change)
+    x.across += blown - x.blown
+    x.across_var = max(x.across_var, 0.25 * blown * blown)
+    x.blown, x.lateral, x.vane = blown, lateral, 1.0 if vane else 0.0
     x.side = math.atan((lateral + cp * x.across) / speed)
     x.spin += c * (roll * math.cos(x.over) + yaw * math.sin(x.over) - x.spin)
     x.doubt = SURE * math.sqrt(x.across_var) * cp / speed * math.fabs(x.spin) / max(-x.A[0, 0], 0.1)

@@ -163,6 +163,9 @@ STATE = dtype(
         ("over", "f8", "rad"),
         ("lean", "f8", "m/s"),  # what the air's lateral velocity makes of slip, and a unit of that wind, lagged
         ("tilt", "f8", "-"),
+        ("blown", "f8", "m/s"),  # what gusts from the side have added to the wind across
+        ("lateral", "f8", "m/s"),  # the air's lateral velocity at the last tick, and 1 if the vane told it
+        ("vane", "f8", "-"),
         ("side", "f8", "rad"),  # sideslip over the ground
         ("spin", "f8", "rad/s"),  # rate about the path, through the lag
         ("doubt", "f8", "rad"),  # what the wind's deviation may be worth as an angle of a gust

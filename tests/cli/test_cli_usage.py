@@ -20,7 +20,6 @@ from cosim.cli import commands as cli
         ("info", "cosim info: Missing argument 'LOG'"),
         ("run -o", "Option '-o' requires an argument"),
         ("run --port 9", "--port: does nothing without --live"),
-        ("replay x.mcap --on-reset split", "--on-reset: does nothing without --map"),
         ("campaign fault-free --scheduler host", "--scheduler host: no scheduler answers there"),
     ],
 )

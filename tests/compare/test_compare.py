@@ -2,14 +2,12 @@
 
 import json
 import math
-import re
 import shutil
 import tomllib
 
 import numpy as np
 import pandas as pd
 import pytest
-from report_browser import CHROMIUM, use
 
 from cosim.campaign.engine import run_campaign, run_many
 from cosim.campaign.worker import run_id
@@ -17,10 +15,8 @@ from cosim.cli.commands import app
 from cosim.compare import CompareError, compare, stats
 from cosim.compare import rows as compare_rows
 from cosim.flight.simulate import simulate
-from cosim.report import compared
-from cosim.report.compare_page import _cell, render, write_comparison
-from cosim.report.compare_words import summary
-from cosim.report.compared import maps
+from cosim.report import write_comparison
+from cosim.report.compare_page import render
 from cosim.scenario import load_scenario, parse
 from cosim.scenario.override import apply
 
@@ -94,21 +90,6 @@ def test_compare_of_a_folder_of_logs_writes_table_and_report(logs, tmp_path):
     assert found.report.read_text("utf-8").startswith("<!doctype html>")
 
 
-def test_the_headline_counts_names_as_the_table_of_detectors_does(flights):
-    """A detector that sees what it was not designed for has a column of its own, and no place in the sentence."""
-    result = run_many(flights, workers=0)
-    frame, tomls = result.frame, {run_id(s): s.expanded_toml() for s in flights}
-    rows = compare_rows.tidy(frame, tomls)
-    beside = rows["detected"] & (rows["id"] == "iotsekf")
-    assert beside.any()
-    beyond = rows[beside].assign(id="beyond", word="may", outcome="ambiguous")
-    rows = pd.concat([rows, beyond], ignore_index=True)
-    each = stats.detectors(rows)
-    (said,) = dict(summary(rows, each, stats.by_group(rows, each), []))["Names"]
-    columns = [sum(d[key] for d in each) for key in ("detected", "named", "ambiguous", "misnamed")]
-    assert [int(n) for n in re.findall(r"\d+", said)] == columns and sum(d["alarmed_on"] for d in each) > columns[0]
-
-
 def test_compare_of_a_campaign_folder_is_that_of_its_rows(flights, tmp_path):
     run_many(flights, workers=0, out=tmp_path / "c")
     found = compare([tmp_path / "c"])
@@ -145,38 +126,6 @@ def test_campaigns_without_a_common_flight_are_counted_not_paired(flights, tmp_p
     run_many(flights[1:2], workers=0, out=tmp_path / "b")
     found = compare([tmp_path / "a", tmp_path / "b"])
     assert found.runs == 2 and not found.pairs and len(found.detectors) == 6 and "no flight in both" in found.source
-
-
-def test_report_compares_one_log_and_many_cells(logs):
-    assert "no fault-free flight was flown" in render(compare(logs[:1]))
-    rows = compare(logs).rows
-    ofc = rows[rows["case"].notna()]
-    many = pd.concat(
-        [ofc.assign(run=f"r{i}", amplitude_mm=ofc["amplitude_mm"] * (1 + i / 50)) for i in range(100)] + [rows]
-    )
-    made = compare(logs[:1])
-    made.rows, made.detectors = many.reset_index(drop=True), stats.detectors(many)
-    text = render(made)
-    assert '"heatmap"' in text and "NaN" not in text.split('id="figures">')[1].split("</script>")[0]
-    assert "alarms all the time" not in text
-    made.detectors[0]["credible"] = False
-    assert f"{made.detectors[0]['id']}: alarms all the time and therefore tells nothing" in render(made)
-
-
-def test_the_summary_names_the_best_level_first_and_counts_what_flew_once(logs):
-    found = compare(logs)
-    about = {"family": "liquid OFC, one segment", "frequency_hz": 1.0, "n": 25, "a90_95": None}
-    sized = [about | {"group": "slow", "seen": 20, "a90_95": 3.0, "note": ""},
-             about | {"group": "best", "seen": 25, "note": "all seen from 0.52"},
-             about | {"group": "mute", "seen": 0, "note": "none seen up to 9"}]  # fmt: skip
-    grouped = stats.by_group(found.rows, found.detectors)
-    told = dict(summary(found.rows, found.detectors, grouped, sized))
-    assert [line.split(":")[0] for line in told["Oscillations"][1:]] == ["best", "slow", "mute"]
-    assert "all seen from 0.52 mm at 1 Hz" in told["Oscillations"][1]
-    assert "flew once" not in told["Read with care"][0]  # one kind, two sizes
-    alone = found.rows[found.rows["amplitude_mm"].isna() | (found.rows["amplitude_mm"] > 4.0)]
-    care = summary(alone, found.detectors, grouped, sized)[-1][1]
-    assert "1 of 1 kinds of fault flew once" in care[0]
 
 
 def test_a_campaigns_title_is_that_of_its_page(flights, tmp_path):
@@ -222,36 +171,6 @@ def test_delays_are_never_negative_and_missing_ones_are_null(logs):
     assert (rows["delay_s"].dropna() >= 0).all()
     assert rows.loc[~rows["detected"], "delay_s"].isna().all()
     assert not any(math.isinf(x) for x in rows["delay_s"].dropna())
-
-
-def test_a_comparison_without_a_designed_for_fault_has_no_empty_figure_and_names_its_marks(flights):
-    result = run_many(flights, workers=0)
-    frame, tomls = result.frame, {run_id(s): s.expanded_toml() for s in flights}
-    rows = compare_rows.tidy(frame, tomls)
-    blind = rows.assign(word=np.where(rows["case"].notna(), "may", rows["word"]))
-    assert compared.delays(blind) is None and compared.roc(blind, stats.detectors(blind)) is None
-    assert compared.delays(rows) and compared.roc(rows, stats.detectors(rows))
-    for own in (rows, rows[rows["id"] == "iotsekf"], rows[~rows["detected"]]):
-        drawn = maps(own).data
-        assert {t["name"] for t in drawn if t["x"]} == {t["name"] for t in drawn if t["showlegend"]}
-
-
-def test_a_cell_of_wrong_names_only_has_their_colour():
-    cell = {"outcomes": {"misnamed": 7, "quiet": 1}, "word": "may", "lane": True, "detected": 7, "runs": 8}
-    assert "c-wrong" in _cell("x", cell).tone
-    assert "c-part" in _cell("x", cell | {"outcomes": {"misnamed": 7, "ambiguous": 1}}).tone
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
-def test_browser_draws_every_figure_of_a_comparison(logs, tmp_path):
-    made = compare(logs)
-    write_comparison(made, tmp_path / "out")
-    found = use(made.report, tmp_path)
-    assert found["errors"] == [] and found["requests"] == [] and not found["overflow"]
-    assert {"maps", "delays", "false-alarms", "sweeps"} <= {p["id"] for p in found["plots"]}
-    assert all(p["svg"] and p["traces"] and p["marks"] for p in found["plots"])
-    assert found["theme"][2] != found["theme"][3]
-    assert found["toggle"]["off"] == 0 < found["toggle"]["before"] == found["toggle"]["on"]
 
 
 def test_many_frequencies_are_taken_together_in_octaves():

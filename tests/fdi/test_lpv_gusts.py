@@ -95,3 +95,15 @@ def test_offsets_are_learned_at_one_speed_where_compressibility_makes_them(mach,
         x.age, x.v_s = k * 0.005, 250.0 - slower * k * 0.005
         learn(x, p, 0.005, 0.01, 0.0, 0.0)
     assert (x.learned > 0.5) == learned
+
+
+@pytest.mark.parametrize("speed", [40, -40])
+def test_a_lateral_gust_in_still_air_is_no_fault(speed):
+    given = ["duration_s=20", "flight.mass_t=204.2", "flight.cg_pct=26.8", "flight.altitude_ft=15000"]
+    given += ["flight.cas_kt=205", "flight.turbulence=none", "flight.gusts.0.axis=lateral", "flight.gusts.0.shape=ramp"]
+    given += ["flight.gusts.0.start_s=14", f"flight.gusts.0.speed_fps={speed}", "flight.gusts.0.gradient_ft=318"]
+    flown = fly(load_scenario("cruise", [*given, "detectors.enabled=[]"]), WIRES.values())
+    log = detect(flown, lpv_smo, WIRES, lpv_smo.fitted(site(flown.attrs["dt"])), ("alarm", "valid", "f_hat_n_z"))
+    blown = flown.index.to_numpy() > ONSET
+    assert log["valid"][blown].all() and not log["alarm"].any()
+    assert np.abs(log["f_hat_n_z"][blown]).max() < 0.04  # .06 where the wind is taken for a sideslip over the ground
