@@ -216,12 +216,12 @@ def name(x):
         return SENSOR, x.frozen
     if x.loose > 0.5:
         return EFFECTIVENESS, 0.0
+    if x.stands_open != 0.0:
+        return RUNAWAY, 0.0
     if x.sensor > 0.5 and (x.blame == 1.0 or (x.blame == 2.0 and x.backlash_suspected < 0.5)):
         return SENSOR, x.blame
     if x.jump_of > 0.5:
         return SENSOR, x.jump_of
-    if x.stands_open != 0.0:
-        return RUNAWAY, 0.0
     if x.jam > 0.5 and moved and (likely == by_evidence.WEAK or likely == by_evidence.OF_LOAD):
         return EFFECTIVENESS, 0.0
     if x.jam > 0.5 and (x.jam_s > LASTS_S or likely != by_evidence.OF_PRESSURE):

@@ -28,6 +28,7 @@ FLAT, FLAT_S, FLAT_TAU = 0.2, 0.2, 0.1  # a valve that stands open keeps within 
 NOISE = 0.4  # ... and this of the threshold of an input fault, which noise seldom passes
 # RISE_S before it kept to that opening had at most this share of it: a sine that is as flat, of 1.2 Hz at most, has 40 % some 80 ms before
 RISE, RISE_S = 0.45, 0.06
+FIRST_S = 0.1  # after the onset of the input fault that the opening has begun by: an oscillation comes to a crest later
 HISTORY = 6  # samples of w in RISE_S
 UNLEARNED = 4.0  # standard deviations of the valve's gain as the flight has taught it, 0.2 before it has
 # an input fault beyond its threshold counts in proportion up to this: against the servo a runaway comes and goes
@@ -68,6 +69,7 @@ STATE = [
     ("w_flat_s", "f8", "s"),  # for which it has
     ("run_timer", "f8", "s"),
     ("run", "f8", "-"),  # 1 while an input fault is declared
+    ("run_s", "f8", "s"),  # for which it has been
     ("stands_open", "f8", "-"),  # opening of a valve that has run away, 0: it has not
     ("q_fast", "f8", "m"),  # rod, lagged once
     ("q_slow", "f8", "m"),  # rod, lagged more
@@ -148,6 +150,7 @@ def input_fault(x, noise, disturbed, p, dt):
     beyond = x.r_run >= 1.0 and not disturbed
     weighed = dt * min(x.r_run, RUN_WEIGHT) if beyond else dt
     x.run_timer, x.run = confirm(x.run_timer, x.run, beyond, weighed, p.run_confirm, p.t_release)
+    x.run_s = x.run_s + dt if x.run > 0.5 else 0.0
 
 
 @kernel
@@ -166,7 +169,7 @@ def runaway(x, noise, p, dt):
     sudden = x.w_before * x.w_flat < RISE * x.w_flat * x.w_flat and math.fabs(x.w_flat) > noise * p.run_threshold
     if x.run < 0.5 or (x.r_run >= 1.0 and w * x.stands_open < RISE * x.stands_open * x.stands_open):
         x.stands_open = 0.0
-    elif x.w_flat_s >= FLAT_S and sudden and x.r_run >= 1.0 and w * x.u_slow < 0.0:
+    elif x.w_flat_s >= FLAT_S and x.run_s < x.w_flat_s + FIRST_S and sudden and x.r_run >= 1.0 and w * x.u_slow < 0.0:
         x.stands_open = x.w_flat
 
 
