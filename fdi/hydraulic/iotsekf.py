@@ -6,8 +6,9 @@ fault state (`fdi.isolation`) raise the alarm; `name` says which of them names i
 
 | asked in turn | verdict |
 |---|---|
-| equal samples; a gap between rod and surface; rod against surface | SENSOR, EFFECTIVENESS, SENSOR |
+| equal samples; a gap between rod and surface | SENSOR, EFFECTIVENESS |
 | a valve that stands open | RUNAWAY |
+| rod against surface; a pressure whose flow is missing | SENSOR |
 | load beyond the hinge-moment model at rest, for a second or where no pressure sensor explains it | JAM_SOLID |
 | nonlinear models of soft oil and joined chambers | EFFECTIVENESS |
 | hypothesis that leads in the longest window | SENSOR, OFC_LIQUID, OFC_SOLID, EFFECTIVENESS |
@@ -38,6 +39,7 @@ from fdi.isolation.evidence import HYPOTHESES
 CULPRITS = ("", "rod", "surface", "pressure")
 FORMS: dict[str, dict] = {  # how the load is known: what `params` is told; "published" is (14)-(36) as printed
     "pressure": {"load": 2},
+    "hinge model": {"load": 1},
     "published": {"load": 0, "centre": 0.0, "total_sign": 0.0, "gate_rod": two_stage.GATE_NONE},
 }
 
@@ -222,6 +224,8 @@ def name(x):
         return SENSOR, x.blame
     if x.jump_of > 0.5:
         return SENSOR, x.jump_of
+    if x.misread > 0.5 and x.jam < 0.5:
+        return SENSOR, 3.0
     if x.jam > 0.5 and moved and (likely == by_evidence.WEAK or likely == by_evidence.OF_LOAD):
         return EFFECTIVENESS, 0.0
     if x.jam > 0.5 and (x.jam_s > LASTS_S or likely != by_evidence.OF_PRESSURE):
@@ -251,7 +255,7 @@ def conclude(x, dt):
     rests = x.rod_high - x.rod_low < STILL and x.likely == by_evidence.OF_LOAD and x.since < JAM_S
     if x.evidence_timer > 0.0 and (rests or x.at_stop > 0.5):  # a rod at rest shows nothing; nor does one at its stop
         x.evidence_timer = by_evidence.RELEASE_S
-    plain = max(max(x.sensor, x.jam), max(x.run, x.jump_of)) > 0.5 or x.frozen > 0.5
+    plain = max(max(x.sensor, x.jam), max(x.run, x.misread)) > 0.5 or x.jump_of > 0.5 or x.frozen > 0.5
     x.alarm = 1.0 if plain or x.evidence_timer > 0.0 else 0.0
     if x.frozen > 0.5:  # its last value shows nothing of the actuator: the models begin anew
         x.rival_s = -1.0
@@ -262,7 +266,7 @@ def conclude(x, dt):
     verdict, culprit = name(x)
     x.next_s = x.next_s + dt if verdict == x.next_verdict and culprit == x.next_culprit else 0.0
     x.next_verdict, x.next_culprit = verdict, culprit
-    sure = x.frozen > 0.5 or x.sensor > 0.5 or x.jump_of > 0.5 or x.stands_open != 0.0  # each has been confirmed
+    sure = max(x.frozen, max(x.sensor, max(x.jump_of, x.misread))) > 0.5 or x.stands_open != 0.0  # has been confirmed
     if sure or x.next_s >= HOLD_S:
         x.verdict, x.culprit = verdict, culprit
     elif x.verdict == NONE:

@@ -22,14 +22,15 @@ from fdi.isolation import filter
 
 JUMP, BEFORE = 6e-4, 0.4  # of a position, six sigma of the sensor [m], and the share that the sample before may have
 FROZEN = 20.0  # equal samples in a row that a sensor with noise has not
-TURNS = 0.4  # share of second differences that turn, of a sensor with noise: of white noise 0.73, in a coarse quantum few
+TURNS = 0.4  # share of second differences that turn: of white noise 0.73, of a coarse quantum few
 WITHOUT_ROD, WITHOUT_PRESSURE = 1.6, 4.0  # noise of f_hat on the surface sensor; on the hinge-moment model
 FLAT, FLAT_S, FLAT_TAU = 0.2, 0.2, 0.1  # a valve that stands open keeps within this share of its lagged opening for [s]
 NOISE = 0.4  # ... and this of the threshold of an input fault, which noise seldom passes
-# RISE_S before it kept to that opening had at most this share of it: a sine that is as flat, of 1.2 Hz at most, has 40 % some 80 ms before
+# at most this share of it RISE_S before it kept to it: a sine that is as flat, of 1.2 Hz at most, has 40 % 80 ms before
 RISE, RISE_S = 0.45, 0.06
 FIRST_S = 0.1  # after the onset of the input fault that the opening has begun by: an oscillation comes to a crest later
 HISTORY = 6  # samples of w in RISE_S
+MISREAD_S = 0.1  # flow that an excess of pressure takes is missing for [s]
 UNLEARNED = 4.0  # standard deviations of the valve's gain as the flight has taught it, 0.2 before it has
 # an input fault beyond its threshold counts in proportion up to this: against the servo a runaway comes and goes
 RUN_WEIGHT = 1.25
@@ -80,6 +81,8 @@ STATE = [
     ("jam", "f8", "-"),  # 1 while a jam is declared
     ("jam_most", "f8", "-"),  # largest load beyond the model since
     ("jam_s", "f8", "s"),  # time since
+    ("misread_timer", "f8", "s"),
+    ("misread", "f8", "-"),  # 1 while the load beyond the model is the pressure sensor's
     ("same", "f8", (3,)),  # equal samples in a row, of rod, surface and pressure
     ("turns", "f8", (3,)),  # share of samples whose second difference has another sign than the one before, over 1 s
     ("step_last", "f8", (3,)),
@@ -175,13 +178,14 @@ def runaway(x, noise, p, dt):
 
 @kernel
 def jammed(x, u, disturbed, p, dt):
-    """Declare a jam: load beyond the hinge-moment model while the rod is at rest.
+    """Declare a jam, load beyond the hinge-moment model while the rod is at rest, or a wrong reading of the pressure.
 
     The valve delivers the flow L e + e' / k that an excess e of pressure takes; where only the reading is wrong the
-    filter invents it, f = L e + e' / k, and there is no jam. [Lu17] (4)
+    filter invents it, f = L e + e' / k, and there is no jam. While the sensor is left out the load is that of its
+    reading. [Lu17] (4)
     """
-    model, a = two_stage.load_model(x, u, p), 1.0 - math.exp(-dt / p.run_tau)
-    x.excess += a * (x.x_hat[3] - model - x.excess)
+    model, a, out = two_stage.load_model(x, u, p), 1.0 - math.exp(-dt / p.run_tau), x.dp_out > 0.5
+    x.excess += a * ((-u.y_dp if out and usable(u.y_dp, u.y_dp_valid) > 0.5 else x.x_hat[3]) - model - x.excess)
     x.r_jam = math.fabs(x.excess) / (p.jam_threshold + p.jam_share * math.fabs(model))
     tau = 5.0 * p.run_tau
     b = 1.0 - math.exp(-dt / tau)
@@ -192,8 +196,11 @@ def jammed(x, u, disturbed, p, dt):
     x.q_slow += dt / (2.0 * p.run_tau) * (x.q_fast - x.q_slow)
     still = math.fabs(x.q_fast - x.q_slow) < 2.0 * p.run_tau * p.jam_still
     delivered = -x.f_lag * flow < 0.5 * flow * flow
-    beyond = x.r_jam >= 1.0 and still and not disturbed and (delivered or x.jam > 0.5)
+    high = x.r_jam >= 1.0 and not disturbed
+    beyond = high and still and not out and (delivered or x.jam > 0.5)
     x.jam_timer, x.jam = confirm(x.jam_timer, x.jam, beyond, dt, p.jam_confirm, p.t_release)
+    wrong = high and (out or not (delivered or x.run > 0.5 or x.jam > 0.5))
+    x.misread_timer, x.misread = confirm(x.misread_timer, x.misread, wrong, dt, MISREAD_S, p.t_release)
     x.jam_s = x.jam_s + dt if x.jam > 0.5 else 0.0
     x.jam_most = max(x.jam_most, math.fabs(x.excess)) if x.jam > 0.5 else 0.0
     x.r_jam *= 1.0 if still else 0.0
@@ -231,5 +238,5 @@ def update(x, u, p, dt):
     input_fault(x, noise, disturbed, p, dt)
     runaway(x, noise, p, dt)
     if p.load == 2.0:
-        jammed(x, u, disturbed or lost, p, dt)
+        jammed(x, u, (disturbed or lost) and x.dp_out < 0.5, p, dt)
     freezes(x, u, dt)

@@ -1,10 +1,10 @@
 """The decision: alarm where the evidence of a fault passes its threshold, name what leads in the longest window.
 
     threshold   evidence beyond its limit in any window is an alarm, which stands down to CALM of it and RELEASE_S more
-    longest     of the windows that show a fault the longest has the most degrees of freedom: only its best hypothesis may
-                have a name, as in a short window much explains everything
-    lead        there, or in a shorter window of the same class, it leads every other class by SURE, and leaves what noise
-                does or a small share of what health leaves
+    longest     of the windows that show a fault the longest has the most degrees of freedom: only its best hypothesis
+                may have a name, as in a short window much explains everything
+    lead        there, or in a shorter window of the same class, it leads every other class by SURE, and leaves what
+                noise does or a small share of what health leaves
     hold        it has done so for HELD_S, an oscillation for PART of its period
     end         windows that showed the fault are silent: all begin anew, and the alarm runs out
 """
@@ -19,8 +19,8 @@ from fdi.isolation.sums import OCTAVES
 
 LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, APART, FREE_FLOAT, DRIVEN = range(1, 12)
 CLASS_OF = (  # of the hypotheses of `evidence`, in their order
-    LIQUID, SOLID, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, WEAK, WEAK, WEAK, WEAK, OF_LOAD, OPENED, FREE_FLOAT, OF_ROD,
-    OF_SURFACE, OF_PRESSURE, APART, OF_PRESSURE, OF_PRESSURE, DRIVEN,
+    LIQUID, SOLID, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, WEAK, WEAK, WEAK, WEAK, OF_LOAD, OPENED, FREE_FLOAT,
+    OF_ROD, OF_SURFACE, OF_PRESSURE, APART, OF_PRESSURE, OF_PRESSURE, DRIVEN,
 )  # fmt: skip
 CALM = 0.35  # of a threshold: down to it an alarm stands
 CLEAR = 40.0  # evidence of a plain onset, at which all windows begin anew

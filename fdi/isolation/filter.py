@@ -245,7 +245,7 @@ def predict(x, u, v, mu, p, dt):
 
 @kernel
 def advance_state(x, v, fast, model, p, dt):
-    """Predict state, covariance and columns over a step under the valve command `v`, of which `fast` is above CORNER."""
+    """Predict state, covariance and columns over a step under valve command `v`, `fast` of which is above CORNER."""
     Phi, G, V, fed, hat = x.h_Phi, x.h_G, x.h_V, x.fed, x.h_hat
     flow_gain = transition(Phi, G, hat, v, v, 0.0, 0.0, True, p, dt)
     q, w, z = hat[0], hat[1], hat[2]

@@ -231,7 +231,7 @@ def test_an_oscillation_of_0_6_mm_is_found_and_named(hz, u, solid):
     assert np.isin(end["verdict"], (expected, verdict.AMBIGUOUS)).all()
     named = end["verdict"] == expected
     assert solid or named.mean() >= 0.75
-    assert (np.abs(end["ofc_hz"] / hz - 1) <= 0.25)[named].all()
+    assert (np.abs(end["likely_hz"] / hz - 1) <= 0.25)[named].all()
 
 
 @pytest.mark.parametrize(("hz", "u"), [(0.5, 0.0019), (1.0, 0.0037)])
@@ -243,7 +243,7 @@ def test_a_slow_oscillation_in_place_of_the_drive_shows_in_still_air(hz, u):
     end = log[:, round((T_FAULT + 4 / hz) / DT)]
     named = end["verdict"] == verdict.OFC_SOLID
     assert (named | (end["verdict"] == verdict.AMBIGUOUS)).all()
-    assert (np.abs(end["ofc_hz"] / hz - 1) <= 0.25)[named].all()
+    assert (np.abs(end["likely_hz"] / hz - 1) <= 0.25)[named].all()
 
 
 def test_a_slow_oscillation_is_named_and_its_alarm_stands_through_its_half_periods():

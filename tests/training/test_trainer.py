@@ -27,16 +27,13 @@ from fdi.rfafe.store import side_kinds
 FROZEN: dict[str, dict[str, dict[str, float]]] = {
     "hydraulic": {
         "iotsekf flight_load0": {
-            "bank_threshold": 0.00362691, "slow_threshold": 0.0160594, "run_threshold": 0.0549503,
-            "sum_threshold": 0.0030224,
+            "run_threshold": 0.0549503,
         },
         "iotsekf flight_load1": {
-            "bank_threshold": 0.00362691, "slow_threshold": 0.0025695, "run_threshold": 0.00824249,
-            "sum_threshold": 0.0030224,
+            "run_threshold": 0.00824249,
         },
         "iotsekf flight_load2": {
-            "bank_threshold": 0.00598626, "slow_threshold": 0.000642376, "run_threshold": 0.00511357,
-            "sum_threshold": 0.0049886, "limit": 2.55375,
+            "run_threshold": 0.00511357, "limit": 2.55375,
         },
         "rtsekf flight_load0": {
             "threshold": 0.0267695, "step": 0.00657689,
