@@ -12,8 +12,6 @@ from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
-import numpy as np
-
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("actuators", "fdi", "cosim")
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite")
@@ -144,6 +142,8 @@ def _reads(function):
 
 def _value(value):
     """Return a text that is another for another value; of what a library brings its name."""
+    import numpy as np  # a scenario is read without it
+
     if isinstance(value, np.ndarray):
         return f"{value.dtype.descr} {value.shape} {value.tobytes().hex()}"
     if isinstance(value, np.dtype):

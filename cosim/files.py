@@ -7,7 +7,6 @@ import secrets
 import stat
 import time
 from collections.abc import Callable, Iterator
-from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -30,25 +29,9 @@ _half: set[Path] = set()  # parts of this process that are neither in their plac
 _stay: set[Path] = set()  # likewise, of logs: they are there for the user
 _swept: set[tuple[Path, int]] = set()  # (folder, process): once is enough, a folder may hold 100 000 files
 
-# -- what may be replaced: a file that the project wrote in the same format, or any other where the user says so
+# -- what may be replaced: a file that the project wrote in the same format
 
 Sign = Callable[[Path], bool]  # tells whether a file that is there was written by the project, in one format
-_overwrite: ContextVar[bool] = ContextVar("overwrite", default=False)
-
-
-@contextlib.contextmanager
-def overwriting(allowed: bool = True) -> Iterator[None]:
-    """Let what is written inside replace files that are foreign, or what a killed flight left; as --overwrite does."""
-    before = _overwrite.set(allowed)
-    try:
-        yield
-    finally:
-        _overwrite.reset(before)
-
-
-def overwrites() -> bool:
-    """Tell whether that is allowed here."""
-    return _overwrite.get()
 
 
 def marked(*marks: bytes) -> Sign:
@@ -83,7 +66,7 @@ def columns(*names: str) -> Sign:
 def claim(path: str | os.PathLike, sign: Sign | None = None) -> None:
     """Raise OutputError where nothing may be written to `path`.
 
-    That is a folder, a file that another run writes, and, without `overwriting`, a file of which `sign` says that the
+    That is a folder, a file that another run writes, and a file of which `sign` says that the
     project did not write it. None: `path` lies in a folder of the project's.
     """
     path = Path(path)
@@ -93,7 +76,7 @@ def claim(path: str | os.PathLike, sign: Sign | None = None) -> None:
         with contextlib.suppress(OSError), each.open("rb") if each.is_file() else contextlib.nullcontext() as file:
             if file and not locked(file, shared=True):
                 raise OutputError(TAKEN, place=str(path), remedy=OTHER)
-    if sign is None or _overwrite.get() or not path.is_file():
+    if sign is None or not path.is_file():
         return
     try:
         own = not path.stat().st_size or sign(path)
@@ -101,7 +84,7 @@ def claim(path: str | os.PathLike, sign: Sign | None = None) -> None:
         own = False
     if not own:
         raise OutputError("is there already: not written by cosim in this format, or perhaps edited", place=str(path),
-                          remedy="Choose another place, or add --overwrite")  # fmt: skip
+                          remedy="Choose another place, or remove it")  # fmt: skip
 
 
 # -- one writer per file: an advisory lock goes with the process, so that no stale one can be left behind

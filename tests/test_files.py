@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from cosim import files
-from cosim.cli.output import reserve
+from cosim.cli.app import reserve
 from cosim.errors import OutputError
 from cosim.files import Part, _swept, beside, held, replace_text, sweep
 

@@ -69,7 +69,7 @@ COMMANDS = {
     "compare": (["compare", "rows", "-o", "page"], "page/compare.html"),
     "campaign": (["campaign", "few.toml", "--workers", "1", "-o", "campaign"], "campaign"),
     "resume": (["campaign", "few.toml", "--workers", "1", "-o", "campaign", "--resume"], "campaign"),
-    "reproduce": (["reproduce", "jay", "--workers", "1", "-o", "."], "reproduce-jay.html"),
+    "reproduce": (["reproduce", "jay", "-o", "."], "reproduce-jay.html"),
 }  # fmt: skip
 SHARE = {"run": 12, "report": 8, "replay": 8, "map": 8, "recover": 8, "compare": 8, "campaign": 8, "resume": 8,
          "reproduce": 6}  # fmt: skip

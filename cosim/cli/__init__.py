@@ -1,105 +1,36 @@
 """The command line: `cosim` and its commands."""
 
-import codecs
-import contextlib
-import os
 import signal
 import sys
-import threading
-
-# of addresses: with less the threads of linear algebra wait for ever while they are loaded
-LEAST_BYTES, ENOUGH_BYTES = 480 << 20, 2 << 30
-# what stands for a letter that the terminal's encoding does not have
-_PLAIN = {"µ": "u", "–": "-", "—": "-", "…": "...", "×": "x", "·": "*", "≤": "<=", "≥": ">=", "±": "+-", "°": " deg",
-          "“": '"', "”": '"', "‘": "'", "’": "'", "→": "->", "é": "e", "²": "2", "³": "3"}  # fmt: skip
 
 
 def main() -> None:
-    """Run the command line; Ctrl-C ends it with 130 at any moment, SIGTERM and SIGHUP like it."""
+    """Run the command line; Ctrl-C, SIGTERM and SIGHUP end it with 130, whatever it is at."""
     try:
-        for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # the last where a terminal goes away; under nohup it is ignored
-            number = getattr(signal, name, None)
-            if number is not None and signal.getsignal(number) != signal.SIG_IGN:
+        for number in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+            if signal.getsignal(number) != signal.SIG_IGN:  # under nohup a terminal that goes away is ignored
                 signal.signal(number, _interrupt)
-        _streams()
-        _room()
+        for stream in filter(None, (sys.stdout, sys.stderr)):
+            stream.reconfigure(errors="replace")  # type: ignore[union-attr]
         from cosim.cli.commands import main as run
 
-        try:
-            run()
-        except SystemExit as end:
-            _clear(end.code)
-            _leave(end.code)
-            raise
+        run()
     except KeyboardInterrupt:
-        _clear(130)
+        _interrupted()
         sys.exit(130)
-    except ImportError as error:
-        if not any(word in str(error) for word in ("failed to map segment", "annot allocate memory")):
-            raise
-        print("error: this machine gives no more memory. Close other programs, or raise the limit (ulimit -v)",
-              file=sys.stderr)  # fmt: skip
-        sys.exit(2)
-    except Exception as error:  # what Python makes of an interrupt inside an import's `__set_name__`
-        if not isinstance(error.__cause__, KeyboardInterrupt):
-            raise
-        sys.exit(130)
-
-
-def _clear(status: object) -> None:
-    """Remove what an interrupt has left half written before anybody knew of it; name the part of a log that stays."""
-    stay = sys.modules["cosim.files"].interrupted() if "cosim.files" in sys.modules else []
-    for part in stay if status == 130 else []:
-        print(f"{part} holds what was flown: `cosim recover {part}` makes a readable log of it", file=sys.stderr)
-
-
-def _leave(status: object) -> None:
-    """End the process where a thread of a user's detector would keep it, with a line."""
-    guests = sys.modules.get("fdi.registry")
-    left = [t.name for t in threading.enumerate() if not t.daemon and t is not threading.main_thread()]
-    if not left or guests is None or not guests.GUESTS:
-        return
-    names = ", ".join(guests.GUESTS)
-    said = f"ended with the thread {left[0]!r} running, which code of a user's has started"
-    print(f"note: {said}: {names}", file=sys.stderr)
-    for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError):
-            stream.flush()
-    os._exit(status if isinstance(status, int) else int(status is not None))
+    except SystemExit as end:
+        if end.code == 130:
+            _interrupted()
+        raise
 
 
 def _interrupt(*_: object) -> None:
-    sys.unraisablehook = lambda _: None  # of what is half made at this moment its end may fail, too
     raise KeyboardInterrupt
 
 
-def _room() -> None:
-    """End with a line where the system allows too few addresses: threads of libraries would wait for ever."""
-    try:
-        import resource
+def _interrupted() -> None:
+    """Remove what an interrupt has left half written; name the part of a log that stays."""
+    from cosim.files import interrupted
 
-        most, _ = resource.getrlimit(resource.RLIMIT_AS)
-    except (ImportError, OSError):
-        return
-    if most != resource.RLIM_INFINITY and most < LEAST_BYTES:
-        print(f"error: the limit of {most >> 20} MB for addresses is too low; allowed: from {LEAST_BYTES >> 20} MB on. "
-              f"Raise it: ulimit -v {ENOUGH_BYTES >> 10}", file=sys.stderr)  # fmt: skip
-        sys.exit(2)
-
-
-def _streams() -> None:
-    """Give a closed stream somewhere to go, and one of few letters plain ones in place of those it lacks."""
-    codecs.register_error("plain", _plain)
-    for name in ("stdout", "stderr"):
-        stream = getattr(sys, name)
-        if stream is None:
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
-        elif hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="plain")
-
-
-def _plain(error: UnicodeError) -> tuple[str, int]:
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    lost = error.object[error.start : error.end]
-    return "".join(_PLAIN.get(letter, "?") for letter in lost), error.end
+    for part in interrupted():
+        print(f"{part} holds what was flown: `cosim recover {part}` makes a readable log of it", file=sys.stderr)

@@ -1,71 +1,67 @@
-"""The command line without its commands: consoles, what becomes of errors, options that commands share.
+"""The command line without its commands: consoles, what becomes of errors, arguments and options that commands share.
 
 Exit status: 0 good (an alarm or a departed flight is a result), 1 a difference or a failed criterion, 2 bad input,
 130 interrupted.
 With --json one JSON object goes to standard output and nothing else; what goes wrong is one line on standard error.
 """
 
-import errno
 import json
 import logging
 import os
-import re
+import shlex
 import sys
-import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, cast
 
 import typer
 from rich.console import Console
 from rich.markup import escape
+from rich.text import Text
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-from cosim.errors import CosimError, shortened
-from cosim.files import marked, replace_text
+from cosim.errors import CosimError, OutputError, ScenarioError, shortened
+from cosim.files import Part, Sign, failed, marked, replace_text
+from cosim.progress import Progress
 
-for _width in ("COLUMNS", "TERMINAL_WIDTH"):  # rich's and typer's; 0 would print nothing, 10^20 for ever
-    if not re.fullmatch("[1-9][0-9]{0,3}", os.environ.get(_width, "")):
-        os.environ.pop(_width, None)
-TOLD = "COLUMNS" in os.environ
-_asked = os.environ.get("COMP_WORDS") and re.fullmatch("[0-9]{1,4}", os.environ.get("COMP_CWORD", ""))
-if os.environ.get("_COSIM_COMPLETE") == "complete_bash" and not _asked:
-    del os.environ["_COSIM_COMPLETE"]  # no shell asks for completions: it would say of which words
-WIDE = None if sys.stdout.isatty() or TOLD else 110  # a pipe has no width: do not fold its tables
-
-
-# of a title or a name from a foreign file: what would steer the terminal, or turn the direction of reading
-_STEERING = dict.fromkeys({*range(32), *range(127, 160), 0x61C, 0x200E, 0x200F, *range(0x2028, 0x202F),
-                           *range(0x2066, 0x206A)} - {ord("\t"), ord("\n")}, "?")  # fmt: skip
+WIDTH = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 110  # a pipe has no width: do not fold its tables
+LAYOUT = marked(b"{", b'"content"', b'"type": "tabs"')  # the sign of our layouts
+MOST = 20  # mistakes of one file that are told before the last
+LIVE_PORT = 8765  # that Foxglove asks for by default
+_Usage = cast(type[Exception], typer.BadParameter.__mro__[2])  # of all that typer refuses; it exports no name for it
 
 
 class _Whole(Console):
-    """A console that cuts nothing off: a path or a command that is longer than the terminal stays whole. What is
-    printed does not steer the terminal, only what rich adds does."""
+    """A console that cuts nothing off: a path or a command that is longer than the terminal stays whole."""
 
     def print(self, *objects, **how):
         super().print(*objects, **{"crop": False, "emoji": False, **how})
 
-    def render(self, renderable, options=None):
-        for part in super().render(renderable, options):
-            yield part if part.control else part._replace(text=part.text.translate(_STEERING))
 
-
-out, err = _Whole(width=WIDE), _Whole(stderr=True)
-
-
-_Usage = cast(type[Exception], typer.BadParameter.__mro__[2])  # of all that typer refuses; it exports no name for it
+out, err = _Whole(width=WIDTH), _Whole(stderr=True)
 
 
 class _Told(logging.Handler):
     """Print what the library tells of: whose code runs."""
 
     def emit(self, record):
-        err.print(escape(_line(record.getMessage())), soft_wrap=True, highlight=False)
+        _say(record.getMessage(), "")
+
+
+def _untyped(params):
+    """Return parameters without names of Python's types in the help."""
+    for param in params:
+        if isinstance(param, TyperArgument) or param.is_flag or "--help" in param.opts:
+            vars(param)["display_type_rich"] = lambda ctx: None
+    return params
 
 
 class _Group(TyperGroup):
     """Every error of a user becomes one line on standard error and exit status 2; Ctrl-C becomes 130."""
+
+    def get_params(self, ctx):
+        return _untyped(super().get_params(ctx))
 
     def make_context(self, *args, **extra):
         try:
@@ -79,55 +75,25 @@ class _Group(TyperGroup):
     def invoke(self, ctx):
         log = logging.getLogger("cosim")
         log.setLevel(logging.INFO)
-        if not any(isinstance(handler, _Told) for handler in log.handlers):
-            log.addHandler(_Told())
+        log.handlers = [_Told()]
         try:
-            try:
-                return super().invoke(ctx)
-            finally:
-                sys.stdout.flush()  # a full disk behind it is told here, not by the interpreter's end
+            return super().invoke(ctx)
         except _Usage as error:
-            text = _usage(error)
+            told = [_usage(error)]
         except CosimError as error:
-            *before, text = (one.line for one in error.every)
-            for one in before[:MOST]:
-                _say(one)
-            if before[MOST:]:
-                _say(f"{len(before) - MOST} more mistakes, and the last:")
+            told = [one.line for one in error.every]
+            if len(told) > MOST + 1:
+                told[MOST:-1] = [f"{len(told) - MOST - 1} more mistakes, and the last:"]
         except BrokenPipeError:
             raise  # the reader of a pipe went away: click ends quietly
         except OSError as error:
-            said = NO_FILE if error.errno == errno.ENAMETOOLONG else error.strerror or error
-            text = f"{error.filename or _stream(error)}: {said}".removeprefix(": ")
-            text = text if _somewhere() else "the current folder has been removed. Change to another one"
-        except MemoryError:
-            text = "this machine gives no more memory. Close other programs, or raise the limit (ulimit -v)"
-        except RuntimeError as error:
-            if "start new thread" not in str(error):
-                raise
-            text = "this machine gives no more threads. Close other programs, or raise the limit (ulimit -u)"
+            told = [f"{error.filename or 'standard output'}: {error.strerror or error}"]
         except KeyboardInterrupt:
             err.print("[yellow]interrupted[/]")
             ctx.exit(130)
-        _say(text)
+        for line in told:
+            _say(line)
         ctx.exit(2)
-
-
-def _stream(error):
-    """Return "standard output" where that is what takes nothing more, and let what is left of it go."""
-    last = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
-    if last.parent != Path(__file__).parent and "rich" not in last.parts:
-        return ""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return "standard output"
-
-
-def _somewhere():
-    """Tell whether there is a current folder: it may have been removed under the command."""
-    try:
-        return bool(os.getcwd())
-    except OSError:
-        return False
 
 
 def _usage(error):
@@ -136,58 +102,50 @@ def _usage(error):
     path = ctx.command_path if ctx else "cosim"
     said = " ".join(error.format_message().split()).rstrip(".")
     stop = "" if said.endswith("?") else "."
-    return f"{path}: {said.replace('Input should be', 'must be')}{stop} `{path} -h` says what there is"
+    return f"{path}: {said}{stop} `{path} -h` says what there is"
 
 
-def _say(text):
-    err.print(f"[bold red]error:[/] {escape(_line(text))}", soft_wrap=True, highlight=False)
+def _say(text, lead="[bold red]error:[/] "):
+    text = shortened(text.replace("\r", r"\r").replace("\n", r"\n"))
+    err.print(f"{lead}{escape(text)}", soft_wrap=True, highlight=False)
 
 
-def _line(text):
-    return shortened(text.replace("\r", r"\r").replace("\n", r"\n"))
+def notes(lines: Iterable[str]) -> None:
+    """Print lines that are worth knowing and no errors."""
+    for line in lines:
+        _say(line, "[yellow]note:[/] ")
 
 
 class _Command(TyperCommand):
-    """A command whose help has whole paragraphs, and no names of Python's types."""
+    """A command whose help has whole paragraphs and no names of Python's types, and that overwrites no input."""
 
     def __init__(self, *args, **how):
         super().__init__(*args, **how)
         self.help = "\n\n".join(" ".join(part.split()) for part in (self.help or "").split("\n\n"))
 
     def get_params(self, ctx):
-        params = super().get_params(ctx)
-        for param in params:
-            flag = getattr(param, "is_flag", False) or "--help" in param.opts
-            kind = getattr(param, "display_type", None)
-            if flag or isinstance(param, TyperArgument):
-                vars(param)["display_type_rich"] = lambda ctx: None
-            elif param.metavar is None and kind and kind(ctx).startswith(("<int", "<float")):
-                param.metavar = "N"
-        return params
+        return _untyped(super().get_params(ctx))
 
     def collect_usage_pieces(self, ctx):
-        return [piece.replace("{", "").replace("}", "") for piece in super().collect_usage_pieces(ctx)]
+        return [piece.translate({123: None, 125: None}) for piece in super().collect_usage_pieces(ctx)]
+
+    def invoke(self, ctx):
+        path = ctx.params.get("output")
+        for name, given in ctx.params.items() if path and path.is_file() else ():
+            for one in given if isinstance(given, list) else [given]:
+                if name != "output" and isinstance(one, str | Path) and Path(one).exists() and path.samefile(one):
+                    said = f"is the {name.strip('_')} itself, it would be overwritten"
+                    raise OutputError(said, place=str(path), remedy="Choose another -o")
+        return super().invoke(ctx)
 
 
-class _App(typer.Typer):
-    """The commands of the command line, each a _Command."""
-
-    def command(self, name=None, **how):
-        return super().command(name, **{"cls": _Command, **how})
+app = typer.Typer(cls=_Group, no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_enable=False,
+                  context_settings={"help_option_names": ["-h", "--help"]})  # fmt: skip
 
 
-app = _App(
-    cls=_Group,
-    no_args_is_help=True,
-    rich_markup_mode="rich",
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-
-LAYOUT = marked(b"{", b'"content"', b'"type": "tabs"')  # the sign of our layouts
-NO_FILE = "there is no such file, and its name is longer than a file's may be"
-MOST = 20  # mistakes of one file that are told before the last
-LIVE_PORT = 8765  # that Foxglove asks for by default
+def command(group: str, name: str | None = None) -> Callable:
+    """Make a function a command of a group of `cosim -h`."""
+    return app.command(name, cls=_Command, rich_help_panel=group)
 
 
 def _version(wanted: bool):
@@ -198,16 +156,94 @@ def _version(wanted: bool):
         raise typer.Exit
 
 
+# -- arguments and options
+
+
+def option(metavar: str, about: str, *names: str, **more: Any) -> Any:
+    """Return an option; without `names` it has that of its parameter."""
+    return typer.Option(*names, metavar=metavar, help=about, **more)
+
+
+def flag(name: str, about: str) -> Any:
+    """Return an option without a value."""
+    return typer.Option(name, help=about)
+
+
+def argument(metavar: str, about: str) -> Any:
+    """Return an argument."""
+    return typer.Argument(metavar=metavar, help=about)
+
+
+def output_option(metavar: str, about: str) -> Any:
+    """Return the option -o of a command: the file or folder (DIR) that it writes."""
+    return typer.Option("--output", "-o", metavar=metavar, help=about)
+
+
 @app.callback()
-def _root(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
-    ] = False,
-):
+def _root(version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+          ] = False):  # fmt: skip
     """Fly a transport aircraft with physical elevator actuators, break something, and see which fault detector notices.
 
     Start with [b]cosim run[/]; [b]cosim list[/] shows what there is to fly.
     """
+
+
+JsonOption = Annotated[bool, flag("--json", "Print one JSON object and nothing else.")]
+SpeedOption = Annotated[float | None, option("N", "With --live: N times the clock's. Default: 1.", min=0.01, max=1e3)]
+PortOption = Annotated[int | None, option("PORT", "With --live: default 8765, 0 takes a free one.", min=0, max=65535)]
+SetOption = Annotated[
+    list[str] | None,
+    option("KEY=VALUE", "Change a key: [b]--set faults.0.frequency_hz=3[/]. Repeatable.", "--set", "-s"),
+]
+DetectorOption = Annotated[
+    list[Path] | None,
+    option("FILE.py", "A detector of your own, or an installed one by name. Its code runs with your rights. "
+           "Repeatable."),
+]  # fmt: skip
+ScenarioArg = Annotated[str, argument("SCENARIO", "Built-in name (see [b]cosim list[/]) or TOML file.")]
+LogArg = Annotated[Path, argument("LOG", "A log of [b]cosim run[/].")]
+
+
+def only_with(partner: str, given: Any, **options: Any) -> None:
+    """Refuse `options` {name: value, None where it is left out} that do nothing unless option `partner` is given."""
+    for name, value in options.items():
+        if value is not None and not given:
+            raise CosimError(f"does nothing without {partner}", place=f"--{name}")
+
+
+# -- what commands do before the work, and with its result
+
+
+def reserve(path: Path, sign: Sign | None, *, log: bool = False) -> None:
+    """Find out before the work whether `path` can be written, leaving nothing but its folder; see cosim.files.claim.
+
+    `sign` tells the project's own files of this format. To a `log` no killed flight may have left anything. Raises
+    OutputError.
+    """
+    try:
+        Part(path, sign).drop()
+    except OSError as error:
+        raise failed(error, path) from None
+    if log:
+        from cosim.flight.interactive import journal
+
+        journal.absent(path)
+
+
+@contextmanager
+def named(scenario: str) -> Iterator[None]:
+    """Put the scenario's name or file before the place of what is found wrong only when it is built."""
+    try:
+        yield
+    except ScenarioError as error:
+        if error.place != scenario and not error.place.startswith(f"{scenario}: "):
+            error.place = f"{scenario}: {error.place}" if error.place else scenario
+        raise
+
+
+def progress(text: str, unit: str = "s", waiting: str = "") -> Progress:
+    """Return what shows progress on standard error, `waiting` until its callback (done, total) is first called."""
+    return Progress(text, unit, waiting=waiting, console=err)
 
 
 def answer(json_: bool, found: dict, shown: Callable[[dict], Any]) -> None:
@@ -225,14 +261,14 @@ def served(server: Any, layout: Path | None = None) -> None:
         err.print(f"to watch only: {server.url}", highlight=False, soft_wrap=True)
 
 
-def only_with(partner: str, given: Any, **options: Any) -> None:
-    """Refuse `options` {name: value, None where it is left out} that do nothing unless option `partner` is given."""
-    for name, value in options.items():
-        if value is not None and not given:
-            raise CosimError(f"does nothing without {partner}", place=f"--{name.replace('_', '-')}")
+def word(path: Any) -> str:
+    """Return a path as it stands in a command: quoted where it must be, one with a leading dash no option."""
+    text = str(path)
+    return shlex.quote(f"./{text}" if text.startswith("-") else text)
 
 
-def notes(lines: Iterable[str]) -> None:
-    """Print lines that are worth knowing and no errors."""
-    for line in lines:
-        err.print(f"[yellow]note:[/] {escape(_line(line))}", soft_wrap=True, highlight=False)
+def whole(text: Text | str) -> Text:
+    """Return a line that is not folded: a path or a command that is copied."""
+    made = Text(text) if isinstance(text, str) else text
+    made.no_wrap, made.overflow = True, "ignore"
+    return made

@@ -1,22 +1,40 @@
-"""Commands about many flights and their pages: `campaign`, `report`, `compare`."""
+"""The commands of many flights: `campaign`, `compare`, `reproduce`."""
 
+import math
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Group
 from rich.text import Text
 
-from cosim.cli import flight, tables
-from cosim.cli import output as shared
-from cosim.cli.app import answer, app, err, notes, only_with, out
-from cosim.cli.output import argument, flag, option, output_option, reserve
+from cosim.cli import app as shared
+from cosim.cli import flight
+from cosim.cli.app import (
+    answer,
+    argument,
+    command,
+    flag,
+    notes,
+    only_with,
+    option,
+    out,
+    output_option,
+    progress,
+    reserve,
+    whole,
+    word,
+)
+from cosim.files import columns, replace
+
+TEXTS = 5  # different errors that are printed
 
 
-@app.command()
+@command("Many flights")
 def campaign(
-    campaign: shared.CampaignArg,
-    workers: shared.WorkersOption = None,
+    campaign: Annotated[str, argument("CAMPAIGN", "Built-in name or file.")],
+    workers: Annotated[int | None, option("N", "Processes. Default: one per core.", min=1)] = None,
     scheduler: Annotated[str | None, option("ADDRESS", "Fly on a Dask cluster: tcp://host:8786.")] = None,
     resume: Annotated[bool, flag("--resume", "Go on in this folder; failed runs fly again.")] = False,
     output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>.")] = None,
@@ -38,16 +56,16 @@ def campaign(
     only_with("--signals", signals, rate=rate)
     if again:
         _rerun(campaign, again, json_, out=output, guests=detector or ())
-    with tables.progress(err, f"flying {Path(campaign).stem}", "runs", "preparing the workers") as progress:
+    with progress(f"flying {Path(campaign).stem}", "runs", "preparing the workers") as tell:
         done = run_campaign(
-            campaign, workers=workers, scheduler=scheduler, out=output, resume=resume, progress=progress,
+            campaign, workers=workers, scheduler=scheduler, out=output, resume=resume, progress=tell,
             guests=detector or (), signals=signals and [w for w in signals if w != "all"], rate_hz=rate or 50.0,
         )  # fmt: skip
-    from cosim.cli import campaign as cli_campaign
-
     notes(done.notes)
-    answer(json_, {**done.to_dict(), "errors": cli_campaign.errors(done.frame)}, lambda _: cli_campaign.campaign(done))
-    raise typer.Exit(cli_campaign.exit_status(done.frame))
+    failed = errors(done.frame)
+    answer(json_, {**done.to_dict(), "errors": failed}, lambda _: flown(done, failed))
+    none = sum(r["runs"] for r in failed) == done.frame["run"].nunique()
+    raise typer.Exit(int(none or any(r["status"] != "infeasible" for r in failed)))
 
 
 def _rerun(campaign, run, json_, **how):
@@ -63,41 +81,37 @@ def _rerun(campaign, run, json_, **how):
     raise typer.Exit(1 if repeats is False else 0)
 
 
-@app.command()
-def report(
-    log: Annotated[Path, argument("LOG|DIR", "A log; a campaign's folder, or one of logs.")],
-    output: Annotated[Path | None, output_option("HTML", "Default: beside the log.")] = None,
-    overwrite: shared.OverwriteOption = False,
-    json_: shared.JsonOption = False,
-) -> None:
-    """Write one HTML page of a flight, a recording or a folder.
+def flown(result: Any, failed: list[dict]) -> Group:
+    """Return what a campaign came to: the table of its detectors, how its runs ended, where the rows are."""
+    from cosim.compare import compare
+    from cosim.compare.tables import detectors
 
-    It opens offline. Of a recording: what `cosim replay --map -o` made of it. Of a folder: its logs, compared.
-    """
-    path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
-    from cosim.report.page import PAGE
-
-    reserve(path, PAGE, taken={"the log": [log]}, endings=(".html", ".htm"))
-    if log.is_dir():
-        from cosim.compare import compare as work
-        from cosim.report import comparison_report
-
-        with tables.progress(err, "reading", unit="logs") as progress:
-            made = comparison_report(work([log], progress=progress), path)
-    else:
-        from cosim.log import open_log
-        from cosim.report import diagnosis_report, flight_report
-
-        foreign = "map.toml" in open_log(log, tolerant=True).attachments
-        made = (diagnosis_report if foreign else flight_report)(log, path)
-    answer(json_, {"report": str(made)}, lambda _: tables.whole(f"report {made}"))
+    status = result.frame.drop_duplicates("run")["status"].value_counts()
+    text = f"{result.done} runs: {', '.join(f'{n} {name}' for name, n in status.items())}"
+    text += f"; {result.resumed} were there already" if result.resumed else ""
+    at = result.parquet if result.frame["id"].notna().any() else None
+    shown = [detectors(compare([at.parent]).detectors)] if at else []
+    told = [Text(f"{r['runs']} x {r['status']}: {r['error']}", style="red") for r in failed[:TEXTS]]
+    if more := sum(r["runs"] for r in failed[TEXTS:]):
+        told.append(Text(f"{more} more with {len(failed) - TEXTS} other texts: column error of the rows", style="red"))
+    follows = [whole(f"next   cosim compare {word(at.parent)}")] if at else []
+    return Group(*shown, Text(text), *told, Text(f"rows   {result.parquet}"), *follows)
 
 
-@app.command()
+def errors(frame: Any) -> list[dict]:
+    """Return [{status, error, runs}] of the runs without a flight, the most frequent first."""
+    from cosim.campaign.worker import FAILED
+
+    runs = frame.drop_duplicates("run")
+    counts = runs[runs["status"].isin(FAILED)].groupby(["status", "error"], sort=True).size()
+    counts = counts.sort_values(ascending=False, kind="stable")
+    return [{"status": status, "error": text, "runs": int(n)} for (status, text), n in counts.items()]
+
+
+@command("Many flights")
 def compare(
     sources: Annotated[list[Path], argument("PATH", "Logs, a campaign's folder, or two of them side by side.")],
     output: Annotated[Path | None, output_option("DIR", "Folder for report and tables. Default: write none.")] = None,
-    overwrite: shared.OverwriteOption = False,
     detector: shared.DetectorOption = None,
     fault_rate: Annotated[
         list[float] | None, option("PER_HOUR", "What an alarm is worth at so many faults per flight hour.")
@@ -113,12 +127,11 @@ def compare(
     if output:
         for name, sign in SIGNS.items():
             reserve(output / name, sign)
-    with tables.progress(err, "reading", unit="flights", waiting="preparing") as progress:
-        made = work(sources, progress=progress, guests=detector or ())
+    with progress("reading", unit="flights", waiting="preparing") as tell:
+        made = work(sources, progress=tell, guests=detector or ())
         if output:
             write_comparison(made, output)
-    found = made.to_dict() | {"predictive": plain(made.predictive(fault_rate or ()))}
-    answer(json_, found, compared)
+    answer(json_, made.to_dict() | {"predictive": plain(made.predictive(fault_rate or ()))}, compared)
 
 
 def compared(found: dict) -> Group:
@@ -126,13 +139,56 @@ def compared(found: dict) -> Group:
     from cosim.compare.tables import by_level, detectors, pairs, predictive  # `--help` needs no pandas
 
     lost = f"; {found['failed']} could not be flown" if found["failed"] else ""
-    mute = [d for d in found["detectors"] if d["not_valid"] and d["why_not_valid"]]
-    why = [f"{d['id']} not valid: {d['why_not_valid']}" for d in mute]
-    files = [Text(f"{key:<7}{found[key]}") for key in ("report", "table") if found[key]]
-    head = Text(f"{found['runs']} flights, {found['source']}{lost}")
-    beside = [pairs(found["pairs"])] if found.get("pairs") else []
-    joint = found.get("levels") and any(d["level"] == "both" for d in found["detectors"])
-    more = [by_level(found["levels"])] if joint else []
-    more += [predictive(found["predictive"])] if found.get("predictive") else []
-    why_not = (Text(line, "dim") for line in why)
-    return Group(head, *beside, detectors(found["detectors"]), *why_not, *more, *files)
+    why = [f"{d['id']} not valid: {d['why_not_valid']}" for d in found["detectors"]
+           if d["not_valid"] and d["why_not_valid"]]  # fmt: skip
+    parts: list[Any] = [Text(f"{found['runs']} flights, {found['source']}{lost}")]
+    parts += [pairs(found["pairs"])] if found.get("pairs") else []
+    parts += [detectors(found["detectors"]), *(Text(line, "dim") for line in why)]
+    parts += [by_level(found["levels"])] if any(d["level"] == "both" for d in found["detectors"]) else []
+    parts += [predictive(found["predictive"])] if found.get("predictive") else []
+    return Group(*parts, *(whole(f"{key:<7}{found[key]}") for key in ("report", "table") if found[key]))
+
+
+@command("Papers")
+def reproduce(
+    paper: Annotated[str, argument("PAPER", "lu17, jay, sun13, mar10, alwi14 or all.")] = "all",
+    output: Annotated[Path, output_option("DIR", "Folder of page and rows.")] = Path("logs"),
+    json_: shared.JsonOption = False,
+) -> None:
+    """Repeat the papers' experiments: paper says, we get, verdict.
+
+    Exit status 1 when a row differs.
+    """
+    from pandas import DataFrame
+
+    from cosim.papers import chosen, counts
+    from cosim.papers import reproduce as work
+    from cosim.report import reproduction_report
+    from cosim.report.page import PAGE
+
+    chosen(paper)
+    page, table = (output / f"reproduce-{paper}.{ending}" for ending in ("html", "csv"))
+    listed = columns("paper", "item", "says")
+    reserve(page, PAGE)
+    reserve(table, listed)
+    with progress(f"reproducing {paper}", unit="rows", waiting="preparing") as tell:
+        rows, drawings = work(paper, progress=tell)
+    reproduction_report(rows, drawings, page)
+    frame = DataFrame(map(asdict, rows))
+    replace(table, lambda part: frame.to_csv(part, index=False), listed)
+    found: dict[str, Any] = {"counts": counts(rows), "report": str(page), "table": str(table)}
+    plain = [asdict(r) | {"got": r.got if math.isfinite(r.got) else None} for r in rows]
+    answer(json_, {**found, "rows": plain}, lambda _: reproduced(rows, found))
+    if found["counts"]["differs"]:
+        raise typer.Exit(1)
+
+
+def reproduced(rows: list[Any], found: dict[str, Any]) -> Group:
+    """Return the counts of the verdicts, a line per row that differs, explained or not, and where all rows are."""
+    from cosim.papers.tables import VERDICTS
+    from cosim.table import number
+
+    total = "   ".join(f"{n} {VERDICTS[v][0]}" for v, n in found["counts"].items())
+    off = [Text(f"{r.paper}, {r.item}: we get {number(r.got)}, {VERDICTS[r.verdict][0]}", style=VERDICTS[r.verdict][1]
+                .replace("warn", "yellow").replace("bad", "red")) for r in rows if r.verdict != "agrees"]  # fmt: skip
+    return Group(Text(total), *off, *(whole(f"{key:<7}{found[key]}, every row") for key in ("report", "table")))

@@ -40,7 +40,8 @@ LISTS = {  # topic -> title, columns of its table
     "campaigns": ("Campaigns: cosim campaign NAME", ("name", "what is flown:title")),
     "manoeuvres": ("Manoeuvres: --set manoeuvre.kind=KIND", ("kind", "what it does:summary", "keys")),
     "detectors": (
-        "Detectors: --set 'detectors.enabled=[...]'", ("id", "level", "what it is:summary", "judges in:range")
+        "Detectors: --set 'detectors.enabled=[...]'",
+        ("id", "level", "what it is:summary", "judges in:range"),
     ),
     "classes": ("Classes that a verdict may name", ("class:name", "what is wrong:summary")),
     "signals": ("Signals that a detector may read", ("signal:name", "unit", "what it is:summary")),

@@ -9,6 +9,7 @@ from cosim.judge import coverage
 from cosim.judge.naming import outcome
 from cosim.table import DASH, Cell, Column, Table, number, of, share
 
+ALL = 9  # rank of the columns that are shown last
 TONES = {"named": "good", "misnamed": "bad", "missed": "bad"}
 JUDGED = {
     "not_valid": "not valid", "named": "right", "ambiguous": "seen, not named", "misnamed": "another name",
@@ -78,12 +79,12 @@ COLUMNS = (
     Column("first alarm", lambda e: seconds(e["detection_delay_s"]), "s", "from the fault's onset on"),
     Column("right name", lambda e: seconds(e.get("time_to_right_s")), "s", "first one, from the onset on"),
     Column("last name", _name, right=False),
-    Column("came to", lambda e: Cell(JUDGED.get(e["outcome"], DASH), TONES.get(e["outcome"], "")), rank=4, right=False),
-    Column("false alarms", lambda e: Cell(e["false_alarms"], "bad" if e["false_alarms"] else "muted")),
-    Column("at", lambda e: seconds(e["detected_at_s"]), "s", "time of the first alarm in the flight", 1),
+    Column("came to", lambda e: Cell(JUDGED.get(e["outcome"], DASH), TONES.get(e["outcome"], "")), right=False),
+    Column("false alarms", lambda e: Cell(e["false_alarms"], "bad" if e["false_alarms"] else "muted"), rank=1),
+    Column("at", lambda e: seconds(e["detected_at_s"]), "s", "time of the first alarm in the flight", 2),
     Column("delay", lambda e: number(e["detection_delay_periods"], 2), "periods",
-           "first alarm in periods of the fault", 2),
-    Column("step", lambda e: number(e["step_us"], 2), "µs", "time per step and lane", 3),
+           "first alarm in periods of the fault", 3),
+    Column("step", lambda e: number(e["step_us"], 2), "µs", "time per step and lane", 4),
     Column("stands to it", lambda e: coverage.WORDS[coverage.expected(e["id"], e["case"])] if e["case"] else DASH,
            doc="what its record in fdi/ declares for this fault", rank=5, right=False),
     Column("first name", lambda e: e["first_verdict"]["class"] if e.get("first_verdict") else DASH, rank=6,

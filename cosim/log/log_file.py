@@ -25,7 +25,7 @@ from mcap.records import (
 )  # fmt: skip
 
 from cosim.errors import CosimError, OutputError
-from cosim.files import FULL, Part, claim, left_by, overwrites
+from cosim.files import FULL, Part, claim, left_by
 
 from .format import LIBRARY, MAGIC, OURS, log_error
 
@@ -218,9 +218,9 @@ def free(path: str | os.PathLike) -> None:
     """Raise OutputError where a killed flight has left ticks that a flight to `path` would write over."""
     left = left_by(path)
     claim(left, OURS)
-    if left.is_file() and not overwrites() and holds_chunk(left):
+    if left.is_file() and holds_chunk(left):
         raise OutputError(f"a killed flight left {left}", place=os.fspath(path),
-                          remedy=f"`cosim recover {left}` makes it readable; --overwrite lets it go")  # fmt: skip
+                          remedy=f"`cosim recover {left}` makes it readable; or remove it")  # fmt: skip
 
 
 def holds_chunk(path: Any) -> bool:

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 from isal.isal_zlib import crc32
 
-from cosim.files import overwrites
-
 from . import foxglove
 from .compression import COMPRESSIONS, compress, keep_memory
 from .format import Limits, LogError, channel_metadata, check_texts
@@ -187,7 +185,7 @@ class LogWriter:
     def close(self, result: dict | None = None) -> None:
         """Write what is buffered, the result with a hash of all samples, and the summary; no result: incomplete.
 
-        The log of a flight that did not end by itself replaces no other one, unless the user overwrites: it stays at
+        The log of a flight that did not end by itself replaces no other one: it stays at
         `path`.part, and `path` says so.
         """
         if not self._file.open:
@@ -202,7 +200,7 @@ class LogWriter:
             if result is not None:
                 self._file.metadata("result", {**result, "content": content_hash(self._file.chunks)})
             cut = result is None or result.get("status") == "interrupted"
-            self._file.finish(aside=cut and self._kept and os.path.isfile(self._file.path) and not overwrites())
+            self._file.finish(aside=cut and self._kept and os.path.isfile(self._file.path))
         finally:
             self._file.drop()
 

@@ -1,7 +1,6 @@
 """The campaign file: what a grid and draws make of a scenario, what is refused and how, and the command around it."""
 
 import functools
-import io
 import json
 import os
 import signal
@@ -13,7 +12,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from killed import heeds_ctrl_c
-from rich.console import Console
 from scipy import stats
 from typer.testing import CliRunner
 
@@ -21,7 +19,6 @@ from cosim.campaign.draw import draw, unit_cube
 from cosim.campaign.engine import cluster, rerun, run_many
 from cosim.campaign.spec import EVALUATION_SEED, builtin_campaigns, load_campaign
 from cosim.cli import commands as cli
-from cosim.cli.campaign import nearest
 from cosim.errors import CosimError
 from cosim.flight.faults import fault_free_reference
 from cosim.scenario import catalog as c
@@ -284,18 +281,6 @@ def test_runs_that_fail_are_told_and_decide_the_exit_status(flights, status, tol
         assert words in found.stdout
     again = cosim("campaign", path, "-o", tmp_path / "out", "--resume", "--json")
     assert again.exit_code == status and sum(e["runs"] for e in json.loads(again.stdout)["errors"]) == 1
-
-
-def test_without_faults_the_flights_nearest_to_an_alarm_are_told(written, tmp_path, one_process):
-    path = written('base = "cruise"\nruns = 2\n[set]\nduration_s = 3\n"detectors.enabled" = ["iotsekf"]\n')
-    told = cosim("campaign", path, "-o", tmp_path / "out", "--workers", 1)
-    assert told.exit_code == 0 and "nearest" in told.stdout, told.output
-    rows = pd.read_parquet(tmp_path / "out" / "runs.parquet")
-    shown = io.StringIO()
-    Console(file=shown, width=150).print(nearest(rows[rows["id"].notna()]))
-    most = rows.groupby("run")["r_max_before"].max().sort_values(ascending=False)
-    assert " ".join(shown.getvalue().split()).count(" ".join(f"{r:.3g}" for r in most)) == 1
-    assert str(rows.set_index("run").loc[most.index[0], "seed"].iloc[0]) in shown.getvalue()
 
 
 def test_interrupted_campaign_keeps_its_rows_and_can_go_on(written, tmp_path):

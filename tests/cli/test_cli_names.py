@@ -8,8 +8,6 @@ from rich.text import Text
 from typer.testing import CliRunner
 
 from cosim.cli import commands as cli
-from cosim.cli import main, tables
-from cosim.files import beside
 from cosim.progress import Compiling, Progress
 from cosim.table import Table
 
@@ -25,13 +23,6 @@ def test_a_table_shows_cells_headings_and_title_as_they_are(name):
     console = Console(file=io.StringIO(), width=100)
     console.print(t)
     assert all(f"{part}{name}" in console.file.getvalue() for part in ("h", "c", "t", ""))
-
-
-def test_a_bar_shows_a_name_as_it_is():
-    console = Console(file=io.StringIO(), width=100, force_terminal=True)
-    with tables.progress(console, "flying [/red]") as move:
-        move(1.0, 2.0)
-    assert "flying [/red]" in console.file.getvalue()
 
 
 def test_a_plain_file_gets_a_line_of_progress_now_and_then(monkeypatch):
@@ -58,13 +49,6 @@ def test_a_folder_with_brackets_in_its_name_is_checked(tmp_path, monkeypatch):
     assert "ac[/red]" in (told.stdout + told.stderr).replace("\n", "")
 
 
-def test_a_link_to_itself_is_replaced(tmp_path):
-    (tmp_path / "loop").symlink_to(tmp_path / "loop")
-    with beside(tmp_path / "loop") as part:
-        part.write_text("whole")
-    assert (tmp_path / "loop").read_text() == "whole"
-
-
 def test_a_message_is_one_line_as_it_was_written_and_not_endless(tmp_path, monkeypatch):
     (tmp_path / "passwd").write_text("root:x:0:0:secret\n")
     given = ["-s", "manoeuvre.kind=inputs", "-s", f"manoeuvre.file={tmp_path / 'passwd'}"]
@@ -75,13 +59,3 @@ def test_a_message_is_one_line_as_it_was_written_and_not_endless(tmp_path, monke
         assert said.exit_code == 2 and said.stderr.count("\n") == 1 and len(said.stderr) < 1100
     assert "root:x:0:0" in call("info", "root:x:0:0").stderr
     assert call("info", "a\nb.mcap").stderr.count("\n") == 1
-
-
-def test_a_library_that_finds_no_memory_is_one_line(monkeypatch, capsys):
-    def without_memory():
-        raise ImportError("lib.so: failed to map segment from shared object")
-
-    monkeypatch.setattr(cli, "main", without_memory)
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2 and "no more memory" in capsys.readouterr().err

@@ -13,19 +13,10 @@ COMMANDS = sorted(typer.main.get_command(cli.app).commands)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_help_speaks_of_no_python_and_no_repository(command):
+def test_help_is_whole_paragraphs_without_names_of_python_and_has_json(command):
     said = CliRunner().invoke(cli.app, [command, "-h"], env={"COLUMNS": "80"}).stdout
     assert not re.search(r"[{}]|<(bool|str|path|list|int|float)|\(README\)|…", said), said
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_takes_json_as_the_front_page_says(command):
-    assert "--json" in CliRunner().invoke(cli.app, [command, "-h"], env={"COLUMNS": "80"}).stdout
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_paragraphs_of_help_are_filled(command):
-    said = CliRunner().invoke(cli.app, [command, "-h"], env={"COLUMNS": "80"}).stdout
+    assert "--json" in said
     lines = [line.strip() for line in said.partition("╭")[0].splitlines()]
-    for line, after in itertools.pairwise(lines):
+    for line, after in itertools.pairwise(lines):  # paragraphs are filled
         assert not (line and after) or len(line) + 1 + len(after.split()[0]) > 76, line

@@ -67,11 +67,13 @@ def test_compare_shows_every_column_whole(width):
 
 
 @pytest.mark.parametrize("width", [80, 100])
-def test_a_run_shows_names_and_delays_whole_and_says_which_columns_are_left_out(width):
+def test_a_run_shows_names_and_delays_whole_in_25_lines_and_with_details_says_which_columns_are_left_out(width):
     scenario = cosim.load_scenario("liquid-ofc", ["duration_s=3", "faults.0.start_s=1"])
-    text = printed(flight.shown(cosim.simulate(scenario).to_dict(), scenario), width)
+    found = cosim.simulate(scenario).to_dict()
+    text = printed(flight.shown(found | {"log": "logs/liquid-ofc.mcap"}, scenario), width)
     assert "…" not in text and re.search(r"iotsekf +left inner +\d\.\d\d +\d\.\d\d", text)
-    assert f"left out of {width} columns" in text
+    assert len(text.splitlines()) <= 25 and "left out" not in text
+    assert f"left out of {width} columns" in printed(flight.shown(found, scenario, details=True), width)
 
 
 @pytest.mark.parametrize("topic", ["all", ""])

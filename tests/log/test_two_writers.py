@@ -6,7 +6,7 @@ import sys
 import pytest
 
 import cosim
-from cosim.cli.output import reserve
+from cosim.cli.app import reserve
 from cosim.errors import CosimError
 from cosim.files import LEFT, TAKEN, Part
 

@@ -26,10 +26,6 @@ def test_structure_of_the_talk_and_of_this_aircraft():
     assert columns[2:6] == ["delta_l", "delta_m", "delta_n", "eta"]
 
 
-def test_the_detector_s_rows_and_families_are_those_of_slides_6_to_11():
-    assert set(judged("mar10", "transcribed.")) == {"agrees"}
-
-
 def test_residuals_are_selected_as_the_table_says_in_the_first_scenario():
     assert mar10_selection.chosen(1)[0] == 0
 

@@ -1,6 +1,8 @@
 """The bench of [Jay] section 4: nozzle actuator without load, published filter, position loop; and an elevator's load.
 
-The nozzle is the paper's plant as `printed` has it, exactly advanced; the filter holds its own.
+The nozzle is the plant behind the paper's Phi and G, exactly advanced: continuous numbers of the printed structure that
+give back all 37 entries. a21 a43 = a23 a41 holds by the one ratio N / l: the motor turns free of the spring. The filter
+holds its own.
 
 What the paper leaves open, and what stands here:
 
@@ -19,14 +21,21 @@ What the paper leaves open, and what stands here:
 from typing import Any
 
 import numpy as np
+from scipy.signal import cont2discrete
 
 from actuators.block import dtype, kernel
 from actuators.ema import jay
-from cosim.papers.jay import printed
 from cosim.papers.measured import all_valid
 from fdi.ema import ema_kalman
 
-DT = jay.PERIOD
+DT = 0.005  # [s]; section 4
+PLANT = {  # [1/s2], [1/s], ...: a_ij of the printed A, the loop's rate, its drive, pole and zero of the compensator
+    "a21": 10025.9, "a22": 4.61611, "a23": 80.2301, "a41": 339214.0, "a43": 2714.47, "a44": 0.967879, "a45": 603.297,
+    "a54": 95.2571, "loop": 8210.38, "drive": 72699.4, "a": 45.0, "b": 257.987,
+}  # fmt: skip
+ARM, SHARE = 0.125, 0.9  # lever arm [m] and R's share of the loop: chosen
+RATIO = ((PLANT["a23"] / PLANT["a21"]) * (PLANT["a43"] / PLANT["a41"])) ** 0.5  # N / l
+LEAD = ARM * RATIO  # N [m/rad]
 SECONDS, FAULT = 8.0, 2.0  # length of a run and start of every fault [s]; the latter: [Jay] section 4
 COMMAND = 2.5e-3  # [m]; pulse train, 2 s period, 50 % duty: [Jay] section 4
 NOISE = np.array([1e-4, 1.0, 0.1])  # position [m], velocity [rad/s], current [A]; [Jay] section 4
@@ -67,6 +76,22 @@ FIGURES = {  # figure -> (sensor, scale, bias): section 4.1 to 4.3
     11: ("current", 0.0, 1.0),
 }
 _SENSOR = {"position": 0, "velocity": 1, "current": 2}
+
+
+def plant(resistance: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (Phi, G, Gamma) of the truth over a tick: state (6), demand, bias of the loop's current sensor [A].
+
+    `resistance`: rise of R as a fraction.
+    """
+    p, A, B = PLANT, np.zeros((6, 6)), np.zeros((6, 2))
+    A[0, 1] = A[2, 3] = 1.0
+    A[1, :3] = -p["a21"], -p["a22"], p["a21"] * RATIO
+    A[3, [0, 2, 3, 4]] = p["a43"] / RATIO, -p["a43"], -p["a44"], p["a45"]
+    A[4, 3:] = -p["a54"], -p["loop"] * (1.0 + SHARE * resistance), -p["drive"] * (p["b"] - p["a"])
+    A[5, 5] = -p["b"]
+    B[4, 0], B[5, 0], B[4, 1] = p["drive"], 1.0, -(1.0 - SHARE) * p["loop"]
+    Phi, G, *_ = cont2discrete((A, B, np.eye(6), np.zeros((6, 2))), DT)
+    return Phi, G[:, 0], G[:, 1]
 
 
 @kernel
@@ -128,5 +153,5 @@ def bench(
         pf["Phi"], pf["G"] = matrices
     f, uf = ema_kalman.init(pf), all_valid(ema_kalman)
     out = np.zeros(n, OUT)
-    _fly(tick, *printed.plant(resistance), printed.LEAD, pf[0], np.zeros(6), f[0], uf[0], reconfigure, out)
+    _fly(tick, *plant(resistance), LEAD, pf[0], np.zeros(6), f[0], uf[0], reconfigure, out)
     return out

@@ -107,7 +107,7 @@ def _advance(q, qd, x3, v, held, s, p, dt):
     for _ in range(SUBSTEPS):
         F = (s.hm0 + s.hmd * (q + 0.5 * h * qd) / p.arm) / p.arm  # of the middle of the sub-step
         at = q
-        q, qd, x3 = transcription.advance(q, qd, x3, v, F, h)
+        q, qd, x3 = transcription.advance(q, qd, x3, v, 0.0, F, h)
         if held > 0.5:
             q, qd = at, 0.0
         if q > LIMIT:

@@ -30,12 +30,12 @@ def rate(x1, x2, x3, u, f, F_d):
 
 
 @kernel
-def advance(x1, x2, x3, u, F_d, h):
-    """Return (x1, x2, x3) after `h` seconds of (4) without an input fault: one step of the classic Runge-Kutta rule."""
-    a1, a2, a3 = rate(x1, x2, x3, u, 0.0, F_d)
-    b1, b2, b3 = rate(x1 + h / 2 * a1, x2 + h / 2 * a2, x3 + h / 2 * a3, u, 0.0, F_d)
-    c1, c2, c3 = rate(x1 + h / 2 * b1, x2 + h / 2 * b2, x3 + h / 2 * b3, u, 0.0, F_d)
-    d1, d2, d3 = rate(x1 + h * c1, x2 + h * c2, x3 + h * c3, u, 0.0, F_d)
+def advance(x1, x2, x3, u, f, F_d, h):
+    """Return (x1, x2, x3) after `h` seconds of (4): one step of the classic Runge-Kutta rule."""
+    a1, a2, a3 = rate(x1, x2, x3, u, f, F_d)
+    b1, b2, b3 = rate(x1 + h / 2 * a1, x2 + h / 2 * a2, x3 + h / 2 * a3, u, f, F_d)
+    c1, c2, c3 = rate(x1 + h / 2 * b1, x2 + h / 2 * b2, x3 + h / 2 * b3, u, f, F_d)
+    d1, d2, d3 = rate(x1 + h * c1, x2 + h * c2, x3 + h * c3, u, f, F_d)
     return (
         x1 + h / 6 * (a1 + 2 * b1 + 2 * c1 + d1),
         x2 + h / 6 * (a2 + 2 * b2 + 2 * c2 + d2),

@@ -1,9 +1,6 @@
 """The stored designs of [Sun13] against its theorems: inequalities, conditions, E, what (28) gains."""
 
-import dataclasses
-
 import numpy as np
-from scipy.integrate import solve_ivp
 from scipy.linalg import expm, subspace_angles
 
 from cosim.papers.measured import apart, worst
@@ -12,8 +9,7 @@ from cosim.training import rfafe as training
 from cosim.training.flights import DT
 from cosim.training.rfafe import RANK_E
 from fdi.rfafe import rfafe
-from fdi.rfafe.discrete import discretise
-from fdi.rfafe.store import choose, from_plain, read
+from fdi.rfafe.store import choose, from_plain
 from fdi.rfafe.synthesis import Design
 
 
@@ -68,19 +64,6 @@ def speed() -> tuple[float, str]:
     return took[0] / took[1], f"{took[0]:.0f} and {took[1]:.0f} ms"
 
 
-def rank() -> tuple[float, str]:
-    """Return the share of the squared singular values of E that the rank keeps, and the values."""
-    sigma = np.linalg.svd(np.array(read("rfafe")["E"]), compute_uv=False)
-    words = ", ".join(f"{v:.2g}" for v in sigma)
-    return (sigma[:RANK_E] ** 2).sum() / (sigma**2).sum(), f"singular values {words}"
-
-
-def positions() -> float:
-    """Return the largest entry of M on an airframe output over the largest on a position."""
-    M = np.abs(np.array(read("rfafe")["designs"]["hydraulic"]["design"]["M"]))
-    return (M[:, :4].max(1) / M[:, 4:].max(1)).max()
-
-
 def reduced() -> tuple[float, str]:
     """Return the largest angle [deg] of E by (36), of flights flown anew, to what the code makes and to the stored."""
     raw = training.unknown_inputs()
@@ -95,36 +78,3 @@ def again() -> tuple[float, str]:
     stored = choose("rfafe", "hydraulic", DT)[0]
     anew = from_plain(variants.published("six flights")["designs"]["hydraulic"]["design"])
     return worst({n: apart(getattr(anew, n), getattr(stored, n)) for n in ("P", "N", "M", "Gamma")})
-
-
-def law() -> float:
-    """Return the largest difference of f_hat of the discrete estimator from (2), (28) integrated by SciPy, over f_hat.
-
-    A second of outputs that are linear and inputs that are held between samples; D of (40) is ours, it flies with none.
-    """
-    d = choose("rfafe", "hydraulic", DT)[0]
-    TF, gain, ticks = d.T @ d.F, d.Gamma @ d.M, 200
-    D = 0.1 * np.cos(np.arange(d.D.size)).reshape(d.D.shape)
-    own = discretise(N=d.N, T=d.T, K=d.K, H=d.H, C=d.C, B=d.B, D=D, TF=TF, gain=gain, alpha=d.alpha, dt=DT)
-    t = np.arange(ticks) * DT
-    y, u = (np.sin(2 * np.pi * t[:, None] * np.arange(1, n + 1) / 3.0) for n in D.shape)
-    ours = dataclasses.replace(d, discrete=own, D=D).estimate(y, u)
-    n, I = len(d.A), np.eye(len(d.C))
-    free = y[0] - D @ u[0]
-    x, theirs = np.concatenate([(np.linalg.pinv(d.C) - d.H) @ free, np.zeros(d.F.shape[1])]), np.zeros_like(ours)
-    r = (I - d.C @ d.H) @ free - d.C @ x[:n]
-    x[n:] = theirs[0] = gain @ r  # what the law's proportional part makes of the first sample
-    for k in range(1, ticks):
-        rate = (y[k] - y[k - 1]) / DT
-
-        def slope(s, x, rate=rate, k=k):
-            now, z, f = y[k - 1] + rate * s - D @ u[k - 1], x[:n], x[n:]
-            dz = d.N @ z + d.T @ d.B @ u[k - 1] + d.K @ now + TF @ f  # (2)
-            r, dr = (I - d.C @ d.H) @ now - d.C @ z, (I - d.C @ d.H) @ rate - d.C @ dz  # (11)
-            return np.concatenate([dz, gain @ (dr + d.alpha * r)])  # (28)
-
-        if k > 1:  # what a step of the input does to r = y - D u - C x_hat at once
-            x[n:] -= gain @ (I - d.C @ d.H) @ D @ (u[k - 1] - u[k - 2])
-        x = solve_ivp(slope, (0.0, DT), x, rtol=1e-9, atol=1e-12).y[:, -1]
-        theirs[k] = x[n:]
-    return float(np.abs(ours[1:] - theirs[1:]).max() / np.abs(theirs).max())

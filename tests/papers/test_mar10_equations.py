@@ -1,4 +1,4 @@
-"""[Mar10] slides 6 to 11 transcribed for the transport, against the kernels of the detector at random states.
+"""[Mar10] slides 6 to 11 as they are printed, for the transport, against the kernels of the detector at random states.
 
 Forces and moments come from the coefficient tables that JSBSim flies, interpolated by SciPy, as a rotation and a cross
 product have them; residuals from the rows by `structure.combination`, which slide 10's table checks.
@@ -9,11 +9,13 @@ import functools
 from typing import Any
 
 import numpy as np
+import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from actuators.constants import G0
 from cosim.flight.plant.force_model import force_model
 from cosim.papers.mar10 import flights
+from cosim.papers.measured import apart
 from fdi.control_redundancy import control_redundancy, core, structure
 from fdi.control_redundancy.force_model import A0, EFFECTOR, P0
 
@@ -115,17 +117,15 @@ def _random(rng: Any) -> Any:
     return u
 
 
-def rows(which: str, draws: int = 20) -> tuple[float, str]:
-    """Return how far the detector's row errors, sensitivities and uncertainty are from slides 6 and 7, over their size.
-
-    `which`: "force" [g] or "force+moment", with angular accelerations [rad/s2]. Half of the draws have engines, inertia
-    and axes of moments of another aircraft, so that no term of this one's is zero.
-    """
-    rng, worst, n, m = np.random.default_rng(6), np.zeros(3), (3 if which == "force" else 6), force_model()
+@pytest.mark.parametrize("which", ["force", "force+moment"])
+def test_row_errors_sensitivities_and_uncertainty_are_those_of_slides_6_and_7(which):
+    """Over their size; with moments angular accelerations [rad/s2] beside specific forces [g]. Half of the draws have
+    engines, inertia and axes of moments of another aircraft, so that no term of this one's is zero."""
+    rng, n, m = np.random.default_rng(6), (3 if which == "force" else 6), force_model()
     other = dataclasses.replace(m, thrust_axis=(0.8, 0.36, -0.48), engine=m.engine + rng.normal(size=(4, 3)),
                                 gyration2=(60.0, 80.0, 130.0, 9.0), stability_rates=not m.stability_rates,
                                 stability_moments=not m.stability_moments)  # fmt: skip
-    for draw in range(draws):
+    for draw in range(20):
         m = other if draw % 4 > 1 else force_model()
         p = flights.detector(rows=which)[0]
         for name in ("thrust_axis", "engine", "gyration2", "stability_rates", "stability_moments"):
@@ -154,21 +154,20 @@ def rows(which: str, draws: int = 20) -> tuple[float, str]:
             e = np.concatenate([e, np.array([u["pdot"], u["qdot"], u["rdot"]]) - turned])
             S, a = np.hstack([S, G[:, 3:] @ turn.T]), np.concatenate([a, np.abs(turn) @ act[3:]])
         pairs = ((x["e"][0, :n], e), (x["G"][0, :n], S.T), (x["act"][0, :n], a))
-        worst = np.maximum(worst, [np.abs(ours - theirs).max() / np.abs(theirs).max() for ours, theirs in pairs])
-    return float(worst.max()), "row errors {:.1g}, sensitivities {:.1g}, uncertainty {:.1g}".format(*worst)
+        assert all(apart(ours, theirs) <= 1e-10 for ours, theirs in pairs)
 
 
-def families(which: str, draws: int = 10) -> tuple[float, str]:
-    """Return how far residuals, sensitivities, thresholds, identified faults are from slides 8 to 11, over their size.
+@pytest.mark.parametrize("which", ["force", "force+moment"])
+def test_residuals_thresholds_and_identified_faults_are_those_of_slides_8_to_11(which):
+    """At random rows: r = c (row errors), S = c G, its threshold the sum of |c| (threshold + rel activity).
 
-    At random rows: r = c (row errors), S = c G, its threshold the sum of |c| (threshold + rel activity), the fault of
-    an effector by least squares weighted by the thresholds over the families in use.
+    The fault of an effector is that of least squares weighted by the thresholds over the families in use.
     """
-    rng, p, worst = np.random.default_rng(7), flights.detector(rows=which)[0], np.zeros(4)
+    rng, p = np.random.default_rng(7), flights.detector(rows=which)[0]
     n = 3 if which == "force" else 6
     shape = force_model().structure()[:n]
     found = structure.families(shape, most=2 if n == 3 else 1)
-    for _ in range(draws):
+    for _ in range(10):
         x = np.zeros(1, control_redundancy.STATE)
         G = rng.normal(size=(6, 8))
         G[:n, :4] *= shape
@@ -183,7 +182,7 @@ def families(which: str, draws: int = 10) -> tuple[float, str]:
             sensitivity[:4] = s
             rows.append((c @ avg[:n], sensitivity, np.abs(c) @ limit))
         r, S, tau = (np.array(column) for column in zip(*rows, strict=True))
-        fired = x["fired"][0, : len(found)] != (np.abs(r) >= tau)
+        assert np.array_equal(x["fired"][0, : len(found)], np.abs(r) >= tau)
         x["used"] = 0.0
         x["used"][0, : len(found)] = use = rng.uniform(size=len(found)) > 0.3
         for h in range(4):
@@ -192,27 +191,22 @@ def families(which: str, draws: int = 10) -> tuple[float, str]:
             fit = np.linalg.lstsq((w * S[:, h])[:, None], w * r, rcond=None)[0][0]
             if (w * S[:, h]).any():
                 wrong = np.abs(w * (r - S[:, h] * fit)).max()
-                worst[3] = max(worst[3], abs(value - fit) / (1.0 + abs(fit)), abs(off - wrong) / (1.0 + wrong))
-        ours = (x["res"], x["S"], x["tau"])
-        pairs = [(np.abs(a[0, : len(found)] - b).max() / np.abs(b).max()) for a, b in zip(ours, (r, S, tau))]
-        worst[:3] = np.maximum(worst[:3], pairs)
-        worst[0] += fired.sum()
-    return float(worst.max()), "residuals {:.1g}, sensitivities {:.1g}, thresholds {:.1g}, faults {:.1g}".format(*worst)
+                assert abs(value - fit) <= 1e-10 * (1.0 + abs(fit)) and abs(off - wrong) <= 1e-10 * (1.0 + wrong)
+        for ours, theirs in ((x["res"], r), (x["S"], S), (x["tau"], tau)):
+            assert apart(ours[0, : len(found)], theirs) <= 1e-10
 
 
-def window(mean_s: float, ticks: int = 400) -> tuple[float, str]:
-    """Return how far rows averaged over a window are from their plain mean, and delayed commands from the delayed ones.
-
-    `mean_s`: 0 for raw samples. The window moves by tenths of itself; a command acts after the steps of slide 11 and
-    the actuator's delay, no faster than the actuator.
-    """
-    rng, p = np.random.default_rng(9), flights.detector(t_mean=mean_s)[0]
+@pytest.mark.parametrize("mean_s", [0.5, 0.0], ids=["mean of 0.5 s", "raw samples"])
+def test_rows_are_averaged_over_the_window_and_commands_act_late(mean_s):
+    """Slides 11 and 17. The window moves by tenths of itself; a command acts after the two steps of slide 11 and the
+    actuator's delay, no faster than the actuator."""
+    ticks, rng, p = 400, np.random.default_rng(9), flights.detector(t_mean=mean_s)[0]
     x, u = np.zeros(1, control_redundancy.STATE), np.zeros(1, control_redundancy.INPUTS)
     t = np.arange(ticks) * DT
     commands = 0.1 * np.sign(np.sin(np.outer(t, 4.0 + np.arange(8.0)))) + 0.05 * rng.normal(size=(ticks, 8))
     rows = rng.normal(size=(ticks, 4 * core.NR))
     cmd, held = commands[0].copy(), []
-    block, worst, mean_worst = max(1, round(mean_s / 10 / DT)), 0.0, 0.0
+    block = max(1, round(mean_s / 10 / DT))
     for k in range(ticks):
         for j, name in enumerate(COMMANDS):
             u[name] = commands[k, j]
@@ -221,7 +215,7 @@ def window(mean_s: float, ticks: int = 400) -> tuple[float, str]:
         move = np.array([commands[max(k - int(late), 0), j] for j, late in enumerate(p["late"])]) - cmd
         most = np.where(p["rate"] > 0.0, p["rate"] * DT, np.inf)
         cmd = cmd + np.clip(move, -most, most)
-        worst = max(worst, float(np.abs(x["cmd"][0] - cmd).max()))
+        assert np.abs(x["cmd"][0] - cmd).max() <= 1e-10
         e, act, offset = rows[k, : core.NR], np.abs(rows[k, core.NR : 2 * core.NR]), rows[0, 2 * core.NR : 3 * core.NR]
         x["e"], x["act"], x["offset"], x["spool"] = e, act, offset, abs(rows[k, -1])
         x["pitch"], x["pitch_e"], x["grown"], x["pitch_0"] = rows[k, -2], rows[k, -3], rows[k, -4] * DT, 0.3
@@ -229,12 +223,10 @@ def window(mean_s: float, ticks: int = 400) -> tuple[float, str]:
                      rows[k, -2] + rows[k, -4] - 0.3, rows[k, -3]])  # fmt: skip
         full = core.accumulate(x[0], p, DT)
         ready = core.sliding_mean(x[0], p)
-        if full != ((k + 1) % block == 0):
-            mean_worst = np.inf
-        if full > 0.5 and ready > 0.5:
+        assert full == ((k + 1) % block == 0)
+        if full and k + 1 >= 10 * block:
+            assert ready
+        if full and ready:
             span = block * (10 if mean_s else 1)
             own = np.mean(held[k + 1 - span : k + 1], axis=0)
-            mean_worst = max(mean_worst, float(np.abs(x["avg"][0, : len(own)] - own).max()))
-        elif full > 0.5 and k + 1 >= 10 * block:
-            mean_worst = np.inf
-    return max(worst, mean_worst), f"mean {mean_worst:.1g}, commands {worst:.1g}"
+            assert np.abs(x["avg"][0, : len(own)] - own).max() <= 1e-10

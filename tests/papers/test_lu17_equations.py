@@ -1,56 +1,49 @@
-"""What the blocks hold, against [Lu17] as it is printed: constants, (4), (9)-(13), (15)-(36), truth of the bench.
+"""[Lu17] as it is printed against what the blocks hold: constants, (4), (9)-(13), (15)-(36), (38)-(48), bench.
 
-The right sides are `transcription` and what stands here, literally from the paper, on NumPy and SciPy; r = 3 in (13),
-see the row on the relative degree; Phi and Gamma of (19), (20) come from one exponential, about x_hat: (20) prints G at
-x_bar, which moves nothing (G holds the rod and the pressure only, where both agree to V f). Q^xf = 0.
+The right sides are `lu17.transcription` and what stands here, literally from the paper, on NumPy and SciPy: r = 3 in
+(13); Phi and Gamma of (19), (20) come from one exponential, about x_hat; (20) prints G at x_bar, which moves nothing
+(G holds the rod and the pressure only, where both agree to V f). Q^xf = 0 but where it is named.
 """
 
 from typing import Any
 
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from actuators.common import linkage
 from actuators.hydraulic import lu17, servo
-from cosim.papers.lu17 import bench, transcription
-from cosim.papers.lu17.transcription import A_P, P_S, PHI_N, V_M, B, E, L, M, rate
+from cosim.papers.lu17 import bench
+from cosim.papers.lu17.transcription import A_P, P_S, PHI_N, V_M, B, E, L, M, advance, rate
 from fdi.hydraulic import iotsekf, rtsekf
 from fdi.hydraulic.two_stage_ekf import transition
 
 CONSTANTS = {"A_p": A_P, "B": B, "P_s": P_S, "phi_n": PHI_N, "V_m": V_M, "E": E, "M": M, "L": L}
-DRAWS = 500
 
 
-def _states():
+def _states(draws=500):
     """Yield (x1, x2, x3, u, f, F_d) over the stroke, either sign of u, loads below the supply."""
     rng = np.random.default_rng(4)
-    for _ in range(DRAWS):
+    for _ in range(draws):
         yield (rng.uniform(-0.1, 0.1), *rng.uniform(-0.9, 0.9, 3), rng.uniform(-0.05, 0.05), rng.uniform(-2e4, 2e4))
 
 
-def constants() -> tuple[int, str]:
-    """Return how many of the eight constants a block holds otherwise than printed, over plant, servo and filters."""
-    held = {"equation": lu17.params(), "servo": servo.params(), "iotsekf": iotsekf.params(), "rtsekf": rtsekf.params()}
-    wrong = [f"{who} {name}" for who, p in held.items() for name, v in CONSTANTS.items() if p[name][0] != v]
-    return len(wrong), ", ".join(wrong) or f"{len(CONSTANTS)} constants in {', '.join(held)}"
+@pytest.mark.parametrize("block", [lu17, servo, iotsekf, rtsekf], ids=lambda b: b.__name__.rpartition(".")[2])
+def test_the_eight_constants_below_equation_6_are_held_as_printed(block):
+    p = block.params()
+    assert {name: p[name][0] for name in CONSTANTS} == CONSTANTS
 
 
-def equation() -> float:
-    """Return the largest difference of what servo and filters integrate from (4), over the size of each derivative."""
-    p, worst = lu17.params()[0], 0.0
+def test_servo_and_filters_integrate_equation_4():
+    p = lu17.params()[0]
     for x1, x2, x3, u, f, F_d in _states():
-        ours, theirs = np.array(lu17.rhs(x1, x2, x3, u, u, f, F_d, p)), np.array(rate(x1, x2, x3, u, f, F_d))
-        worst = max(worst, float(np.max(np.abs(ours - theirs) / (np.abs(theirs) + 1e-3))))
-    return worst
+        assert lu17.rhs(x1, x2, x3, u, u, f, F_d, p) == pytest.approx(rate(x1, x2, x3, u, f, F_d), rel=1e-12, abs=1e-15)
 
 
-def inversion() -> float:
-    """Return the largest difference of the servo's valve command from (13) with (9) to (12), r = 3 [1].
-
-    Without the lead of half a tick that our servo gives (13), since its command is held.
-    """
-    p, x, worst = servo.params(u_max=1e3)[0], servo.init(servo.params())[0], 0.0
+def test_the_valve_command_is_13_with_9_to_12_and_r_3():
+    """Without the lead of half a tick that our servo gives (13), since its command is held."""
+    p, x = servo.params(u_max=1e3)[0], servo.init(servo.params())[0]
     for x1, x2, x3, _, nu, F_d in _states():
         f2 = (A_P * P_S * x3 - B * x2 + F_d) / M  # (9)
         k = 2 * E * V_M / (P_S * (V_M**2 - A_P**2 * x1**2))
@@ -61,36 +54,30 @@ def inversion() -> float:
         u = w / np.sqrt(1.0 - np.sign(w) * x3)  # (11), (13)
         x["q"], x["qd"], x["x3"], x["load"] = x1, x2, x3, F_d
         x["r"], x["rd"], x["rdd"], x["rddd"] = x1, x2, f2, demand  # its linear controller sees no error
-        worst = max(worst, abs(servo._invert(x, p, 0.0) - u) / (1.0 + abs(u)))
-    return worst
+        assert abs(servo._invert(x, p, 0.0) - u) <= 1e-12 * (1.0 + abs(u))
 
 
-def truth(scenario: str = "liquid OFC", load: str = "F_d known", seconds: float = 2.0) -> float:
-    """Return how far the bench's rod is from (4), integrated by SciPy from the onset on under its valve [mm]."""
-    out, tick = bench.fly(scenario, load, quiet=True, seeds=1)[0], bench.schedule(scenario)
-    first, n = round(bench.ONSET / bench.DT), round(seconds / bench.DT)
-    x, worst = np.array([out[name][first] for name in ("q", "qd", "x3")]), 0.0
-    for k in range(first, first + n):
+def test_the_truth_of_the_bench_is_equation_4():
+    """The rod of figure 3 lies within a hundredth of its sensor's noise of SciPy's integration under its valve."""
+    out, tick = bench.fly("liquid OFC", "F_d known", quiet=True, seeds=1)[0], bench.schedule("liquid OFC")
+    first = round(bench.ONSET / bench.DT)
+    x = np.array([out[name][first] for name in ("q", "qd", "x3")])
+    for k in range(first, first + 400):
         v = (1.0 - tick["s_u"][k]) * out["u"][k] + tick["f_u"][k]
-
-        def slope(_, x, v=v):
-            return rate(x[0], x[1], x[2], v, 0.0, _known(x[0]) if load != "no load" else 0.0)
-
-        x = solve_ivp(slope, (0.0, bench.DT), x, rtol=1e-9, atol=1e-12).y[:, -1]
-        worst = max(worst, 1e3 * abs(x[0] - out["q"][k + 1]))
-    return worst
+        slope = lambda _, x, v=v: rate(*x, v, 0.0, _known(x[0]))  # noqa: E731
+        x = solve_ivp(slope, (0.0, bench.DT), x, method="DOP853", rtol=1e-9, atol=1e-12).y[:, -1]
+        assert abs(x[0] - out["q"][k + 1]) <= 1e-6
 
 
-def linearisation() -> float:
-    """Return the largest difference of the filter's Phi and Gamma from (19), (20), over the size of their rows."""
-    p, worst = iotsekf.params(load=0, dt=bench.DT)[0], 0.0
-    for x1, x2, x3, u, f, _ in list(_states())[:50]:
+def test_transition_of_the_filters_is_19_and_20():
+    """Over the size of each row, to what differences of (4) give."""
+    p = iotsekf.params(load=0, dt=bench.DT)[0]
+    for x1, x2, x3, u, f, _ in _states(50):
         Phi, G = np.zeros((4, 4)), np.zeros(4)
         transition(Phi, G, np.array([x1, x2, x3, 0.0]), u, u, f, 0.0, False, p, bench.DT)
         printed = np.column_stack(_linear4(np.array([x1, x2, x3, 0.0]), u, u + f, 0, bench.DT))[:3, [0, 1, 2, 4]]
         ours = np.column_stack([Phi[:3, :3], G[:3]])
-        worst = max(worst, float((np.abs(ours - printed).max(1) / np.abs(printed).max(1)).max()))
-    return worst
+        assert (np.abs(ours - printed).max(1) / np.abs(printed).max(1)).max() <= 1e-6
 
 
 FORMS: dict[str, tuple[str, dict]] = {  # of the filters: (which, its parameters), by what of (15)-(48) they stand for
@@ -106,6 +93,40 @@ FORMS: dict[str, tuple[str, dict]] = {  # of the filters: (which, its parameters
 HELD = ("x_hat", "f_hat", "f_sigma", "q_now", "v_now", "x3_now", "G")  # what is compared
 
 
+@pytest.mark.parametrize("form", FORMS)
+def test_filters_are_those_of_15_to_36_and_38_to_48(form):
+    """Estimate, fault and its deviation, over their size, to what differences in (19) give over 20 ms.
+
+    Both read the same samples, the filter's measurements as late as its form has them. (34), (22), (29) are taken for
+    all measurements at once; (38)-(48) with m = p = 1, F = 1.
+    """
+    which, own = FORMS[form]
+    ours, p, samples = _run(which, own, 300)
+    dt, late = own.get("dt", bench.DT), int(own.get("delay", 0))
+    theirs = (_two_stage if which == "iotsekf" else _three_step)(p, own["load"], *samples, dt, late)
+    assert (np.abs(ours - theirs).max(0) <= 1e-7 * np.maximum(np.abs(theirs).max(0), 1e-9)).all()
+    assert np.std(theirs[:, 4]) > 0.0
+
+
+def test_the_two_stage_filter_errs_as_an_augmented_ekf_with_the_same_noises():
+    """IV.B: "in an optimal minimum variance error sense"; state (q, q', x3, f), f a walk, 0.02 sin added to u; 5 %."""
+    ticks = 1500
+    ours, p, (u, y, _) = _run(*FORMS["as published"], ticks)
+    dt, x, P, H = bench.DT, np.array([y[0], 0.0, 0.0, 0.0]), np.diag([*p["P0"][:3], p["P0_f"]]), np.eye(4)[0]
+    Q, other = np.diag([*p["q"][:3], p["q_f"]]) * dt, np.zeros(ticks)
+    for k in range(ticks):
+        Phi, Gamma = _linear4(np.array([*x[:3], 0.0]), u[k], u[k] + x[3], 0, dt)
+        Phi = np.block([[Phi[:3, :3], Gamma[:3, None]], [np.zeros((1, 3)), np.eye(1)]])
+        x = np.array([*advance(*x[:3], u[k], x[3], 0.0, dt), x[3]])
+        P = Phi @ P @ Phi.T + Q
+        gain = P @ H / (H @ P @ H + p["r_rod"])
+        x, P = x + gain * (y[k] - H @ x), P - np.outer(gain, H @ P)
+        other[k] = x[3]
+    true, late = 0.02 * np.sin(6.3 * np.arange(ticks) * dt), slice(200, None)
+    own, his = (float(np.sqrt(np.mean((f - true)[late] ** 2))) for f in (ours[:, 4], other))
+    assert own / his == pytest.approx(1.0, abs=0.05)
+
+
 def _samples(ticks: int, dt: float, loaded: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (valve command, rod, pressure difference) of (4) with an input fault, both measured with noise."""
     rng, t, x = np.random.default_rng(5), np.arange(ticks) * dt, np.zeros(3)
@@ -115,7 +136,7 @@ def _samples(ticks: int, dt: float, loaded: bool) -> tuple[np.ndarray, np.ndarra
     for k in range(ticks):
         for _ in range(4):
             F_d = _known(x[0]) if loaded else 0.0
-            x = np.array(transcription.advance(*x, u[k] + 0.02 * np.sin(6.3 * t[k]), F_d, dt / 4))
+            x = np.array(advance(*x, u[k] + 0.02 * np.sin(6.3 * t[k]), 0.0, F_d, dt / 4))
         y[k], dp[k] = x[0] + 1e-4 * rng.normal(), x[2] + 5e-3 * rng.normal()
     return u, y, dp
 
@@ -123,30 +144,6 @@ def _samples(ticks: int, dt: float, loaded: bool) -> tuple[np.ndarray, np.ndarra
 def _known(q: float) -> float:
     """Return F_d [N] of the bench's hinge moment at rod position q."""
     return (bench.HM0 + bench.HMD * q / linkage.ARM) / linkage.ARM
-
-
-def _signed(x: Any, side: float, u: float, F_d: float, dt: float) -> np.ndarray:
-    """Return (x1, x2, x3) of (4) after dt, its root taken with the sign of `side` and its flow with `u`."""
-    slope = lambda z: np.array(rate(*z, side, u - side, F_d))  # noqa: E731
-    a = slope(x)
-    b = slope(x + dt / 2 * a)
-    c = slope(x + dt / 2 * b)
-    return x + dt / 6 * (a + 2 * b + 2 * c + slope(x + dt * c))
-
-
-def filters(form: str) -> tuple[float, str]:
-    """Return the largest difference of estimate, fault and its deviation from (15)-(36) or (38)-(48), over their size.
-
-    Both read the same samples, the filter's measurements as late as its form has them. (34), (22), (29) are taken for
-    all measurements at once.
-    """
-    which, own = FORMS[form]
-    ours, p, samples = _run(which, own, 300)
-    dt, late = own.get("dt", bench.DT), int(own.get("delay", 0))
-    filter_: Any = _two_stage if which == "iotsekf" else _three_step
-    theirs = filter_(p, own["load"], *samples, dt, late)
-    off = np.abs(ours - theirs).max(0) / np.maximum(np.abs(theirs).max(0), 1e-9)
-    return float(off.max()), f"rms of f_hat {np.std(theirs[:, 4]):.2g}"
 
 
 def _run(which: str, own: dict, ticks: int) -> tuple[np.ndarray, Any, tuple]:
@@ -168,24 +165,6 @@ def _run(which: str, own: dict, ticks: int) -> tuple[np.ndarray, Any, tuple]:
         run(x[0], inputs[0], p[0], dt)
         found.append(np.concatenate([np.ravel(x[name][0]) for name in HELD]))
     return np.array(found[late:]), p[0], (u, y, dp)
-
-
-def optimal(ticks: int = 1500) -> tuple[float, str]:
-    """Return the rms error of f_hat over that of an EKF whose state is (q, q', x3, f), f a walk, the same noises."""
-    ours, p, (u, y, _) = _run(*FORMS["as published"], ticks)
-    dt, x, P, H = bench.DT, np.array([y[0], 0.0, 0.0, 0.0]), np.diag([*p["P0"][:3], p["P0_f"]]), np.eye(4)[0]
-    Q, other = np.diag([*p["q"][:3], p["q_f"]]) * dt, np.zeros(ticks)
-    for k in range(ticks):
-        Phi, Gamma = _linear4(np.array([*x[:3], 0.0]), u[k], u[k] + x[3], 0, dt)
-        Phi = np.block([[Phi[:3, :3], Gamma[:3, None]], [np.zeros((1, 3)), np.eye(1)]])
-        x = np.array([*_signed(x[:3], u[k], u[k] + x[3], 0.0, dt), x[3]])
-        P = Phi @ P @ Phi.T + Q
-        gain = P @ H / (H @ P @ H + p["r_rod"])
-        x, P = x + gain * (y[k] - H @ x), P - np.outer(gain, H @ P)
-        other[k] = x[3]
-    true, late = 0.02 * np.sin(6.3 * np.arange(ticks) * dt), slice(200, None)
-    own, his = (float(np.sqrt(np.mean((f - true)[late] ** 2))) for f in (ours[:, 4], other))
-    return own / his, f"{own:.2g} and {his:.2g} of u"
 
 
 def _linear4(x: np.ndarray, side: float, u: float, load: int, dt: float) -> tuple[np.ndarray, np.ndarray]:
@@ -225,9 +204,9 @@ def _two_stage(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int)
             U = U_bar + (Q_xf - U_bar * Q_f) / P_f  # (35)
             F_d = {0: 0.0, 1: _known(x_hat[0]), 2: A_P * P_S * (x_hat if p["centre"] else x)[3]}[load]
             if p["centre"]:  # (17) at x_hat with the fault, which (15) then takes off
-                x = np.array([*_signed(x_hat[:3], side, u + f, F_d, h), x_hat[3]]) - U * f
+                x = np.array([*advance(*x_hat[:3], side, u + f - side, F_d, h), x_hat[3]]) - U * f
             else:
-                x = np.array([*_signed(x[:3], u, u, F_d, h), x[3]]) + (U_bar - U) * f  # (17), (31)
+                x = np.array([*advance(*x[:3], u, 0.0, F_d, h), x[3]]) + (U_bar - U) * f  # (17), (31)
             P = Phi @ P @ Phi.T + Q - np.outer(Q_xf, U_bar) - np.outer(U, Q_xf - U_bar * Q_f)  # (18), (32)
             V = U
         whole = Gamma  # of the tick, as the last step has it
@@ -254,7 +233,7 @@ def _two_stage(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int)
         now, x_hat = (x + V * f)[:3], x + V * f
         F_d = {0: 0.0, 1: _known(x_hat[0]), 2: A_P * P_S * x_hat[3]}[load]
         for i in range(late - 2, -1, -1):
-            now = _signed(now, u[k - i], u[k - i] + f, F_d, dt)
+            now = advance(*now, u[k - i], f, F_d, dt)
         out.append([*x_hat, f, np.sqrt(P_f), *now, *G])
     return np.array(out)
 
@@ -272,7 +251,7 @@ def _three_step(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int
     def ahead(x, P, u):
         Phi, G = _linear4(np.array([*x, 0.0]), u, u, load, dt)
         Phi = Phi[:3, :3]
-        return _signed(x, u, u, _known(x[0]) if load else 0.0, dt), Phi @ P @ Phi.T + Q, G  # (38), (39)
+        return np.array(advance(*x, u, 0.0, _known(x[0]) if load else 0.0, dt)), Phi @ P @ Phi.T + Q, G  # (38), (39)
 
     for k in range(late, len(u)):
         if not late:
@@ -289,6 +268,6 @@ def _three_step(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int
             x, P, G = ahead(x, P, u[k + 1 - late])
         now, F_d = x, _known(x[0]) if load else 0.0
         for i in range(late - 2, -1, -1):
-            now = _signed(now, u[k - i], u[k - i], F_d, dt)
+            now = advance(*now, u[k - i], 0.0, F_d, dt)
         out.append([*x, 0.0, f[0], np.sqrt(P_f[0, 0]), *now, *G])
     return np.array(out)

@@ -1,15 +1,19 @@
-"""[Jay] as it is printed: Phi, G, H, P_0, R and (5) to (9), and the plant behind them; nothing of ours is used for it.
+"""[Jay] as it is printed against the filters: Phi, G, H, P_0, R, (1), (5) to (9) and the hierarchy of section 3.3.
 
-The printed matrices are for 5 ms and rounded; PLANT are the continuous numbers of the printed structure that give back
-all 37 entries. a21 a43 = a23 a41 holds by the one ratio N / l: the motor turns free of the spring. The lever arm and
-R's share of the current loop are not printed (`bench`).
+The printed matrices are for 5 ms and rounded; the plant behind them is that of the bench.
 """
 
 import numpy as np
+import pytest
 from scipy.linalg import expm
 from scipy.signal import cont2discrete
 
-PERIOD = 0.005  # [s]
+from actuators.ema import jay
+from cosim.papers.jay.bench import DT, FIGURES, LEAD, bench, plant
+from cosim.papers.measured import all_valid, apart
+from fdi.ema import ema_kalman
+from fdi.ema import model as flight_design
+
 PHI = """
     0.8789   0.00474   0.0009691  1.621E-6   1.109E-7    -0.001675
     -46.97   0.857     0.3759     0.000957   6.709E-5    -1.285
@@ -22,39 +26,75 @@ G = "8.223E-6  0.006389  0.04617  16.21  3.437  0.002809"
 H = "0  0  0  0.05  0  0"
 P_0 = (0.0003, 0.0003, 0.0003, 0.0003, 0.01, 0.01)
 R = 0.0025
-PLANT = {  # [1/s2], [1/s], ...: a_ij of the printed A, the loop's rate, its drive, pole and zero of the compensator
-    "a21": 10025.9, "a22": 4.61611, "a23": 80.2301, "a41": 339214.0, "a43": 2714.47, "a44": 0.967879, "a45": 603.297,
-    "a54": 95.2571, "loop": 8210.38, "drive": 72699.4, "a": 45.0, "b": 257.987,
-}  # fmt: skip
-ARM, SHARE = 0.125, 0.9  # lever arm [m] and R's share of the loop: chosen
-RATIO = ((PLANT["a23"] / PLANT["a21"]) * (PLANT["a43"] / PLANT["a41"])) ** 0.5  # N / l
-LEAD = ARM * RATIO  # N [m/rad]
 
 
-def entries() -> tuple[np.ndarray, np.ndarray]:
-    """Return (printed entries that are not zero, half of the last digit of each): Phi by rows, G, H."""
-    words = [w for w in f"{PHI} {G} {H}".split() if float(w)]
-    half = []
-    for w in words:
-        digits, _, power = w.lstrip("-").upper().partition("E")
-        half.append(0.5 * 10.0 ** (int(power or 0) - len(digits.partition(".")[2])))
-    return np.array([float(w) for w in words]), np.array(half)
+def test_phi_g_and_h_of_the_filter_are_as_printed():
+    """Within half of the last digit of each entry, and zero where print is."""
+    p, words = ema_kalman.params("nozzle")[0], f"{PHI} {G} {H}".split()
+    held = np.concatenate([p["Phi"].ravel(), p["G"], [0.0, 0.0, 0.0, p["K_v"], 0.0, 0.0]])
+    for ours, word in zip(held, words, strict=True):
+        digits, _, power = word.lstrip("-").upper().partition("E")
+        half = 0.5 * 10.0 ** (int(power or 0) - len(digits.partition(".")[2])) if float(word) else 1e-9
+        assert abs(ours - float(word)) <= half, word
 
 
-def plant(resistance: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (Phi, G, Gamma) of the truth over a tick: state (6), demand, bias of the loop's current sensor [A].
+def test_p_0_and_r_are_as_printed():
+    p = ema_kalman.params("nozzle")[0]
+    assert tuple(p["P0"]) == P_0 and p["R"] == R
 
-    `resistance`: rise of R as a fraction.
-    """
-    p, A, B = PLANT, np.zeros((6, 6)), np.zeros((6, 2))
-    A[0, 1] = A[2, 3] = 1.0
-    A[1, :3] = -p["a21"], -p["a22"], p["a21"] * RATIO
-    A[3, [0, 2, 3, 4]] = p["a43"] / RATIO, -p["a43"], -p["a44"], p["a45"]
-    A[4, 3:] = -p["a54"], -p["loop"] * (1.0 + SHARE * resistance), -p["drive"] * (p["b"] - p["a"])
-    A[5, 5] = -p["b"]
-    B[4, 0], B[5, 0], B[4, 1] = p["drive"], 1.0, -(1.0 - SHARE) * p["loop"]
-    Phi, G, *_ = cont2discrete((A, B, np.eye(6), np.zeros((6, 2))), PERIOD)
-    return Phi, G[:, 0], G[:, 1]
+
+@pytest.mark.parametrize("figure", FIGURES)
+def test_means_residuals_and_blame_of_figures_6_to_11_are_those_of_5_to_9_and_of_section_3_3(figure):
+    out = bench(figure=figure)
+    _same(
+        (out["eta_bar"], out["R1"], out["R2"]),
+        kalman(*(out[n] for n in ("u", "y_velocity", "y_position", "y_current"))),
+    )
+    velocity, position, current = (np.abs(out[n]) >= x for n, x in zip(("eta_bar", "R1", "R2"), (3.0, 5e-4, 0.5)))
+    blamed = np.where(velocity, 1, np.where(position, 2, np.where(current, 3, 0)))
+    assert blamed.any() and np.array_equal(blamed, out["culprit"])
+
+
+def _same(ours, theirs):
+    for a, b, scale in zip(ours, theirs, (1.0, 1e3, 1.0)):  # eta_bar, R1 [mm], R2 [A]
+        assert np.abs(a - b).max() * scale <= 1e-6
+
+
+def test_the_published_filter_of_an_elevator_is_1_and_5_to_9():
+    """Sensors a tick late, begun at the measured position."""
+    ticks, rng = 120, np.random.default_rng(3)
+    t = np.arange(ticks) * DT
+    u, velocity = 8.0 * np.sin(9.0 * t) + rng.normal(size=ticks), 40.0 * np.sin(5.0 * t) + rng.normal(size=ticks)
+    position, current = 0.02 + 1e-3 * np.sin(5.0 * t), u + 0.1 * rng.normal(size=ticks)
+    p, inputs = ema_kalman.params("elevator"), all_valid(ema_kalman)
+    x, found = ema_kalman.init(p), []
+    for k in range(ticks):
+        inputs["u"], inputs["y_velocity"] = u[k], velocity[k]
+        inputs["y_position"], inputs["y_current"] = position[k], current[k]
+        ema_kalman.step(x[0], inputs[0], p[0], DT)
+        found.append([x[name][0] for name in ("eta_bar", "R1", "R2")])
+    _same(np.array(found).T, kalman(u, velocity, position, current, jay.values("elevator")))
+
+
+def test_blame_and_reconfiguration_follow_sections_3_3_and_4_5_about_the_thresholds():
+    """The velocity sensor first, then R1, then R2; a position fault reconfigures."""
+    rng, p = np.random.default_rng(12), ema_kalman.params("nozzle")[0]
+    for _ in range(500):
+        x = np.zeros(1, ema_kalman.STATE)
+        over = rng.uniform(-2.0, 2.0, 3)
+        x["eta_bar"], x["R1"], x["R2"] = over * (3.0, 5e-4, 0.5)
+        ema_kalman._decide(x[0], p)
+        beyond = np.abs(over) >= 1.0
+        culprit = 0 if not beyond.any() else 1 + int(np.argmax(beyond))
+        assert (x["culprit"][0], x["alarm"][0], x["reconf"][0]) == (culprit, culprit > 0, culprit == 2)
+
+
+def test_the_form_that_flies_is_1_and_5_with_a_load_and_noise_at_rest():
+    """The load and its noise are ours."""
+    v, sigma = jay.values("elevator"), 0.5
+    d = flight_design.designed(v, DT, sigma)
+    for name, theirs in zip(("Phi", "G", "K", "S_root"), steady(v, DT, 630.0, 20.0, 1.0, sigma)):
+        assert apart(d[name], theirs) <= 1e-6, name
 
 
 def motion(v: dict, hinge: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -83,7 +123,7 @@ def kalman(
     late, lead = int(elevator is not None), elevator["lead"] if elevator else LEAD
     x, P, H = np.zeros(6), np.diag(P_0), np.array([0.0, 0.0, 0.0, 0.05, 0.0, 0.0])
     if elevator:
-        Phi, G, *_ = cont2discrete((*motion(elevator), np.eye(6), np.zeros((6, 2))), PERIOD)
+        Phi, G, *_ = cont2discrete((*motion(elevator), np.eye(6), np.zeros((6, 2))), DT)
         G = G[:, 0]
         x[:3] = position[0] / elevator["arm"], 0.0, position[0] / lead  # the spring is at rest
     else:
