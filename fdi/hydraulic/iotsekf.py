@@ -257,9 +257,10 @@ def conclude(x, dt):
         x.evidence_timer = by_evidence.RELEASE_S
     plain = max(max(x.sensor, x.jam), max(x.run, x.misread)) > 0.5 or x.jump_of > 0.5 or x.frozen > 0.5
     x.alarm = 1.0 if plain or x.evidence_timer > 0.0 else 0.0
-    if x.frozen > 0.5:  # its last value shows nothing of the actuator: the models begin anew
-        x.rival_s = -1.0
+    if x.frozen > 0.5:  # its last value shows nothing of the actuator: windows and models begin anew
+        x.rival_s, x.likely = -1.0, 0.0
         x.shown[0] = x.shown[1] = 0.0
+        likelihood.restart(x)
     if x.alarm < 0.5:
         x.verdict, x.culprit, x.kind, x.next_s, x.dp_out = NONE, 0.0, 0.0, 0.0, 0.0
         return

@@ -28,6 +28,7 @@ FLAT, FLAT_S, FLAT_TAU = 0.2, 0.2, 0.1  # a valve that stands open keeps within 
 NOISE = 0.4  # ... and this of the threshold of an input fault, which noise seldom passes
 # at most this share of it RISE_S before it kept to it: a sine that is as flat, of 1.2 Hz at most, has 40 % 80 ms before
 RISE, RISE_S = 0.45, 0.06
+FIRST = 0.5  # share of the opening that it begins with, as a slow sine does not
 FIRST_S = 0.1  # after the onset of the input fault that the opening has begun by: an oscillation comes to a crest later
 HISTORY = 6  # samples of w in RISE_S
 MISREAD_S = 0.1  # flow that an excess of pressure takes is missing for [s]
@@ -66,6 +67,7 @@ STATE = [
     ("w_old", "f8", (HISTORY,), "-"),  # their sum, over the last RISE_S, newest first
     ("w_clock", "f8", "s"),  # since the last of these
     ("w_flat", "f8", "-"),  # valve opening that w keeps to
+    ("w_first", "f8", "-"),  # the same as it began
     ("w_before", "f8", "-"),  # w RISE_S before it did
     ("w_flat_s", "f8", "s"),  # for which it has
     ("run_timer", "f8", "s"),
@@ -162,14 +164,16 @@ def runaway(x, noise, p, dt):
     w = x.f_slow + x.u_slow
     x.w_flat_s += dt
     if math.fabs(w - x.w_flat) > FLAT * math.fabs(x.w_flat) + NOISE * noise * p.run_threshold:
-        x.w_flat, x.w_before, x.w_flat_s = w, x.w_old[HISTORY - 1], 0.0
+        x.w_flat, x.w_first, x.w_before, x.w_flat_s = w, w, x.w_old[HISTORY - 1], 0.0
     x.w_flat += dt / FLAT_TAU * (w - x.w_flat)
     x.w_clock += dt
     if x.w_clock >= RISE_S / HISTORY - 0.5 * dt:
         for i in range(HISTORY - 1, 0, -1):
             x.w_old[i] = x.w_old[i - 1]
         x.w_old[0], x.w_clock = w, 0.0
-    sudden = x.w_before * x.w_flat < RISE * x.w_flat * x.w_flat and math.fabs(x.w_flat) > noise * p.run_threshold
+    full = x.w_flat * x.w_flat
+    sudden = x.w_before * x.w_flat < RISE * full and x.w_first * x.w_flat > FIRST * full
+    sudden = sudden and math.fabs(x.w_flat) > noise * p.run_threshold
     if x.run < 0.5 or (x.r_run >= 1.0 and w * x.stands_open < RISE * x.stands_open * x.stands_open):
         x.stands_open = 0.0
     elif x.w_flat_s >= FLAT_S and x.run_s < x.w_flat_s + FIRST_S and sudden and x.r_run >= 1.0 and w * x.u_slow < 0.0:
