@@ -312,14 +312,14 @@ def test_an_alarm_is_ambiguous_until_its_name_has_stood():
     x = iotsekf.init(designed())[0]
     x["run"], x["likely"] = 1.0, decide.LIQUID
     said = []
-    for k in range(60):
+    for k in range(80):
         if k == 20:  # another class for less than the hold
             x["likely"] = decide.SOLID
         if k == 30:
             x["likely"] = decide.LIQUID
         iotsekf.conclude(x, DT)
         said.append(float(x["verdict"]))
-    assert set(said[:40]) == {verdict.AMBIGUOUS} and said[-1] == verdict.OFC_LIQUID
+    assert set(said[:60]) == {verdict.AMBIGUOUS} and said[-1] == verdict.OFC_LIQUID
     x["run"] = 0.0
     iotsekf.conclude(x, DT)
     assert (x["alarm"], x["verdict"]) == (0.0, verdict.NONE)

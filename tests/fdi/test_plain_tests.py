@@ -31,9 +31,9 @@ def opens(w):
 def test_a_valve_that_opens_and_stays_has_run_away_and_one_that_swings_has_not():
     late = np.maximum(T - ONSET, 0.0)
     assert opens(0.08 * (1.0 - np.exp(-late / 0.02)))
-    for hz in (0.3, 0.7, 1.0, 1.4, 2.0):
+    assert not opens(np.minimum(0.1 * late, 0.05))  # creeps
+    for hz in (0.2, 0.5, 0.7, 1.0, 1.4, 2.0):
         assert not opens(0.05 * np.sin(2.0 * np.pi * hz * late)), hz
-        assert not opens(np.minimum(0.1 * late, 0.05)), "creeps"
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_a_sensor_that_freezes_is_named_and_used_again_when_it_moves(flown):
     assert not on[:, :at].any() and on[:, at + round(0.2 / DT) : thaws].all()
     named = (log["verdict"] == verdict.SENSOR) & (log["culprit"] == PRESSURE)
     assert (named | (log["verdict"] == verdict.AMBIGUOUS))[on].all() and named[:, thaws - 1].all()
-    assert not on[:, thaws + round(2.0 / DT) :].any()
+    assert not on[:, thaws + 2 :].any()
 
 
 def test_a_coarse_sensor_is_not_frozen(flown):
@@ -63,4 +63,5 @@ def test_a_pressure_that_drifts_is_no_jam(flown, rate):
     u, at = flown.copy(), round(8.0 / DT)
     u["y_dp"][:, at:] += rate * DT * np.arange(u.shape[1] - at)
     log = roll(iotsekf, np.repeat(iotsekf.params(), 4), u)
-    assert log["alarm"][:, -1].all() and not (log["verdict"] == verdict.JAM_SOLID).any()
+    assert (log["verdict"][:, -1] == verdict.SENSOR).all() and (log["culprit"][:, -1] == PRESSURE).all()
+    assert not (log["verdict"] == verdict.JAM_SOLID).any()
