@@ -61,9 +61,8 @@ def test_a_fault_that_begins_before_the_flight_has_taught_has_its_name(name, cha
     assert own["isolated"]["class"] == given, own
 
 
-@pytest.mark.parametrize(("amplitude_mm", "frequency_hz"), [(3, 1), (2, 2)])
-def test_the_name_of_a_large_oscillation_in_place_does_not_flicker(amplitude_mm, frequency_hz):
-    changes = [f"faults.0.amplitude_mm={amplitude_mm}", f"faults.0.frequency_hz={frequency_hz}", "duration_s=24"]
+def test_the_name_of_a_large_oscillation_in_place_does_not_flicker():
+    changes = ["faults.0.amplitude_mm=3", "faults.0.frequency_hz=1", "duration_s=24"]
     made = load_scenario("solid-ofc", [*changes, "seed=1", 'detectors.enabled=["iotsekf"]'])
     said = fly(made, ["iotsekf.left_inner.verdict"]).iloc[:, 0]
     assert (said[said.index >= made.faults[0].start_s + 2.5] == OFC_SOLID).all()

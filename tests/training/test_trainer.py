@@ -27,13 +27,13 @@ from fdi.rfafe.store import side_kinds
 FROZEN: dict[str, dict[str, dict[str, float]]] = {
     "hydraulic": {
         "iotsekf flight_load0": {
-            "run_threshold": 0.0549503,
+            "run_threshold": 0.0561918,
         },
         "iotsekf flight_load1": {
-            "run_threshold": 0.00824249,
+            "run_threshold": 0.00895771,
         },
         "iotsekf flight_load2": {
-            "run_threshold": 0.00511357, "limit": 2.55375,
+            "run_threshold": 0.00508117, "limit": 2.56104,
         },
         "rtsekf flight_load0": {
             "threshold": 0.0267695, "step": 0.00657689,
