@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.object_cache import PLAIN, Native, of_wholes
+from actuators.object_cache import Native
 
 SAYS = ("r", "alarm", "verdict", "culprit", "valid")  # outputs of every detector
 NOT_FINITE = 11.0  # among the codes of fdi/common/why.py
@@ -68,8 +68,8 @@ def record(kind: Any, **values: Any) -> np.ndarray:
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Let kernels and entries that are compiled call `function`; from Python it runs as plain Python, with the same
-    bits. With NUMBA_DISABLE_JIT=1 it stays as it is."""
-    return function if PLAIN else Kernel(function)
+    bits."""
+    return Kernel(function)
 
 
 class Kernel:
@@ -86,6 +86,13 @@ class Kernel:
         only: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         return numba.njit(error_model="numpy", **only)(self.py_func)
 
+    @functools.cached_property
+    def compiled(self) -> Callable[..., Any]:
+        """The same for a caller in Python that passes many ticks at once; compiling it takes each process seconds."""
+        import numba
+
+        return numba.njit(error_model="numpy")(self.py_func)
+
     @property
     def _numba_type_(self):  # by which a kernel that calls this one knows it
         return self._inner._numba_type_
@@ -95,19 +102,16 @@ class Kernel:
 
 
 @kernel
-def _spoil(x):
-    """Say nothing."""
+def _mark_invalid(x):
+    """Set alarm, verdict, culprit and valid to 0."""
     x.alarm, x.verdict, x.culprit, x.valid = 0.0, 0.0, 0.0, 0.0
 
 
 @kernel
-def _spoil_why(x):
-    """Say nothing, and why."""
-    _spoil(x)
+def _mark_invalid_why(x):
+    """Do the same and say why."""
+    _mark_invalid(x)
     x.why = NOT_FINITE
-
-
-SWEEP = of_wholes("actuators.rollout_kernel", "sweep", 1, f"{__name__}:SWEEP")
 
 
 class Entry:
@@ -124,30 +128,29 @@ class Entry:
     def __init__(self, step: Any, STATE: np.dtype, INPUTS: np.dtype, PARAMS: np.dtype):
         self.step, self.kinds = step, (STATE, INPUTS, PARAMS)
         names = STATE.names or ()
-        self.spoil: Any = (_spoil_why if "why" in names else _spoil) if set(SAYS) <= set(names) else None
-        if not PLAIN:
-            said = "\n".join([step.__qualname__, *(repr(kind.descr) for kind in self.kinds)])
-            name = f"{step.__module__}.{hashlib.sha256(said.encode()).hexdigest()[:8]}"
-            pointer, whole = ctypes.c_void_p, ctypes.c_int64
-            given = pointer, pointer, pointer, ctypes.c_double, whole, whole, pointer
-            place = f"{step.__module__}:rollout.native"
-            roots = tuple(filter(None, (step, self.spoil)))
-            self.native = Native(name, step.py_func.__code__.co_filename, given, self._make, place, roots)
+        invalid = _mark_invalid_why if "why" in names else _mark_invalid
+        self.mark_invalid: Any = invalid if set(SAYS) <= set(names) else None
+        said = "\n".join([step.__qualname__, *(repr(kind.descr) for kind in self.kinds)])
+        name = f"{step.__module__}.{hashlib.sha256(said.encode()).hexdigest()[:8]}"
+        pointer, whole = ctypes.c_void_p, ctypes.c_int64
+        given = pointer, pointer, pointer, ctypes.c_double, whole, whole, pointer
+        place = f"{step.__module__}:rollout.native"
+        roots = tuple(filter(None, (step, self.mark_invalid)))
+        self.native = Native(name, step.py_func.__code__.co_filename, given, self._make, place, roots)
 
     @property
     def address(self) -> int:
-        """Return what `enter` of a kernel calls: machine code, or this object where nothing is compiled."""
-        return id(self) if PLAIN else self.native.address
+        """Return the address of the machine code, which `call_block` of a kernel calls."""
+        return self.native.address
 
     def __call__(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: np.ndarray | None = None) -> Any:
         self._check(x, u, p, log)
-        if PLAIN:
-            return self._plain(x, u, p, dt, log)
         if not x.flags.c_contiguous:
             raise ValueError("the states of a block stand without gaps")
         u, p = np.ascontiguousarray(u), np.ascontiguousarray(p)
         states = np.empty(log.shape, log.dtype) if log is not None and not log.flags.c_contiguous else log
-        self.native.call(_at(x), _at(u), _at(p), dt, *u.shape, None if states is None else _at(states))
+        call = self.native.free if u.shape[1] > 1 else self.native.call  # a long one lets other threads run meanwhile
+        call(_at(x), _at(u), _at(p), dt, *u.shape, None if states is None else _at(states))
         if log is not None and states is not log:  # a part of a longer array
             log[:] = states
         return None
@@ -155,41 +158,10 @@ class Entry:
     def bound(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float) -> Callable:
         """Return a call without arguments on these arrays, without a log: a live tick pays only for its work."""
         self._check(x, u, p, None)
-        if PLAIN:
-            return functools.partial(self._plain, x, u, p, dt, None)
         if not all(array.flags.c_contiguous for array in (x, u, p)):
             raise ValueError("bound arrays of a block stand without gaps")
         call, given = self.native.call, (_at(x), _at(u), _at(p), dt, *u.shape, None)
         return lambda kept=(x, u, p): call(*given)  # the arrays behind the addresses
-
-    def sweep(
-        self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, index: np.ndarray, at: np.ndarray,
-        others: np.ndarray,
-    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-        """Advance one lane, x and p (1,), through the ticks of u (1, tick); other threads of Python run on meanwhile.
-
-        Returns, of the state seen as float64, the values at positions `index` after every tick, (tick, n), and those at
-        `others` after the rising ticks `at` (m,), (m, others).
-        """
-        self._check(x, u, p, None)
-        ticks, states = u.shape[1], x.view(np.float64)
-        kept, held = np.empty((ticks, len(index))), np.empty((len(at), len(others)))
-        u, p, step = np.ascontiguousarray(u), np.ascontiguousarray(p), np.array([dt])
-        index, others, marks = (np.ascontiguousarray(a, np.int64) for a in (index, others, [*at, -1]))
-        about = [self.address, *map(_at, (states, u)), u.itemsize, *map(_at, (p, step)), ticks]
-        about += [_at(index), len(index), _at(kept), _at(marks), _at(others), len(others), _at(held)]
-        given = np.array(about, np.int64)
-        SWEEP.free(_at(given))
-        return kept, held
-
-    def _plain(self, x, u, p, dt, log):
-        for i in range(u.shape[0]):
-            for k in range(u.shape[1]):
-                self.step(x[i], u[i, k], p[i], dt)
-                if self.spoil and not np.isfinite(x[i : i + 1].view(np.float64)).all():
-                    self.spoil(x[i])
-                if log is not None:
-                    log[i, k] = x[i]
 
     def _check(self, x, u, p, log):
         for given, kind in ((x, self.kinds[0]), (u, self.kinds[1]), (p, self.kinds[2]), (log, self.kinds[0])):
@@ -203,16 +175,17 @@ class Entry:
         """Return the function of pointers that Numba compiles, and its types."""
         from numba import carray, from_dtype, types
 
-        from actuators.numba_intrinsics import wholes
+        from actuators.numba_intrinsics import int64_at
 
-        step, spoil, size, says = self.step, self.spoil, self.kinds[0].itemsize, self.spoil is not None
+        step, mark_invalid, size = self.step, self.mark_invalid, self.kinds[0].itemsize
+        says = mark_invalid is not None
 
         def rollout(x, u, p, dt, lanes, ticks, log):
             xs, ps = carray(x, lanes), carray(p, lanes)
             us, logs = carray(u, (lanes, ticks)), carray(log, (lanes, ticks))
             kept = logs.ctypes.data != 0
             for i in range(lanes):
-                bits = wholes(xs.ctypes.data + i * size)
+                bits = int64_at(xs.ctypes.data + i * size)
                 for k in range(ticks):
                     step(xs[i], us[i, k], ps[i], dt)
                     if says:  # known when it is compiled, and left out then
@@ -220,7 +193,7 @@ class Entry:
                         for j in range(size // 8):
                             bad |= (bits[j] & EXPONENT) == EXPONENT
                         if bad:
-                            spoil(xs[i])
+                            mark_invalid(xs[i])
                     if kept:
                         logs[i, k] = xs[i]
 

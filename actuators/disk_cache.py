@@ -1,6 +1,6 @@
 """Disk cache of computed arrays, beside the compiled kernels.
 
-What is kept is named by all that it depends on: the sources of ours that work it out, the versions of NumPy and SciPy,
+What is kept is named by all that it depends on: the sources of a flight, the versions of NumPy and SciPy,
 the processor, what the environment tells the libraries of linear algebra, and the arguments.
 """
 
@@ -15,18 +15,18 @@ from typing import Any
 import numpy as np
 
 from actuators.object_cache import processor
-from actuators.source_hash import cache_dir, installed, read_whole, write_whole
+from actuators.source_hash import installed, private_folder, read_whole, sources, write_whole
 
 LIBRARIES = "OMP_", "OPENBLAS_", "MKL_", "BLIS_", "NPY_"  # variables on which the last bit of a sum depends
 MOST = 100  # of a source's results on disk: a study over thousands of points leaves no more
 
 
-def kept(key: object, kind: Any, make: Callable[[], np.ndarray], *sources: Any) -> np.ndarray:
+def kept(key: object, kind: Any, make: Callable[[], np.ndarray], source: str) -> np.ndarray:
     """Return `make()`, an array (n,) of dtype `kind`, from disk where it is there.
 
-    `sources` are the files whose imports work it out, `key` the arguments, equal when their repr is.
+    `source` is the file that works it out, `key` the arguments, equal when their repr is.
     """
-    file = _file(repr((key, np.dtype(kind).descr)), sources)
+    file = _file(repr((key, np.dtype(kind).descr)), source)
     if file is None:
         return make()
     size = np.dtype(kind).itemsize
@@ -35,7 +35,7 @@ def kept(key: object, kind: Any, make: Callable[[], np.ndarray], *sources: Any) 
         return np.frombuffer(numbers, kind).copy()
     made = np.ascontiguousarray(make(), kind)
     with suppress(OSError):
-        if sum(1 for _ in file.parent.glob("*.kept")) < MOST:
+        if sum(1 for _ in file.parent.glob(f"{Path(source).stem}-*.kept")) < MOST:
             write_whole(file, made.tobytes())
     return made
 
@@ -50,13 +50,11 @@ def contents(folder: Path, stamps: object = None) -> str:
     return found.hexdigest()
 
 
-def _file(said, sources) -> Path | None:
-    folders = [cache_dir(Path(source).resolve()) for source in sources]
-    if None in folders:
-        return None
-    told = "\n".join([said, _machine(), *map(str, folders)])
+def _file(said, source) -> Path | None:
+    folder = private_folder(sources()[:16])
+    told = "\n".join([said, _machine(), Path(source).stem])
     digest = hashlib.sha256(told.encode("utf-8", "surrogateescape")).hexdigest()
-    return Path(str(folders[0])) / f"{digest[:24]}.kept"
+    return folder / f"{Path(source).stem}-{digest[:24]}.kept" if folder else None
 
 
 @functools.cache

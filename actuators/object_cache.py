@@ -10,16 +10,13 @@ code, so the same bits. The functions follow Numba's convention in C:
 import ctypes
 import functools
 import hashlib
-import importlib
-import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from actuators.source_hash import ROOT, installed, private_folder, reached, read_whole, sources, write_whole
+from actuators.source_hash import installed, made_of, private_folder, reached, read_whole, write_whole
 
-PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")  # nothing is compiled
 SHIPPED = Path(__file__).with_name("objects")  # machine code that a release brings, in a folder per target
 BASE = "x86-64-v3"  # of x86-64 since 2013, where a tick costs 2 % more than compiled for this processor; with v2, 12 %
 NEEDED = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")  # of a processor that does BASE
@@ -37,12 +34,13 @@ class Native:
     `make()` returns (Python function, Numba types of its arguments); it is called only when nothing is stored.
     `source` is the file that it comes from, `name` what tells it from others there, `kinds` the ctypes of its
     arguments, `place` where another process finds this object: "module:name". What is stored is named by what the
-    functions `roots` reach, without any by the sources that `source` imports.
+    functions `roots` reach, without any by the files `reads` in the project's folder.
     """
 
-    def __init__(self, name: str, source: str | Path, kinds: tuple, make: Callable, place: str, roots: tuple = ()):
+    def __init__(self, name: str, source: str | Path, kinds: tuple, make: Callable, place: str, roots: tuple = (),
+                 reads: tuple = ()):  # fmt: skip
         self.name, self.source, self._kinds, self._make = name, Path(source).resolve(), kinds, make
-        self.place, self._roots = place, roots
+        self.place, self._roots, self._reads = place, roots, reads
 
     @functools.cached_property
     def address(self) -> int:
@@ -68,8 +66,6 @@ class Native:
         return self._bound(ctypes.CFUNCTYPE)
 
     def _bound(self, convention):
-        if PLAIN:
-            return self._make()[0]
         kinds = ctypes.c_void_p, ctypes.c_void_p, *self._kinds
         return functools.partial(convention(ctypes.c_int, *kinds)(self.address), *NOTHING)
 
@@ -82,27 +78,14 @@ class Native:
     def files(self) -> list[Path]:
         """Return where the machine code may be: what the package brings, then the user's cache."""
         own = private_folder(f"code-{target()}-numba-{installed('numba')}")
-        source = reached(*self._roots) if self._roots else sources(self.source)
+        source = reached(*self._roots) if self._roots else made_of(self._reads)
         # not .o: a version that reads no digest before the code would take it for code
         name = f"{self.name}-{source[:16]}.code"
-        return [SHIPPED / target() / name, *([Path(own) / name] if own else [])]
+        return [SHIPPED / target() / name, *([own / name] if own else [])]
 
     def file(self) -> Path | None:
         """Return where the machine code is stored, None where there is no place for it."""
         return file if (file := self.files()[-1]).parent.parent != SHIPPED else None
-
-
-def of_wholes(module: str, name: str, count: int, place: str) -> Native:
-    """Return the function `name` of a module, imported when it is compiled, of `count` whole numbers and addresses."""
-
-    def make():
-        from numba import types
-
-        function = getattr(importlib.import_module(module), name)
-        return getattr(function, "py_func", function), (types.int64,) * count
-
-    source = ROOT.joinpath(*module.split(".")).with_suffix(".py")
-    return Native(name, source, (ctypes.c_int64,) * count, make, place)
 
 
 @functools.cache

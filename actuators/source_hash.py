@@ -4,21 +4,19 @@ import contextlib
 import functools
 import hashlib
 import os
-import re
 import stat
 import tempfile
+from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("actuators", "fdi", "cosim")
+# folders whose sources decide what a flight comes to: what is computed from them is worked out anew with any change
+FLYING = ("actuators", "fdi", *(f"cosim/{room}" for room in ("flight", "judge", "log", "parts", "scenario")))
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite")
 MAKERS = ("block.py", "object_cache.py", "numba_intrinsics.py")  # what makes a kernel of a step
-# an import, with the names behind it, and what stands before it in its line, with the module of a "from"
-IMPORT = re.compile(r"\bimport\b[ \t]*(\((?:[\w\s,]|#[^\n]*)*\)|[^\n;]*)")
-FROM = re.compile(r"(?:^|[;:])[ \t]*(?:from\b[ \t]*([.\w]+)[ \t]*)?$", re.MULTILINE)
 _DIGEST = 32  # bytes before what is stored: its SHA-256, for LLVM would crash on half a file
 
 
@@ -27,41 +25,15 @@ def _source(path):
     return path.read_bytes()
 
 
-@functools.cache
-def _digest(path):
-    return hashlib.sha256(_source(path)).digest()
-
-
-def _imports(path):
-    """Return the names that the source at `path` imports, wherever it does so; packages of ours that hold them too.
-
-    What looks like an import inside a string counts as well, which costs a compilation at worst: a parser would take a
-    second over the sources of a flight.
-    """
-    package = path.relative_to(ROOT).parts[:-1] if path.is_relative_to(ROOT) else ()
-    text = _source(path).decode("utf-8-sig", "replace").replace("\r\n", "\n").replace("\\\n", " ")
-    out = set()
-    for found in IMPORT.finditer(text):
-        begin = text.rfind("\n", 0, found.start()) + 1
-        head = FROM.search(text, begin, found.start())
-        names = [part.split()[0] for part in re.sub(r"#[^\n]*|[()]", " ", found[1]).split(",") if part.strip()]
-        if head and head[1] is None:
-            out |= set(names)
-        elif head:
-            level = len(head[1]) - len(head[1].lstrip("."))
-            above = package[: len(package) - level + 1] if level else ()
-            base = ".".join((*above, *filter(None, [head[1].lstrip(".")])))
-            out |= {base, *(f"{base}.{name}" for name in names)}
-    outside = not path.is_relative_to(ROOT)  # a user's block imports its neighbours, too
-    return sorted(name for name in out if outside or name.partition(".")[0] in PACKAGES)
+def digest_of(paths: Iterable[Path]) -> str:
+    """Return a digest of the contents of files."""
+    return hashlib.sha256(b"".join(hashlib.sha256(_source(path)).digest() for path in paths)).hexdigest()
 
 
 @functools.cache
-def _files(name):
-    """Return our files that importing `name` runs: its module or package, and the packages around it."""
-    parts = name.split(".")
-    stems = [os.path.join(ROOT, *parts[:i]) for i in range(1, len(parts) + 1)]
-    return tuple(Path(f) for s in stems for f in (f"{s}.py", os.path.join(s, "__init__.py")) if os.path.isfile(f))
+def sources() -> str:
+    """Return a digest of all sources of FLYING."""
+    return digest_of(sorted(path for name in FLYING for path in (ROOT / name).rglob("*.py")))
 
 
 @functools.cache
@@ -70,15 +42,9 @@ def installed(name: str) -> str:
     return version(name)
 
 
-@functools.cache
-def _links(path):
-    """Return our files that the source at `path` imports."""
-    names = _imports(path)
-    found = [file for name in names for file in _files(name)]
-    if not path.is_relative_to(ROOT):
-        beside = (path.parent.joinpath(*name.split(".")).with_suffix(".py") for name in names)
-        found += [file for file in beside if file.is_file()]
-    return tuple(dict.fromkeys(found))
+def made_of(names: Iterable[str] = ()) -> str:
+    """Return a digest of what makes machine code of a kernel, and of the files `names` in the project's folder."""
+    return digest_of([*(ROOT / "actuators" / name for name in MAKERS), *(ROOT / name for name in names)])
 
 
 def reached(*roots: Any) -> str:
@@ -87,7 +53,7 @@ def reached(*roots: Any) -> str:
 
     Its code says which names a function reads; its lines are the same in every version of Python.
     """
-    told = {_digest(ROOT / "actuators" / name).hex() for name in MAKERS}
+    told = {made_of()}
     seen: dict[Any, None] = {}
     todo = [getattr(root, "py_func", root) for root in roots]
     while todo:
@@ -172,21 +138,9 @@ def write_whole(file: Path, data: bytes) -> None:
         os.replace(beside, file)
 
 
-@functools.cache
-def closure(path: Path) -> set:
-    """Return the set of our source files that `path` imports, directly or not, itself included."""
-    seen, todo = set(), [path] if path.is_file() else []
-    while todo:
-        here = todo.pop()
-        if here not in seen:
-            seen.add(here)
-            todo += _links(here)
-    return seen
-
-
 def forget() -> None:
     """Read the sources again where they are asked for next: one of a user's has changed."""
-    for cached in (_source, _digest, _links, closure, sources, cache_dir):
+    for cached in (_source, sources):
         cached.cache_clear()
 
 
@@ -207,50 +161,18 @@ def private(folder: Path) -> bool:
     return about.st_uid == os.getuid() and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
-def _cache_roots():
-    """Yield where compiled kernels may lie, best first: where the user says, the user's cache, a user folder
-    own among the temporary files."""
-    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
-        if os.environ.get(name):
-            yield Path(os.environ[name]) / "cosim-kernels"
-    with contextlib.suppress(RuntimeError):  # a user without a home
-        if Path.home().is_absolute():
-            yield Path.home() / ".cache" / "cosim-kernels"
-    if hasattr(os, "getuid"):
-        yield Path(tempfile.gettempdir()) / f"cosim-kernels-{os.getuid()}"
-
-
 @functools.cache
 def cache_root() -> Path | None:
-    """Return the folder for compiled kernels, None where no folder is this user's alone."""
-    return next((root for root in _cache_roots() if private(root) and os.access(root, os.W_OK)), None)
+    """Return the folder for compiled kernels, None where no folder is this user's alone: NUMBA_CACHE_DIR or
+    XDG_CACHE_HOME, the user's cache."""
+    given = (os.environ[name] for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME") if os.environ.get(name))
+    roots = [*map(Path, given), Path(os.path.expanduser("~/.cache"))]
+    found = (root / "cosim-kernels" for root in roots if root.is_absolute())
+    return next((root for root in found if private(root) and os.access(root, os.W_OK)), None)
 
 
 @functools.cache
-def sources(path: str | Path) -> str:
-    """Return a digest of the file at `path` and of our files that it imports, directly or not."""
-    return hashlib.sha256(b"".join(sorted(map(_digest, closure(path))))).hexdigest()
-
-
-@functools.cache
-def cache_dir(path: str | Path) -> str | None:
-    """Return the cache folder of what is worked out by the sources that the file at `path` imports, None for none."""
-    return private_folder(sources(path)[:16])
-
-
-@functools.cache
-def private_folder(name: str) -> str | None:
+def private_folder(name: str) -> Path | None:
     """Return a folder of the cache, made where it is missing; None where others may write to it."""
-    root = cache_root()
-    folder = root and root / name
-    return str(folder) if folder and private(folder) and _all_private(folder) else None
-
-
-def _all_private(folder):
-    """Tell whether every file in `folder` is this user's and closed to others: it may once have been open to them."""
-    if not hasattr(os, "getuid"):
-        return True
-    reached = folder.lstat().st_mode & (stat.S_IXGRP | stat.S_IXOTH)  # else no other gets to a file, whatever its mode
-    told = [file.lstat() for file in folder.rglob("*")]
-    open_to = stat.S_IWGRP | stat.S_IWOTH if reached else 0
-    return all(t.st_uid == os.getuid() and (stat.S_ISLNK(t.st_mode) or not t.st_mode & open_to) for t in told)
+    folder = (root := cache_root()) and root / name
+    return folder if folder and private(folder) else None

@@ -15,6 +15,7 @@ import numpy as np
 
 from cosim.errors import CampaignError, did_you_mean
 
+MOST = 1e15  # beyond it a number has no digits behind its point
 KEYS = ("low", "high", "scale", "integer", "mean", "sigma", "choice")
 
 
@@ -46,44 +47,44 @@ class Draw:
         return float(self.low + u * (self.high - self.low))
 
 
-
 def draw(table: dict, place: str) -> Draw:
     """Return the Draw of a table of the campaign file; raises CampaignError that says what is wrong at `place`."""
     if not isinstance(table, dict):
         raise CampaignError("is no distribution", place=place, allowed=f"a table of {', '.join(KEYS)}")
-    for key in table:
-        if key not in KEYS:
-            raise CampaignError(
-                f"unknown key {key!r}", place=place, allowed=", ".join(KEYS), remedy=did_you_mean(key, KEYS)
-            )
+    for key in (key for key in table if key not in KEYS):
+        near = did_you_mean(key, KEYS)
+        raise CampaignError(f"unknown key {key!r}", place=place, allowed=", ".join(KEYS), remedy=near)
+    if said := _wrong(table):
+        raise CampaignError(said, place=place)
+    values: dict[str, Any] = {key: tuple(value) if key == "choice" else value for key, value in table.items()}
+    return Draw(**values)
+
+
+def _wrong(table):
+    """Return what is wrong with a table of known keys, "" where nothing is."""
     if "choice" in table:
-        if len(table) > 1 or not isinstance(table["choice"], list) or not table["choice"]:
-            raise CampaignError("choice is a list with something in it, and stands alone", place=place)
-        return Draw(choice=tuple(table["choice"]))
-    for key in ("low", "high", "mean", "sigma"):
-        value = table.get(key, 0.0)
+        wrong = len(table) > 1 or not isinstance(table["choice"], list) or not table["choice"]
+        return "choice is a list with something in it, and stands alone" * wrong
+    numbers = {key: value for key, value in table.items() if key in ("low", "high", "mean", "sigma")}
+    for key, value in numbers.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise CampaignError(f"{key} = {value!r} is no number", place=place)
-    if not isinstance(table.get("integer", False), bool) or not isinstance(table.get("scale", ""), str):
-        raise CampaignError("integer is true or false, scale a word", place=place)
-    made = Draw(**table)
-    normal = {"mean", "sigma"} & set(table)
-    if normal and (len(normal) < 2 or made.sigma <= 0.0 or made.integer or made.scale != "linear"):
-        raise CampaignError("a normal distribution has mean and sigma above 0, perhaps low and high", place=place)
-    if not normal and not {"low", "high"} <= set(table):
-        raise CampaignError("says neither low and high, nor mean and sigma, nor choice", place=place)
-    if made.low >= made.high:
-        raise CampaignError(f"low = {made.low:g} is not below high = {made.high:g}", place=place)
-    if max(abs(made.low), abs(made.high)) > 1e15 and not normal:
-        raise CampaignError(f"low = {made.low:g} and high = {made.high:g} are beyond what can be drawn", place=place,
-                            allowed="-1e15 to 1e15")
-    if made.scale not in ("linear", "log"):
-        raise CampaignError(f"unknown scale {made.scale!r}", place=place, allowed="linear, log")
-    if made.scale == "log" and made.low <= 0.0:
-        raise CampaignError(f"low = {made.low:g} has no logarithm", place=place, allowed="above 0")
-    if made.integer and any(x != int(x) for x in (made.low, made.high)):
-        raise CampaignError("low and high of a whole number are whole", place=place)
-    return made
+            return f"{key} = {value!r} is no number"
+    low, high = (numbers.get(key, default) for key, default in (("low", -math.inf), ("high", math.inf)))
+    scale, whole = table.get("scale", "linear"), table.get("integer", False)
+    normal = "mean" in table or "sigma" in table
+    refused = (  # in this order
+        (not isinstance(whole, bool) or not isinstance(scale, str), "integer is true or false, scale a word"),
+        (normal and ({"mean", "sigma"} - set(table) or numbers["sigma"] <= 0.0 or whole or scale != "linear"),
+         "a normal distribution has mean and sigma above 0, perhaps low and high"),
+        (not normal and not {"low", "high"} <= set(table), "says neither low and high, nor mean and sigma, nor choice"),
+        (low >= high, f"low = {low:g} is not below high = {high:g}"),
+        (not normal and max(abs(low), abs(high)) > MOST,
+         f"low = {low:g} and high = {high:g} are beyond what can be drawn; allowed: {-MOST:g} to {MOST:g}"),
+        (scale not in ("linear", "log"), f"unknown scale {scale!r}; allowed: linear, log"),
+        (scale == "log" and low <= 0.0, f"low = {low:g} has no logarithm; allowed: above 0"),
+        (whole and not normal and any(x % 1 for x in (low, high)), "low and high of a whole number are whole"),
+    )  # fmt: skip
+    return next((said for wrong, said in refused if wrong), "")
 
 
 def unit_cube(n: int, d: int, *, sampling: str, seed: int) -> np.ndarray:

@@ -20,7 +20,6 @@ A run is done when runs.parquet or a part holds it. A Dask cluster on one machin
 On several machines every worker needs the same version of this package and of its libraries; nothing is written there.
 """
 
-import ast
 import functools
 import hashlib
 import itertools
@@ -29,6 +28,7 @@ import logging
 import os
 import subprocess
 import sys
+import tempfile
 import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator
@@ -36,7 +36,6 @@ from concurrent.futures import Executor
 from contextlib import contextmanager, nullcontext
 from importlib.metadata import version
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import pandas as pd
@@ -44,23 +43,22 @@ import pyarrow as pa
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
-from actuators.source_hash import closure
-from cosim.campaign.pool import alone, finished
+from actuators.source_hash import FLYING
+from cosim.campaign.pool import finished
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.worker import FAILED, Flown, Packed, Signals, failed, fly, fly_packed, run_id
 from cosim.errors import CampaignError, OutputError, did_you_mean, told_at_call
-from cosim.files import FULL, SPACE, beside, held, replace_text, sweep
+from cosim.files import FULL, SPACE, beside, replace_text
 from cosim.judge.row import FIELDS, Field
 from cosim.parts import with_detectors
 from cosim.scenario import Scenario
 from cosim.scenario.user_parts import identified
-from cosim.table import Table
 from cosim.texts import from_json, read
 
 ROOT = Path(__file__).resolve().parents[2]
 ABOUT = "campaign.json"
 FILES = (ABOUT, "scenarios.parquet", "runs.parquet", "timing.parquet")
-FLYING = ("actuators", "fdi", "aircraft")  # with what a worker imports of cosim: what decides about a row
+FOLDERS = (*FLYING, "cosim/campaign", "aircraft")  # what decides about a row
 DECIDING = (".py", ".json", ".npz", ".toml", ".xml")
 CORE = (
     "seed", "duration_s", "flight.mass_t", "flight.cg_pct", "flight.altitude_ft", "flight.turbulence", "manoeuvre.kind",
@@ -85,7 +83,7 @@ TIMING = _schema([
     Field("id", "string", "", "detector; null for the whole run"),
     Field("wall_time_s", "double", "s", "time of the flight by the clock"),
     Field("startup_s", "double", "s", "time before its first tick"),
-    Field("core_s", "double", "s", "processor time of the whole run, its twin and judgement"),
+    Field("core_s", "double", "s", "processor time of the whole run, its fault-free run and judgement"),
     Field("step_us", "double", "us", "time per step and lane"),
 ])  # fmt: skip
 KINDS = {"runs": ROWS, "timing": TIMING}
@@ -115,13 +113,6 @@ class CampaignResult:
         names = ", ".join(self.frame["id"].dropna().unique())
         return f"CampaignResult: {self.done} runs ({told}), detectors {names or 'none'}, {self.parquet or 'no folder'}"
 
-    def _repr_html_(self) -> str:
-        made = Table(repr(self), "detector", "level", "faults>", "detected>", "false alarms>", kind="")
-        for (level, name), rows in self.frame[self.frame["id"].notna()].groupby(["level", "id"]):
-            mine = rows[rows["concerned"].astype(bool)]
-            made.add(name, level, len(mine), int(mine["delay_s"].notna().sum()), int(rows["false_alarms"].sum()))
-        return made._repr_html_()
-
     def to_dict(self) -> dict:
         """Return the JSON of `cosim campaign`."""
         counts = {"done": self.done, "failed": self.failed, "resumed": self.resumed}
@@ -138,12 +129,18 @@ def run_many(
 
     `workers` processes, by default one per core, 0 for this process; or any concurrent.futures `executor`. `out` is the
     folder of rows; with `resume` what it holds is not flown again. `progress(done, total)` counts runs. `achieved`
-    flies a twin for every run with an elevator fault. `labels` is a list of dicts beside the scenarios, for columns
+    flies every run with an elevator fault without it, too. `labels` are dicts beside the scenarios, for columns
     label.<name>. `signals` (words of `cosim list signals`, none for all) writes a Parquet file per flight at `rate_hz`,
     with labels, and a column `split`. Raises CampaignError, OutputError; an error of a flight is a row.
     """
     if executor is None and workers != 0:
         _guarded()
+    if out is None:
+        with tempfile.TemporaryDirectory() as scratch:
+            flown = run_many(scenarios, workers=workers, out=scratch, executor=executor, progress=progress,
+                             achieved=achieved, labels=labels)  # fmt: skip
+        flown.parquet = None
+        return flown
     runs, packed, named, user_parts = _runs(scenarios, labels)
     wanted, about = None, table(runs, packed, named)
     if signals is not None:
@@ -151,14 +148,6 @@ def run_many(
 
         wanted = Signals(chosen(packed, tuple(signals), rate_hz), rate_hz)
         about.insert(2, "split", splits(packed, named))
-    how = {"workers": workers, "executor": executor, "achieved": achieved, "signals": wanted}
-    if out is None:
-        rows: list[dict] = []
-        timing: list[dict] = []
-        for flown in _flights(runs, packed, progress, len(runs), **how):
-            rows, timing = rows + flown.rows, timing + flown.timing
-        frame = _joined(about, pa.Table.from_pylist(rows, ROWS).to_pandas())
-        return CampaignResult(frame, _once(pa.Table.from_pylist(timing, TIMING).to_pandas(), ["run", "id"]))
     out = Path(out)
     with _opened(out):
         flies = {"title": title, **fingerprint(), "signals": wanted and [list(wanted.words), rate_hz],
@@ -172,8 +161,8 @@ def run_many(
         keys = pa.Table.from_pandas(about, preserve_index=False)
         _write(out / "scenarios.parquet", keys.add_column(2, "toml", texts))
         with _parts(out) as add:
-            left = dict.fromkeys(run for run in runs if run not in set(done["run"]))
-            for flown in _flights(runs, packed, progress, len(runs), left, **how):
+            how = {"workers": workers, "executor": executor, "achieved": achieved, "signals": wanted}
+            for flown in _flights(runs, packed, set(done["run"]), progress, **how):
                 if flown.signals:
                     with beside(_signals_of(out, flown.run)) as part:
                         part.write_bytes(flown.signals)
@@ -255,8 +244,7 @@ def folder(campaign: str | Path) -> Path:
 def fingerprint() -> dict:
     """Return {digest, versions} of everything that decides about a row: sources, designs, aircraft, libraries."""
     digest = hashlib.sha256()
-    files = {p for name in FLYING for p in (ROOT / name).rglob("*") if p.suffix in DECIDING}
-    for path in sorted(files | closure(Path(__file__).with_name("worker.py"))):
+    for path in sorted(p for name in FOLDERS for p in (ROOT / name).rglob("*") if p.suffix in DECIDING):
         digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
     versions = {name: version(name) for name in ("jsbsim", "numpy", "scipy", "numba")}
     return {"digest": digest.hexdigest()[:16], "versions": versions}
@@ -362,12 +350,12 @@ def _typed(values):
 # -- where it flies
 
 
-def _flights(runs, packed, progress, total, left=None, *, workers, executor, achieved, signals):
-    """Yield the Flown of each of `runs` that is `left`. A run whose process dies under it, and again when it is flown
-    alone, is a row "crashed"."""
+def _flights(runs, packed, done, progress, *, workers, executor, achieved, signals):
+    """Yield the Flown of each of `runs` that is not `done`. A run whose process dies under it, and again when it is
+    flown alone, is a row "crashed"."""
     groups: dict = {}
     for run, seed, data in zip(runs, packed.seeds, packed.packed):
-        if left is None or run in left:
+        if run not in done:
             groups.setdefault(seed, []).append((run, data))
     same = [group[i : i + TOGETHER] for group in groups.values() for i in range(0, len(group), TOGETHER)]
     if same and executor is None:
@@ -375,39 +363,35 @@ def _flights(runs, packed, progress, total, left=None, *, workers, executor, ach
 
         prepare(packed[0])  # here, with a word, and not in every worker at once
     again: list = []
-    calls = ((n, fly_packed, (group, achieved, signals)) for n, group in enumerate(same))
-    found = finished(calls, workers=workers, executor=executor, died=lambda call: again.extend(call[2][0]))
-    flown_together = (flown for _, group in found for flown in group)
-    done = itertools.count(total - sum(map(len, same)) + 1)
-    for flown in itertools.chain(flown_together, _again(again, executor, achieved, signals)):
-        yield flown
+    crashed: list = []
+
+    def died_alone(call, error):
+        crashed.append(Flown(call[0], [failed(call[0], "crashed", f"its process died: {error}")], []))
+
+    def flown() -> Iterator[Flown]:
+        calls = ((n, fly_packed, (group, achieved, signals)) for n, group in enumerate(same))
+        for _, group in finished(calls, workers=workers, executor=executor, died=lambda c, _: again.extend(c[2][0])):
+            yield from group
+        if again:
+            calls = ((run, fly_packed, ([(run, data)], achieved, signals)) for run, data in again)
+            for _, group in finished(calls, workers=1, executor=executor, ahead=1, died=died_alone):
+                yield from group
+        yield from crashed
+
+    for n, one in enumerate(flown(), len(runs) - sum(map(len, same)) + 1):
+        yield one
         if progress:
-            progress(next(done), total)
-
-
-def _again(again, executor, achieved, signals):
-    """Yield what comes of runs that were under way when a process died, each alone."""
-    calls = ((run, fly_packed, ([(run, data)], achieved, signals)) for run, data in again)
-    for run, value in alone(calls, executor):
-        died = isinstance(value, Exception)
-        yield Flown(run, [failed(run, "crashed", f"its process died: {value}")], []) if died else value[0]
+            progress(n, len(runs))
 
 
 def _guarded():
     """Raise CampaignError where a script flies at its top level: its worker processes import it, and would fly, too."""
     main = sys.modules["__main__"]
     path = getattr(main, "__file__", None)
-    frame: FrameType | None = sys._getframe()
-    while frame and not (frame.f_code.co_name == "<module>" and frame.f_globals is vars(main)):
-        frame = frame.f_back
-    if frame is None or not path or not os.path.isfile(path) or getattr(main, "__spec__", None):
-        return
-    ifs = (node for node in ast.walk(ast.parse(Path(path).read_bytes())) if isinstance(node, ast.If))
-    guards = (node for node in ifs if node.lineno <= frame.f_lineno <= (node.end_lineno or 0))
-    if not any("__name__" in ast.dump(node.test) for node in guards):
+    if path and os.path.isfile(path) and not main.__spec__ and b"__name__" not in Path(path).read_bytes():
         said = "flies a campaign at its top level, and its worker processes import this file"
         remedy = 'Put the call below `if __name__ == "__main__":`, or fly with workers=0'
-        raise CampaignError(said, place=f"{path}:{frame.f_lineno}", remedy=remedy)
+        raise CampaignError(said, place=path, remedy=remedy)
 
 
 @contextmanager
@@ -441,8 +425,8 @@ def cluster(address: str) -> Iterator[tuple]:
 
 @contextmanager
 def _opened(out):
-    """Make the folder of a campaign and keep other campaigns out of it. Raises OutputError, with what to do, when it
-    cannot be written, now or later, another campaign has it, or it holds a foreign file that would be overwritten."""
+    """Make the folder of a campaign. Raises OutputError, with what to do, when it cannot be written, now or later, or
+    holds a foreign file that would be overwritten."""
     try:
         foreign = [] if _about(out) else [name for name in FILES if (out / name).exists()]
         foreign = foreign or [f"parts/{p.name}" for p in (out / "parts").glob("*") if not _about(out)]
@@ -450,10 +434,7 @@ def _opened(out):
             said = f"holds a {foreign[0]} that no campaign wrote"
             raise OutputError(said, place=str(out), remedy="Choose another place with -o")
         (out / "parts").mkdir(parents=True, exist_ok=True)
-        with held(out):
-            for part in (out, out / "parts", out / "signals"):
-                sweep(part)
-            yield
+        yield
     except OutputError as error:
         error.remedy = GO_ON if error.remedy == SPACE else error.remedy
         raise
@@ -519,9 +500,7 @@ def _consolidated(out, about, flies, resumed):
     before = [p for kind in KINDS for p in (out / "parts").glob(f"{kind}-*.parquet")]
     rows, timing = (_rows(out, kind).to_pandas() for kind in KINDS)
     others = rows[~rows["run"].isin(about["run"])].drop_duplicates(KEY)
-    frame, timing = _joined(about, rows), _once(timing, ["run", "id"])
-    at = timing["run"].map(dict(zip(about["run"], about["order"])))
-    timing = timing[at.notna()].iloc[at.dropna().argsort(kind="stable")].reset_index(drop=True)
+    frame, timing = _joined(about, rows), _once(timing[timing["run"].isin(about["run"])], ["run", "id"])
     if len(others):  # of another version of the campaign
         kept = pa.Table.from_pandas(others, ROWS, preserve_index=False)
         _write(out / "parts" / f"runs-{uuid.uuid4().hex}.parquet", kept)

@@ -7,11 +7,11 @@ import contextlib
 import hashlib
 import inspect
 import json
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from actuators.source_hash import closure
 from cosim.campaign.engine import fingerprint
 from cosim.campaign.pool import finished
 
@@ -28,39 +28,34 @@ def work(
     works in this process; `progress(done, total)` counts. An error in a job ends the work.
     """
     keys = [json.dumps([f"{f.__module__}.{f.__name__}", arguments], sort_keys=True) for f, arguments in jobs]
-    path = Path(folder) / f"results-{code_of(jobs)}.jsonl" if folder else None
-    values = _held(path) if path else {}
+    path = Path(folder) / f"results-{code_of(jobs)}.jsonl" if folder else Path(os.devnull)
+    values = dict(_whole_lines(path))
     todo = {key: job for key, job in zip(keys, jobs) if key not in values}
     done, total = len(set(keys)) - len(todo), len(set(keys))
-    tell = progress or (lambda done, total: None)
-    tell(done, total)
+    path.parent.mkdir(parents=True, exist_ok=True)
     for key, value in finished(((key, _call, job) for key, job in todo.items()), workers=workers):
+        with open(path, "a", encoding="utf-8") as file:
+            file.write(json.dumps([key, value]) + "\n")
         values[key], done = value, done + 1
-        if path:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with open(path, "a", encoding="utf-8") as file:
-                file.write(json.dumps([key, value]) + "\n")
-        tell(done, total)
+        if progress:
+            progress(done, total)
     return [values[key] for key in keys]
 
 
 def code_of(jobs: Sequence[Job]) -> str:
     """Return the digest of all that decides about the values of `jobs`."""
-    files = {Path(inspect.getfile(function)).resolve() for function, _ in jobs}
-    found = hashlib.sha256(json.dumps(fingerprint()).encode())
-    for path in sorted({p for file in files for p in closure(file)}):
-        found.update(path.read_bytes())
-    return found.hexdigest()[:16]
+    folders = {Path(inspect.getfile(function)).resolve().parent for function, _ in jobs}
+    digest = hashlib.sha256(json.dumps(fingerprint()).encode())
+    for path in sorted({p for folder in folders for p in (*folder.glob("*.py"), *folder.parent.glob("*.py"))}):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
 
 
-def _held(path):
-    """Return {key: value} of the whole lines of a file of results; a kill may have cut the last one short."""
-    values = {}
-    for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else ():
+def _whole_lines(path):
+    """Yield (key, value) of the whole lines of a file of results; a kill may have cut the last one short."""
+    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
         with contextlib.suppress(ValueError):
-            key, value = json.loads(line)
-            values[key] = value
-    return values
+            yield json.loads(line)
 
 
 def _call(function, arguments):

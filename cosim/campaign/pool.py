@@ -2,12 +2,12 @@
 
 import concurrent.futures as cf
 import contextlib
+import itertools
 import multiprocessing
 import multiprocessing.connection
 import os
 import signal
 import threading
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
@@ -25,82 +25,55 @@ def cores() -> int:
 
 
 def finished(
-    calls: Iterable[Call], *, workers: int | None = None, executor: cf.Executor | None = None,
-    died: Callable[[Call], None] | None = None,
+    calls: Iterable[Call], *, workers: int | None = None, executor: cf.Executor | None = None, ahead: int = AHEAD,
+    died: Callable[[Call, Exception], None] | None = None,
 ) -> Iterator[tuple]:  # fmt: skip
     """Yield (key, function(*arguments)) of every call (key, function, arguments) as it finishes, in any order.
 
-    `workers` processes, by default one per core, 0 works in this process; or any `executor`. `died` takes each call
-    that was under way when a process died, without it that is a CampaignError; an error of a function is raised.
+    `workers` processes, by default one per core, 0 works in this process; or any `executor`. `ahead` calls a worker are
+    under way. `died` takes each call that was under way when a process died, and the error; without it that is a
+    CampaignError. An error of a function is raised.
     """
-    calls = iter(calls)
-    count = cores() if workers is None else workers
-    if executor is not None:
-        yield from _sent(calls, executor, AHEAD * (workers or 16), died or _refuse)
-    elif count == 0:
+    calls, count = iter(calls), cores() if workers is None else workers
+    if executor is None and count == 0:
         yield from ((key, function(*arguments)) for key, function, arguments in calls)
-    else:
-        broken = True
-        while broken:  # a pool in which a process died takes no more calls
-            with pool(count) as here:
-                broken = yield from _sent(calls, here, AHEAD * count, died or _refuse)
-
-
-def alone(calls: Iterable[Call], executor: cf.Executor | None = None) -> Iterator[tuple]:
-    """Yield (key, value) of calls, one after the other; the value of one whose process dies is the error."""
-    todo = deque(calls)
-    while todo:
-        with contextlib.nullcontext(executor) if executor else pool(1) as here:
-            while todo:
-                key, function, arguments = todo.popleft()
-                try:
-                    value = here.submit(function, *arguments).result()
-                except Exception as error:
-                    if not _death(error):
-                        raise
-                    yield key, error
-                    break
-                yield key, value
+        return
+    left, window = True, ahead * (count if executor is None else workers or 16)
+    while left:  # a pool in which a process died takes no more calls
+        with contextlib.nullcontext(executor) if executor else pool(count) as here:
+            left = yield from _sent(calls, here, window, died or _refuse)
 
 
 def _sent(calls, executor, window, died):
-    """Yield what an executor makes of the calls, `window` of them under way; return whether it is broken."""
+    """Yield what an executor makes of the calls, `window` of them under way; return whether it broke before the end."""
     flying: dict[cf.Future, Call] = {}
-    more, broken = True, False
+    broken = False
     try:
-        while flying or (more and not broken):
-            while more and not broken and len(flying) < window:
-                call = next(calls, None)
-                if call is None:
-                    more = False
-                    break
+        while True:
+            for call in itertools.islice(calls, 0 if broken else window - len(flying)):
                 try:
                     flying[executor.submit(call[1], *call[2])] = call
-                except cf.BrokenExecutor:
-                    died(call)
+                except cf.BrokenExecutor as gone:
+                    died(call, gone)
                     broken = True
+            if not flying:
+                return broken
             for future in cf.wait(flying, return_when=cf.FIRST_COMPLETED).done:
                 call = flying.pop(future)
                 if future.cancelled():
                     raise CampaignError("the workers went away", place="campaign", remedy="Continue with --resume")
-                if (error := future.exception()) is None:
-                    yield call[0], future.result()
-                elif _death(error):
-                    died(call)
-                    broken = broken or isinstance(error, cf.BrokenExecutor)
+                error = future.exception()
+                broken = broken or isinstance(error, cf.BrokenExecutor)
+                if isinstance(error, cf.BrokenExecutor) or type(error).__name__ == "KilledWorker":  # of Dask
+                    died(call, error)
                 else:
-                    raise error
+                    yield call[0], future.result()
     finally:
         for future in flying:
             future.cancel()
-    return broken
 
 
-def _death(error):
-    return isinstance(error, cf.BrokenExecutor) or type(error).__name__ == "KilledWorker"  # the latter is Dask's
-
-
-def _refuse(call):
+def _refuse(call, error):
     raise CampaignError("a worker process died", place=str(call[0]), remedy="Was there enough memory?")
 
 

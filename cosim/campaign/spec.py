@@ -134,38 +134,29 @@ def scenario_of(part: Part, chosen: dict, place: str, run: str = "") -> tuple[Sc
     """Return (Scenario, {label: name}) of a Part with `chosen` keys; a table sets several, and perhaps has a name. A
     file of a user's lies beside the campaign, or where its path leads from here. `run` stands behind the line of a
     chosen key in what is said of it."""
-    pairs: list = []  # in order: a later kind drops the numbers of an earlier one
-    names = {}
-    said = []  # (key of the scenario, key of the campaign that set it)
-    for key, value in chosen.items():
-        several = dict(value) if isinstance(value, dict) else {key: value}
-        if isinstance(value, dict) and "name" in several:
-            names[key] = several.pop("name")
-        pairs += several.items()
-        said += [(name, key) for name in several]
+    each = [(key, value if isinstance(value, dict) else {key: value}) for key, value in chosen.items()]
+    names = {key: table["name"] for key, table in each if "name" in table and isinstance(chosen[key], dict)}
+    # in order: a later kind drops the numbers of an earlier one
+    pairs = [(name, value, key) for key, table in each for name, value in table.items()
+             if key not in names or name != "name"]  # fmt: skip
 
     def origin() -> Origin:
         made = dataclasses.replace(part.origin, place=place)
-        for name, key in said:
+        for name, _, key in pairs:
             made = made.overridden(name, f"{part.lines[key]}{run}" if key in part.lines else place)
         return made
 
-    table, refused = assigned(part.base, pairs)
+    table, refused = assigned(part.base, ((name, value) for name, value, _ in pairs))
     wrong = Mistakes()
     for key, error in refused:
         error.place = f"{origin().of(key)}: {error.place}"
         wrong.append(error)
     with wrong.caught():
         scenario = identified(parse(locate(table, part.folder, place), place=place, origin=origin))
-    if not wrong:
-        return scenario, names
     for one in (one for error in wrong for one in error.every):
         one.place = one.place if one.place.startswith((place, *origin().where.values())) else f"{place}: {one.place}"
-        if gone := re.search(r"faults\.(\d+)\.(target|kind)$", one.place):
-            i = gone[1]
-            wins = f"`faults = []` of base, [set] or [grid] wins over what [draw] and [grid] say of faults.{i}"
-            one.remedy = f"{wins}: give it target and kind, or say this in the faulty [[part]] alone"
-    raise joined(wrong)
+    wrong.check()
+    return scenario, names
 
 
 def builtin_campaigns() -> list[str]:

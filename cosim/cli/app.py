@@ -10,6 +10,7 @@ import logging
 import os
 import shlex
 import sys
+import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,7 +23,7 @@ from rich.text import Text
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from cosim.errors import CosimError, OutputError, ScenarioError, shortened
-from cosim.files import Part, Sign, failed, marked, replace_text
+from cosim.files import Sign, claim, failed, marked, replace_text
 from cosim.progress import Progress
 
 WIDTH = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 110  # a pipe has no width: do not fold its tables
@@ -197,7 +198,7 @@ SetOption = Annotated[
 ]
 DetectorOption = Annotated[
     list[Path] | None,
-    option("FILE.py", "A detector of your own, or an installed one by name. Its code runs with your rights. "
+    option("FILE.py", "A detector of your own. Its code runs with your rights. "
            "Repeatable."),
 ]  # fmt: skip
 ScenarioArg = Annotated[str, argument("SCENARIO", "Built-in name (see [b]cosim list[/]) or TOML file.")]
@@ -217,17 +218,20 @@ def only_with(partner: str, given: Any, **options: Any) -> None:
 def reserve(path: Path, sign: Sign | None, *, log: bool = False) -> None:
     """Find out before the work whether `path` can be written, leaving nothing but its folder; see cosim.files.claim.
 
-    `sign` tells the project's own files of this format. To a `log` no killed flight may have left anything. Raises
-    OutputError.
+    `sign` tells the project's own files of this format. A `log` must not be there unfinished. Raises OutputError.
     """
+    claim(path, sign)
     try:
-        Part(path, sign).drop()
+        folder = Path(os.path.realpath(path)).parent
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
     except OSError as error:
         raise failed(error, path) from None
     if log:
-        from cosim.flight.interactive import journal
+        from cosim.log.log_file import check_no_part
 
-        journal.absent(path)
+        check_no_part(path)
 
 
 @contextmanager

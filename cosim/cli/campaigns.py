@@ -28,7 +28,7 @@ from cosim.cli.app import (
 )
 from cosim.files import columns, replace
 
-TEXTS = 5  # different errors that are printed
+TEXTS, ROWS = 5, 15  # different errors, and rows that differ, that are printed
 
 
 @command("Many flights")
@@ -189,6 +189,8 @@ def reproduced(rows: list[Any], found: dict[str, Any]) -> Group:
     from cosim.table import number
 
     total = "   ".join(f"{n} {VERDICTS[v][0]}" for v, n in found["counts"].items())
-    off = [Text(f"{r.paper}, {r.item}: we get {number(r.got)}, {VERDICTS[r.verdict][0]}", style=VERDICTS[r.verdict][1]
-                .replace("warn", "yellow").replace("bad", "red")) for r in rows if r.verdict != "agrees"]  # fmt: skip
-    return Group(Text(total), *off, *(whole(f"{key:<7}{found[key]}, every row") for key in ("report", "table")))
+    off = [r for r in rows if r.verdict != "agrees"]
+    lines = [f"{r.paper}, {r.item}: we get {number(r.got)}, {VERDICTS[r.verdict][0]}" for r in off[:ROWS]]
+    lines += [f"and {len(off) - ROWS} more"] * (len(off) > ROWS)
+    files = (whole(f"{key:<7}{found[key]}, every row") for key in ("report", "table"))
+    return Group(*map(Text, (total, *lines)), *files)

@@ -24,7 +24,6 @@ from cosim.cli.app import (
     named,
     notes,
     only_with,
-    option,
     out,
     output_option,
     progress,
@@ -53,14 +52,11 @@ def run(
     ] = False,
     speed: shared.SpeedOption = None,
     port: shared.PortOption = None,
-    flightgear: Annotated[
-        int | None, option("PORT", "With --live: show it in FlightGear, too.", min=1, max=65535)
-    ] = None,
     detector: shared.DetectorOption = None,
     json_: shared.JsonOption = False,
 ) -> None:
     """Fly a scenario, log it, show who alarmed, when, and for what."""
-    only_with("--live", live, speed=speed, port=port, flightgear=flightgear)
+    only_with("--live", live, speed=speed, port=port)
     flown = loaded(scenario, set_ or (), detector or ())
     variant = [*(set_ or ()), *(f"detector={file.stem}" for file in detector or ())]
     path = output or Path("logs") / f"{log_name(scenario, variant)}.mcap"
@@ -83,7 +79,7 @@ def run(
 
                 told: Any = {"progress": tell, "ready": lambda server: served(server, layout)}
                 where = LIVE_PORT if port is None else port
-                result, flown = fly_live(flown, log=path, port=where, speed=speed or 1.0, flightgear=flightgear, **told)
+                result, flown = fly_live(flown, log=path, port=where, speed=speed or 1.0, **told)
             else:
                 from cosim.flight.simulate import simulate
 

@@ -8,7 +8,7 @@ from rich.console import Group
 from rich.text import Text
 
 from cosim.cli.app import whole, word
-from cosim.table import Cell, Column, Table
+from cosim.table import Cell, Table
 
 if TYPE_CHECKING:  # `--help` needs no scenario
     from cosim.scenario import Scenario
@@ -41,7 +41,7 @@ def _injected(found, scenario, details):
     from cosim.judge import narrator
 
     for i, (line, note) in enumerate(narrator.faults(scenario, found.get("achieved"))):
-        if details:
+        if details or scenario.faults[i].when is not None:  # that of a condition may never have begun
             yield Text.assemble((f"fault {i}  ", "red"), line)  # as in --set faults.1.kind
         if note:
             yield Text(f"note   {note}", style="yellow")
@@ -78,18 +78,23 @@ def contents(found: dict[str, Any]) -> Group:
     whole_ = Cell("complete", "good") if found["complete"] else Cell("incomplete: the run did not end itself", "warn")
     head.add("log", whole_)
     lost = {"gaps": found["gaps"] and f"{found['gaps']} ticks are missing", "problem": found.get("problem")}
-    for name, value in ({k: v for k, v in lost.items() if v} | found["versions"]).items():
-        head.add(name, value)
+    for name, value in lost.items():
+        if value:
+            head.add(name, value)
+    head.add("written by", ", ".join(f"{name} {version}".replace("software ", "") for name, version in
+                                     found["versions"].items()))  # fmt: skip
     for name, why in json.loads(found["result"].get("not_run", "{}")).items():
         head.add(f"{name} not run", why)
-    t = Table("Topics", "topic", "rows>", "fields>", "every>", Column("first fields", rank=1, right=False))
+    topics: dict[str, list[str]] = {}
     for r in found["topics"]:
-        more = ", ..." if len(r["fields"]) > 6 else ""
-        t.add(r["name"], r["rows"], len(r["fields"]), r["every"], ", ".join(r["fields"][:6]) + more)
+        root, _, rest = r["name"].removeprefix("/").partition("/")
+        topics.setdefault(root, []).append(rest or "itself")
+    t = Table("", "topics", "", caption="rows and fields of each: --json")
+    for root, names in topics.items():
+        t.add(f"/{root}", ", ".join(names) if root != "state" else f"of {len(names)} lanes, once a second")
     kept = [name for name in found["attachments"] if not name.endswith(ARRAYS)]
-    arrays = len(found["attachments"]) - len(kept)
-    kept += [f"{arrays} arrays of parameters and initial states"] if arrays else []
-    return Group(head, t, Text(f"attachments: {', '.join(kept) or 'none'}"))
+    t.add("attached", f"{', '.join(kept)}; {len(found['attachments']) - len(kept)} arrays")
+    return Group(head, t)
 
 
 def trim_and_modes(found: dict[str, Any], scenario: "Scenario") -> Group:

@@ -24,6 +24,7 @@ from cosim.cli.app import (
     whole,
 )
 from cosim.cli.flight import before
+from cosim.errors import CosimError
 from cosim.files import LEFT
 from cosim.table import DASH, Table
 
@@ -90,32 +91,24 @@ def recover(
     output: Annotated[
         Path | None, output_option("LOG", "Default: LOG, or LOG with .recovered before its ending if there is one.")
     ] = None,
-    trust: Annotated[bool, flag("--trust", "Run the code that the journal of a killed flight names.")] = False,
     json_: shared.JsonOption = False,
 ) -> None:
-    """Make a readable log of what a kill or a full disk has left.
-
-    It says what is lost. Of a flight by hand or live that was killed, which writes its log at its end, fly again what
-    it had come to.
-    """
+    """Make a readable log of what a kill or a full disk has left, and say what is lost."""
     from cosim.files import left_by
-    from cosim.flight.interactive import journal
     from cosim.log import recover as work
     from cosim.log.format import OURS
 
-    asked = str(log).endswith(LEFT)
-    log = Path(str(log).removesuffix(".flown.toml").removesuffix(LEFT))
-    left, again = left_by(log), journal.beside(log).is_file()
-    part = not again and (asked or left.is_file())
-    beside = log.with_suffix(f".recovered{log.suffix}")
-    path = output or (log if (again or part) and not log.exists() else beside)
-    reserve(path, OURS, log=path.resolve() != log.resolve())
-    if again:
-        with progress(f"flying {log.stem} again", waiting="preparing") as tell:
-            return answer(json_, journal.recover(log, path, trust=trust, progress=tell), flown_again)
-    found = work(left if part else log, path)
-    if part and found["cut"]:  # all but its open end is in the new log
-        left.unlink()
+    asked, log = log, Path(str(log).removesuffix(LEFT))
+    part, changed = left_by(log), Path(f"{log}.flown.toml")
+    source = part if part.is_file() else asked
+    if not source.exists() and changed.is_file():
+        remedy = f"`cosim run {changed} -o {log}` flies it again"
+        raise CosimError("the flight was killed before it wrote its log", place=str(log), remedy=remedy)
+    path = output or (log.with_suffix(f".recovered{log.suffix}") if log.exists() else log)
+    reserve(path, OURS)
+    found = work(source, path)
+    if source == part and found["cut"]:  # all but its open end is in the new log
+        part.unlink()
     answer(json_, found, recovered)
 
 
@@ -184,21 +177,12 @@ def diagnosis(found: dict[str, Any]) -> Group:
     return Group(*parts)
 
 
-def flown_again(found: dict[str, Any]) -> Text:
-    """Return what came back of a flight that was killed before it wrote its log."""
-    told = [f"{f['kind']} on {f['target']} from {f['start_s']:g} s" for f in found["faults"]]
-    return whole(f"{found['ticks']:,} ticks ({found['duration_s']:g} s) flown again, {', '.join(told) or 'no fault'}\n"
-                 f"log    {found['out']}")  # fmt: skip
-
-
 def recovered(found: dict[str, Any]) -> Group:
     """Return what came back of a damaged log, and what is lost."""
     whole_ = ("nothing of the run is lost", "green")
     cut = ("the run is incomplete: it holds no result", "yellow")
     parts = [Text(f"{found['ticks']:,} ticks ({found['duration_s']:g} s) in {found['chunks']} whole chunks", "bold"),
              Text(*(whole_ if found["complete"] else cut))]  # fmt: skip
-    if not found["parameters_intact"]:
-        parts.append(Text("scenario or parameters are not as they were written: replay may differ", "red"))
     parts += [Text(f"lost   {d['bytes']} bytes at {d['offset']}: {d['reason']}") for d in found["lost"][:SHOWN]]
     if len(found["lost"]) > SHOWN:
         parts.append(Text(f"and {len(found['lost']) - SHOWN} places more (--json has all)"))

@@ -113,6 +113,7 @@ def map_(
     text = draft(recording, aircraft=aircraft)
     if output:
         replace_text(output, text, edited)
-    found = {"map": str(output) if output else None, "toml": text}
-    told = f"wrote  {output}\nnext   cosim replay {word(recording)} --map {word(output)}" if output else text.rstrip()
-    answer(json_, found, lambda _: whole(Text(told)))
+    if not (output or json_):
+        return print(text, end="")  # for a file, too: no line of it may be folded
+    told = f"wrote  {output}\nnext   cosim replay {word(recording)} --map {word(output)}"
+    answer(json_, {"map": str(output) if output else None, "toml": text}, lambda _: whole(Text(told)))

@@ -5,7 +5,7 @@
 | how late | `delays` | order statistics; a missed fault counts as endless, it is not dropped |
 | how often | `proportion`, `rate` | exact: binomial (Clopper and Pearson), Poisson (Garwood) |
 | what an alarm is worth | `predictive_value` | Bayes' rule on both, each with half of the error |
-| at which threshold | `roc`, `threshold` | run-level maxima |
+| at which threshold | `roc` | run-level maxima |
 
 Confidence is 0.95 unless said otherwise. Nothing here knows a scenario or reads a file.
 """
@@ -27,14 +27,6 @@ class Share(NamedTuple):
 
 
 UNKNOWN = Share(math.nan, math.nan, math.nan)
-
-
-class Band(NamedTuple):
-    """A curve with its two-sided interval at each place."""
-
-    value: NDArray
-    low: NDArray
-    high: NDArray
 
 
 def proportion(k: int, n: int, confidence: float = 0.95) -> Share:
@@ -115,33 +107,11 @@ class Roc(NamedTuple):
     detection: NDArray
 
 
-def beyond(sample: ArrayLike, c: ArrayLike) -> NDArray:
-    """Return the share of `sample` (runs,) at or beyond each of c (n,); NaN without a run."""
-    sample, c = np.asarray(sample, float), np.asarray(c, float)
-    if not len(sample):
-        return np.full(len(c), np.nan)
-    return np.asarray(stats.ecdf(sample).sf.evaluate(np.nextafter(c, -np.inf)))
-
-
 def roc(healthy: ArrayLike, faulty: ArrayLike) -> Roc:
     """Return the Roc of run-level maxima: an alarm is a maximum at or beyond the threshold. Raises ValueError without
     runs, or for one without a number."""
-    healthy, faulty = np.asarray(healthy, float), np.asarray(faulty, float)
-    if not len(healthy) or not len(faulty) or np.isnan(healthy).any() or np.isnan(faulty).any():
+    each = [np.sort(np.asarray(sample, float)) for sample in (healthy, faulty)]
+    if not all(map(len, each)) or np.isnan(np.concatenate(each)).any():
         raise ValueError("a ROC needs healthy and faulty runs, all with a number")
-    t = np.concatenate([[np.inf], np.unique(np.concatenate([healthy, faulty]))[::-1]])
-    return Roc(t, beyond(healthy, t), beyond(faulty, t))
-
-
-def threshold(healthy: ArrayLike, probability: float, confidence: float = 0.95) -> tuple[float, float]:
-    """Return (threshold, upper bound): an alarm at >= threshold hits at most the share `probability` of `healthy`.
-
-    `healthy` are run-level maxima. The bound is the exact one-sided one of the false-alarm probability per run that
-    this sample supports.
-    """
-    ordered = np.sort(np.asarray(healthy, float))
-    n = len(ordered)
-    allowed = math.floor(probability * n + 1e-9)  # runs that may alarm
-    at = float(np.nextafter(ordered[n - 1 - allowed], np.inf))
-    k = int(np.sum(ordered >= at))
-    return at, float(stats.binomtest(k, n, alternative="less").proportion_ci(confidence).high)
+    t = np.append(np.inf, np.unique(np.concatenate(each))[::-1])
+    return Roc(t, *(1.0 - np.searchsorted(own, t) / len(own) for own in each))

@@ -1,7 +1,7 @@
 """What a comparison says: pure functions of its rows (cosim/compare/rows.py). Intervals are exact, at 95 %."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 
 import numpy as np
@@ -16,7 +16,6 @@ from fdi.registry import SHIPPED, find
 
 FREQUENCIES = 8
 HELD = 0.95  # share of the time from the alarm to the fault's end in which an alarm that is held stands
-ALPHA = 0.05  # run-level false-alarm probability at which detectors are set side by side
 GROUPED = (
     "run", "case", "frequency_hz", "amplitude_mm", "target", "family", "group", "able", "seen", "named",
     "delay_s", "first",
@@ -130,22 +129,6 @@ def families(rows: pd.DataFrame) -> list[dict]:
     return [{"id": name, "family": f, **score(pairs[f, name])} for f, name in order]
 
 
-def equal_thresholds(rows: pd.DataFrame, alpha: float = ALPHA) -> dict[str, tuple]:
-    """Return {detector: (multiplier c of its threshold, crossings k, flights n, upper bound)} at one probability.
-
-    c is the smallest at which at most floor(alpha n) of the n fault-free flights reach |r| >= c; None where it
-    never judged in them.
-    """
-    out = {}
-    for name, own in rows[rows["case"].isna()].groupby("id", sort=False):
-        peak = own["r_fault_free"].dropna().to_numpy()
-        allowed = math.floor(alpha * len(peak) + 1e-9)
-        judged = len(peak) and peak.max() > 0.0
-        at, bound = metrics.threshold(peak, alpha) if judged else (None, 1.0)
-        out[name] = (at, allowed, len(peak), bound)
-    return out
-
-
 def maxima(rows: pd.DataFrame) -> dict[str, tuple]:
     """Return {detector: (largest |r| of fault-free flights, of designed-for faults from the onset on)}, run by run."""
     out = {}
@@ -198,31 +181,25 @@ def by_group(rows: pd.DataFrame, stats: list[dict]) -> pd.DataFrame:
     An alarm of a detector that is blind to the case by structure was caused by something else and does not count.
     Columns as GROUPED: able (some detector could see it), first (who noticed first).
     """
-    credible = {d["id"] for d in stats if d["credible"]}
-    member = {name: g for g, names in groups(rows).items() for name in names}
-    found: dict = {g: {} for g in groups(rows)}
-    for row in rows[rows["case"].notna()].to_dict("records"):
-        found[member[row["id"]]].setdefault((row["run"], row["fault"]), []).append(row)
-    return pd.DataFrame(
-        [_of_group(g, own, credible) for g, runs in found.items() for own in runs.values()], columns=GROUPED
-    )
+    members, credible = groups(rows), [d["id"] for d in stats if d["credible"]]
+    of = {name: g for g, names in members.items() for name in names}
+    own = rows[rows["case"].notna()]
+    own = own.assign(group=pd.Categorical(own["id"].map(of), list(members)))
+    own["able"] = own["id"].isin(credible) & own["concerned"] & ~own["not_valid"] & _could(own)
+    own["seen"] = own["able"] & own["detected"]
+    own["named"] = own["seen"] & (own["outcome"] == "named")
+    keys = ["group", "run", "fault"]
+    first = own[own["seen"]].sort_values("delay_s", kind="stable").drop_duplicates(keys).set_index(keys)
+    first = first[["delay_s", "id"]].rename(columns={"id": "first"})
+    found = own.groupby(keys, sort=False, observed=True)
+    about = found[["case", "frequency_hz", "amplitude_mm", "target", "family"]].first()
+    out = about.join(found[["able", "seen", "named"]].any()).join(first).reset_index()
+    return out.sort_values("group", kind="stable", ignore_index=True)[list(GROUPED)].astype({"group": str})
 
 
-def _could(row):
-    """Tell whether a detector could see a case: what it does not declare, only where it did."""
-    return row["word"] != BLIND and (row["word"] != UNDECLARED or row["detected"])
-
-
-def _of_group(name, own, credible):
-    """Return the row of one group in one flight; `own` are the rows of its detectors as dicts."""
-    able = [r for r in own if r["id"] in credible and r["concerned"] and _could(r) and not r["not_valid"]]
-    seen = sorted((r for r in able if r["detected"]), key=lambda r: r["delay_s"])
-    first = seen[0] if seen else {}
-    return {
-        **{k: own[0][k] for k in ("run", "case", "frequency_hz", "amplitude_mm", "target", "family")},
-        "group": name, "able": bool(able), "seen": bool(seen), "named": any(r["outcome"] == "named" for r in seen),
-        "delay_s": first.get("delay_s", math.nan), "first": first.get("id"),
-    }  # fmt: skip
+def _could(rows):
+    """Return whether a detector could see each case: what it does not declare, only where it did."""
+    return (rows["word"] != BLIND) & ((rows["word"] != UNDECLARED) | rows["detected"])
 
 
 def by_level(rows: pd.DataFrame, stats: list[dict]) -> list[dict]:
@@ -232,22 +209,22 @@ def by_level(rows: pd.DataFrame, stats: list[dict]) -> list[dict]:
     detectors that read both levels how many one saw, gave the place of at the finest level that it names, at a coarser
     one, as a set or not at all, and wrongly.
     """
-    seen = rows[rows["case"].notna() & rows["concerned"] & rows["id"].isin([d["id"] for d in stats if d["credible"]])]
+    own = rows[rows["case"].notna() & rows["concerned"] & rows["id"].isin([d["id"] for d in stats if d["credible"]])]
+    sees = own["detected"] & _could(own)
+    keys = ["family", "run", "fault"]
+    found = pd.DataFrame({level: sees.where(own["level"] == level, False) for level in ("local", "aircraft", "both")})
+    found = found.groupby([own[key] for key in keys]).any().rename(columns={"both": "joint"})
+    joint = own[(own["level"] == "both") & own["detected"]].drop_duplicates(keys).set_index(keys)
+    found["place"] = pd.Series({at: place_word(row) for at, row in joint.iterrows()}, dtype=object)
+    found["place"] = found["place"].where(found["joint"])
+    local, aircraft = found["local"], found["aircraft"]
+    found["level"] = np.select([local & aircraft, local, aircraft], ["both", "local", "aircraft"], "nobody")
     out = []
-    for name in (f for f in FAMILIES if (seen["family"] == f).any()):
-        words = "faults", "local", "aircraft", "both", "nobody", "joint", "right", "coarse", "open", "wrong"
-        found: dict[str, int] = dict.fromkeys(words, 0)
-        for _, own in seen[seen["family"] == name].groupby(["run", "fault"]):
-            local, aircraft, joint = (
-                any(r["detected"] and _could(r) for r in own[own["level"] == word].to_dict("records"))
-                for word in ("local", "aircraft", "both")
-            )
-            found["faults"] += 1
-            found["both" if local and aircraft else "local" if local else "aircraft" if aircraft else "nobody"] += 1
-            if joint:
-                found["joint"] += 1
-                found[place_word(own[(own["level"] == "both") & own["detected"]].iloc[0])] += 1
-        out.append({"family": name, **found})
+    for name in (f for f in FAMILIES if (own["family"] == f).any()):
+        part = found.loc[name]
+        counts = {word: int((part["level"] == word).sum()) for word in ("local", "aircraft", "both", "nobody")}
+        places = {word: int((part["place"] == word).sum()) for word in ("right", "coarse", "open", "wrong")}
+        out.append({"family": name, "faults": len(part), **counts, "joint": int(part["joint"].sum()), **places})
     return out
 
 
@@ -265,18 +242,21 @@ def bands(hz: pd.Series) -> pd.Series:
     return hz if hz.nunique() <= FREQUENCIES else 2.0 ** np.round(np.log2(hz))
 
 
+def cells(rows: pd.DataFrame) -> Iterator[tuple]:
+    """Yield ((family, group, frequency [Hz]), rows) of the oscillations in `rows`; more than FREQUENCIES frequencies
+    are taken together in octaves around 0.5, 1, 2, ... Hz."""
+    own = rows[rows["frequency_hz"].notna() & (rows["amplitude_mm"] > 0.0)]
+    yield from own.groupby([own["family"], own["group"], bands(own["frequency_hz"].astype(float))], sort=True)
+
+
 def sizes(grouped: pd.DataFrame) -> list[dict]:
     """Return {group, family, frequency_hz, not_valid, **Pod} by group, kind and frequency [mm of rod].
 
     Flights in which no detector of the group could judge are counted in `not_valid` and not in the fit.
-    More than FREQUENCIES different frequencies are taken together in octaves around 0.5, 1, 2, ... Hz.
     """
-    own = grouped[grouped["frequency_hz"].notna() & (grouped["amplitude_mm"] > 0.0)]
-    hz = bands(own["frequency_hz"].astype(float))
     out = []
-    for (family, group_, band), part in own.groupby([own["family"], own["group"], hz], sort=True):
+    for (family, group_, band), part in cells(grouped):
         could = part[part["able"]]
-        found = pod.fit(could["amplitude_mm"], could["seen"])
         about = {"group": group_, "family": family, "frequency_hz": float(band), "not_valid": len(part) - len(could)}
-        out.append({**about, **asdict(found)})
+        out.append({**about, **asdict(pod.fit(could["amplitude_mm"], could["seen"]))})
     return out

@@ -177,20 +177,16 @@ def sizes(found: Sequence[dict]) -> dict[str, Table]:
 def pairs(found: Iterable[dict]) -> Table:
     """Return the Table of detectors compared on the same flights."""
 
-    def signed(value, low, high):
-        return lambda p: DASH if p[value] is None else f"{p[value]:+.2f} ({p[low]:+.2f} to {p[high]:+.2f})"
+    def more(p):
+        return DASH if p["difference"] is None else f"{p['difference']:+.2f} ({p['low']:+.2f} to {p['high']:+.2f})"
 
     columns = (
-        Column("a", right=False), Column("b", right=False), Column("at", right=False), Column("flights", "n"),
-        Column("only a", "only_a"), Column("only b", "only_b"),
+        Column("a", right=False), Column("b", right=False), Column("flights", "n"), Column("only a", "only_a"),
+        Column("only b", "only_b"),
         Column("p", lambda p: number(p["p"]), doc="exact test of McNemar on the flights that only one of them saw"),
-        Column("a sees more", signed("difference", "low", "high"), doc="mean, 95 % by bootstrap over flights"),
-        Column("a later", signed("later_s", "later_low_s", "later_high_s"), "s", "the same; a missed fault counts as "
-               "noticed at the end", 2),
+        Column("a sees more", more, doc="mean, 95 % by bootstrap over flights"),
     )  # fmt: skip
-    note = ("Faults on parts that both watch, neither blind. Equal false alarms: thresholds scaled until the same "
-            "share of fault-free flights crosses them, before confirmation.")  # fmt: skip
-    return of(columns, found, keys=3, caption=note)
+    return of(columns, found, keys=2, caption="Faults on parts that both watch, neither blind.")
 
 
 def flights(rows: pd.DataFrame) -> Table:

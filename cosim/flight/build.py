@@ -44,7 +44,6 @@ class Setup:
     loop: Loop
     trim: Trim
     lanes: list  # fault lanes
-    members: list  # (id, level, target, culprits, section, lane) of every detector lane
     trace: Trace  # what a run keeps of every tick
     step_us: dict = field(default_factory=dict)
 
@@ -63,9 +62,9 @@ class Setup:
         """Return the detectors that are steps in Python."""
         return [d for d in self.loop.detectors if isinstance(d.rollout, PythonBlock)]
 
-    def watches(self) -> list:
-        """Return the Watch of every detector lane."""
-        return self.trace.watches(self.step_us)
+    def judged_lanes(self) -> list:
+        """Return the JudgedLane of every detector lane."""
+        return self.trace.judged_lanes(self.step_us)
 
     def time_detectors(self, repeats: int = 200) -> None:
         """Measure each detector's cost per step and lane, on copies: a flight's own numbers stay untouched."""
@@ -145,16 +144,13 @@ def _wires(scenario, bus, chosen, fault_lanes):
     return {stage: bus.wires(pairs) for stage, pairs in stages.items()}
 
 
-def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
-    """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown.
-
-    `flightgear` is the UDP port of this machine at which FlightGear is told of the flight, once `plant.show` says so.
-    """
+def build(scenario: Scenario) -> Setup:
+    """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown."""
     scenario = identified(scenario)
     register(scenario.actuators)  # another scenario may have brought others of the same names
     prepare(scenario)
     dt, point = scenario.dt, FlightPoint.of(scenario)
-    plant = Plant(point, dt=dt, flightgear=flightgear)
+    plant = Plant(point, dt=dt)
     trim = plant.trim()
     aircraft = scenario.aircraft
     truth = plant.truth()
@@ -203,6 +199,4 @@ def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
     # what the actuators were last told: in equilibrium, the servo's holding command
     told, command = wires["actuators"]
     bus.v[told] = bus.v[command]
-    members = [(d.id, d.level, d.target(lane), d.module.CULPRITS, d.id, lane) for d in chosen for lane in d.lanes]
-    trace = Trace(scenario, bus, members)
-    return Setup(scenario=scenario, loop=loop, trim=trim, lanes=fault_lanes, members=members, trace=trace)
+    return Setup(scenario=scenario, loop=loop, trim=trim, lanes=fault_lanes, trace=Trace(scenario, bus, chosen))

@@ -10,10 +10,11 @@ import numpy as np
 
 from cosim.flight.loop.schedule import Tape
 from cosim.flight.tick import Loop, order
-from cosim.judge.column_store import SPAN, ColumnStore
+from cosim.judge.store import column_store, release
 
 CHECK_EVERY = 10  # ticks between looks at the flight's health: 50 ms
 PROGRESS_EVERY = 200
+SPAN = 4000  # ticks that are stored at once
 
 # Beyond these the aerodynamic tables mean nothing and the flight is called departed; each is far outside what the law's
 # protections allow.
@@ -70,28 +71,29 @@ def record(setup: Any, names: Sequence[Any]) -> tuple[np.ndarray, str, str]:
 def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None, pause: Any = None) -> tuple:
     """Run every tick of a built flight; return (trace of the ticks flown, status, reason).
 
-    `logs` take the bus of each tick (cosim/flight/tick.py). The trace is what the judgement needs, a ColumnStore, so
-    that memory does not grow with the flight, or with `keep` (positions, dtype) an array (ticks, positions). `pause` is
-    (tick, call): `call(tick)` before that one is flown.
+    `logs` take the bus of each tick (cosim/flight/tick.py). The trace is an array (ticks, columns) of what the
+    judgement needs (cosim/judge/store.py), or of `keep` (positions, dtype). `pause` is (tick, call): `call(tick)`
+    before that one is flown.
     """
     loop, n = setup.loop, setup.ticks
     index, kind = keep or (setup.trace.index, np.float32)
-    rows = np.empty((n if keep else min(n, SPAN), len(index)), kind)  # pages are taken as the flight goes on
+    trace = column_store(n, len(index), kind)
+    rows = np.empty((min(n, SPAN), len(index)), kind)
     tape = Tape(loop.v, loop.dt)
     order(loop, tape, *logs, keep=(index, rows))
-    trace, (stop, call) = ColumnStore(kind), pause or (n, None)
+    stop, call = pause or (n, None)
     flown, status, reason = 0, "", ""
     for a, b in pairwise(sorted({*range(0, n, len(rows)), stop, n})):
         if call and a == stop:
             call(stop)
         flown, status, reason = onwards(loop, tape, range(a, b), progress, n)
-        if not keep:
-            trace.append(rows[a % SPAN :][: flown - a])
+        trace[a:flown] = rows[a % SPAN :][: flown - a]
+        release(trace)
         if status:
             break
     if call and stop == n and not status:
         call(stop)
-    return rows[:flown] if keep else trace, status or "completed", reason
+    return trace[:flown], status or "completed", reason
 
 
 def onwards(loop: Loop, tape: Tape, ticks: range, progress: Any = None, n: int = 0) -> tuple[int, str, str]:

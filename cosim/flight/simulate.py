@@ -9,7 +9,7 @@ from cosim.errors import told_at_call
 from cosim.flight.build import build
 from cosim.flight.detection.detectors import left_out
 from cosim.flight.faults.conditions import resolved
-from cosim.flight.faults.fault_free_reference import Twin
+from cosim.flight.faults.fault_free_reference import FaultFreeRun
 from cosim.flight.fly import fly
 from cosim.flight.loop.recorder import open_writer, result_texts
 from cosim.judge.result import Result, judge, judged
@@ -41,12 +41,12 @@ def simulate(
     setup = build(scenario)
     with (
         open_writer(setup, log) if log else nullcontext() as writer,
-        Twin(setup) if achieved else nullcontext() as twin,
+        FaultFreeRun(setup) if achieved else nullcontext() as fault_free,
     ):
         sinks = [writer] if writer else []
         flown = time.perf_counter()
         with stdout_to_stderr() if setup.guests else nullcontext():
-            trace, status, reason = fly(setup, *sinks, progress=progress, pause=twin and twin.pause)
+            trace, status, reason = fly(setup, *sinks, progress=progress, pause=fault_free and fault_free.pause)
         wall = time.perf_counter() - flown
         result = Result(
             log=str(log) if log else None, status=status, reason=reason, sim_time_s=len(trace) * setup.loop.dt,
@@ -55,9 +55,9 @@ def simulate(
         )  # fmt: skip
         if timed:
             setup.time_detectors()
-        swings = twin.moved(trace) if twin and status != "interrupted" else None
+        swings = fault_free.displacement(trace) if fault_free and status != "interrupted" else None
         faults = judged(scenario, swings)
-        result.detectors = [judge(w, trace, setup.loop.dt, faults) for w in setup.watches()]
+        result.detectors = [judge(w, trace, setup.loop.dt, faults) for w in setup.judged_lanes()]
         done = setup.trace.consequences(scenario, trace)
         lost = {name: why.partition(" (")[0] for name, why in left_out(scenario).items()}  # without the remedy's path
         result.extra = {"achieved": swings, "consequences": done, "startup_s": flown - started, "notes": setup.notes,

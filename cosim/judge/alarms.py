@@ -59,13 +59,3 @@ def during(faults: Iterable[Mapping], ticks: ArrayLike, dt: float) -> NDArray[np
     spans = [(first, math.inf if end is None else end) for first, end in (span(f, dt) for f in faults)]
     begun, over = np.sort(np.array(spans, float).reshape(-1, 2), axis=0).T
     return np.searchsorted(begun, ticks, side="right") > np.searchsorted(over, ticks, side="right")
-
-
-def exposure_s(valid: ArrayLike, faults: Iterable[Mapping], dt: float) -> float:
-    """Return for how long an alarm of a lane would count as a false one [s], for "false alarms per valid hour".
-
-    Those are the ticks in which it calls itself valid, `valid` (ticks,) 0 or 1, and none of the `faults` that concern
-    it is there, GRACE_S after its end included. A detector's exposure in a flight is the mean over its lanes.
-    """
-    able = np.asarray(valid) > 0.5
-    return float(np.count_nonzero(able & ~faulty(faults, len(able), dt)) * dt)

@@ -49,18 +49,15 @@ def true_classes(case: str, kind: str = "") -> tuple[str, ...]:
     """
     group, _, rest = case.partition(".")
     what, _, at = (rest or group).partition("@")
-    if group == "sensor":
-        return ("sensor",)
-    if what in ACTUATOR_SENSORS:
-        swings = ("ofc_liquid",) if kind == "oscillation" else ()
-        return ("sensor", *(("jam_liquid",) if kind in ("", "bias") else ()), *swings) if what in LOOP else ("sensor",)
-    if what == "ofc_liquid" and at == "sensor":
-        return ("ofc_liquid", "sensor")
-    if what == "bias" and at == "sensor":
-        return ("jam_liquid", "sensor")
     if group in ("aileron", "rudder", "stabiliser"):
         return {"jam": ("jam_solid",), "runaway": ("runaway",)}.get(kind, ("jam_solid", "runaway"))
-    return TRUE.get(what, (what,) if what in NAMES else ("effectiveness",) if rest else ())
+    if what in LOOP:
+        jams, swings = kind in ("", "bias"), kind == "oscillation"
+        return ("sensor", *("jam_liquid",) * jams, *("ofc_liquid",) * swings)
+    if group == "sensor" or what in ACTUATOR_SENSORS:
+        return ("sensor",)
+    named = TRUE.get(what, (what,) if what in NAMES else ("effectiveness",) if rest else ())
+    return (*named, "sensor") if at == "sensor" and what in ("ofc_liquid", "bias") else named
 
 
 MECHANICAL = ("jam_solid", "jam", "free_float", "friction", "backlash")  # from the rod to the surface
@@ -73,13 +70,11 @@ def inside(case: str) -> str:
     kind, _, at = rest.partition("@")
     if not rest or technology in ("sensor", "simple"):
         return ""
-    if at == "command":
-        return at
     if at == "sensor" or kind == "jam_liquid":
-        return f"{LOOP_SENSOR[technology]}_sensor" if technology in LOOP_SENSOR else ""
-    if kind in ACTUATOR_SENSORS:
-        return f"{kind}_sensor"
-    return "surface" if kind in MECHANICAL else "drive" if technology == "ema" else "valve"
+        kind = LOOP_SENSOR.get(technology, "")
+    if kind in ACTUATOR_SENSORS or not kind:
+        return kind and f"{kind}_sensor"
+    return at if at == "command" else "surface" if kind in MECHANICAL else "drive" if technology == "ema" else "valve"
 
 
 def true_class(case: str) -> str:

@@ -1,144 +1,118 @@
 """Detection of one fault by one detector lane: when, under which name, whether that was right, when the alarm ended."""
 
+import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.judge.alarms import GRACE_S, during, span
 from cosim.judge.naming import BOTH, NOT_GIVEN, RIGHT, Name, alike, blames, members_of, name_of, parts_of
-from cosim.judge.runs import Runs
+from cosim.judge.store import release
 from fdi.common import verdict as code
 from fdi.common import why as reason
+
+if TYPE_CHECKING:
+    from cosim.judge.estimation import Estimate
 
 HOLD_S = 0.5  # a name counts as given once it has stood so long, or where it is the name at the end
 LAST_S = 1.0  # the name at the end is the one that stood longest over this last part of the named time
 GAP_S = 0.5  # an alarm that comes back sooner than this is the same alarm
 ABLE = 0.5  # share of the time in which a lane that missed must have been valid for this to count as a miss
 MOVES = ("jam_solid", "jam", "runaway")  # kinds that show only where the rod is not where it should be
+SAID = ("verdict", "culprit", "alarm", "second", "verdict_2")  # `second`: the other part of a lane that names two
+OUTPUTS = (*SAID, "r", "valid", "why")
+NO_FAULT: Mapping = {"targets": (), "start_s": math.inf, "end_s": math.inf}
+UNSEEN = {
+    **dict.fromkeys(("detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "named_at_s",
+                     "first_verdict", "time_to_right_s", "right_after_motion_s", "alarm_share", "withdrawn_after_s",
+                     "withdrawn")),
+    "right": False, "first_right": False, "first_sure_wrong": False, "class_changes": 0, "ambiguous_s": 0.0,
+    "class_given": NOT_GIVEN, "place_given": NOT_GIVEN, "place_level": "",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Watch:
-    """One detector lane as the judgement sees it: names, and where its outputs stand in the trace's columns."""
+class JudgedLane:
+    """A detector lane as the judgement sees it: names, and where its outputs stand in the columns of a trace."""
 
     id: str
     level: str  # "local", "aircraft" or "both"
     target: str  # "elevator.left_inner" or "aircraft"
-    culprits: tuple  # names of the parts that it can blame, first is ""
-    alarm: int
-    verdict: int
-    culprit: int
-    r: int | None = None
-    estimate: Any = None  # cosim.judge.estimation.Estimate of a fault that the lane estimates
+    parts: tuple  # names of the parts that it can blame, first is ""
+    at: Mapping[str, int]  # output -> column of the trace; without `valid` it is always valid
+    estimate: "Estimate | None" = None  # of a fault
     step_us: float = math.nan
-    valid: int | None = None  # None: always
-    why: int | None = None  # reason of fdi/common/why.py
-    alarms: tuple = ()  # ((culprit, column), ...) of a lane with an alarm for each part
-    second: int | None = None  # of a lane that names two parts at once: the other one, 0 for none
-    verdict_2: int | None = None  # and its class
+
+    @property
+    def alarms(self) -> dict[str, str]:
+        """Return {part: its output} of a lane with an alarm for each part."""
+        return code.alarm_fields(self.parts, tuple(self.at))
 
 
-# of a detector, as far as it has them
-OUTPUTS = ("alarm", "verdict", "culprit", "r", "valid", "why", "second", "verdict_2")
-
-
-def columns(culprits: tuple, outputs: Sequence[str]) -> list[str]:
+def outputs_read(parts: tuple, outputs: Sequence[str]) -> list[str]:
     """Return those of a detector's `outputs` that the judgement reads."""
-    return [n for n in OUTPUTS if n in outputs] + [*code.alarm_fields(culprits, tuple(outputs)).values()]
+    return [n for n in OUTPUTS if n in outputs] + [*code.alarm_fields(parts, tuple(outputs)).values()]
 
 
-def watch_of(name: str, level: str, target: str, culprits: tuple, at: Mapping[str, int], **more: Any) -> Watch:
-    """Return the Watch of a lane; `at` maps its outputs to columns of the trace."""
-    alarms = tuple((c, at[f]) for c, f in code.alarm_fields(culprits, tuple(at)).items())
-    return Watch(name, level, target, culprits, alarms=alarms, **{n: at[n] for n in OUTPUTS if n in at}, **more)
+class Runs:
+    """Runs of a lane: run i holds the ticks first[i] <= k < stop[i], in which nothing changes that the lane says."""
+
+    def __init__(self, lane: JudgedLane, trace: NDArray, faults: Sequence[Mapping], dt: float):
+        """`trace` is (ticks, columns); a run begins at each bound of one of the `faults`, too."""
+        self.lane, self.ticks = lane, len(trace)
+        names = [n for n in (*SAID, *lane.alarms.values()) if n in lane.at]
+        begins = np.zeros(self.ticks, bool)
+        begins[[k for f in faults for k in span(f, dt) if k is not None and 0 <= k < self.ticks]] = True
+        begins[:1] = True
+        read = [*names, *(n for n in ("valid", "why") if n in lane.at)]
+        for column in (trace[:, lane.at[n]] for n in read):
+            begins[1:] |= column[1:] != column[:-1]
+        self.first = np.flatnonzero(begins)
+        self.stop = np.append(self.first[1:], self.ticks)
+        self.values = {n: trace[self.first, lane.at[n]] for n in read}
+        release(trace)
+        said, self.which = np.unique(np.stack([self.values[n] for n in names]), axis=1, return_inverse=True)
+        self.said = [dict(zip(names, column)) for column in said.T]  # the different things that the lane says
+        self.which = self.which.ravel()  # index of that of each run
+        always = np.ones(len(self.first))
+        self.valid = self.values.get("valid", always) > 0.5
+
+    def of(self, k: Any) -> Any:
+        """Return the run of tick `k`, or of each of several."""
+        return np.searchsorted(self.first, k, side="right") - 1
+
+    def inside(self, first: int, stop: int) -> tuple[NDArray, NDArray, NDArray]:
+        """Return (runs, first tick of each, tick after each) of the ticks first <= k < stop."""
+        a, b = np.maximum(self.first, first), np.minimum(self.stop, stop)
+        i = np.flatnonzero(a < b)
+        return i, a[i], b[i]
+
+    def count(self, mask: NDArray, first: int = 0, stop: int | None = None) -> int:
+        """Return the number of ticks in [first, stop) of the runs in which `mask` (runs,) holds."""
+        i, a, b = self.inside(first, self.ticks if stop is None else stop)
+        return int((b - a)[mask[i]].sum())
+
+    def validity(self, first: int, stop: int) -> tuple[float, str | None]:
+        """Return (share of the ticks first <= k < stop in which the lane called itself valid, its most frequent reason
+        in the others)."""
+        run, a, b = self.inside(first, stop)
+        down, length = ~self.valid[run], b - a
+        if not down.any():
+            return 1.0, None
+        share, why = 1.0 - float(length[down].sum()) / int(length.sum()), None
+        codes = self.values["why"][run] if "why" in self.values else np.zeros(len(run))
+        if (known := down & (codes > 0.5)).any():
+            why = reason.words(float(np.bincount(codes[known].astype(int), length[known]).argmax()))
+        return share, why
 
 
-def runs_of(watch: Watch, trace: Any, faults: Sequence[Mapping], dt: float) -> Runs:
-    """Return the Runs of a lane in `trace` (ticks, columns), cut where one of `faults` begins or ends."""
-    columns = watch.alarm, watch.verdict, watch.culprit, watch.valid, watch.why, watch.second, watch.verdict_2
-    own = [c for c in (*columns, *dict(watch.alarms).values()) if c is not None]
-    return Runs(trace, own, [k for f in faults for k in span(f, dt) if k is not None])
-
-
-@dataclass(frozen=True)
-class Said:
-    """What a lane says of one fault, by runs: alarm, class codes, indices into `parts`."""
-
-    alarm: NDArray[np.bool_]
-    verdict: NDArray
-    part: NDArray
-    parts: tuple
-
-    def blamed(self, run: int) -> str:
-        """Return the name of the part that is blamed in a run, "" without one."""
-        i = self.part[run]
-        return self.parts[int(i)] if 0 <= i < len(self.parts) else ""
-
-    def name(self, run: int, watch: Watch) -> dict | None:
-        """Return {class, target} of a run, None where it names no class."""
-        if self.verdict[run] < 0.5:
-            return None
-        part = self.blamed(run)
-        target = watch.target if not part else part if watch.level != "local" else f"{watch.target}.{part}"
-        return {"class": code.class_name(self.verdict[run]), "target": target}
-
-
-def said(watch: Watch, runs: Runs, fault: Mapping | None = None, others: Sequence[Mapping] = ()) -> Said:
-    """Return what a lane says of `fault`.
-
-    Where the lane has an alarm for each part, it blames those of the fault's parts whose alarms are up, and every other
-    one that is up and is no part of the `others`; its alarm is up for the fault while there is one of these. The class
-    is the lane's while its culprit is one of the fault's parts, or names one beside others, else that of the kind of
-    part.
-    """
-    alarm, verdict, part = (runs[c] for c in (watch.alarm, watch.verdict, watch.culprit))
-    own = dict(watch.alarms)
-    if fault is not None and watch.second is not None:
-        return _two(watch, runs, fault, others)
-    if not own or fault is None:
-        return Said(alarm > 0.5, verdict, part, watch.culprits)
-    up = [runs[c] > 0.5 for c in own.values()]
-    patterns, which = _distinct(up)
-    mine = members_of(own, fault, watch.level)
-    theirs = {c for f, *_ in alike(others) for c in members_of(own, f, watch.level)} - set(mine)
-    blamed = [BOTH.join(c for c, there in zip(own, pattern) if there and c not in theirs) for pattern in patterns.T]
-    met = np.array([bool(set(mine) & set(names.split(BOTH))) for names in blamed])[which]
-    first = np.isin(part, [i for i, c in enumerate(watch.culprits) if set(mine) & set(c.split(BOTH))])
-    kind = {"sensor": code.SENSOR, "engine": code.THRUST}.get(fault["targets"][0].split(".")[0], code.AMBIGUOUS)
-    verdict = np.where(met & ~first, kind, verdict)
-    some = np.array([bool(names) for names in blamed])[which]
-    part = np.where(some, len(watch.culprits) + which, part)
-    return Said(some | ((alarm > 0.5) & ~np.any(up, axis=0)), verdict, part, (*watch.culprits, *blamed))
-
-
-def _distinct(rows):
-    """Return (the different columns of `rows` (rows, n), index of that of each (n,))."""
-    different, which = np.unique(np.stack(rows), axis=1, return_inverse=True)
-    return different, which.ravel()
-
-
-def _two(watch, runs, fault, others):
-    """Return what a lane that names one part or two says of `fault`: of these, without the parts of the `others`. The
-    class is that of the name which is left; with both left, or none, that of the first."""
-    columns = watch.verdict, watch.culprit, watch.verdict_2, watch.second
-    told, which = _distinct([runs[c] for c in columns])
-    parts, verdicts, different = [], [], [f for f, *_ in alike(others)]
-    for first, i, other, j in told.T:
-        names = {watch.culprits[int(k)]: c for k, c in ((i, first), (j, other)) if 0 < k < len(watch.culprits)}
-        mine = members_of(names, fault, watch.level)
-        theirs = {p for f in different for p in members_of(names, f, watch.level)} - set(mine)
-        left = [p for p in names if p not in theirs] or list(names)
-        parts.append(BOTH.join(left))
-        verdicts.append(next((names[p] for p in (*mine, *left)), first))
-    return Said(runs[watch.alarm] > 0.5, np.array(verdicts)[which], which.astype(float), tuple(parts))
-
-
-def noticed(watch: Watch, runs: Runs, fault: Mapping, until: float, dt: float, others: Sequence[Mapping] = ()) -> dict:
-    """Return what the lane made of `fault` before the next one begins at `until` [s]; times [s], None for never.
+def noticed(runs: Runs, fault: Mapping, until: float, dt: float, others: Sequence[Mapping] = ()) -> dict:
+    """Return what a lane made of `fault` before the next one begins at `until` [s]; times [s], None for never.
 
     It noticed when its alarm rose or, while one stands on account of earlier ones of the `others`, when its name came
     to this fault: the right one, or its place with the class not given. An alarm that rises while several faults are
@@ -159,253 +133,249 @@ def noticed(watch: Watch, runs: Runs, fault: Mapping, until: float, dt: float, o
     seen. `valid_at_fault` is the share of the fault's time in which the lane called itself valid, until it noticed; one
     that missed with less than ABLE could not judge.
     """
-    ticks, start, end = runs.ticks, fault["start_s"], fault["end_s"]
-    first = round(start / dt)
-    healed, last = (_tick(t, dt, ticks) for t in (min(end, until), min(end + GRACE_S, until)))
-    s = said(watch, runs, fault, others)
-    lane = _Lane(watch, runs, s, dt, others)
-    earlier = [f for f in others if f["start_s"] < start]
-    renamed = lane.renamed(fault, first, healed)
-    rises = runs.onsets(s.alarm)
-    rises = rises[~_returned(rises, runs.ends(s.alarm), first, earlier, dt)]
-    inside = rises[(rises >= first) & (rises < last)]
-    own = [i for i in inside if not lane.blamed(i, earlier, fault)]
-    if len(own) < len(inside) and renamed is None:  # one that rose for an earlier fault may come to this one's name
-        renamed = lane.first_right(fault, int(inside[0]), healed)
-    k = min((i for i in (*own[:1], renamed) if i is not None), default=None)
-    if k is None:
-        later = [f for f in others if f["start_s"] > start]
-        k = lane.late(rises[rises >= max(first, last)], fault, later)
-        if k is not None:
-            until = math.inf
-            healed, last = (_tick(t, dt, ticks) for t in (end, end + GRACE_S))
-            # from the first right name of a later one on it speaks of that one
-            changed = (lane.first_right(f, k, healed) for f, *_ in alike(later))
-            healed = last = min((i for i in changed if i is not None), default=healed)
-    out: dict[str, Any] = dict.fromkeys(
-        ("detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "named_at_s", "first_verdict",
-         "time_to_right_s", "right_after_motion_s", "alarm_share", "withdrawn_after_s", "withdrawn")
-    )  # fmt: skip
-    out |= {"right": False, "first_right": False, "first_sure_wrong": False, "class_changes": 0, "ambiguous_s": 0.0}
-    out |= {"class_given": NOT_GIVEN, "place_given": NOT_GIVEN, "place_level": ""}
-    moved = _moved_at(watch, fault)
-    out["masked"] = k is None and lane.masked(fault, first, healed)
+    heard, start = Heard(runs, fault, others, dt), fault["start_s"]
+    first, healed = round(start / dt), heard.tick(min(fault["end_s"], until))
+    k, last = heard.alarm_of(first, healed, until), heard.tick(min(fault["end_s"] + GRACE_S, until))
+    if k is not None and k >= last:  # after the onset of the next one
+        until, last = math.inf, heard.left(k)
+        healed = last
+    moved = heard.moved_at
+    out = {"fault": fault.get("fault"), **UNSEEN, "masked": k is None and heard.masked(first, healed)}
     out["not_excited"] = None if moved is None or fault.get("kind") not in MOVES else math.isinf(moved)
     if k is not None:
         late = max(0.0, k * dt - start)  # an onset lies within a tick
-        out |= {
-            "detected_at_s": k * dt,
-            "detection_delay_s": late,
-            "detection_delay_periods": late / fault["period_s"],
-            **lane.named(fault, k, max(k + 1, min(last, healed))),
-            **lane.withdrawn(end, healed, _tick(until, dt, ticks)),
-        }
-    stop = max(first + 1, healed if k is None else k)
-    share, why = validity(watch, runs, first, stop)
+        out |= {"detected_at_s": k * dt, "detection_delay_s": late,
+                "detection_delay_periods": late / fault["period_s"],
+                **heard.named(k, max(k + 1, min(last, healed))), **heard.withdrawn(healed, until)}  # fmt: skip
+    share, why = runs.validity(first, max(first + 1, healed if k is None else k))
     able = k is not None or share >= ABLE
-    out |= {"able": able, "valid_at_fault": share, "why_not_valid": None if able else why}
-    return {"fault": fault.get("fault"), **out}
+    return {**out, "able": able, "valid_at_fault": share, "why_not_valid": None if able else why}
 
 
-def _tick(t, dt, ticks):
-    return ticks if math.isinf(t) else min(ticks, math.ceil(t / dt))
+class Word(NamedTuple):
+    """A class and a part that are named together in the ticks first <= k < stop, and how that stands to a fault."""
+
+    first: int
+    stop: int
+    verdict: float
+    part: Any
+    name: Name = Name(NOT_GIVEN, NOT_GIVEN, "")
+
+    @property
+    def said(self) -> tuple:
+        """Return class and part."""
+        return self.verdict, self.part
 
 
-def _returned(rises, falls, first, earlier, dt):
-    """Return (len(rises),): whether an alarm at or after tick `first` is one that stood before it without a fault: it
-    rises less than GAP_S after the one before has fallen. `earlier` are the faults whose alarms those before may be."""
-    begins = rises.copy()
-    for i in range(1, len(rises)):
-        if (rises[i] - falls[i - 1]) * dt < GAP_S:
-            begins[i] = begins[i - 1]
-    return (rises >= first) & (begins < first) & ~during(earlier, begins, dt)
+def name_at_end(words: Sequence[Word], dt: float) -> Word | None:
+    """Return the last of n > 0 words with the name at the end: the one that stands for at least half of the last
+    LAST_S of their time, None where no name does."""
+    begin = math.floor(words[-1].stop - 1 - LAST_S / dt) + 1
+    held = dict.fromkeys(sorted({w.said for w in words}), 0)
+    for w in words:
+        held[w.said] += max(w.stop - max(w.first, begin), 0)
+    longest = max(held, key=lambda said: held[said])
+    return next(w for w in reversed(words) if w.said == longest) if 2 * held[longest] >= sum(held.values()) else None
 
 
-def name_at_end(verdict: NDArray, part: NDArray, first: NDArray, stop: NDArray, dt: float) -> int | None:
-    """Return the index of the last run with the name at the end, of n > 0 runs with a name, each of the ticks first <=
-    k < stop: the name that stands for at least half of the last LAST_S, None where no name does."""
-    begin = math.floor(stop[-1] - 1 - LAST_S / dt) + 1
-    length = np.maximum(stop - np.maximum(first, begin), 0)
-    names, which = _distinct([verdict, part])
-    counts = np.bincount(which, length, names.shape[1])
-    if 2 * counts.max() < length.sum():
-        return None
-    return int(np.flatnonzero(which == np.argmax(counts))[-1])
+def _says(lane, said, fault, mine, theirs):
+    """Return (alarm, class code, part) of what a lane says, taken as said of `fault`; `mine` are its parts, `theirs`
+    those of the other faults.
+
+    Where the lane has an alarm for each part, it blames those of the fault's parts whose alarms are up, and every other
+    one that is up and not `theirs`; its alarm is up for the fault while there is one of these. The class is the lane's
+    while its part is one of the fault's, or names one beside others, else that of the kind of part. Of two parts that a
+    lane names those count that are not `theirs`, with the class of the first that is left.
+    """
+    alarm, verdict, part = said["alarm"] > 0.5, said["verdict"], _part(lane, said["culprit"])
+    if not fault["targets"]:
+        return alarm, verdict, part
+    if "second" in said:
+        names = {p: c for p, c in ((part, verdict), (_part(lane, said["second"]), said["verdict_2"])) if p}
+        left = [p for p in names if p not in theirs] or list(names)
+        own = [p for p in names if p in mine]
+        return alarm, next((names[p] for p in (*own, *left)), verdict), BOTH.join(left)
+    up = [p for p, output in lane.alarms.items() if said[output] > 0.5]
+    blamed = [p for p in up if p not in theirs]
+    if mine & set(blamed) and not mine & set(part.split(BOTH)):
+        kinds = {"sensor": code.SENSOR, "engine": code.THRUST}
+        verdict = kinds.get(fault["targets"][0].split(".")[0], code.AMBIGUOUS)
+    return bool(blamed) or (alarm and not up), verdict, BOTH.join(blamed) or part
 
 
-def last_name(s: Said, given: tuple[NDArray, NDArray, NDArray], watch: Watch, dt: float) -> dict:
-    """Return the name at the end of n > 0 runs with a name, `given` as Runs.inside does, and when the lane first said
-    it [s]."""
-    run, first, stop = given
-    last = name_at_end(s.verdict[run], s.part[run], first, stop, dt)
-    if last is None:
-        return {"isolated": None, "named_at_s": None}
-    same = (s.verdict[run] == s.verdict[run[last]]) & (s.part[run] == s.part[run[last]])
-    return {"isolated": s.name(run[last], watch), "named_at_s": float(first[np.argmax(same)] * dt)}
+def _part(lane, i):
+    return lane.parts[int(i)] if 0 <= i < len(lane.parts) else ""
 
 
-@dataclass(frozen=True)
-class _Lane:
-    """What a lane says of one fault, beside the `others`; ticks are `dt` [s] apart."""
+class Heard:
+    """What a lane says of one fault, beside the `others`; of NO_FAULT all that it says. Arrays are over its runs."""
 
-    watch: Watch
-    runs: Runs
-    said: Said
-    dt: float
-    others: Sequence[Mapping]
+    def __init__(self, runs: Runs, fault: Mapping, others: Sequence[Mapping], dt: float):
+        self.runs, self.lane, self.fault, self.others, self.dt = runs, runs.lane, fault, others, dt
+        self.groups = alike(others)
+        self.there = [during(group, runs.first, dt) for group in self.groups]
+        self.earlier = [f for f in others if f["start_s"] < fault["start_s"]]
+        self.later = alike(f for f in others if f["start_s"] > fault["start_s"])
+        mine = set(members_of(self.lane.parts, fault, self.lane.level))
+        theirs = {p for f, *_ in self.groups for p in members_of(self.lane.parts, f, self.lane.level)} - mine
+        heard = [_says(self.lane, said, fault, mine, theirs) for said in runs.said]
+        self.words = [(verdict, part) for _, verdict, part in heard]  # of each of runs.said
+        self.alarm = np.array([alarm for alarm, *_ in heard], bool)[runs.which]
+        self.rises = runs.first[self.alarm & ~np.append(False, self.alarm[:-1])]
+        self._name_of = functools.cache(self._name)
 
-    def given(self, first: int, stop: int) -> tuple[NDArray, NDArray, NDArray]:
-        """Return those of Runs.inside in which an alarm stands with a name."""
-        run, a, b = self.runs.inside(first, stop)
-        there = self.said.alarm[run] & (self.said.verdict[run] > 0.5)
-        return run[there], a[there], b[there]
+    def tick(self, t: float) -> int:
+        """Return the first tick at or after `t` [s], at most the number of ticks."""
+        return self.runs.ticks if math.isinf(t) else min(self.runs.ticks, math.ceil(t / self.dt))
 
-    def named(self, fault: Mapping, k: int, end: int) -> dict:
-        """Return what was said while the alarm stood from tick `k` to `end`: what is said of a decay is no name."""
-        s, watch, dt = self.said, self.watch, self.dt
-        out: dict[str, Any] = {"alarm_share": self.runs.count(s.alarm, k, end) / (end - k)}
-        run, first, stop = self.given(k, end)
-        names, which = self.names(fault, run)
-        own = np.array([not n.elsewhere for n in names], bool)[which]  # what names another fault alone is of that one
-        run, first, stop, which = run[own], first[own], stop[own], which[own]
-        if not len(run):
-            return out
-        codes, at = s.verdict[run], name_at_end(s.verdict[run], s.part[run], first, stop, dt)
-        last = Name(NOT_GIVEN, NOT_GIVEN, "") if at is None else names[which[at]]
-        unsure = codes == code.AMBIGUOUS
-        sure = which[~unsure]
-        out |= {
-            **last_name(s, (run, first, stop), watch, dt), "first_verdict": s.name(run[0], watch),
-            "class_changes": int(np.count_nonzero(np.diff(codes))),
-            "ambiguous_s": float((stop - first)[unsure].sum() * dt), "right": last.right, "class_given": last.class_,
-            "place_given": last.place, "place_level": last.level, "first_right": names[which[0]].right,
-            "first_sure_wrong": bool(len(sure)) and names[sure[0]].wrong,
-        }  # fmt: skip
-        at = self.first_right(fault, k, end)
-        if at is None and last.right:  # right at the end without ever standing for long
-            at = round(out["named_at_s"] / dt)
-        if at is not None:
-            out["time_to_right_s"] = max(0.0, at * dt - fault["start_s"])
-            moved = _moved_at(watch, fault)
-            if moved is not None and math.isfinite(moved):
-                out["right_after_motion_s"] = max(0.0, at * dt - moved)
-        return out
+    # -- alarms
 
-    def names(self, fault: Mapping, run: NDArray) -> tuple[list[Name], NDArray]:
-        """Return (the different Names of `fault` that are said in these runs, index of that of each (n,)). Of the
-        `others`, those count that are there then."""
-        if not len(run):
-            return [], run
-        s, at = self.said, self.runs.at[run]
-        groups = alike(self.others)
-        keys, which = _distinct([s.verdict[run], s.part[run], *(during(group, at, self.dt) for group in groups)])
-        names = []
-        for c, p, *there in keys.T:
-            part = s.parts[int(p)] if 0 <= p < len(s.parts) else ""
-            met = [group[0] for group, here in zip(groups, there) if here]
-            names.append(name_of(fault, self.watch.level, code.class_name(c), part, met))
-        return names, which
+    def alarm_of(self, first: int, healed: int, until: float) -> int | None:
+        """Return the tick at which the lane noticed the fault, which acts from `first` to `healed`, before the next
+        one begins at `until` [s] or, with an alarm that is of this one alone, later; None where it did not."""
+        rises = self.rises[(self.rises >= first) & ~self._returned(first)]
+        rises = rises[during([self.fault], rises, self.dt)]
+        later = [(min(f["start_s"] for f in group), group[0]) for group in self.later]
+        own = [k for k in rises if not self.blames(k, self.earlier, self.fault)
+               and all(self.blames(k, [self.fault], f) for start, f in later if until <= start <= k * self.dt)]
+        before = [k for k in rises if k < self.tick(until)]
+        named = self.renamed(first, healed)
+        if named is None and before and own[:1] != before[:1]:  # that of an earlier fault may come to this one's name
+            named = self.first_right(before[0], healed)
+        return min((int(k) for k in (*own[:1], named) if k is not None), default=None)
 
-    def blamed(self, k: int, faults: Sequence[Mapping], instead: Mapping) -> bool:
+    def _returned(self, first):
+        """Return whether each of the rises from tick `first` on is that of an alarm that stood before without a fault:
+        it rises less than GAP_S after the one before has fallen."""
+        falls = self.runs.stop[self.alarm & ~np.append(self.alarm[1:], False)]
+        apart = np.append(True, (self.rises[1:] - falls[:-1]) * self.dt >= GAP_S)[: len(falls)]
+        begins = self.rises[apart][np.cumsum(apart) - 1]
+        return (begins < first) & ~during(self.earlier, begins, self.dt)
+
+    def blames(self, k: int, faults: Sequence[Mapping], instead: Mapping) -> bool:
         """Return whether what is said at tick `k` names a part of one of `faults` that is there then, none of
         `instead`."""
-        part = self.said.blamed(self.runs.of(k))
-        if not part or blames(part, instead, self.watch.level):
+        _, part = self.words[self.runs.which[self.runs.of(k)]]
+        if not part or blames(part, instead, self.lane.level):
             return False
-        there = (f for f in faults if during([f], k, self.dt))
-        return any(blames(part, f, self.watch.level) for f in there)
+        return any(blames(part, f, self.lane.level) for f in faults if during([f], k, self.dt))
 
-    def late(self, rises: NDArray, fault: Mapping, later: Sequence[Mapping]) -> int | None:
-        """Return the first of the ticks `rises`, after the onset of `later` faults, at which the alarm that rises is
-        that of `fault` alone; None without one."""
-        begun = [(min(f["start_s"] for f in group), group[0]) for group in alike(later)]
-        for k in rises[during([fault], rises, self.dt)]:
-            there = [f for start, f in begun if start <= k * self.dt]
-            if there and all(self.blamed(k, [fault], f) for f in there):
-                return int(k)
-        return None
+    def left(self, k: int) -> int:
+        """Return the tick from which an alarm that rose at `k` has the right name of a later fault, at most that at
+        which this one has healed: from there on it speaks of that one."""
+        healed = self.tick(self.fault["end_s"])
+        changed = [self.first_right(k, healed, fault=f) for f, *_ in self.later]
+        return min((at for at in changed if at is not None), default=healed)
 
     def stands(self, earlier: Sequence[Mapping], first: int) -> bool:
         """Return whether an alarm that rose for one of the `earlier` faults stands when another begins at `first`."""
-        if not earlier or not 0 < first < self.runs.ticks or not self.said.alarm[self.runs.of(first - 1)]:
+        if not earlier or not 0 < first < self.runs.ticks or not self.alarm[self.runs.of(first - 1)]:
             return False
-        rose = self.runs.onsets(self.said.alarm)
-        return bool(during(earlier, rose[rose < first][-1], self.dt))
+        return bool(during(earlier, self.rises[self.rises < first][-1], self.dt))
 
-    def masked(self, fault: Mapping, first: int, stop: int) -> bool:
+    def masked(self, first: int, stop: int) -> bool:
         """Return whether the alarm of an earlier fault of the same part stands in all ticks first <= k < stop."""
-        earlier = [f for f in self.others if f["start_s"] < fault["start_s"] and parts_of(f) & parts_of(fault)]
-        return self.stands(earlier, first) and self.runs.count(self.said.alarm, first, stop) == stop - first
+        same = [f for f in self.earlier if parts_of(f) & parts_of(self.fault)]
+        return self.stands(same, first) and self.runs.count(self.alarm, first, stop) == stop - first
 
-    def renamed(self, fault: Mapping, first: int, healed: int) -> int | None:
-        """Return the tick at which the name of an alarm that stands on account of an earlier fault comes to this one:
-        the right one, or its place where the class is not given and the place was another before. None where it does
-        not, or had that name before: it may be the earlier fault's."""
-        if not self.stands([f for f in self.others if f["start_s"] < fault["start_s"]], first):
-            return None
-        (before,), _ = self.names(fault, self.runs.of(np.array([first - 1])))
+    def withdrawn(self, healed: int, until: float) -> dict:
+        """Return how the alarm ended once the fault had healed, at tick `healed`, before `until` [s]."""
+        end = self.tick(until)
+        if math.isinf(self.fault["end_s"]) or healed >= end:
+            return {}
+        run, _, stop = self.runs.inside(healed, end)
+        last = int(max(stop[self.alarm[run]], default=0))
+        after = max(0.0, last * self.dt - self.fault["end_s"])
+        return {"withdrawn": last < end, "withdrawn_after_s": after if last < end else None}
 
-        def of_it(name: Name) -> bool:
-            return name.right or (name.class_ == NOT_GIVEN and name.place == RIGHT != before.place)
+    # -- names
 
-        at = self.first_right(fault, first - 1, healed, of_it)
-        return None if at == first - 1 else at
+    def given(self, first: int, stop: int, fault: Mapping | None = None) -> list[Word]:
+        """Return the words of the ticks first <= k < stop in which an alarm stands with a name, as names of `fault`, by
+        default the lane's own. Of the others those count that are there then."""
+        out = []
+        for i, a, b in zip(*self.runs.inside(first, stop)):
+            verdict, part = self.words[self.runs.which[i]]
+            if self.alarm[i] and verdict > 0.5:
+                out.append(Word(int(a), int(b), verdict, part, self.name(i, fault)))
+        return out
+
+    def name(self, run: int, fault: Mapping | None = None) -> Name:
+        """Return how what is said in a run stands to `fault`, by default the lane's own."""
+        of = next((i for i, f in enumerate(self.others) if f is fault), None)
+        return self._name_of(of, *self.words[self.runs.which[run]], *(there[run] for there in self.there))
+
+    def _name(self, of, verdict, part, *there):
+        fault = self.fault if of is None else self.others[of]
+        met = [group[0] for group, here in zip(self.groups, there) if here]
+        return name_of(fault, self.lane.level, code.class_name(verdict), part, met)
+
+    def verdicts(self, words: Sequence[Word]) -> dict:
+        """Return the first of n > 0 words, the name at the end, and when the latter was first said [s]."""
+        last = name_at_end(words, self.dt)
+        at = next((w.first * self.dt for w in words if last and w.said == last.said), None)
+        return {"first_verdict": self._verdict(words[0]), "isolated": last and self._verdict(last), "named_at_s": at}
+
+    def _verdict(self, word):
+        target, part = self.lane.target, word.part
+        target = target if not part else part if self.lane.level != "local" else f"{target}.{part}"
+        return {"class": code.class_name(word.verdict), "target": target}
 
     def first_right(
-        self, fault: Mapping, first: int, end: int, right: Callable[[Name], bool] = lambda name: name.right
+        self, first: int, end: int, right: Callable[[Name], bool] = lambda n: n.right, fault: Mapping | None = None
     ) -> int | None:
         """Return the first tick in [first, end) from which an alarm has the `right` name of `fault` for HOLD_S, else
         None."""
-        run, a, b = self.given(first, end)
-        names, which = self.names(fault, run)
-        good = np.array([right(n) for n in names], bool)[which]
-        a, b = a[good], b[good]
-        apart = np.append(True, a[1:] != b[:-1])  # one begins where the last one ends: the same stretch
-        for begin, stop in zip(a[apart], b[np.append(apart[1:], True)]) if len(a) else ():
-            if (stop - begin) * self.dt >= HOLD_S - 1e-9:
-                return int(begin)
+        begin = stop = -1
+        for word in self.given(first, end, fault):
+            if right(word.name):
+                begin = begin if word.first == stop else word.first  # begins where the last one ends: the same stretch
+                stop = word.stop
+                if (stop - begin) * self.dt >= HOLD_S - 1e-9:
+                    return begin
         return None
 
-    def withdrawn(self, end_s: float, healed: int, until: int) -> dict:
-        """Return how the alarm ended once the fault had healed at `end_s` [s], tick `healed`, before tick `until`."""
-        if math.isinf(end_s) or healed >= until:
-            return {}
-        run, _, stop = self.runs.inside(healed, until)
-        last = stop[self.said.alarm[run]]
-        gone = not len(last) or last[-1] < until
-        after = 0.0 if not len(last) else max(0.0, int(last[-1]) * self.dt - end_s)
-        return {"withdrawn": bool(gone), "withdrawn_after_s": after if gone else None}
+    def renamed(self, first: int, healed: int) -> int | None:
+        """Return the tick at which the name of an alarm that stands on account of an earlier fault comes to this one:
+        the right one, or its place where the class is not given and the place was another before. None where it does
+        not, or had that name before: it may be the earlier fault's."""
+        if not self.stands(self.earlier, first):
+            return None
+        before = self.name(self.runs.of(first - 1)).place
 
+        def of_it(name: Name) -> bool:
+            return name.right or (name.class_ == NOT_GIVEN and name.place == RIGHT != before)
 
-def _moved_at(watch, fault):
-    """Return when the fault had moved the lane's rod by 1 mm [s], inf for never, None where nobody looked."""
-    when = fault.get("moved_at_s")
-    if when is None or not when:
-        return None
-    own = [t for seg, t in when.items() if watch.level != "local" or watch.target == f"elevator.{seg}"]
-    return max(fault["start_s"], min(own)) if own else None
+        at = self.first_right(first - 1, healed, of_it)
+        return None if at == first - 1 else at
 
+    def named(self, k: int, end: int) -> dict:
+        """Return what was said while the alarm stood from tick `k` to `end`: what is said of a decay is no name."""
+        out: dict[str, Any] = {"alarm_share": self.runs.count(self.alarm, k, end) / (end - k)}
+        words = [w for w in self.given(k, end) if not w.name.elsewhere]  # else it is said of another fault alone
+        if not words:
+            return out
+        last, sure = name_at_end(words, self.dt), [w for w in words if w.verdict != code.AMBIGUOUS]
+        name = last.name if last else Name(NOT_GIVEN, NOT_GIVEN, "")
+        out |= {
+            **self.verdicts(words), "right": name.right, "class_given": name.class_, "place_given": name.place,
+            "place_level": name.level, "first_right": words[0].name.right,
+            "first_sure_wrong": bool(sure) and sure[0].name.wrong,
+            "class_changes": sum(a.verdict != b.verdict for a, b in pairwise(words)),
+            "ambiguous_s": sum(w.stop - w.first for w in words if w.verdict == code.AMBIGUOUS) * self.dt,
+        }  # fmt: skip
+        right = self.first_right(k, end)
+        if right is None and name.right:  # right at the end without ever standing for long
+            right = round(out["named_at_s"] / self.dt)
+        if right is not None:
+            out["time_to_right_s"] = max(0.0, right * self.dt - self.fault["start_s"])
+            if self.moved_at is not None and math.isfinite(self.moved_at):
+                out["right_after_motion_s"] = max(0.0, right * self.dt - self.moved_at)
+        return out
 
-def valid(watch: Watch, trace: Any) -> NDArray[np.bool_]:
-    """Return (ticks,), of a trace, or (runs,), of Runs: whether the lane calls itself valid; always, where it does not
-    say."""
-    if watch.valid is None:
-        return np.ones(len(trace), bool)
-    return (trace[watch.valid] if isinstance(trace, Runs) else trace[:, watch.valid]) > 0.5
-
-
-def validity(watch: Watch, runs: Runs, first: int, stop: int) -> tuple[float, str | None]:
-    """Return (share of the ticks first <= k < stop in which the lane called itself valid, its most frequent reason in
-    the others)."""
-    run, a, b = runs.inside(first, stop)
-    if watch.valid is None or not len(run):
-        return 1.0, None
-    down, length = ~valid(watch, runs)[run], b - a
-    share = 1.0 - float(length[down].sum()) / int(length.sum())
-    if watch.why is None or not down.any():
-        return share, None
-    codes = runs[watch.why][run]
-    told = down & (codes > 0.5)
-    if not told.any():
-        return share, None
-    return share, reason.words(float(np.bincount(codes[told].astype(int), length[told]).argmax()))
+    @property
+    def moved_at(self) -> float | None:
+        """Return when the fault had moved the lane's rod by 1 mm [s], inf for never, None where nobody looked."""
+        lane, when = self.lane, self.fault.get("moved_at_s") or {}
+        own = [t for seg, t in when.items() if lane.level != "local" or lane.target == f"elevator.{seg}"]
+        return max(self.fault["start_s"], min(own)) if own else None

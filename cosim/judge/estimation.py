@@ -14,17 +14,19 @@ oscillation is filtered, so the injected signal is not what the aircraft feels. 
 tick that ends there: signals at the valve are taken one tick back.
 """
 
-from collections.abc import Callable, Iterator
+import functools
+import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from actuators.common.linkage import ARM
 from actuators.ema import jay
 from actuators.simple import actuator as simple
 from fdi import registry
-from fdi.common.record import Estimate as Part
 
 if TYPE_CHECKING:
     from cosim.scenario import Scenario
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
 ADDED = ("bias", "drift", "scale", "oscillation", "jam_liquid", "ofc_liquid")  # they add a signal
 LEAD = jay.values("elevator")["lead"]  # screw travel per radian of motor [m/rad]
 SETTLE_S, SETTLE_PERIODS = 2.0, 3.0  # after the onset and its ramp; the longer one counts
-BLOCK = 1 << 16  # ticks at once: bounds the memory
+BLOCK = 1 << 16  # ticks
 
 
 @dataclass(frozen=True)
@@ -41,103 +43,74 @@ class Estimate:
 
     column: int
     columns: tuple
-    truth: Callable  # (trace columns as (n, ticks) float64, dt, what it left of the ticks before) -> (ticks,)
+    truth: Callable  # (trace columns as (n, ticks) float64 from the first tick on, dt) -> (ticks,)
     unit: str
     start: float  # [s], after settling
     end: float  # [s]
 
-    def error(self, trace: Any, dt: float) -> Iterator[np.ndarray]:
-        """Yield f_hat - f on the settled ticks, in blocks; none when there are no such ticks."""
+    def error(self, trace: NDArray, dt: float) -> NDArray:
+        """Return f_hat - f on the settled ticks, none when there are no such ticks."""
         first, stop = round(self.start / dt), round(min(self.end / dt, len(trace)))
-        held: dict = {}
-        for a in range(0, stop if first < stop else 0, BLOCK):
-            part = trace[a : min(a + BLOCK, stop)]
-            f = self.truth(part[:, list(self.columns)].T.astype(float), dt, held)
-            yield (part[:, self.column].astype(float) - f)[max(0, first - a) :]
+        f = self.truth(trace[:stop, list(self.columns)].T.astype(float), dt) if first < stop else np.zeros(0)
+        return (trace[: len(f), self.column].astype(float) - f)[first:]
 
 
 def plan(scenario: "Scenario", detector: str, lane: str, columns: Callable[[str], int]) -> Estimate | None:
     """Return the Estimate of the earliest fault that `detector` estimates on `lane`, or None. `columns(bus name)` gives
     a column of the trace."""
-    for j in sorted(scenario.injections(), key=lambda j: j.start):
-        found = _found(detector, lane, j, scenario)
-        if found:
-            column, names, truth, unit = found
-            period = scenario.faults[j.fault].period_s or 0.0
+    estimates = getattr(registry.find(detector), "estimates", ())
+    injections = sorted(scenario.injections(), key=lambda j: j.start) if estimates else ()
+    for j, e in itertools.product(injections, estimates):
+        names, truth = _truth(e, lane, j, scenario)
+        if names:
+            column, period = columns(f"{detector}.{lane}.{e.output}"), scenario.faults[j.fault].period_s or 0.0
             start = j.start + j.ramp + max(SETTLE_S, SETTLE_PERIODS * period)
-            return Estimate(columns(column), tuple(map(columns, names)), truth, unit, start, j.end)
-    return None
-
-
-def truths(scenario: "Scenario") -> list[str]:
-    """Return the names of the bus from which the truth of any estimate of the faults of `scenario` is made."""
-    injections = scenario.injections()
-    named = [name for j in injections for name in (j.name, j.sensor) if name]
-    parts = dict.fromkeys(("valve", "thrust", "elevator", "elevator.left", "elevator.right", *named))
-    places = [*scenario.elevator.technology, "aircraft"]
-    found = (_truth(Part(of, "", ""), lane, j, scenario) for j in injections for lane in places for of in parts)
-    return list(dict.fromkeys(name for each in found if each for name in each[0]))
-
-
-def _found(detector, lane, j, scenario):
-    record = registry.find(detector)
-    for e in record.estimates if record else ():
-        found = _truth(e, lane, j, scenario)
-        if found:
-            return f"{detector}.{lane}.{e.output}", *found, e.unit
+            return Estimate(column, tuple(map(columns, names)), truth, e.unit, start, j.end)
     return None
 
 
 def _truth(e, lane, j, scenario):
-    """Return (names of the bus, how they combine) of what estimate `e` of a lane should follow when `j` is injected."""
+    """Return (names of the bus, how they combine) of what estimate `e` of a lane should follow when `j` is injected;
+    no names where it is not of `j`."""
     part, _, side = e.of.partition(".")
-    aircraft, own = scenario.aircraft, scenario.elevator.technology.get(lane)
-    if e.of == "valve":
-        here = (j.place, j.name, j.at) == ("elevator", lane, "valve") and own == "hydraulic"
-        return ([f"hydraulic_in.{lane}.{n}" for n in ("f_u", "s_u", "u")], _at_valve) if here else None
-    if part == "elevator":
-        parts = [s for name, s in aircraft.short.items() if name.startswith(side)]
-        here = j.place == "elevator" and not j.sensor and j.name.startswith(side)
-        return (["law.law.de_cmd", *(f"truth.aircraft.de_{s}" for s in parts)], _beyond_healthy) if here else None
-    if e.of == "thrust":
-        losses = [f"surfaces.aircraft.thrust_loss_{i}" for i in aircraft.engine_names]
-        return (losses, lambda v, dt, held: -v.mean(axis=0)) if j.place == "engine" else None
-    if j.kind not in ADDED:
-        return None
-    if j.place == "sensor" and j.name == e.of:
-        return _reading(j.name), _added(1.0, 1.0)
-    if j.sensor == e.of and j.name == lane:
+    on_elevator, technology = j.place == "elevator" and not j.sensor, scenario.elevator.technology.get(lane)
+    if e.of == "valve" and on_elevator and (j.name, j.at, technology) == (lane, "valve", "hydraulic"):
+        return [f"hydraulic_in.{lane}.{n}" for n in ("f_u", "s_u", "u")], _at_valve
+    if part == "elevator" and on_elevator and j.name.startswith(side):
+        segments = [s for name, s in scenario.aircraft.short.items() if name.startswith(side)]
+        return ["law.law.de_cmd", *(f"truth.aircraft.de_{s}" for s in segments)], _beyond_healthy
+    if e.of == "thrust" and j.place == "engine":
+        return [f"surfaces.aircraft.thrust_loss_{i}" for i in scenario.aircraft.engine_names], _mean_loss
+    sensor = {e.of: e.of} if j.place == "sensor" else {e.of: f"{lane}_{e.of}"} if j.name == lane else {}
+    if j.kind in ADDED and (name := sensor.get(j.name if j.place == "sensor" else j.sensor)):
         per_truth = LEAD if e.of == "position" else 1.0  # the sensor is wired to the motor's angle
-        return _reading(f"{lane}_{e.of}"), _added(per_truth, ARM if (e.of, e.unit) == ("surface", "m") else 1.0)
-    return None
+        per_reading = ARM if (e.of, e.unit) == ("surface", "m") else 1.0
+        fields = ("f_add", "g_add", "f_scale", "g_scale", "truth")
+        return [f"sensors_in.{name}.{n}" for n in fields], functools.partial(_added, per_truth, per_reading)
+    return [], None
 
 
-def _reading(lane):
-    return [f"sensors_in.{lane}.{n}" for n in ("f_add", "g_add", "f_scale", "g_scale", "truth")]
+def _at_valve(v, dt):
+    f_u, s_u = (np.append(0.0, x[:-1]) for x in v[:2])
+    return f_u - s_u * v[2]  # u is still the one held over the last tick, f_u and s_u were already the next ones
 
 
-def _at_valve(v, dt, held):
-    f_u, s_u, u = v
-    before = held.get("last", (0.0, 0.0))
-    held["last"] = f_u[-1], s_u[-1]
-    f_u, s_u = (np.concatenate([[first], x[:-1]]) for first, x in zip(before, (f_u, s_u)))
-    return f_u - s_u * u  # u is still the one held over the last tick, f_u and s_u were already the next ones
+def _mean_loss(v, dt):
+    return -v.mean(axis=0)
 
 
-def _added(per_truth, per_reading):
-    def truth(v, dt, held):
-        f_add, g_add, f_scale, g_scale, s = v
-        return per_reading * (f_add + g_add + (f_scale + g_scale) * per_truth * s)
-
-    return truth
+def _added(per_truth, per_reading, v, dt):
+    f_add, g_add, f_scale, g_scale, s = v
+    return per_reading * (f_add + g_add + (f_scale + g_scale) * per_truth * s)
 
 
-def _beyond_healthy(v, dt, held):
-    command, actual = v[0], v[1:].mean(axis=0)
-    p = simple.params()
-    x, last = held.get("healthy") or (simple.init_at(p, actual[0]), actual[0])
-    u, log = np.zeros((1, len(command)), simple.INPUTS), np.zeros((1, len(command)), simple.STATE)
-    u["command"] = command
-    simple.rollout(x, u, p, dt, log)
-    held["healthy"] = x, log["delta"][0, -1]
-    return actual - np.concatenate([[last], log["delta"][0, :-1]])
+def _beyond_healthy(v, dt):
+    command, actual, p = v[0], v[1:].mean(axis=0), simple.params()
+    x, healthy = simple.init_at(p, actual[0]), np.full(len(actual), actual[0])
+    for a in range(0, len(actual) - 1, BLOCK):  # bounds the memory of the records
+        part = command[a : min(a + BLOCK, len(actual) - 1)]
+        u, log = np.zeros((1, len(part)), simple.INPUTS), np.zeros((1, len(part)), simple.STATE)
+        u["command"] = part
+        simple.rollout(x, u, p, dt, log)
+        healthy[a + 1 : a + 1 + len(part)] = log["delta"][0]
+    return actual - healthy

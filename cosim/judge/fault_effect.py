@@ -1,24 +1,36 @@
-"""Effect of a fault on its elevator: the difference of a flight and its reference without the fault.
+"""Effect of a fault, in numbers.
+
+On its elevator, as the difference of a flight and its reference without the fault:
 
     peak        largest |d| while a fault on the segment is active and 1 s afterwards
     amplitude   of an oscillation: of the least-squares sine at the fault's frequency over the settled whole periods
+
+On the aircraft (load factor, altitude, bank, speed, hinge load, time out of bounds), from the onset of the first fault
+to the end of the flight, altitude, bank and speed against their values at the onset. The flight itself is measured, not
+its difference from one without the fault: gusts and manoeuvres count.
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from actuators.common.linkage import ARM
-from actuators.constants import DEG_PER_RAD
-from cosim.judge.runs import BLOCK
+from actuators.constants import DEG_PER_RAD, M_S_PER_KT
 
 SETTLE_PERIODS = 2.0
 MOST = 1 << 18  # ticks of a fit: it takes 150 bytes of memory each
 MOVED = 1e-3  # of rod from where it would be, from when on a fault can be seen at all [m]
 NAMES = ("rod_mm", "surface_deg", "travel_pct", "amplitude_mm", "amplitude_deg")
+MOTION = ("nz", "h", "phi", "cas", "alpha")  # fields of the truth that `consequences` takes
+LOAD_FACTOR = (-1.0, 2.5)  # limit manoeuvring load factors of a transport, clean (CS 25.337) [g]
+BANK = math.radians(67.0)  # full stick holds this bank in the laws of today's transports [rad]
+ALPHA = math.radians(-10.0), math.radians(20.0)  # beyond it nothing is tested [rad]
+CONSEQUENCES = (
+    *("nz_min_g", "nz_max_g", "altitude_lost_m", "bank_deg"),
+    *("speed_lost_kt", "speed_gained_kt", "hinge_max_nm", "outside_s"),
+)
 
 
 def sine(t: NDArray, y: NDArray, w: float) -> complex:
@@ -29,10 +41,9 @@ def sine(t: NDArray, y: NDArray, w: float) -> complex:
     return c[0] - 1j * c[1]
 
 
-def amplitude(d: Any, column: int, w: float, start: float, end: float, dt: float) -> float | None:
-    """Return the amplitude of the sine of `w` [rad/s] in a column of d (ticks, columns), in its unit; None when no
-    whole period is left. Taken over the last whole periods, MOST ticks of them, of [start + SETTLE_PERIODS periods,
-    end] [s]."""
+def amplitude(d: NDArray, w: float, start: float, end: float, dt: float) -> float | None:
+    """Return the amplitude of the sine of `w` [rad/s] in d (ticks,), in its unit; None when no whole period is left.
+    Taken over the last whole periods, MOST ticks of them, of [start + SETTLE_PERIODS periods, end] [s]."""
     period = 2 * math.pi / w
     first = round((start + SETTLE_PERIODS * period) / dt)
     longest = math.floor(MOST * dt / period) or 1
@@ -40,46 +51,28 @@ def amplitude(d: Any, column: int, w: float, start: float, end: float, dt: float
     whole = min(longest, math.floor((last - first) * dt / period + 1e-9))
     if whole < 1:
         return None
-    cut = d[last - round(whole * period / dt) : last, column]
+    cut = d[last - round(whole * period / dt) : last]
     return float(abs(sine(np.arange(len(cut)) * dt, cut, w))) if np.isfinite(cut).all() else None
 
 
-def _blocks(d: Any, column: int, first: int, stop: int) -> Iterator[NDArray]:
-    """Yield the rows first <= k < stop of a column of (ticks, columns), of which a part is fetched at a time."""
-    return (d[a : min(a + BLOCK, stop), column] for a in range(first, stop, BLOCK))
-
-
-def moved(difference: Any, faults: Sequence, dt: float, travel: float) -> dict[str, float | None]:
+def moved(difference: NDArray, faults: Sequence, dt: float, travel: float) -> dict[str, float | None]:
     """Return {name of NAMES: value or None} of one segment, and `moved_at_s`, when it was first MOVED of rod away [s].
 
-    `difference` (ticks, 2), an array or Columns, is rod [m], NaN where there is none, and surface [rad], each less
-    its twin's; `faults` are the injections on the segment (cosim/flight/faults/inject.py), `travel` is the elevator's
+    `difference` (ticks, 2) is rod [m], NaN where there is none, and surface [rad], each less that of the flight without
+    the faults; `faults` are the injections on the segment (cosim/flight/faults/inject.py), `travel` is the elevator's
     [rad].
     """
-    start = min(j.start for j in faults)
-    end = max(j.end for j in faults) + 1.0
-    last = len(difference) if math.isinf(end) else min(len(difference), round(end / dt))
-    first = round(start / dt)
-    rod, surface = (_largest(_blocks(difference, c, first, last)) for c in (0, 1))
+    start, end = min(j.start for j in faults), max(j.end for j in faults) + 1.0
+    first, last = round(start / dt), len(difference) if math.isinf(end) else round(end / dt)
+    rod, surface = (_largest(d) for d in difference[first:last].T)
     s = next((j for j in faults if math.isfinite(j.omega) and j.shape != "chirp"), None)
-    swing = [amplitude(difference, c, s.omega, s.start + s.ramp, s.end, dt) if s else None for c in (0, 1)]
+    swing = [amplitude(d, s.omega, s.start + s.ramp, s.end, dt) if s else None for d in difference.T]
     deg = DEG_PER_RAD
     values = (rod, surface, surface, *swing)
     sizes = {n: None if v is None else v * k for n, v, k in zip(NAMES, values, (1e3, deg, 100 / travel, 1e3, deg))}
-    return sizes | {"moved_at_s": _moved_at(difference, first, dt)}
-
-
-def _moved_at(difference, first, dt):
-    """Return the first time from tick `first` on at which the rod, or the surface's share of it, is MOVED away, or
-    None."""
-    n = len(difference)
-    known = all(np.isfinite(block).all() for block in _blocks(difference, 0, 0, n))
-    for block in _blocks(difference, 0 if known else 1, first, n):
-        away = np.flatnonzero(np.abs(block if known else ARM * block) >= MOVED)
-        if len(away):
-            return float((first + away[0]) * dt)
-        first += len(block)
-    return None
+    known = np.isfinite(difference[:, 0]).all()  # else by the surface's share of the rod
+    away = np.flatnonzero(np.abs(difference[first:, 0] if known else ARM * difference[first:, 1]) >= MOVED)
+    return sizes | {"moved_at_s": float((first + away[0]) * dt) if len(away) else None}
 
 
 def largest(segments: dict[str, dict] | None) -> dict[str, float | None]:
@@ -88,7 +81,29 @@ def largest(segments: dict[str, dict] | None) -> dict[str, float | None]:
     return {name: max(values, default=None) for name, values in given.items()}
 
 
-def _largest(blocks):
+def _largest(d):
     """Return the largest magnitude, None where there is none or one is not finite."""
-    peaks = [float(np.max(np.abs(d))) if np.isfinite(d).all() else math.inf for d in blocks]
-    return max(peaks) if peaks and math.isfinite(max(peaks)) else None
+    return float(np.max(np.abs(d))) if len(d) and np.isfinite(d).all() else None
+
+
+def consequences(
+    motion: Mapping[str, NDArray], hinge: Iterable[NDArray], dt: float, cas: tuple[float, float]
+) -> dict[str, float] | None:
+    """Return {name of CONSEQUENCES: value} of a flight from its first onset on; None where it ends before.
+
+    `motion` are the fields of MOTION (ticks,), SI, n_z in g; `hinge` the moments of each elevator segment (ticks,)
+    [N m]. `cas` is the lowest and the highest speed of the envelope [m/s]; `dt` [s]. altitude_lost_m, bank_deg,
+    speed_lost_kt and speed_gained_kt are largest excursions from the onset, not below zero.
+    """
+    if not len(motion["nz"]):
+        return None
+    bounds = {"nz": LOAD_FACTOR, "phi": (-BANK, BANK), "alpha": ALPHA, "cas": cas}
+    outside = [(motion[n] < np.float64(low)) | (motion[n] > np.float64(high)) for n, (low, high) in bounds.items()]
+    low, high, begin = ({n: float(of(motion[n])) for n in MOTION} for of in (np.min, np.max, lambda v: v[0]))
+    values = (
+        *(low["nz"], high["nz"], begin["h"] - low["h"]),
+        math.degrees(max(high["phi"] - begin["phi"], begin["phi"] - low["phi"])),
+        *((begin["cas"] - low["cas"]) / M_S_PER_KT, (high["cas"] - begin["cas"]) / M_S_PER_KT),
+        *(max(float(np.abs(moment).max()) for moment in hinge), np.any(outside, axis=0).sum() * dt),
+    )
+    return {name: float(value) for name, value in zip(CONSEQUENCES, values)}

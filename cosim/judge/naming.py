@@ -7,6 +7,7 @@ surface, a sensor), the finest of which is `level`. A set of parts ("q or theta"
 a place not given, at level `set`; one that does not is wrong.
 """
 
+import functools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -51,30 +52,41 @@ def name_of(fault: Mapping, level: str, verdict: str, part: str, others: Sequenc
     not this fault is said of that one.
     """
     mine = _name(fault, level, verdict, part, others)
-    if not mine.right:
-        for f in others:
-            theirs = _name(f, level, verdict, part, (fault,))
-            if theirs.right or (part and theirs.place == RIGHT and mine.place == WRONG):
-                return Name(NOT_GIVEN, NOT_GIVEN, "", elsewhere=True)
+    theirs = [] if mine.right else [_name(f, level, verdict, part, (fault,)) for f in others]
+    if any(name.right or (part and name.place == RIGHT and mine.place == WRONG) for name in theirs):
+        return Name(NOT_GIVEN, NOT_GIVEN, "", elsewhere=True)
     return mine
 
 
 def _name(fault, level, verdict, part, others):
     """Return the Name of what is said, taken as said of `fault`."""
-    if verdict in ("none", AMBIGUOUS):
-        class_ = NOT_GIVEN
-    else:
-        class_ = RIGHT if verdict in true_classes(fault.get("case") or "", fault.get("kind") or "") else WRONG
-    place, finest = _place(fault, level, [p for p in part.split(BOTH) if p], others)
-    if verdict == SENSOR and not part:  # which sensor is the name
-        place, finest = NOT_GIVEN, ""
-    return Name(class_, place, finest)
+    right = verdict in true_classes(fault.get("case") or "", fault.get("kind") or "")
+    class_ = NOT_GIVEN if verdict in ("none", AMBIGUOUS) else RIGHT if right else WRONG
+    if part:
+        return Name(class_, *_place(fault, level, part.split(BOTH), others))
+    if level == "local" and verdict != SENSOR:  # the segment that it watches is the place; which sensor is the name
+        return Name(class_, RIGHT, SEGMENT)
+    return Name(class_, NOT_GIVEN, "")
+
+
+def _place(fault, level, parts, others):
+    """Return (RIGHT, WRONG or NOT_GIVEN; finest level) of the places `parts` for `fault`."""
+    accused = all(any(members_of([p], f, level) for f in (fault, *others)) for p in parts)
+    finest = [max((_level(p, t, level, fault) for p in parts), key=LEVELS.index) for t in true_places(fault)]
+    if not accused or "" in finest:
+        return WRONG, ""
+    return (NOT_GIVEN, SET) if SET in finest else (RIGHT, min(finest, key=LEVELS.index))
 
 
 def blames(part: str, fault: Mapping, level: str) -> bool:
     """Return whether every place of `fault` is one that `part` names, perhaps several with BOTH between."""
     parts = [p for p in part.split(BOTH) if p]
     return bool(parts) and all(any(_level(p, t, level, fault) for p in parts) for t in true_places(fault))
+
+
+def members_of(parts: Iterable[str], fault: Mapping, level: str) -> list[str]:
+    """Return those of `parts` that name at least one place of `fault`."""
+    return [p for p in parts if p and any(_level(p, t, level, fault) for t in true_places(fault))]
 
 
 def alike(faults: Iterable[Mapping]) -> list[list[Mapping]]:
@@ -90,18 +102,40 @@ def parts_of(fault: Mapping) -> set[str]:
     return {".".join(target.split(".")[:2]) for target in fault["targets"]}
 
 
-def members_of(parts: Iterable[str], fault: Mapping, level: str) -> list[str]:
-    """Return those of `parts` that name at least one place of `fault`."""
-    return [p for p in parts if p and any(_level(p, t, level, fault) for t in true_places(fault))]
-
-
 def true_places(fault: Mapping) -> tuple[str, ...]:
     """Return where a fault is: its targets, with the sensor that closes the loop where that is what is wrong."""
-    case = fault.get("case") or ""
-    technology, _, kind = case.partition(".")
-    inside = kind == "jam_liquid" or kind.endswith("@sensor")
-    loop = LOOP_SENSOR.get(technology, "") if inside else ""
+    technology, _, kind = (fault.get("case") or "").partition(".")
+    loop = LOOP_SENSOR.get(technology, "") if kind == "jam_liquid" or kind.endswith("@sensor") else ""
     return tuple(f"{t}.{loop}" if loop and t.count(".") == 1 else t for t in fault["targets"])
+
+
+def _level(part, target, level, fault):
+    """Return at which of LEVELS `part` names `target` of `fault`, "" where it names another place."""
+    names = _names(target, level, fault.get("case") or "", fault["targets"])
+    if EITHER in part:
+        return SET if any(p in names for p in part.split(EITHER)) else ""
+    return names.get(part, "")
+
+
+@functools.lru_cache(maxsize=4096)
+def _names(target, level, case, targets):
+    """Return {part: its one of LEVELS} of the names that a detector of `level` has for `target`, one of the `targets`
+    of a fault."""
+    place, *rest = target.split(".")
+    if place == "engine":
+        return {"engine": AXIS, "thrust": AXIS} | {f"engine_{n}": CHANNEL for n in rest}
+    if place == "sensor":
+        return ({SENSOR: SET} if level != "local" else {}) | {rest[0]: CHANNEL}
+    if place != "elevator":
+        return {place: AXIS, "_".join((place, *rest)): CHANNEL}
+    if level == "local":
+        return {sensor: CHANNEL for sensor in rest[1:]}
+    segments = {t.split(".")[1] for t in targets}
+    sides, side = {s.split("_")[0] for s in segments}, rest[0].split("_")[0]
+    names = {"elevator": AXIS, f"elevator_{side}": SIDE, f"elevator_{rest[0]}": SEGMENT}
+    whole = {AXIS: len(sides) > 1, SIDE: len(sides) == 1 < len(segments), SEGMENT: True}
+    within = {f"{n}_{inside(case)}": CHANNEL if whole[at] else at for n, at in names.items()} if inside(case) else {}
+    return names | within
 
 
 def outcome(
@@ -126,46 +160,3 @@ def outcome(
         return "bonus"
     given = Name(class_, place, "")
     return "misnamed" if given.wrong else "named" if given.right else "ambiguous"
-
-
-def _place(fault, level, parts, others):
-    """Return (RIGHT, WRONG or NOT_GIVEN; finest level) of the places `parts` for `fault`."""
-    here = true_places(fault)
-    if not parts:  # a local lane watches one segment: that is its place
-        return (RIGHT, SEGMENT) if level == "local" else (NOT_GIVEN, "")
-    there = [(t, f) for f in (fault, *others) for t in true_places(f)]
-    if not all(any(_level(p, t, level, f) for t, f in there) for p in parts):
-        return WRONG, ""
-    found = [[_level(p, t, level, fault) for p in parts] for t in here]
-    if not all(any(levels) for levels in found):
-        return WRONG, ""
-    if any(max(levels, key=LEVELS.index) == SET for levels in found):
-        return NOT_GIVEN, SET
-    return RIGHT, min((max(levels, key=LEVELS.index) for levels in found), key=LEVELS.index)
-
-
-def _level(part, target, level, fault):
-    """Return at which of LEVELS `part` names `target` of `fault`, "" where it names another place."""
-    place, *rest = target.split(".")
-    if EITHER in part:
-        return SET if any(_level(p, target, level, fault) for p in part.split(EITHER)) else ""
-    if place == "elevator" and level == "local":
-        return CHANNEL if len(rest) > 1 and part == rest[1] else ""
-    if place == "elevator":
-        side = rest[0].split("_")[0]
-        names = {"elevator": AXIS, f"elevator_{side}": SIDE, f"elevator_{rest[0]}": SEGMENT}
-        base = part.removesuffix(f"_{inside(fault.get('case') or '')}")
-        found = names.get(base, "")
-        if base == part or not found:
-            return found
-        segments = {t.split(".")[1] for t in fault["targets"]}
-        sides = {s.split("_")[0] for s in segments}
-        whole = {AXIS: len(sides) > 1, SIDE: len(sides) == 1 < len(segments), SEGMENT: True}
-        return CHANNEL if whole[found] else found
-    if place == "engine":
-        return CHANNEL if rest and part == f"engine_{rest[0]}" else AXIS if part in ("engine", "thrust") else ""
-    if place == "sensor":
-        return CHANNEL if part == rest[0] else SET if part == SENSOR and level != "local" else ""
-    if part == "_".join((place, *rest)):
-        return CHANNEL
-    return AXIS if part == place else ""

@@ -7,9 +7,8 @@ README of campaigns has them as a table, comparison takes the names from here.
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from cosim.judge.consequences import NAMES as CONSEQUENCES
+from cosim.judge.fault_effect import CONSEQUENCES, largest
 from cosim.judge.fault_effect import NAMES as ACHIEVED
-from cosim.judge.fault_effect import largest
 
 
 class Field(NamedTuple):

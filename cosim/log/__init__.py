@@ -5,9 +5,9 @@ from .foxglove import Pose
 from .layouts import viewer_layouts
 from .reader import Log, open_log
 from .recover import recover
-from .writer import LogWriter, fits
+from .writer import LogWriter
 
 __all__ = [
-    "Limits", "Log", "LogError", "LogWriter", "Pose", "Topic", "TopicInfo", "fits", "open_log",
+    "Limits", "Log", "LogError", "LogWriter", "Pose", "Topic", "TopicInfo", "open_log",
     "recover", "viewer_layouts",
 ]  # fmt: skip

@@ -13,7 +13,7 @@ from zstandard import ZstdError
 from cosim.errors import LogError
 from cosim.files import regular
 
-from .format import Limits, log_error
+from .format import MAGIC, Limits, log_error
 from .walker import BAD
 
 BROKEN = (*BAD, RuntimeError, ZstdError)  # what is raised for bytes that are not what they should be
@@ -52,7 +52,7 @@ class ForeignMcap:
                 try:
                     yield from _messages(file)
                 except BROKEN:
-                    if file.read(1):
+                    if file.read(1) or file.tell() <= len(MAGIC):
                         raise
                     self.cut = True
         except OSError as error:

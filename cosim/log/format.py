@@ -75,10 +75,7 @@ class Limits:
 
     record_bytes: int = 256 << 20  # any top-level record, so also an attachment
     chunk_bytes: int = 64 << 20  # one chunk decompressed; a second of a flight takes about 1 MiB
-    total_bytes: int = 16 << 30  # all chunks decompressed
     text_bytes: int = 16 << 20  # a schema, channel or metadata record
-    channels: int = 4096
-    records: int = 20_000_000  # top-level records
     expansion: int = 10_000  # content over compressed size: of a message 3 bytes or more vary
 
 

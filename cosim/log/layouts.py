@@ -64,7 +64,7 @@ def live_layout(topics: Sequence[Any], requests: Mapping[str, Mapping]) -> bytes
         for name, keys in requests.items()
     ]  # fmt: skip
     if requests:
-        sides = [_split("column", [*calls, _panel("Parameters")]), _split("column", seen)]
+        sides = [_split("column", calls), _split("column", seen)]
         layout["content"]["tabs"].insert(0, {"title": "Inject and heal", "content": _split("row", sides)})
     return json.dumps(layout, indent=1).encode()
 
@@ -92,8 +92,7 @@ def _foxglove(pages):
     tabs = []
     for page, plots in pages:
         tabs.append({"title": page, "content": _split("column", [_plot(*plot) for plot in plots])})
-    place = [{"proportion": 2, "content": _panel("ThreeDee")}, {"proportion": 1, "content": _panel("Log")}]
-    tabs.append({"title": "Place", "content": {"type": "split", "direction": "row", "items": place}})
+    tabs.append({"title": "Place", "content": _split("row", [_panel("ThreeDee")])})
     return {"version": 1, "content": {"type": "tabs", "selectedTabIndex": 0, "tabs": tabs}}
 
 

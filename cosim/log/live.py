@@ -1,8 +1,8 @@
 """Show a flight while it is flown: the log's own topics over a WebSocket for Foxglove, and let viewers break it.
 
 Nothing of the watching enters the log: a watched flight leaves the same bytes as one that nobody sees. Whoever has the
-address with its token may also call the services and set the parameters that the flight offers; they run in the
-flight's own thread, between two ticks.
+address with its token may also call the services that the flight offers; they run in the flight's own thread, between
+two ticks.
 """
 
 import json
@@ -101,20 +101,6 @@ class Control:
     example: Mapping[str, Any]
 
 
-ANSWER = {  # JSON schema of what a service answers
-    "type": "object",
-    "required": ["ok"],
-    "properties": {
-        "ok": {"type": "boolean", "description": "whether it was done"},
-        "error": {"type": "string", "description": "why it was not, and what is allowed"},
-        "tick": {"type": "integer", "description": "number of the tick from which on it holds"},
-        "t": {"type": "number", "description": "time of that tick [s]"},
-        "fault": {"type": "integer", "description": "number of the fault, for /heal"},
-        "speed": {"type": "number", "description": "times the clock's"},
-    },
-}
-
-
 class Pace:
     """Keep ticks of `dt` [s] at `speed` times that of the clock."""
 
@@ -157,7 +143,6 @@ class Live:
         self._controls = dict(controls or {})
         self.layout = live_layout(topics, {name: c.example for name, c in self._controls.items()})
         self._waiting: queue.SimpleQueue[tuple[str, Any, Future]] = queue.SimpleQueue()
-        self.parameters: dict[str, Any] = {}  # what viewers see of it, beside the controls
         self.token = secrets.token_urlsafe(18) if controls else ""
         self.servers: list[Any] = []
         inner = gate.hidden_host()
@@ -197,29 +182,13 @@ class Live:
             except (CosimError, TypeError, ValueError, KeyError, ArithmeticError) as error:  # whatever a request holds
                 said = {"ok": False, "error": str(error)}
             answer.set_result(said)
-            self.parameters["answer"] = json.dumps(said)
-            self.publish()
-
-    def publish(self) -> None:
-        """Tell every viewer the parameters as they are now."""
-        for server in self.servers[1:]:
-            server.publish_parameter_values(self._values())
-
-    def _ask(self, name, given):
-        """Return the answer to a request of a viewer, from the flight's thread."""
-        answer: Future = Future()
-        self._waiting.put((name, given, answer))
-        return answer
 
     def _offer(self, sdk):
-        """Return the services and parameters of the controls, as arguments of the server."""
-        ws = sdk.websocket
+        """Return the services of the controls, as arguments of the server."""
         return {
-            "capabilities": [ws.Capability.Parameters, ws.Capability.Services],
-            "supported_encodings": ["json"],
+            "capabilities": [sdk.websocket.Capability.Services], "supported_encodings": ["json"],
             "services": [self._service(sdk, name) for name in self._controls],
-            "server_listener": _listener(sdk, self),
-        }
+        }  # fmt: skip
 
     def _service(self, sdk, name):
         def called(request):
@@ -227,7 +196,9 @@ class Live:
                 given = from_json(request.payload, place=f"/{name}", largest=LARGEST)
                 if not isinstance(given, dict):
                     raise CosimError("is no object of keys and values", place=f"/{name}")
-                said = self._ask(name, given).result(PATIENCE_S)
+                answer: Future = Future()
+                self._waiting.put((name, given, answer))
+                said = answer.result(PATIENCE_S)
             except (CosimError, TimeoutError) as error:
                 said = {"ok": False, "error": str(error) or "the flight does not answer"}
             return json.dumps(said).encode()
@@ -236,24 +207,9 @@ class Live:
             about = sdk.Schema(name=f"cosim.{name}.{kind}", encoding="jsonschema", data=json.dumps(schema).encode())
             return sdk.websocket.MessageSchema(encoding="json", schema=about)
 
-        request, response = told("Request", self._controls[name].request), told("Answer", ANSWER)
+        request, response = told("Request", self._controls[name].request), told("Answer", {"type": "object"})
         schema = sdk.websocket.ServiceSchema(f"cosim/{name}", request=request, response=response)
         return sdk.websocket.Service(name=f"/{name}", schema=schema, handler=called)
-
-    def _values(self, names=()):
-        """Return the parameters: an empty text for each control, and what the flight tells."""
-        sdk, told = library(), {**dict.fromkeys(self._controls, ""), **self.parameters}
-        return [sdk.websocket.Parameter(n, value=v) for n, v in told.items() if not names or n in names]
-
-    def _set(self, name, value):
-        """Ask for what a viewer wrote into a parameter: keys and values as JSON."""
-        try:
-            given = from_json(value, place=name, largest=LARGEST) if isinstance(value, str) else value
-        except CosimError as error:
-            self.parameters["answer"] = json.dumps({"ok": False, "error": str(error)})
-            return
-        if name in self._controls and given != "":
-            self._ask(name, given if isinstance(given, dict) else {"value": given})
 
     def __enter__(self):
         return self
@@ -265,20 +221,3 @@ class Live:
     def _stop(self):
         for server in self.servers:
             server.stop()
-
-
-def _listener(sdk, live):
-    """Return what the SDK calls when viewers read and write parameters."""
-
-    class Listener(sdk.websocket.ServerListener):  # type: ignore[name-defined]
-        def on_get_parameters(self, client: Any, names: list[str], request: str | None = None) -> list[Any]:
-            return live._values(names)
-
-        def on_set_parameters(self, client: Any, parameters: list[Any], request: str | None = None) -> list[Any]:
-            for p in parameters:
-                value = p.get_value()
-                if value not in (None, ""):
-                    live._set(p.name, value)
-            return live._values([p.name for p in parameters])
-
-    return Listener()

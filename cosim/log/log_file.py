@@ -24,20 +24,21 @@ from mcap.records import (
     SummaryOffset,
 )  # fmt: skip
 
-from cosim.errors import CosimError, OutputError
-from cosim.files import FULL, Part, claim, left_by
+from cosim.errors import OutputError
+from cosim.files import FULL, claim, left_by, settle
 
 from .format import LIBRARY, MAGIC, OURS, log_error
 
-_RECORD = struct.Struct("<BQ")  # opcode and length, before the content of a record
-_ELSEWHERE = "Choose another place (-o)."
-
 
 class Chunk(NamedTuple):
-    """One chunk of a log: where its bytes are [byte], what they hold."""
+    """One chunk of a log: where its bytes are [byte], what they hold.
+
+    Of one that is written also where its message indexes are, {channel id: (place, messages)}, where they end, and the
+    CRC-32 of the file up to there.
+    """
 
     offset: int  # of the record
-    length: int  # of the record with its head
+    end: int  # of the record
     data_offset: int
     data_size: int
     compression: str
@@ -45,6 +46,9 @@ class Chunk(NamedTuple):
     crc: int
     start_ns: int
     end_ns: int
+    places: Mapping[int, tuple[int, int]] = {}
+    index_end: int = 0
+    file_crc: int = 0
 
 
 def encoded(record: Any) -> Any:
@@ -57,27 +61,24 @@ def encoded(record: Any) -> Any:
 class LogFile:
     """One log being written; `ids` maps channels to their ids. Methods raise LogError when writing fails.
 
-    It is written beside `path` and takes its place in `finish`. Where it is to be `kept`, a kill or a full disk leaves
-    `path`.part for `recover`, as far as that holds a tick; otherwise nothing.
+    It is written at `path`.part and takes its place in `finish`. Where it is to be `kept`, a kill or a full disk leaves
+    the part for `recover`, as far as that holds a tick; otherwise nothing. A chunk counts from the moment at which it
+    is in `chunks`: an interrupt anywhere else leaves bytes that the next one overwrites.
     """
 
     def __init__(self, path: str | os.PathLike, *, kept: bool = True):
-        self.path, self._kept = os.fspath(path), kept
-        self.offset = self.crc = 0
+        self.path, self.part, self._kept = os.fspath(path), left_by(path), kept
         self.ids: dict[str, int] = {}
         self.chunks: list[Chunk] = []
+        self._begun = 0, 0  # offset and CRC-32 of the file after the preamble
         self._summary: dict[Opcode, list[bytes]] = {opcode: [] for opcode in _ORDER}
-        self._counts: dict[int, int] = {}
-        self._digest: Any = hashlib.sha256()
+        claim(path, OURS)
+        check_no_part(path)
         try:
-            if kept:
-                free(path)
-            self._part = Part(path, OURS, stays=kept)
-        except CosimError as error:
-            raise log_error(error.problem, self.path, remedy=error.remedy) from None
+            self._file = open(self.part, "xb", buffering=0)
         except OSError as error:
-            raise log_error(f"cannot create the log: {error.strerror}", self.path, remedy=_ELSEWHERE) from error
-        self._file = self._part.file
+            said = f"cannot create the log: {error.strerror}"
+            raise log_error(said, self.path, remedy="Choose another place (-o).") from error
 
     def preamble(self, declared: Iterable[Any], metadata: Mapping[str, Any], attachments: Mapping[str, Any]) -> None:
         """Write all that precedes the first chunk, and a hash of it, with which a log that lost its end can prove that
@@ -86,119 +87,115 @@ class LogFile:
         `declared` are (channel, message name, descriptors, channel metadata), `metadata` {name: {str: str}},
         `attachments` {name: (media type, bytes)}.
         """
-        self._put(MAGIC + encoded(Header(profile="", library=LIBRARY)))
+        out = bytearray(MAGIC + encoded(Header(profile="", library=LIBRARY)))
         for number, (topic, message, data, texts) in enumerate(declared, 1):
             own = {"topic": topic, "message_encoding": "protobuf", "schema_id": number, "metadata": texts}
             schema = Schema(id=number, name=message, encoding="protobuf", data=data)
             for opcode, record in ((Opcode.SCHEMA, schema), (Opcode.CHANNEL, Channel(id=number, **own))):
                 self._summary[opcode].append(encoded(record))
-                self._put(self._summary[opcode][-1])
+                out += self._summary[opcode][-1]
             self.ids[topic] = number
         for name, texts in metadata.items():
-            self.metadata(name, texts)
+            out += self._metadata(len(out), name, texts)
         for name, (media_type, data) in attachments.items():
-            at, blob = self.offset, encoded(Attachment(0, 0, name, media_type, bytes(data)))
-            index = AttachmentIndex(at, len(blob), 0, 0, len(data), name, media_type)
+            blob = encoded(Attachment(0, 0, name, media_type, bytes(data)))
+            index = AttachmentIndex(len(out), len(blob), 0, 0, len(data), name, media_type)
             self._summary[Opcode.ATTACHMENT_INDEX].append(encoded(index))
-            self._put(blob)
-        digest, self._digest = self._digest.hexdigest(), None
-        self.metadata("preamble", {"sha256": digest})
+            out += blob
+        out += self._metadata(len(out), "preamble", {"sha256": hashlib.sha256(out).hexdigest()})
+        self._begun = len(out), crc32(out)
+        self._write(0, out)
 
-    def metadata(self, name: str, texts: dict) -> None:
-        """Write a metadata record."""
+    def _metadata(self, offset, name, texts):
+        """Return the bytes of a metadata record that begins at `offset`."""
         blob = encoded(Metadata(name=name, metadata=dict(texts)))
-        self._summary[Opcode.METADATA_INDEX].append(encoded(MetadataIndex(self.offset, len(blob), name)))
-        self._put(blob)
+        self._summary[Opcode.METADATA_INDEX].append(encoded(MetadataIndex(offset, len(blob), name)))
+        return blob
+
+    def _end(self):
+        """Return (offset, CRC-32) of the file after the last whole chunk."""
+        return (self.chunks[-1].index_end, self.chunks[-1].file_crc) if self.chunks else self._begun
 
     def chunk(self, data: Any, compression: str, times: tuple[int, int], size: int, crc: int, index: Any) -> None:
         """Write a chunk of compressed `data`, whose content has `size` bytes and CRC-32 `crc`; `times` are those of its
         first and last tick [ns], `index` is [(channel id, (messages, 2) of time and offset)]."""
-        name, offset = compression.encode(), self.offset
-        head = _RECORD.pack(Opcode.CHUNK, 40 + len(name) + len(data))  # the library's own copies the data three times
+        name, (offset, file_crc) = compression.encode(), self._end()
+        head = struct.pack("<BQ", Opcode.CHUNK, 40 + len(name) + len(data))  # the library's own copies the data
         head += struct.pack("<QQQII", *times, size, crc, len(name)) + name + struct.pack("<Q", len(data))
-        begin, indexes, places, counts = offset + len(head) + len(data), bytearray(), {}, {}
+        end, indexes, places = offset + len(head) + len(data), bytearray(), {}
         for channel, entries in index:
-            places[channel], counts[channel] = begin + len(indexes), len(entries)
+            places[channel] = end + len(indexes), len(entries)
             indexes += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + entries.nbytes, channel, entries.nbytes)
             indexes += entries.tobytes()
-        length = begin - offset
-        self._put(head, data, indexes)
-        record = ChunkIndex(length, offset, compression, len(data), times[1], len(indexes), places, times[0], size)
-        self._summary[Opcode.CHUNK_INDEX].append(encoded(record))
-        self._counts = {**self._counts, **{c: self._counts.get(c, 0) + n for c, n in counts.items()}}
-        self.chunks.append(Chunk(offset, length, offset + len(head), len(data), compression, size, crc, *times))
+        self._write(offset, head, data, indexes)
+        file_crc = crc32(indexes, crc32(data, crc32(head, file_crc)))
+        self.chunks.append(Chunk(offset, end, offset + len(head), len(data), compression, size, crc, *times, places,
+                                 end + len(indexes), file_crc))  # fmt: skip
 
-    def mark(self) -> tuple:
-        """Return the place reached, for back_to."""
-        return self.offset, self.crc, len(self.chunks), self._counts, {k: len(v) for k, v in self._summary.items()}
-
-    def back_to(self, mark: Any) -> None:
-        """Forget all that was written after a mark, be it half a chunk."""
-        self.offset, self.crc, chunks, self._counts, summary = mark
-        del self.chunks[chunks:]
-        for opcode, count in summary.items():
-            del self._summary[opcode][count:]
+    def finish(self, metadata: Mapping[str, Mapping[str, str]], *, aside: bool = False) -> None:
+        """Write `metadata` and the end of the log and put it in its place; `aside` leaves it whole at its part, which
+        `path` then names."""
+        (offset, crc), out = self._end(), bytearray()
+        for name, texts in metadata.items():
+            out += self._metadata(offset + len(out), name, texts)
+        out += encoded(DataEnd(crc32(out, crc)))
+        self._write(offset, out, self._summary_at(offset + len(out)))
         try:
-            self._file.seek(self.offset)
             self._file.truncate()
+            if aside:
+                self.path = os.fspath(self.part)
+            else:
+                settle(self.part, self.path)
         except OSError as error:
             raise self._failed(error) from error
+        self._file.close()
 
-    def finish(self, *, aside: bool = False) -> None:
-        """Write the end of the log and close the file; `aside` leaves it at `path`.part, which `path` then names."""
-        end = encoded(DataEnd(self.crc))
-        at = start = self.offset + len(end)
+    def _summary_at(self, start):
+        """Return the bytes of the summary, which begins at `start`, of the footer and the magic."""
+        counts: dict[int, int] = {}
+        for c in self.chunks:
+            places = {channel: at for channel, (at, _) in c.places.items()}
+            index = ChunkIndex(c.end - c.offset, c.offset, c.compression, c.data_size, c.end_ns, c.index_end - c.end,
+                               places, c.start_ns, c.size)  # fmt: skip
+            self._summary[Opcode.CHUNK_INDEX].append(encoded(index))
+            for channel, (_, messages) in c.places.items():
+                counts[channel] = counts.get(channel, 0) + messages
         count = {opcode: len(blobs) for opcode, blobs in self._summary.items()}
         self._summary[Opcode.STATISTICS] = [encoded(Statistics(
             attachment_count=count[Opcode.ATTACHMENT_INDEX], channel_count=count[Opcode.CHANNEL],
-            channel_message_counts=self._counts, chunk_count=len(self.chunks), schema_count=count[Opcode.SCHEMA],
-            message_count=sum(self._counts.values()), metadata_count=count[Opcode.METADATA_INDEX],
+            channel_message_counts=counts, chunk_count=len(self.chunks), schema_count=count[Opcode.SCHEMA],
+            message_count=sum(counts.values()), metadata_count=count[Opcode.METADATA_INDEX],
             message_start_time=self.chunks[0].start_ns if self.chunks else 0,
             message_end_time=self.chunks[-1].end_ns if self.chunks else 0,
         ))]  # fmt: skip
-        summary, offsets = bytearray(), bytearray()
+        out, offsets = bytearray(), bytearray()
         for opcode, blobs in self._summary.items():
-            before = at
+            before = start + len(out)
+            out += b"".join(blobs)
+            if blobs:
+                offsets += encoded(SummaryOffset(opcode, before, start + len(out) - before))
+        at = start + len(out)
+        out += offsets
+        crc = crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, start, at), crc32(out))
+        return bytes(out) + encoded(Footer(start, at, crc)) + MAGIC
+
+    def _write(self, offset, *blobs):
+        try:
+            self._file.seek(offset)
             for blob in blobs:
-                summary += blob
-                at += len(blob)
-            if at > before:
-                offsets += encoded(SummaryOffset(opcode, before, at - before))
-        summary += offsets
-        crc = crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, start, at), crc32(summary))
-        self._write(end + bytes(summary) + encoded(Footer(start, at, crc)) + MAGIC)
-        try:
-            self._part.done(aside=aside)
-            self.path = os.fspath(self._part.place) if aside else self.path
-        except OSError as error:
-            raise self._failed(error) from error
-
-    def _put(self, *blobs):
-        """Write bytes of the data section and count them."""
-        crc = self.crc
-        for blob in blobs:
-            self._write(blob)
-            crc = crc32(blob, crc)
-            if self._digest is not None:
-                self._digest.update(blob)
-        self.offset, self.crc = self.offset + sum(map(len, blobs)), crc
-
-    def _write(self, blob):
-        view = memoryview(blob)
-        try:
-            while view:  # a raw file may take less than it is given
-                view = view[self._file.write(view) :]
+                view = memoryview(blob)
+                while view:  # a raw file may take less than it is given
+                    view = view[self._file.write(view) :]
         except OSError as error:
             raise self._failed(error) from error
 
     def _failed(self, error):
         remedy = f"{'Free some space or choose' if error.errno in FULL else 'Choose'} another place (-o)."
-        stays = self._kept and bool(self.chunks)
-        if stays:
+        if self._kept and self.chunks:
             end = self.chunks[-1].end_ns / 1e9
-            remedy += f" What was written up to {end} s is whole: `cosim recover {self._part.place}` makes it readable."
-        self._part.drop(stays=stays)
-        return log_error(f"cannot write the log: {error.strerror}", self.path, self.offset, remedy)
+            remedy += f" What was written up to {end} s is whole: `cosim recover {self.part}` makes it readable."
+        self.drop()
+        return log_error(f"cannot write the log: {error.strerror}", self.path, None, remedy)
 
     @property
     def open(self) -> bool:
@@ -207,30 +204,20 @@ class LogFile:
 
     def drop(self) -> None:
         """Close the file as it is; unless it is to be kept and holds a chunk, it is removed."""
-        self._part.drop(stays=self._kept and bool(self.chunks))
+        if self.open:
+            self._file.close()
+            if not (self._kept and self.chunks):
+                self.part.unlink(missing_ok=True)
 
 
 _ORDER = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX,
           Opcode.METADATA_INDEX)  # fmt: skip
 
 
-def free(path: str | os.PathLike) -> None:
-    """Raise OutputError where a killed flight has left ticks that a flight to `path` would write over."""
-    left = left_by(path)
-    claim(left, OURS)
-    if left.is_file() and holds_chunk(left):
-        raise OutputError(f"a killed flight left {left}", place=os.fspath(path),
-                          remedy=f"`cosim recover {left}` makes it readable; or remove it")  # fmt: skip
-
-
-def holds_chunk(path: Any) -> bool:
-    """Tell whether a log that was cut anywhere holds a whole chunk."""
-    with open(path, "rb") as file:
-        at, size = len(MAGIC), path.stat().st_size
-        while at + _RECORD.size <= size:
-            file.seek(at)
-            opcode, length = _RECORD.unpack(file.read(_RECORD.size))
-            at += _RECORD.size + length
-            if opcode == Opcode.CHUNK:
-                return at <= size
-    return False
+def check_no_part(path: str | os.PathLike) -> None:
+    """Raise OutputError where another run is writing the log at `path`, or a killed one has left it unfinished."""
+    part = left_by(path)
+    if part.exists():
+        said = f"{part} is there: another run writes it, or a killed one has left it"
+        remedy = f"`cosim recover {part}` makes it readable, or remove it"
+        raise OutputError(said, place=os.fspath(path), remedy=remedy)

@@ -1,9 +1,8 @@
 """Read a log back, bit for bit, into numpy and pandas."""
 
-import difflib
 import threading
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,13 +10,12 @@ from typing import Any
 import numpy as np
 from google.protobuf.message import DecodeError
 
-from cosim.errors import told_at_call
-from cosim.table import Table
+from cosim.errors import did_you_mean, told_at_call
 
 from . import foxglove
 from .compression import keep_memory
 from .format import Limits, log_error
-from .walker import drop_damaged, load, scan, tail
+from .walker import load, scan, tail
 
 CACHE_BYTES = 64 << 20  # content of chunks that stays in memory: several topics of a short log are decompressed once
 MOST_DRAWN = 4000  # samples of a curve
@@ -39,10 +37,7 @@ def open_log(path: str | Path, *, limits: Any = None, tolerant: bool = False) ->
     Raises LogError with the place for a file that is missing, cut, damaged, hostile, or not written by this package.
     """
     keep_memory()
-    found = scan(path, limits or Limits(), tolerant)
-    if tolerant:
-        drop_damaged(found)
-    return Log(found)
+    return Log(scan(path, limits or Limits(), tolerant))
 
 
 class Log:
@@ -63,28 +58,17 @@ class Log:
         self.complete = found.closed and self.result is not None
         self.chunks, self.damage = found.chunks, found.damage
         self.spans = [found.ticks(c) for c in found.chunks]
-        self._starts = [k0 for k0, _ in self.spans]
         self.n_ticks = sum(n for _, n in self.spans)
-        self._runs = _merged(self.spans)
         self._cache: dict[int, np.ndarray] = {}
         self._lock = threading.Lock()
-        rows = {t.every: sum(len(range(-k0 % t.every, n, t.every)) for k0, n in self._runs)
-                for t in found.topics.values()}  # fmt: skip
-        self.topics = {name: replace(t, rows=rows[t.every]) for name, t in found.topics.items()}
+        self.topics = {name: replace(t, rows=sum(len(range(-k0 % t.every, n, t.every)) for k0, n in self.spans))
+                       for name, t in found.topics.items()}  # fmt: skip
 
     def __repr__(self) -> str:
-        rows = [f"  {t.name:44}{t.rows:>8} rows, {len(t.fields)} fields" for t in self.topics.values()]
-        return "\n".join([self._about(), *rows])
-
-    def _repr_html_(self) -> str:
-        made = Table(self._about(), "topic", "rows>", "fields", kind="")
-        for t in self.topics.values():
-            made.add(t.name, t.rows, ", ".join(t.fields[:8]) + ", …" * (len(t.fields) > 8))
-        return made._repr_html_()
-
-    def _about(self):
         state = "complete" if self.complete else "incomplete"
-        return f"Log {self.path}: {self.n_ticks * self.dt_ns / 1e9:g} s, {len(self.topics)} topics, {state}"
+        head = f"Log {self.path}: {self.n_ticks * self.dt_ns / 1e9:g} s, {len(self.topics)} topics, {state}"
+        rows = [f"  {t.name:44}{t.rows:>8} rows, {len(t.fields)} fields" for t in self.topics.values()]
+        return "\n".join([head, *rows])
 
     def plot(self, fields: str | list[str]) -> Any:
         """Return a plotly figure of fields named "/topic.field" over time [s], one below the other, in their units.
@@ -94,15 +78,13 @@ class Log:
         import pandas as pd
 
         pairs = [name.rpartition(".")[::2] for name in ([fields] if isinstance(fields, str) else fields)]
-        frames = [self.frame(topic, fields=[field]).add_prefix(f"{topic}.") for topic, field in pairs]
-        frame = pd.concat(frames, axis=1)
-        units = [self.frame(topic, fields=[field], end_s=0.0).attrs["units"][field] for topic, field in pairs]
+        frames = [self.frame(topic, fields=[field]) for topic, field in pairs]
+        frame = pd.concat([f.add_prefix(f"{topic}.") for f, (topic, _) in zip(frames, pairs)], axis=1)
         shown = frame.iloc[:: max(1, len(frame) // MOST_DRAWN)].interpolate(limit_direction="both")
-        figure = shown.plot(backend="plotly", facet_row="variable", height=180 * len(units) + 60)
-        for mark in figure.layout.annotations:
-            mark.text = ""
-        for axis, unit in zip(reversed(list(figure.select_yaxes())), units):
-            axis.update(matches=None, title=unit.strip("-"))
+        figure = shown.plot(backend="plotly", facet_row="variable", height=180 * len(pairs) + 60)
+        figure.for_each_annotation(lambda mark: mark.update(text=""))
+        for axis, f, (_, field) in zip(reversed(list(figure.select_yaxes())), frames, pairs):
+            axis.update(matches=None, title=f.attrs["units"][field].strip("-"))
         return figure.update_layout(legend_title_text="", xaxis_title="t, s")
 
     def array(
@@ -110,7 +92,7 @@ class Log:
         end_s: float | None = None,
     ) -> np.ndarray:  # fmt: skip
         """Return the values of a topic (rows, fields) as float64, bit for bit as they were logged; see `frame`."""
-        return self._array(self._columns(topic, fields), *self._bounds(start_s, end_s))
+        return self._values(self._columns(topic, fields), *self._bounds(start_s, end_s))
 
     def frame(
         self, topic: str, *, fields: Sequence[str] | None = None, start_s: float | None = None,
@@ -125,25 +107,45 @@ class Log:
         import pandas as pd  # half a second, which a run that only writes need not wait for
 
         columns, (start, stop) = self._columns(topic, fields), self._bounds(start_s, end_s)
-        index = pd.Index(self.ticks(columns[0][1], start, stop) * self.dt_ns / 1e9, name="t_s")
+        index = pd.Index(self.ticks(topic, start, stop) * self.dt_ns / 1e9, name="t_s")
         names = [name for name, *_ in columns]
-        made = pd.DataFrame(self._array(columns, start, stop), index=index, columns=names, copy=False)
+        made = pd.DataFrame(self._values(columns, start, stop), index=index, columns=names, copy=False)
         made.attrs["units"] = Units((name, self.topics[part].units[at]) for name, part, at in columns)
         return made
 
-    def _columns(self, topic, fields):
-        """Return [(name, part, position in it)] of the columns of a part or a channel."""
+    def ticks(self, topic: str, start: int = 0, stop: int | None = None) -> np.ndarray:
+        """Return the tick of each row of a topic (rows,) as int64, start <= k < stop."""
+        every = self.topics[self._parts(topic)[0]].every
+        spans = (_within(span, every, start, stop) for span in self.spans)
+        return np.concatenate([np.arange(0), *(np.arange(s.start, s.stop, every) for s in spans)])
+
+    def messages(self, topic: str) -> list[Any]:
+        """Return the well-known messages of /events, /tf or /fix as a list of (tick, protobuf message)."""
+        kind = foxglove.message(foxglove.TOPICS[topic][0].removeprefix("foxglove."))
+        tails = (tail(self._scan, self.chunks[i], content) for i, content in self._contents())
+        try:
+            return [(k, kind.FromString(data)) for found in tails for channel, k, _, data in found
+                    if channel == self._scan.ids.get(topic)]  # fmt: skip
+        except DecodeError as error:
+            raise log_error(f"a message on {topic} is no {kind.DESCRIPTOR.full_name}", self.path) from error
+
+    def _parts(self, topic):
         parts = [topic] if topic in self.topics else [p for p in self.topics if p.startswith(f"{topic}/")]
         if len({self.topics[p].every for p in parts}) != 1:
-            near = _near(topic, self.topics)
-            raise _Unknown(f"{self.path} has no topic {topic!r}{near}; log.topics has all")
+            raise _Unknown(f"{self.path} has no topic {topic!r}; log.topics has all {len(self.topics)}. "
+                           f"{did_you_mean(topic, self.topics)}")  # fmt: skip
+        return parts
+
+    def _columns(self, topic, fields):
+        """Return [(name, part, position in it)] of the columns of a part or a channel."""
         known = {f"{p[len(topic) + 1:].replace('/', '.')}.{f}".lstrip("."): (p, i)
-                 for p in parts for i, f in enumerate(self.topics[p].fields)}  # fmt: skip
-        for field in [fields] if isinstance(fields, str) else fields or ():
+                 for p in self._parts(topic) for i, f in enumerate(self.topics[p].fields)}  # fmt: skip
+        wanted = [fields] if isinstance(fields, str) else known if fields is None else fields
+        for field in wanted:
             if field not in known:
-                near = _near(field, known, "fields")
-                raise _Unknown(f"topic {topic} has no field {field!r}{near}; log.topics[{topic!r}].fields has all")
-        return [(n, *known[n]) for n in ([fields] if isinstance(fields, str) else known if fields is None else fields)]
+                said = f"topic {topic} has no field {field!r} among its {len(known)}"
+                raise _Unknown(f"{said}; log.topics[{topic!r}].fields has all. {did_you_mean(field, known)}")
+        return [(name, *known[name]) for name in wanted]
 
     def _bounds(self, start_s, end_s):
         start = 0 if start_s is None else max(0, self._first(start_s))
@@ -154,66 +156,37 @@ class Log:
         near = round(t_s * 1e9 / self.dt_ns)
         return near if near * self.dt_ns / 1e9 >= t_s else near + 1
 
-    def _array(self, columns, start, stop):
+    def _values(self, columns, start, stop):
+        """Return (rows, columns) of the ticks start <= k < stop."""
         wanted: dict = {}
         for column, (_, part, at) in enumerate(columns):
             wanted.setdefault(part, ([], []))[0].append(column)
             wanted[part][1].append(at)
-        rows = len(self.ticks(columns[0][1], start, stop)) if columns else 0
+        every = self.topics[columns[0][1]].every if columns else 1
+        spans = [_within(span, every, start, stop) for span in self.spans]
         try:
-            out = np.empty((rows, len(columns)))
+            out = np.empty((sum(map(len, spans)), len(columns)))
         except MemoryError as error:
             raise log_error("the topics do not fit into memory", self.path, remedy="Ask for fewer.") from error
         done = 0
-        for span, content in self._contents(start, stop):
-            low, high = 0, 0
+        for i, content in self._contents(start, stop):
+            k0, n = self.spans[i]
+            low = len(range(k0 + -k0 % every, spans[i].start, every))
             for part, (into, at) in wanted.items():
                 whole = at == list(range(len(self.topics[part].fields)))
-                values = self._scan.layout.values(content, *span, part, None if whole else at)
-                low, high = self._rows(span, start, stop, self.topics[part].every)
+                values = self._scan.layout.values(content, k0, n, part, None if whole else at)
                 into = slice(into[0], into[-1] + 1) if into[-1] - into[0] + 1 == len(into) else into
-                out[done : done + high - low, into] = values[low:high]
-            done += high - low
+                out[done : done + len(spans[i]), into] = values[low : low + len(spans[i])]
+            done += len(spans[i])
         return out
 
-    def arrays(self, topics: Iterable[str] | None = None, start: int = 0, stop: int | None = None) -> dict:
-        """Return {topic: (rows, fields)} of several parts (default: all), ticks start <= k < stop."""
-        names = self.topics if topics is None else topics
-        return {name: self._array(self._columns(name, None), start, stop) for name in names}
-
-    @staticmethod
-    def _rows(span, start, stop, every):
-        """Return (first, last + 1) of a chunk's rows of one rate within the bounds."""
-        k0, n = span
-        first, b = k0 + -k0 % every, k0 + n if stop is None else min(k0 + n, stop)
-        low = len(range(first, max(k0, start), every))
-        return low, max(low, len(range(first, b, every)))
-
-    def ticks(self, topic: str, start: int = 0, stop: int | None = None) -> np.ndarray:
-        """Return the tick of each row of a part (rows,) as int64, start <= k < stop."""
-        every = self.topics[self._columns(topic, None)[0][1]].every
-        bounds = [(max(k0, start), k0 + n if stop is None else min(k0 + n, stop)) for k0, n in self._runs]
-        parts = [np.arange(a + -a % every, b, every, dtype=np.int64) for a, b in bounds]
-        return np.concatenate(parts) if parts else np.empty(0, np.int64)
-
-    def messages(self, topic: str) -> list[Any]:
-        """Return the well-known messages of /events, /tf or /fix as a list of (tick, protobuf message)."""
-        if topic not in foxglove.TOPICS:
-            raise KeyError(f"unknown topic {topic!r}; known: {', '.join(foxglove.TOPICS)}")
-        kind = foxglove.message(foxglove.TOPICS[topic][0].removeprefix("foxglove."))
-        wanted = self._scan.ids.get(topic)
-        tails = (tail(self._scan, chunk, content) for chunk, (_, content) in zip(self.chunks, self._contents()))
-        try:
-            return [(k, kind.FromString(data)) for found in tails for c, k, _, data in found if c == wanted]
-        except DecodeError as error:
-            raise log_error(f"a message on {topic} is no {kind.DESCRIPTOR.full_name}", self.path) from error
-
-    def _contents(self, start: int = 0, stop: int | None = None) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
-        """Yield (ticks, content) of the chunks with ticks start <= k < stop, checked."""
-        low = max(0, bisect_right(self._starts, start) - 1)
+    def _contents(self, start: int = 0, stop: int | None = None) -> Iterator[tuple[int, np.ndarray]]:
+        """Yield (number, content) of the chunks with ticks start <= k < stop, checked."""
+        starts = [k0 for k0, _ in self.spans]
+        low = max(0, bisect_right(starts, start) - 1)
         try:
             with open(self.path, "rb") as file:
-                for i in range(low, len(self.spans) if stop is None else bisect_left(self._starts, stop)):
+                for i in range(low, len(starts) if stop is None else bisect_left(starts, stop)):
                     content = self._cache.get(i)
                     if content is None:
                         content = load(self._scan, file, self.chunks[i])[1]
@@ -221,7 +194,7 @@ class Log:
                             while self._cache and sum(map(len, self._cache.values())) + len(content) > CACHE_BYTES:
                                 self._cache.pop(next(iter(self._cache)))
                             self._cache[i] = content
-                    yield self.spans[i], content
+                    yield i, content
         except OSError as error:
             raise log_error(f"cannot read the log: {error.strerror}", self.path) from error
 
@@ -233,18 +206,8 @@ class _Unknown(KeyError):
         return self.args[0]
 
 
-def _near(word, choices, what="topics"):
-    """Return how many `choices` there are and which of them are like `word`."""
-    found = difflib.get_close_matches(str(word), list(choices), n=5, cutoff=0.5)
-    return f" among its {len(choices)} {what}" + (f"; near: {', '.join(found)}" if found else "")
-
-
-def _merged(spans):
-    """Return spans [(first tick, ticks)] with those joined that follow one another."""
-    out: list = []
-    for k0, n in spans:
-        if out and sum(out[-1]) == k0:
-            out[-1] = (out[-1][0], out[-1][1] + n)
-        else:
-            out.append((k0, n))
-    return out
+def _within(span, every, start, stop):
+    """Return the range of a chunk's ticks of one rate among start <= k < stop."""
+    k0, n = span
+    first = max(k0, start)
+    return range(first + -first % every, max(first, k0 + n if stop is None else min(k0 + n, stop)), every)

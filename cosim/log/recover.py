@@ -6,37 +6,36 @@ from typing import Any
 
 import numpy as np
 
-from .format import Limits, log_error
+from cosim.files import replace
+
+from .format import OURS, Limits, log_error
 from .log_file import LogFile
-from .walker import drop_damaged, load, scan, tail
+from .walker import load, scan, tail
 
 
 def recover(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[str, Any]:
     """Write every whole chunk of the log at `path` to a new log at `out` and return a report.
 
-    The report: `out`, `chunks`, `ticks`, `duration_s`, `complete` (nothing of the run was lost), `parameters_intact`
-    (all before the first tick is as written), `lost`, a list of {offset, bytes, reason}, and `cut`, that all of it
-    stands behind the last whole chunk. The new log holds it as metadata `recovered`.
-    Raises LogError when nothing can be read, or `out` is the log itself; or when it cannot be written, and what was
-    there stays.
+    The report: `out`, `chunks`, `ticks`, `duration_s`, `complete` (nothing of the run was lost), `lost`, a list of
+    {offset, bytes, reason}, and `cut`, that all of it stands behind the last whole chunk. The new log holds it as
+    metadata `recovered`. Raises LogError when nothing can be read, or `out` is the log itself; or when it cannot be
+    written, and what was there stays.
     """
     if os.path.exists(out) and os.path.exists(path) and os.path.samefile(path, out):
         raise log_error("a log cannot be recovered onto itself", os.fspath(out), remedy="Give another place (-o).")
     found = scan(path, limits or Limits(), tolerant=True)
-    drop_damaged(found)
-    metadata = {n: texts for n, texts in found.metadata.items() if n not in ("preamble", "recovered", "result")}
-    result = found.metadata.get("result") if found.whole else None
+    result = found.metadata.pop("result", None) if found.whole else None
     ticks = sum(found.ticks(chunk)[1] for chunk in found.chunks)
     lost = [{"offset": d.offset, "bytes": d.length, "reason": d.reason} for d in found.damage]
-    texts = {"ticks": str(ticks), "parameters_intact": str(found.trusted).lower()}
-    texts |= {f"lost {i}": f"{d.length} bytes at {d.offset}: {d.reason}" for i, d in enumerate(found.damage)}
-    _rewrite(found, out, {**metadata, "recovered": texts}, result)
+    texts = {f"lost {i}": f"{d.length} bytes at {d.offset}: {d.reason}" for i, d in enumerate(found.damage)}
+    metadata = {n: own for n, own in found.metadata.items() if n not in ("preamble", "recovered", "result")}
+    metadata["recovered"] = {"ticks": str(ticks), **texts}
+    replace(out, lambda part: _rewrite(found, part, metadata, result), OURS)
     last = found.chunks[-1] if found.chunks else None
     return {
         "out": os.fspath(out), "chunks": len(found.chunks), "ticks": ticks,
-        "duration_s": (last.end_ns + found.dt_ns) / 1e9 if last else 0.0,
-        "complete": result is not None, "parameters_intact": found.trusted, "lost": lost,
-        "cut": last is not None and all(d.offset >= last.offset + last.length for d in found.damage),
+        "duration_s": (last.end_ns + found.dt_ns) / 1e9 if last else 0.0, "complete": result is not None, "lost": lost,
+        "cut": last is not None and all(d.offset >= last.end for d in found.damage),
     }  # fmt: skip
 
 
@@ -54,8 +53,6 @@ def _rewrite(found, out, metadata, result):
                 index = [*found.layout.index(*found.ticks(chunk)),
                          *((channel, np.array(own, "<u8")) for channel, own in entries.items())]  # fmt: skip
                 file.chunk(data, chunk.compression, (chunk.start_ns, chunk.end_ns), chunk.size, chunk.crc, index)
-        if result is not None:
-            file.metadata("result", result)
-        file.finish()
+        file.finish({"result": result} if result else {})
     finally:
         file.drop()

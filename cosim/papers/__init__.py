@@ -12,7 +12,7 @@ from typing import Any
 from cosim.campaign.pool import finished
 from cosim.errors import CosimError, did_you_mean
 from cosim.papers import claims
-from cosim.papers.row import VERDICTS, Planned, Row, counts
+from cosim.papers.claims import VERDICTS, Claim, Row, counts
 
 FIGURES = "figures"  # the piece of a paper that makes its drawings
 PAPERS = ("lu17", "jay", "sun13", "mar10", "alwi14")
@@ -30,8 +30,8 @@ def chosen(paper: str) -> Any:
     return PAPERS if paper == "all" else (paper,)
 
 
-def plan(paper: str = "all") -> list[Planned]:
-    """Return what is asked of a paper, as rows without their numbers."""
+def plan(paper: str = "all") -> list[Claim]:
+    """Return the claims of `paper`, one of PAPERS or "all", without their numbers."""
     return [p for name in chosen(paper) for p in claims.load(name)]
 
 

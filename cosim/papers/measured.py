@@ -1,8 +1,6 @@
 """What the functions that measure a paper's rows share: inputs of a block, overrides of a flight, numbers in words."""
 
-import math
-import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -45,13 +43,3 @@ def all_valid(block: Any, *shape: int) -> np.ndarray:
         if name.endswith("_valid"):
             u[name] = 1.0
     return u
-
-
-def share_of_tick(run: Callable[[], Any], dt: float = 0.005) -> tuple[float, str]:
-    """Return the time of a tick of `run`, which returns its log, over `dt` [%], and in microseconds; best of three."""
-    best = math.inf
-    for _ in range(3):
-        begin = time.perf_counter()
-        n = len(run())
-        best = min(best, (time.perf_counter() - begin) / n)
-    return 100.0 * best / dt, f"{1e6 * best:.1f} microseconds"

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from cosim.papers.row import Row
+from cosim.papers.claims import Row
 from cosim.table import Cell, Column, Table, number, of
 
 VERDICTS = {  # verdict -> word, tone

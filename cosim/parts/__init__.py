@@ -1,8 +1,8 @@
-"""Detectors of the user's: from a file or a folder, an installed package, or a program.
+"""Detectors of the user's: from a file or a folder, or a program.
 
 A user's detector, called a guest, is a plain Python class (`detector.py`), a block as ours are (actuators/block.py), or
 a fitted model over a window of signals (`window.py`). It comes from a file that a scenario or a command line names,
-from an installed package's entry point `cosim.detectors`, or from `cosim.register(Parity)`. Its code has its user's
+or from `cosim.register(Parity)`. Its code has its user's
 rights: it is run as it stands, and only a file that the user has named is run (cosim/scenario/user_parts.py loads it).
 """
 
@@ -23,7 +23,6 @@ from fdi import registry
 
 __all__ = ["GuestError", "load", "loaded", "register", "rollout_of", "use", "with_detectors"]
 KEYS = ("file", "sha256")  # of a guest's table, beside its parameters
-GROUP = "cosim.detectors"  # of entry points
 _loaded: dict[tuple[str, str], Any] = {}  # (file, digest) -> guest
 
 
@@ -45,7 +44,7 @@ def _install(guest):
 
 
 def load(name: str | os.PathLike) -> PlainDetector:
-    """Return the guest of a Python file, or of an entry point by its name, known to this process from now on.
+    """Return the guest of a file or a folder, known to this process from now on.
 
     Raises GuestError for a file that is not there, does not run, or holds no detector or several.
     """
@@ -53,7 +52,8 @@ def load(name: str | os.PathLike) -> PlainDetector:
     if unpaired_surrogate(str(path)):
         raise GuestError("its name is not UTF-8, which a log needs", place=str(path), remedy="Rename it")
     if not os.path.exists(path):
-        return _entry_point(str(name))
+        near = [str(path.with_name(p.name)) for p in path.parent.glob("*.py")]
+        raise GuestError("no such file", place=str(name), remedy=did_you_mean(name, near))
     module, part = user_parts.load(path, lambda text: GuestError(text, place=str(name)))
     key = str(path.resolve()), part.sha256
     if key not in _loaded:
@@ -62,7 +62,7 @@ def load(name: str | os.PathLike) -> PlainDetector:
 
 
 def loaded(files: Iterable[str | os.PathLike]) -> list[PlainDetector]:
-    """Return the guests of several files or entry points; raises GuestError, also where two have one id."""
+    """Return the guests of several files; raises GuestError, also where two have one id."""
     out: dict[str, tuple[Any, str | os.PathLike]] = {}
     for file in files:
         guest = load(file)
@@ -84,7 +84,8 @@ def use(scenario: Scenario) -> None:
         table = scenario.detectors.table(name)
         if name in registry.SHIPPED or not table.get("file"):
             if not registry.known(name):
-                _entry_point(name)
+                near = did_you_mean(name, [*registry.SHIPPED, *registry.GUESTS])
+                raise GuestError("no such detector, and no file is given", place=f"detectors.{name}", remedy=near)
             continue
         guest, place = registry.GUESTS.get(name), f"detectors.{name}.file = {table['file']}"
         wanted, remedy = table.get("sha256"), "Load the scenario again, or remove its sha256"
@@ -98,7 +99,7 @@ def use(scenario: Scenario) -> None:
 
 
 def with_detectors(scenario: Scenario, files: Iterable[str | os.PathLike]) -> Scenario:
-    """Return `scenario` with the guests of `files` (or names of entry points) among its detectors."""
+    """Return `scenario` with the guests of `files` among its detectors."""
     files = list(files)
     if not files:
         return scenario
@@ -108,31 +109,12 @@ def with_detectors(scenario: Scenario, files: Iterable[str | os.PathLike]) -> Sc
     for file in files:
         guest = load(file)
         name = guest.DETECTOR.id
-        about = {"file": str(Path(file)), "sha256": guest.sha256} if os.path.exists(file) else {}
         named = own.get(name, {}).get("file", "")
-        if about and os.path.exists(named) and not os.path.samefile(named, file):
+        if os.path.exists(named) and not os.path.samefile(named, file):
             raise _twice(name, f"{named} of the scenario", file)
-        if about or name in own:
-            own[name] = {**own.get(name, {}), **about}
+        own[name] = {**own.get(name, {}), "file": str(Path(file)), "sha256": guest.sha256}
         own["enabled"] = list(dict.fromkeys([*own.get("enabled", scenario.detectors.enabled), name]))
     return parse(table)
-
-
-def _entry_point(name):
-    from importlib.metadata import entry_points
-
-    found = {e.name: e for e in entry_points(group=GROUP)}
-    if name not in found:
-        if name in registry.GUESTS:
-            return registry.GUESTS[name]
-        path = Path(name)
-        file = path.suffix or os.sep in name
-        beside = [str(path.with_name(p.name)) for p in path.parent.glob("*.py")] if file else []
-        what = "no such file" if file else "no such file and no installed detector"
-        raise GuestError(what, place=name, allowed=", ".join(found), remedy=did_you_mean(name, [*beside, *found]))
-    with user_parts.run_user_code(lambda text: GuestError(text, place=name)):
-        made = found[name].load()
-    return _install(_made(made, _source(made)))
 
 
 def _only(module, place, key):

@@ -33,7 +33,6 @@ import numpy as np
 
 from actuators.block import Entry, dtype, record
 from actuators.exception_text import sentence
-from actuators.object_cache import PLAIN
 from actuators.python_block import PythonBlock, of_rollout
 from cosim.errors import CosimError
 from cosim.judge.coverage import true_class
@@ -191,7 +190,7 @@ class BlockDetector:
             raise GuestError(f"OUTPUTS lacks {', '.join(sorted(lacking))}", place=file)
         if not isinstance(module.rollout, Entry):
             self.runner = self._python
-        elif not PLAIN:
+        else:
             try:
                 _ = module.rollout.native.address
             except Exception as error:  # the compiler has dozens of kinds

@@ -16,13 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import SWEEP, Entry
-from actuators.object_cache import PLAIN
+from actuators.block import Entry
 from actuators.precompile import compile_ahead, cores
 from cosim.errors import told_at_call
-from cosim.judge.column_store import SPAN, ColumnStore
-from cosim.judge.detection import columns
+from cosim.judge.detection import outputs_read
 from cosim.judge.result import judged, plain
+from cosim.judge.store import column_store, release
 from cosim.log import open_log
 from cosim.parts import loaded
 from cosim.parts.detector import SLOW
@@ -32,6 +31,7 @@ from cosim.replay.detector_replay import pieces, replay_lane, tick_of
 from cosim.replay.log_schema import LAID_OUT, ReplayError, check_start
 from cosim.replay.write import Overlay
 
+SPAN = 4000  # ticks that are replayed together
 COUNTS = ("rows", "values", "skipped")
 __all__ = ["Difference", "Replay", "ReplayError", "compare", "pieces", "replay", "replay_lane"]
 
@@ -116,15 +116,15 @@ def replay(
     wired = lanes.describe(log, detectors, overrides, left_out) if flew or not fresh else []
     members = [_Member(log, w) for w in wired]
     tick = max(0, round(start_s * 1e9 / log.dt_ns))
-    spans, asked = list(_spans(log, wired, tick)), lanes.topics(log, wired) if output is None else None
+    spans, asked = list(_spans(log, wired, tick)), lanes.topics(log, wired) if output is None else log.topics
     _ready(wired)
     stages = lanes.in_stages(wired, str(log.path))
     with ExitStack() as stack, ThreadPoolExecutor(cores()) as pool:
         overlay = stack.enter_context(Overlay(log, wired, output)) if output else None
-        coming = [pool.submit(log.arrays, asked, *span) for span in spans[:1]]
+        coming = [pool.submit(lanes.values, log, asked, *span) for span in spans[:1]]
         for k, (a, b) in enumerate(spans):
             read = coming.pop().result()
-            coming = [pool.submit(log.arrays, asked, *span) for span in spans[k + 1 : k + 2]]
+            coming = [pool.submit(lanes.values, log, asked, *span) for span in spans[k + 1 : k + 2]]
             new = _span(log, members, stages, read, (a, b, tick), pool)
             if overlay:
                 overlay.append(read, new, a, b)
@@ -162,10 +162,9 @@ def _both(old, new):
 def _ready(wired):
     """Compile on every core what is not compiled yet."""
     natives = [w.module.rollout.native for w in wired if _compiled(w.module)]
-    if natives and not PLAIN:
-        compile_ahead([SWEEP, *natives])
-        for native in (SWEEP, *natives):
-            _ = native.address  # before there are threads, of which each would compile it
+    compile_ahead(natives)
+    for native in natives:
+        _ = native.address  # before there are threads, of which each would compile it
 
 
 def _compiled(module):
@@ -219,15 +218,16 @@ class _Member:
         self.w, self.dt, self.differences = w, tick_of(log), {}
         self.fields = log.topics[w.topic].fields
         self.hidden = log.topics[w.hidden].fields if w.hidden in log.topics else ()
-        self.names = columns(w.module.CULPRITS, self.fields)
+        self.names = outputs_read(w.module.CULPRITS, self.fields)
         self.columns = [self.fields.index(n) for n in self.names]
-        self.rows = self.values = self.skipped = 0
-        self.logged = self.again = ColumnStore()  # zero where the log has no row; the same while nothing differs
+        self.rows = self.values = self.skipped = self.taken = 0
+        # zero where the log has no row; the same while nothing differs
+        self.logged = self.again = column_store(sum(log.spans[-1]) // w.every + 1, len(self.columns))
 
     def replay(self, lane, tick):
         """Return the new outputs (rows, n) of a lane's span; NaN where it could not or should not be replayed."""
         w, out = self.w, None
-        begin = len(self.logged)  # rows before this span
+        begin = self.taken  # rows before this span
         places = lane.ticks // w.every - begin
         old = np.zeros((int(places[-1]) + 1 if len(places) else 0, len(self.names)), np.float32)
         old[places] = np.take(lane.logged, self.columns, axis=1)
@@ -253,10 +253,13 @@ class _Member:
             held = lane.states[1][np.searchsorted(lane.states[0], at)]
             self._compare(w.hidden, self.hidden, at, held, states)
         if new is not None and self.again is self.logged:
-            self.again = self.logged.branch()
-        if self.again is not self.logged:
-            self.again.append(old if new is None else new)
-        self.logged.append(old)
+            self.again = column_store(*self.logged.shape)
+            self.again[:] = self.logged
+        self.taken = begin + len(old)
+        self.logged[begin : self.taken] = old
+        self.again[begin : self.taken] = old if new is None else new
+        release(self.logged)
+        release(self.again)
         self.skipped += int(np.count_nonzero(lane.ticks >= tick)) - done
         return np.full(lane.logged.shape, np.nan) if out is None else out
 
@@ -280,6 +283,7 @@ class _Member:
     def judge(self, faults):
         """Return the lane's detection metrics, as logged and as replayed."""
         about = self.w, self.w.lane, self.w.module.CULPRITS, self.names
-        old = lanes.judgement(*about, self.logged, self.dt, faults)
-        same = self.again is self.logged
-        return _both(old, deepcopy(old) if same else lanes.judgement(*about, self.again, self.dt, faults))
+        old = lanes.judgement(*about, self.logged[: self.taken], self.dt, faults)
+        if self.again is self.logged:
+            return _both(old, deepcopy(old))
+        return _both(old, lanes.judgement(*about, self.again[: self.taken], self.dt, faults))

@@ -22,7 +22,8 @@ def lost(found: Mapping[str, tuple[NDArray, NDArray, NDArray]]) -> list[str]:
     (ticks,))} lack, empty cells and missing rows alike; signals that lack the same stand together."""
     same: dict[str, list[str]] = {}
     for name, (t, rows, valid) in found.items():
-        n = clock.lost(np.concatenate([rows[:1], t, rows[-1:]])) if len(t) else len(rows)
+        step = clock.interval(t)
+        n = clock.lost(np.concatenate([rows[:1] - step, t, rows[-1:] + step])) if len(t) else len(rows)
         share = f"{100.0 * float(valid.mean()):.4g} % of the ticks have a value"
         if n:
             same.setdefault(f"{n:,} of {n + len(t):,} samples lost; {share}", []).append(name)

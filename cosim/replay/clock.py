@@ -40,6 +40,12 @@ def _apart(time):
     return (said[1], said[2]) if said and not said[2].isdigit() else (time, "")
 
 
+def unit_of(name: str) -> str:
+    """Return the unit of time in which a name ends: of clock_ms, "t [us]"; "" for none."""
+    ending = re.search(r"[\W_]([a-z]+)[)\]]?$", name.lower())
+    return ending[1] if ending and ending[1] in UNITS else ""
+
+
 def stamps(column: Any, name: str, unit: str, place: Any) -> tuple[NDArray, str]:
     """Return (times (rows,), which clock they are) of a pandas Series: float64 [s], or datetime64[ns] of dates.
 
@@ -48,8 +54,7 @@ def stamps(column: Any, name: str, unit: str, place: Any) -> tuple[NDArray, str]
     """
     import pandas as pd
 
-    ending = re.search(r"[\W_]([a-z]+)[)\]]?$", name.lower())
-    unit = unit or (ending[1] if ending and ending[1] in UNITS else "s")
+    unit = unit or unit_of(name) or "s"
     if unit not in UNITS:
         raise LogError(f"{unit!r} is no unit of time", place=str(place), remedy=UNSAID)
     if column.dtype.kind in "iuf":
@@ -100,8 +105,8 @@ def interval(t: NDArray) -> float:
 
 
 def lost(t: NDArray) -> int:
-    """Return how many samples are missing in `t` (rows,) [s] against its median step."""
-    return int(np.maximum(np.round(np.diff(t) / interval(t)) - 1.0, 0.0).sum()) if len(t) > 2 else 0
+    """Return how many samples are missing in `t` (rows,) [s] against its median step; a late one is none."""
+    return max(0, int((np.round(np.diff(t) / interval(t)) - 1.0).sum())) if len(t) > 2 else 0
 
 
 def sentence(label: str, zero: Any, times: Mapping[str, NDArray]) -> str:

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import Entry, unit
+from actuators.block import unit
 from cosim.errors import LogError, did_you_mean
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import wires
 from cosim.flight.detection.parameters import wrong_state
-from cosim.judge.detection import watch_of
+from cosim.judge.detection import JudgedLane
 from cosim.judge.result import judge
 from cosim.log import Log
 from cosim.replay import log_schema as schema
@@ -68,12 +68,12 @@ def unlogged(record: Any, lane: str, module: Any, u: np.ndarray, p: np.ndarray, 
     return Lane(record.id, lane, record.level, module, every, p, x, (), rollout, u=u[:, ::every], ticks=ticks)
 
 
-def judgement(record: Any, lane: str, culprits: tuple, names: Any, rows: Any, dt: float, faults: Sequence) -> dict:
+def judgement(record: Any, lane: str, parts: tuple, names: Any, rows: Any, dt: float, faults: Sequence) -> dict:
     """Return the entry of a lane (`judge`) of its outputs `rows` (n, fields), fields by `names`, at ticks of `dt` [s];
     of `record` the id, the level and the ticks from step to step are read."""
     target = f"elevator.{lane}" if record.level == "local" else "aircraft"
-    watch = watch_of(record.id, record.level, target, culprits, {n: i for i, n in enumerate(names)})
-    return judge(watch, rows, dt * record.every, faults)
+    judged = JudgedLane(record.id, record.level, target, parts, {n: i for i, n in enumerate(names)})
+    return judge(judged, rows, dt * record.every, faults)
 
 
 def manifest(log: Log) -> list:
@@ -179,9 +179,15 @@ def topics(log: Log, wired: Any) -> list[Any]:
     return [t for t in dict.fromkeys(found) if t in log.topics]
 
 
+def values(log: Log, names: Iterable[str], start: int = 0, stop: int | None = None) -> dict[str, np.ndarray]:
+    """Return {topic: (rows, fields)} of the ticks start <= k < stop."""
+    end = None if stop is None else stop * log.dt_ns / 1e9
+    return {name: log.array(name, start_s=start * log.dt_ns / 1e9, end_s=end) for name in names}
+
+
 def fill(log: Log, wired: Any, start: int = 0, stop: Any = None, read: dict | None = None) -> list[Lane]:
-    """Return each Lane of `wired` with the ticks start <= k < stop; `read` is what log.arrays gave for them."""
-    read = log.arrays(topics(log, wired), start, stop) if read is None else read
+    """Return each Lane of `wired` with the ticks start <= k < stop; `read` {topic: its values} in these ticks."""
+    read = values(log, topics(log, wired), start, stop) if read is None else read
     return [_fill(log, w, read, start, stop) for w in wired]
 
 
@@ -284,9 +290,6 @@ def replay_lane(lane: Any, dt: float) -> Any:
     wanted = lane.states[0]
     wanted = wanted[(wanted >= first) & (wanted <= last) & ((wanted - first) % lane.every == 0)]
     at = np.searchsorted(lane.ticks, wanted)
-    if isinstance(rollout, Entry):
-        out, held = rollout.sweep(x, lane.u, p, dt * lane.every, outputs, at, hidden)
-        return out, (wanted, held), x
     out, held = np.empty((n, len(outputs))), np.empty((len(wanted), len(hidden)))
     block = max(1, BLOCK_BYTES // module.STATE.itemsize)
     for a in range(0, n, block):

@@ -5,7 +5,8 @@ that reads it can write Parquet.
 """
 
 import contextlib
-import re
+import csv
+import warnings
 from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -28,7 +29,7 @@ KINDS = (*TEXT, ".parquet", ".mcap")
 CONVERT = "Convert to Parquet: one row per time, one column per signal"
 MOST_VALUES = 50_000_000  # of all columns that are read: 400 MB in memory
 MOST_BYTES = 20 * MOST_VALUES  # of a text or of messages, whose numbers take some twenty characters
-LOOKED_AT = 1_000_000  # letters of a line in which the separator is looked for
+LONGEST = 10_000_000  # letters of a header
 STAMPS = (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs"), ("seconds", "nanos"))  # of a field that is a time
 LOGGED, PUBLISHED = "log_time", "publish_time"
 
@@ -60,12 +61,8 @@ def columns_of(path: str | Path) -> tuple[list[str], list[str]]:
     with _readable(path := Path(path)):
         if path.suffix.lower() == ".mcap":
             return _fields_of(path)
-        if path.suffix.lower() == ".parquet":
-            kinds = _schema(path)
-        else:
-            kinds = {str(n): y.dtype.kind in "iufb" for n, y in _text(path, None, rows=200).items()}
-        numbers = [name for name, is_number in kinds.items() if is_number]
-        return numbers, [name for name in kinds if name not in numbers]
+        kinds = [(str(name), y.dtype.kind in "iufb") for name, y in _head(path, rows=200).items()]
+        return [name for name, numbers in kinds if numbers], [name for name, numbers in kinds if not numbers]
 
 
 @contextlib.contextmanager
@@ -83,7 +80,7 @@ def _readable(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise log_error(f"cannot read the file: {error.strerror or error}", path) from error
-    except (*BAD, RuntimeError) as error:  # of pandas and Arrow, too, whose errors are ValueErrors
+    except (*BAD, RuntimeError, csv.Error) as error:  # of pandas and Arrow, too, whose errors are ValueErrors
         raise log_error(
             f"cannot be read: {error or type(error).__name__}", path, remedy=CONVERT * (kind != ".parquet")
         ) from error
@@ -91,20 +88,21 @@ def _readable(path: Path) -> Iterator[None]:
 
 # -- tables
 def _table(path: Path, names: Sequence[str], time: str | None) -> Recording:
-    parquet = path.suffix.lower() == ".parquet"
-    header = list(_schema(path)) if parquet else list(_text(path, None, rows=0).columns)
+    header = list(_head(path, rows=0).columns)
     name, unit = clock.of_table(header, time, path)
     for wanted in (name, *names):
         if header.count(wanted) != 1:
             said = "has no column" if wanted not in header else "has more than one column"
             raise LogError(f"{said} {wanted!r}", place=str(path), allowed=", ".join(header[:20]),
                            remedy=did_you_mean(wanted, header))  # fmt: skip
-    used = list(dict.fromkeys((name, *names)))
-    frame = _parquet(path, used, name) if parquet else _text(path, used)
-    out = Recording()
-    if not parquet and len(frame) > 1 and not _ended(path):
-        frame = frame.iloc[:-1]
-        out.notes.append(f"the file is cut: its last line, row {len(frame) + 1}, has no end and is not read")
+    used, out = list(dict.fromkeys((name, *names))), Recording()
+    if path.suffix.lower() == ".parquet":
+        frame = _parquet(path, used)
+    else:
+        frame = _text(path, used)
+        if len(frame) > 1 and not _ended(path):
+            frame = frame.iloc[:-1]
+            out.notes.append(f"the file is cut: its last line, row {len(frame) + 1}, has no end and is not read")
     stamps, label = clock.stamps(frame[name], name, unit, path)
     clock.check(stamps, path)
     zero = stamps[0] if stamps.dtype.kind == "M" else None
@@ -114,22 +112,42 @@ def _table(path: Path, names: Sequence[str], time: str | None) -> Recording:
     return out
 
 
+def _head(path: Path, rows: int) -> Any:
+    """Return a pandas frame of the columns of a table, of its first `rows`, which say the kinds of a text's."""
+    import pyarrow.parquet as pq
+
+    if path.suffix.lower() == ".parquet":
+        return pq.read_schema(path).empty_table().to_pandas(ignore_metadata=True)
+    return _text(path, None, rows)
+
+
+def _parquet(path: Path, used: Sequence[str]) -> Any:
+    import pyarrow.parquet as pq
+
+    if pq.read_metadata(path).num_rows * len(used) > MOST_VALUES:
+        raise ValueError(f"more than {MOST_VALUES} values")
+    return pq.read_table(path, columns=list(used)).to_pandas(ignore_metadata=True)
+
+
 def _text(path: Path, used: Sequence[str] | None, rows: int | None = None) -> Any:
     """Return the columns `used` (default: all, whose names may stand twice) of a text, its first `rows`."""
     import pandas as pd
 
     exact: dict[str, Any] = {"float_precision": "round_trip"} if pd.__version__ < "3" else {}  # what 3 does anyway
     with path.open(encoding="utf-8-sig") as file:
-        lines = [line for _ in range(10) if (line := file.readline(LOOKED_AT)).strip()]
+        lines = [line for _ in range(10) if (line := file.readline(LONGEST)).strip()]
     if not lines:
         raise ValueError("it is empty")
     head, row = lines[0], lines[min(1, len(lines) - 1)]
     sep = max(",;\t|", key=lambda mark: min(head.count(mark), row.count(mark)))  # not the comma of a name or a number
-    how: dict[str, Any] = {"sep": sep if sep in row else r"\s+", "encoding": "utf-8-sig", "skipinitialspace": True}
-    header = [str(n).strip() for n in pd.read_csv(path, header=None, nrows=1, dtype=str, **how).iloc[0]]
-    at = range(len(header)) if used is None else [header.index(n) for n in used]
-    frame = pd.read_csv(path, usecols=sorted(at), index_col=False, nrows=rows, low_memory=False, **how, **exact)
-    frame.columns = pd.Index([header[k] for k in sorted(at)])
+    spaces = sep not in row
+    header = head.split() if spaces else next(csv.reader(lines, delimiter=sep, skipinitialspace=True))
+    header = [n.strip() for n in header]
+    at = sorted(range(len(header)) if used is None else [header.index(n) for n in used])
+    how: dict[str, Any] = {"sep": r"\s+" if spaces else sep, "encoding": "utf-8-sig", "skipinitialspace": True, **exact}
+    with warnings.catch_warnings(action="ignore", category=pd.errors.DtypeWarning):  # numbers with a text among them
+        frame = pd.read_csv(path, usecols=at, index_col=False, nrows=rows, **how)
+    frame.columns = pd.Index([header[k] for k in at])
     return frame
 
 
@@ -140,42 +158,15 @@ def _ended(path: Path) -> bool:
         return file.read() in (b"\n", b"\r")
 
 
-def _schema(path: Path) -> dict[str, bool]:
-    """Return {column: whether it holds numbers} of a Parquet file."""
-    import pyarrow.parquet as pq
-    from pyarrow import types
-
-    fields = list(pq.read_schema(path))
-    if len({f.name for f in fields}) != len(fields):
-        raise ValueError("a column is there twice")
-    kinds = (types.is_integer, types.is_floating, types.is_boolean)
-    return {f.name: any(is_kind(f.type) for is_kind in kinds) for f in fields}
-
-
-def _parquet(path: Path, used: Sequence[str], time: str) -> Any:
-    """Return the columns `used`, of which `time` may hold dates."""
-    import pyarrow.parquet as pq
-
-    with pq.ParquetFile(path) as file:
-        if file.metadata.num_rows * len(used) > MOST_VALUES:
-            raise ValueError(f"more than {MOST_VALUES} values")
-        numbers = _schema(path)
-        for name in used:
-            if not numbers[name] and name != time:
-                raise ValueError(f"column {name!r} is {file.schema_arrow.field(name).type}, no number")
-        return file.read(list(used)).to_pandas(ignore_metadata=True)
-
-
 def _numbers(column: Any, name: str, path: Path) -> NDArray:
     """Return a column as float64. Raises LogError with the first cell that is no number."""
     import pandas as pd
 
-    if column.dtype.kind not in "iufb":
-        bad = (pd.to_numeric(column, errors="coerce").isna() & column.notna()).to_numpy()
-        k = int(np.argmax(bad))
-        what = f"column {name!r} holds something that is no number: {str(column.iloc[k])[:40]!r} in row {k + 1}"
-        raise LogError(what, place=str(path), remedy="An empty cell or NaN is a lost sample")
-    return column.to_numpy(np.float64)
+    if column.dtype.kind in "iufb":
+        return column.to_numpy(np.float64)
+    k = int(np.argmax((pd.to_numeric(column, errors="coerce").isna() & column.notna()).to_numpy()))
+    what = f"column {name!r} holds something that is no number: {str(column.iloc[k])[:40]!r} in row {k + 1}"
+    raise LogError(what, place=str(path), remedy="An empty cell or NaN is a lost sample")
 
 
 # -- MCAP
@@ -183,10 +174,9 @@ def _numbers(column: Any, name: str, path: Path) -> NDArray:
 class _Topic:
     """The messages of a topic: their times, the channels that sent them, and a column per name."""
 
-    keys: dict[str, list]  # name in the map -> keys of the field in a message
+    columns: dict[str, array]  # name in the map -> numbers
     stamps: list = field(default_factory=list)
     senders: array = field(default_factory=lambda: array("q"))
-    columns: list[array] = field(default_factory=list)
 
 
 def _mcap(path: Path, names: Sequence[str], time: str | None) -> Recording:
@@ -197,19 +187,18 @@ def _mcap(path: Path, names: Sequence[str], time: str | None) -> Recording:
     for sent in file:
         where = sent.channel.topic
         if where not in topics:
-            own = {n: _keys(n[len(where) + 1 :]) for n in names if n.startswith(f"{where}.")}
-            topics[where] = _Topic(own, columns=[array("d") for _ in own])
+            topics[where] = _Topic({n: array("d") for n in names if n.startswith(f"{where}.")})
         topic = topics[where]
-        if not topic.keys:
+        if not topic.columns:
             continue
         if sent.decoder is None:
             unread[where] = sent.channel.message_encoding
             continue
-        message = sent.decoded()
+        values = dict(_flat(sent.decoded(), f"{where}."))
         topic.senders.append(sent.channel.id)
-        topic.stamps.append(_stamp(sent.record, message, name, f"{path}, {where}"))
-        for (n, keys), column in zip(topic.keys.items(), topic.columns):
-            column.append(_number(_pick(message, keys), n))
+        topic.stamps.append(_stamp(sent.record, values, name, f"{path}, {where}"))
+        for n, column in topic.columns.items():
+            column.append(_number(values.get(n), n))
         left -= 10 + len(topic.columns)  # a time takes ten times the memory of a number
         if left < 0:
             raise ValueError(f"more than {MOST_VALUES} values; map fewer channels or cut the file")
@@ -233,7 +222,7 @@ def _recording(path: Path, topics: dict[str, _Topic], name: str, unit: str) -> R
         order = np.argsort(made, kind="stable")
         stamps[topic] = made[order]
         clock.check(stamps[topic], place)
-        columns = ((n, np.array(column)[order]) for n, column in zip(got.keys, got.columns))
+        columns = ((n, np.array(column)[order]) for n, column in got.columns.items())
         out.channels |= {n: (topic, y) for n, y in columns if not np.isnan(y).all()}
     zero = min((s[0] for s in stamps.values() if s.dtype.kind == "M"), default=None)
     out.times = {topic: clock.since(s, zero) for topic, s in stamps.items()}
@@ -265,41 +254,19 @@ def _one_sender(senders: NDArray, stamps: NDArray, place: str) -> None:
                        remedy="Record each source on a topic of its own")  # fmt: skip
 
 
-def _stamp(record: Any, message: Any, name: str, place: str) -> Any:
+def _stamp(record: Any, values: dict[str, Any], name: str, place: str) -> Any:
     """Return the time of a message: nanoseconds as a date, a number of the field's unit as it is, or a text."""
     if name in (LOGGED, PUBLISHED):
         return np.datetime64(getattr(record, name), "ns")
-    value = _pick(message, _keys(name))
-    for pair in STAMPS:
-        whole, rest = (_pick(value, [key]) for key in pair)
-        if whole is not None and rest is not None:
-            return np.datetime64(int(whole) * 1_000_000_000 + int(rest), "ns")
-    if isinstance(value, int | float | str):
-        return value
+    own = f"{place.rpartition(', ')[2]}.{name}"
+    for whole, rest in ((f"{own}.{a}", f"{own}.{b}") for a, b in STAMPS):
+        if whole in values and rest in values:
+            return np.datetime64(int(values[whole]) * 1_000_000_000 + int(values[rest]), "ns")
+    if values.get(own) is not None:
+        return values[own]
     pairs = ", ".join(f"{{{a}, {b}}}" for a, b in STAMPS)
     allowed = f"log_time, publish_time, or a field: {pairs}, a number with its unit, ISO 8601"
     raise LogError(f"a message has no time {name!r}", place=place, allowed=allowed)
-
-
-def _keys(text: str) -> list[str | int]:
-    """Return the keys of a field in a message: a, b, 2 of "a.b[2]"."""
-    return [int(k[1:-1]) if k[0] == "[" else k for k in re.findall(r"\[\d+\]|[^.\[\]]+", text)]
-
-
-def _pick(value: Any, keys: Sequence[str | int]) -> Any:
-    """Return the part of a message at `keys`, None where there is none."""
-    for key in keys:
-        if isinstance(value, dict):
-            value = value.get(key)
-        elif isinstance(key, int):
-            value = value[key] if hasattr(value, "__len__") and key < len(value) else None
-        elif hasattr(value, "DESCRIPTOR"):
-            known = value.DESCRIPTOR.fields_by_name.get(key)
-            there = known is not None and (not known.has_presence or value.HasField(key))
-            value = getattr(value, key) if there else None
-        else:
-            value = getattr(value, str(key), None)
-    return value
 
 
 def _number(value: Any, name: str) -> float:
@@ -315,27 +282,30 @@ def _fields_of(path: Path) -> tuple[list[str], list[str]]:
     """Return (channels of numbers, topics without one) by the first message of each topic."""
     found: dict[str, list[str]] = {}
     for sent in ForeignMcap(path):
-        if sent.channel.topic not in found:
-            named = _named(sent.decoded(), sent.channel.topic) if sent.decoder else ()
-            found[sent.channel.topic] = list(named)
+        topic = sent.channel.topic
+        if topic not in found:
+            values = _flat(sent.decoded(), f"{topic}.") if sent.decoder else ()
+            found[topic] = [name for name, value in values if isinstance(value, int | float)]
     return [n for some in found.values() for n in some], [topic for topic, some in found.items() if not some]
 
 
-def _named(value: Any, name: str) -> Iterator[str]:
-    """Yield the names of the numbers in a message."""
-    if isinstance(value, int | float):
-        yield name
-    elif isinstance(value, dict):
-        for key, part in value.items():
-            yield from _named(part, f"{name}.{key}")
-    elif hasattr(value, "DESCRIPTOR"):
-        for f in value.DESCRIPTOR.fields:
-            part = getattr(value, f.name)
-            if not hasattr(part, "DESCRIPTOR") or value.HasField(f.name):  # one that is not there may hold itself
-                yield from _named(part, f"{name}.{f.name}")
-    elif hasattr(value, "__slots__"):  # of ROS 2
-        for key in value.__slots__:
-            yield from _named(getattr(value, key), f"{name}.{key}")
-    elif not isinstance(value, str | bytes | None.__class__):
+def _flat(value: Any, name: str) -> Iterator[tuple[str, Any]]:
+    """Yield (name, value) of what a message holds, "a.b[2]": of JSON, protobuf, ROS 2."""
+    if isinstance(value, int | float | str | bytes | None):
+        yield name, value
+    elif isinstance(value, dict) or hasattr(value, "DESCRIPTOR") or hasattr(value, "__slots__"):
+        start = name if name.endswith(".") else f"{name}."
+        for key, part in value.items() if isinstance(value, dict) else _parts(value):
+            yield from _flat(part, f"{start}{key}")
+    else:
         for k, part in enumerate(value):
-            yield from _named(part, f"{name}[{k}]")
+            yield from _flat(part, f"{name}[{k}]")
+
+
+def _parts(message: Any) -> Iterator[tuple[str, Any]]:
+    """Yield (field, value) of a message of protobuf or ROS 2; one that is not there, which may hold itself, is left."""
+    names = [f.name for f in message.DESCRIPTOR.fields] if hasattr(message, "DESCRIPTOR") else message.__slots__
+    for name in names:
+        part = getattr(message, name)
+        if not hasattr(part, "DESCRIPTOR") or message.HasField(name):
+            yield name, part

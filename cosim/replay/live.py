@@ -35,8 +35,9 @@ class Reel:
         """Return the vector of tick `k`; a chunk of the log is read at a time."""
         if k not in self._span:
             first, n = next(span for span in self._log.spans if span[0] <= k < sum(span))
-            found = self._log.arrays([t.name for t in self.topics], first, first + n)
-            self._span, self._values = range(first, first + n), np.concatenate(list(found.values()), axis=1)
+            span = {"start_s": first * self._log.dt_ns / 1e9, "end_s": (first + n) * self._log.dt_ns / 1e9}
+            found = [self._log.array(t.name, **span) for t in self.topics]
+            self._span, self._values = range(first, first + n), np.concatenate(found, axis=1)
         return self._values[k - self._span.start]
 
 

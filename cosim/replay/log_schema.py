@@ -12,7 +12,7 @@ import zlib
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
 from cosim.errors import CosimError, LogError, did_you_mean
 from cosim.flight.detection.parameters import assign, wrong_parameter, wrong_state
@@ -21,7 +21,6 @@ from cosim.scenario import Scenario, parse, user_parts
 from cosim.texts import from_json, toml
 
 MOST_S = 36_000.0  # the longest flight that a scenario may ask for
-ARRAY_BYTES = 1 << 27  # an array that claims more is refused
 _BAD = (  # what NumPy and zipfile may raise on bytes that are not what they should be
     *(ValueError, EOFError, OSError, SyntaxError, TypeError, OverflowError, MemoryError, RuntimeError),
     *(tokenize.TokenError, zipfile.BadZipFile, zlib.error),
@@ -30,6 +29,8 @@ _Name = Annotated[str, Field(min_length=1, max_length=100)]
 _JUDGED = {"r", "alarm", "verdict", "culprit", "valid"}  # outputs that every detector has
 _Word = Annotated[str, Field(max_length=1000)]
 _Cases = dict[_Name, Annotated[list[_Name], Field(max_length=20)]]
+_ACHIEVED: TypeAdapter = TypeAdapter(dict[str, dict[str, float | None]] | None)
+_NOT_RUN: TypeAdapter = TypeAdapter(dict[str, str])
 _Three = Annotated[list[str], Field(min_length=3, max_length=3)]
 
 
@@ -155,25 +156,20 @@ def _clock(log, tables):
 
 def achieved(log: Log) -> dict[str, dict[str, float | None]] | None:
     """Return {segment: {name: number or None}} of the result's `achieved`, None where a log has none, or raise."""
-    place = f"{log.path}: result, achieved"
-    found = from_json((log.result or {}).get("achieved", "null"), place=place, error=LogError)
-    if found is None:
-        return None
-    if not isinstance(found, dict) or not all(isinstance(segment, dict) for segment in found.values()):
-        raise LogError("is not a table of segments", place=place)
-    for segment in found.values():
-        if not all(x is None or isinstance(x, int | float) for x in segment.values()):
-            raise LogError("holds something that is no number", place=place)
-    return found
+    return _of_result(log, "achieved", _ACHIEVED, "null")
 
 
 def not_run(log: Log) -> dict[str, str]:
     """Return {detector: why} of those that the scenario asks for and the flight could not have, or raise LogError."""
-    place = f"{log.path}: result, not_run"
-    found = from_json((log.result or {}).get("not_run", "{}"), place=place, error=LogError)
-    if not isinstance(found, dict) or not all(isinstance(why, str) for why in found.values()):
-        raise LogError("is not a table of texts", place=place)
-    return found
+    return _of_result(log, "not_run", _NOT_RUN, "{}")
+
+
+def _of_result(log, name, kind, default):
+    place = f"{log.path}: result, {name}"
+    try:
+        return kind.validate_python(from_json((log.result or {}).get(name, default), place=place, error=LogError))
+    except ValidationError as wrong:
+        raise LogError(f"is damaged: {wrong.errors()[0]['msg']}", place=place) from None
 
 
 def array(log: Log, name: str) -> np.ndarray:
@@ -181,36 +177,13 @@ def array(log: Log, name: str) -> np.ndarray:
 
     KeyError when it is not there, LogError when it is damaged, of objects, or claims more than is there.
     """
+    packed = f"{name}.npy" not in log.attachments
+    data = log.attachments[f"{name}.npz" if packed else f"{name}.npy"]
     try:
-        if f"{name}.npy" in log.attachments:
-            return _npy(log.attachments[f"{name}.npy"])
-        with zipfile.ZipFile(io.BytesIO(log.attachments[f"{name}.npz"])) as packed:
-            try:
-                entry = packed.getinfo("array.npy")
-            except KeyError:
-                raise ValueError("it holds no array") from None
-            if entry.file_size > ARRAY_BYTES:
-                raise ValueError(f"it is larger than {ARRAY_BYTES} bytes")
-            with packed.open(entry) as file:
-                return _npy(file.read(ARRAY_BYTES))
-    except _BAD as wrong:
+        found = np.load(io.BytesIO(data), allow_pickle=False)
+        return found["array"] if packed else found
+    except (*_BAD, KeyError) as wrong:
         raise LogError(f"{name} is damaged: {str(wrong) or type(wrong).__name__}", place=str(log.path)) from wrong
-
-
-def _npy(data: bytes) -> np.ndarray:
-    """Return the array of .npy `data` after its header has been held against their length."""
-    file = io.BytesIO(data)
-    version = np.lib.format.read_magic(file)
-    read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
-    if read is None:
-        raise ValueError(f"version {version} of the format")
-    shape, _, kind = read(file)
-    if kind.hasobject or kind.itemsize == 0 or len(shape) > 4:
-        raise ValueError("an array of no numbers")
-    if math.prod(shape) * kind.itemsize != len(data) - file.tell():
-        raise ValueError(f"its header says {shape}, which its data are not")
-    file.seek(0)
-    return np.load(file, allow_pickle=False)
 
 
 LATEST_S = 2**63 / 1e9  # a log's time is 64 bits of nanoseconds

@@ -66,7 +66,7 @@ class Prepared:
     dt: float  # [s]
     notes: list  # sentences: what is cut or lost
     values: dict = field(default_factory=dict)  # signal -> (values (n,), valid (n,)), SI
-    slow: dict = field(default_factory=dict)  # command that comes at less than the tick's rate -> sentence
+    unsure: dict = field(default_factory=dict)  # command of which not every tick's is known -> sentence
 
 
 def prepare(path: str | Path, map_path: Any, *, detectors: Any = None, start_s: float = 0.0,
@@ -88,35 +88,39 @@ def prepare(path: str | Path, map_path: Any, *, detectors: Any = None, start_s: 
     names = dict.fromkeys(name for s in own.values() for name in (s.channel, s.valid) if name)
     read = read_recording(path, tuple(names), m.time)
     used = {s.channel: read.times[read.channels[s.channel][0]] for s in own.values()}
-    at = signals_of.ticks([(t[0], t[-1]) for t in used.values()], dt, start_s or None)
+    at = signals_of.ticks(list(used.values()), dt, start_s or None)
     if not 2 <= len(at) <= MOST_TICKS:
         spans = ", ".join(f"{name} {t[0]:.12g} to {t[-1]:.12g} s" for name, t in list(used.items())[:6])
         said = f"the channels have {len(at)} ticks of {m.rate_hz} Hz in common"
         raise ReplayError(said, place=str(path), allowed=f"2 to {MOST_TICKS}; {spans}", remedy=clock.UNSAID)
     told = f"each tick ({m.rate_hz} Hz) has the sample nearest to it, within {500 * dt:.3g} ms"
     out = Prepared(m, text, scenario, f"clock: {read.clock}; {told}", found, wires, at, dt, list(read.notes))
-    steps, lacking = {}, {}
+    kept = {}
     for name, signal in ((n, s) for n, s in m.signals.items() if n in sources):
-        source = sources[name]
         if not signal.channel:
             value = np.nan if signal.absent else signal.constant
             out.values[name] = np.full(len(at), value), np.full(len(at), float(not signal.absent))
             continue
-        y, t = read.channels[signal.channel][1], used[signal.channel]
+        where, y = read.channels[signal.channel]
         flags = read.channels.get(signal.valid or "")
         on = (read.times[flags[0]], flags[1]) if flags else None
-        rows, (t, y) = t, signals_of.samples(signal, t, y, on)
-        kept, steps[name] = t, clock.interval(t)
-        if source.kind == "sent" and not signal.held:
-            t, y = signals_of.acting(t, y, dt)
-        linear = (signal.resample or ("linear" if source.kind in ("sensor", "model") else "hold")) == "linear"
-        how: dict[str, Any] = {"linear": linear, "max_gap": signal.max_gap_s, "turns": source.word in signals_of.TURNS}
-        y = y if factors[name] == 1.0 else factors[name] * y
-        out.values[name] = signals_of.resample(t, y if signal.offset == 0.0 else y + signal.offset, at, dt, **how)
-        lacking[name] = kept, rows, out.values[name][1]
-    out.notes += lost(lacking)
-    out.slow = signals_of.slow(sources, steps, dt)
+        t, y = signals_of.samples(signal, read.times[where], y, on)
+        out.values[name] = _on_ticks(signal, sources[name], factors[name], t, y, at, dt)
+        kept[name] = t, read.times[where], out.values[name][1]
+    out.notes += lost(kept)
+    out.unsure = signals_of.unsure({n: t for n, (t, *_) in kept.items() if sources[n].kind == "sent"}, dt)
     return out
+
+
+def _on_ticks(signal, source, factor, t, y, at, dt):
+    """Return (values in SI, valid) on the ticks `at` of samples `y` of a channel at times `t`."""
+    if source.kind == "sent" and not signal.held:
+        t, y = signals_of.acting(t, y, dt)
+    y = y if factor == 1.0 else factor * y
+    y = y if signal.offset == 0.0 else y + signal.offset
+    linear = (signal.resample or ("linear" if source.kind in ("sensor", "model") else "hold")) == "linear"
+    turns = source.word in signals_of.TURNS
+    return signals_of.resample(t, y, at, dt, linear=linear, max_gap=signal.max_gap_s, turns=turns)
 
 
 def diagnose(
@@ -143,7 +147,7 @@ def diagnose(
         remedy = _nearest(out.not_run)
         raise ReplayError("no detector has all its inputs", place=str(map_path), remedy=remedy)
     out.detectors = [_verdict(d, lane, again, made) for d, lane, _, again in done]
-    out.caveats = [*made.notes, *made.slow.values(), *caveats(made, done)]
+    out.caveats = [*made.notes, *made.unsure.values(), *caveats(made, done)]
     if output:
         _write(output, done, out, made.text, made.dt)
     return out
@@ -171,7 +175,7 @@ def run_all(made: Prepared, overrides: Mapping[str, Any]) -> tuple[list, list]:
             continue
         p = ready.params(made.scenario, dt)
         for i, lane in enumerate(ready.lanes):
-            if words[lane].keys() & made.slow.keys():
+            if words[lane].keys() & made.unsure.keys():
                 for name, value in d.record.slow.items():
                     p[name][i] = value
         override(d.record, d.module, p, overrides.get(d.id, {}), dt)
@@ -197,11 +201,9 @@ def lane_inputs(module: Any, own: Sequence[Any], values: Mapping[str, Any], n: i
 
 def _held(value, valid):
     """Return a command without gaps: the last valid value, before the first one that first one."""
-    good = np.flatnonzero(valid > 0.0)
-    if not len(good):
-        return np.zeros_like(value)
-    last = np.searchsorted(good, np.arange(len(value)), side="right") - 1
-    return value[good[np.maximum(last, 0)]]
+    import pandas as pd
+
+    return pd.Series(np.where(valid > 0.0, value, np.nan)).ffill().bfill().fillna(0.0).to_numpy()
 
 
 def _scenario(m, chosen, place):
@@ -249,6 +251,6 @@ def _write(path, done, out, text, dt):
     with LogWriter(path, topics, n_values=n, dt_ns=round(dt * 1e9), **kept) as log:
         for row in np.concatenate(parts, axis=1):
             log.append(row)
-        told = ("clock", "detectors", "caveats", "not_run")
-        kept = {n: json.dumps(plain(getattr(out, n)), sort_keys=True) for n in told}
+        told = {"detectors": out.detectors, "caveats": [out.clock, *out.caveats], "not_run": out.not_run}
+        kept = {name: json.dumps(plain(found), sort_keys=True) for name, found in told.items()}
         log.close(result={"status": "diagnosed", **kept})

@@ -139,10 +139,8 @@ def _time(path: Path, columns: list[str]) -> str:
         name, _ = clock.of_table(columns, None, path)
     except LogError:
         return '# time = "NAME"  # which column? "NAME [us]" where its name does not end in its unit'
-    unit = re.search(r"[\W_]([a-z]+)[)\]]?$", name.lower())
-    if unit and unit[1] in clock.UNITS:
-        return f"time = {inline(name)}"
-    return f"# time = {inline(name + ' [s]')}  # in which unit? ns, us, ms, s, min, h"
+    said = f"time = {inline(name)}"
+    return said if clock.unit_of(name) else f"# time = {inline(name + ' [s]')}  # in which unit? ns, us, ms, s, min, h"
 
 
 def _point(own: Aircraft) -> dict[str, float]:

@@ -23,6 +23,7 @@ HINGE = ".hinge_moment"  # of a map: hm0, and hmd of zero
 TURN = 2.0 * np.pi  # [rad]
 TURNS = ("psi", "phi")  # angles that jump by a turn: between two samples they go the short way
 NEAREST = 0.5  # of a tick: a sample that near to a tick is that tick's
+LONE = 2.5  # ticks between two samples of which one is lost, not two
 GAP = 3.0  # of a channel's own intervals that are bridged where the map does not say otherwise
 
 
@@ -137,20 +138,26 @@ def resample(
     return np.where(valid, np.where(exact, y[near], values), np.nan), valid.astype(float)
 
 
-def ticks(spans: Sequence[tuple[float, float]], dt: float, start: float | None = None) -> NDArray:
-    """Return the ticks t_0 + k dt [s] that all `spans` [(first, last)] [s] cover, from `start` on."""
-    t_0, end = max(a for a, _ in spans), min(b for _, b in spans)
+def ticks(times: Sequence[NDArray], dt: float, start: float | None = None) -> NDArray:
+    """Return the ticks t_0 + k dt [s] that the samples at all `times` [s] cover, from `start` on; they stand where most
+    samples of the channel that begins last do, not where its first one happens to."""
+    last = max(times, key=lambda t: t[0])
+    off = np.angle(np.exp(1j * TURN * (last - last[0]) / dt).mean()) / TURN  # [ticks]
+    t_0, end = last[0] + dt * np.round(off, 3), min(t[-1] for t in times)
     if start is not None and start > t_0:
         t_0 += dt * np.ceil((start - t_0) / dt - 1e-3)
     return t_0 + dt * np.arange(max(0, int(np.floor((end - t_0) / dt + NEAREST)) + 1))
 
 
-def slow(sources: Mapping[str, Signal], steps: Mapping[str, float], dt: float) -> dict[str, str]:
-    """Return {command of a valve or motor that is sampled at less than the tick's rate: sentence}."""
+def unsure(times: Mapping[str, NDArray], dt: float) -> dict[str, str]:
+    """Return {command to a valve or motor of which not every tick's is known: sentence} of the times of their samples:
+    they come at less than the tick's rate, or two or more are lost in a row."""
     out = {}
-    for name, step in steps.items():
-        if sources[name].kind == "sent" and step > dt * 1.01:
-            told = f"{name} comes at {1 / step:.4g} Hz and the tick is {1 / dt:g} Hz: the detectors read it late by"
-            more = "a filter on it may alarm for that alone; it wants the rate at which it was sent"
-            out[name] = f"{told} up to {1e3 * step:.3g} ms, and {more}"
+    for name, t in times.items():
+        step = clock.interval(t)
+        if step > dt * 1.01:
+            told = f"{name} comes at {1 / step:.4g} Hz and the tick is {1 / dt:g} Hz: it is read late by up to"
+            out[name] = f"{told} {1e3 * step:.3g} ms, and a filter on it may alarm for that alone"
+        elif len(t) > 1 and np.diff(t).max() > LONE * dt:
+            out[name] = f"{name} has gaps: a filter on it does not know what was sent there, and sees less for it"
     return out

@@ -15,8 +15,8 @@ from cosim.flight.faults import inject
 from cosim.flight.loop import wiring
 from cosim.judge import coverage
 from cosim.judge import estimation as estimate
-from cosim.judge.column_store import ColumnStore
 from cosim.judge.result import errors, judged
+from cosim.judge.store import column_store, release
 from cosim.log import open_log
 from cosim.replay import log_schema
 from cosim.replay.detector_replay import culprits_of, elements, guest_outputs, judgement, tell
@@ -59,24 +59,6 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
-class _Fields(Mapping):
-    """{field: column} of the `rows` (n, fields) of a lane; each is read when it is asked for."""
-
-    def __init__(self, names, rows):
-        self._names, self._rows = tuple(names), rows
-
-    def __getitem__(self, name):
-        if name not in self._names:
-            raise KeyError(name)
-        return self._rows[:, self._names.index(name)]
-
-    def __iter__(self):
-        return iter(self._names)
-
-    def __len__(self):
-        return len(self._names)
-
-
 class LoggedFlight:
     """The content of one log. `values(topic, field)` is a column, NaN where there is none.
 
@@ -101,7 +83,7 @@ class LoggedFlight:
         self._topics = [n for n in self.log.topics if n.startswith((*NEEDED, "/law"))]
         infos = [self.log.topics[n] for n in self._topics]
         small = sum(8 * t.rows * len(t.fields) for t in infos) <= SMALL
-        self._arrays = self.log.arrays(self._topics) if small else None
+        self._arrays = {n: self.log.array(n) for n in self._topics} if small else None
         self.ticks = self.log.ticks("/truth/aircraft")
         self.dt = self.log.dt_ns / 1e9
         if not len(self.ticks):
@@ -124,10 +106,13 @@ class LoggedFlight:
         """Return all fields of a detector's lane as `judge` takes them: (rows, fields)."""
         if self._arrays is not None:
             return self._arrays[topic]
-        store = ColumnStore()
+        info, at = self.log.topics[topic], 0
+        rows = column_store(info.rows, len(info.fields))
         for a, n in self.log.spans:
-            store.append(self.log.arrays([topic], a, a + n)[topic])
-        return store
+            part = self.log.array(topic, start_s=a * self.dt, end_s=(a + n) * self.dt)
+            rows[at : (at := at + len(part))] = part
+            release(rows)
+        return rows
 
     @cached_property
     def achieved(self) -> dict[str, dict[str, float | None]] | None:
@@ -171,8 +156,8 @@ class LoggedFlight:
 
     def _lane(self, record, lane, culprits, units, rows):
         entry = judgement(record, lane, culprits, units, rows, self.dt, self.faults)
-        fields, about = _Fields(units, rows), (record.id, record.level, lane, entry["target"], culprits, record.every)
-        made = Lane(*about, fields, entry, units, self._truth(record.id, lane))
+        about = record.id, record.level, lane, entry["target"], culprits, record.every
+        made = Lane(*about, dict(zip(units, rows.T)), entry, units, self._truth(record.id, lane))
         if made.truth:
             made.entry |= self._errors(made)
         return made
@@ -186,13 +171,7 @@ class LoggedFlight:
         named = list(names)
 
         def truth():
-            signals = [self.signal(named[c]) for c in plan.columns]
-            held: dict = {}
-            out = np.empty(len(self.ticks))
-            for a in range(0, len(out), estimate.BLOCK):
-                block = slice(a, a + estimate.BLOCK)
-                out[block] = plan.truth(np.stack([s[block] for s in signals]), self.dt, held)
-            return out
+            return plan.truth(np.stack([self.signal(named[c]) for c in plan.columns]), self.dt)
 
         return named[plan.column].rpartition(".")[2], truth, plan.unit, plan.start, plan.end
 
@@ -202,7 +181,7 @@ class LoggedFlight:
         e = lane.fields[name] - truth()[:: lane.every][: len(lane.fields[name])]
         step = self.dt * lane.every
         late = slice(round((start - self.t0) / step), round((min(end, self.end + self.dt) - self.t0) / step))
-        return errors([e[late]], unit)
+        return errors(e[late], unit)
 
     def signal(self, name: str) -> np.ndarray:
         """Return the bus signal `name` (section.lane.field) at every tick, as far as the log tells it.

@@ -67,7 +67,7 @@ def headline(found: Comparison) -> list[str]:
     mute = [d["id"] for d in found.detectors if not d["credible"]]
     care = f"{', '.join(mute)}: alarms in more than half of the fault-free flights, left out of the levels"
     if found.two:
-        parted = [p for p in found.pairs if p["at"] == "shipped" and (p["only_a"] or p["only_b"])]
+        parted = [p for p in found.pairs if p["only_a"] or p["only_b"]]
         told = [f"{p['a']} alone in {p['only_a']}, {p['b']} alone in {p['only_b']} of {p['n']} faults" for p in parted]
         return told or ["every detector saw the same faults in both"]
     n = {key: sum(d[key] for d in found.levels) for key in ("faults", "local", "aircraft", "both", "nobody")}

@@ -8,7 +8,7 @@ import numpy as np
 from actuators.constants import DEG_PER_RAD, FT_PER_M, KT_PER_M_S
 from cosim.flight.loop import wiring
 from cosim.judge.alarms import faulty
-from cosim.judge.detection import name_at_end
+from cosim.judge.detection import Word, name_at_end
 from cosim.judge.lanes import SHOWN
 from cosim.judge.result import concerns
 from cosim.replay.recording import Lane, LoggedFlight, joined, spans, words
@@ -346,15 +346,13 @@ def _said(lane, verdict, culprit, start, step):
     given = np.flatnonzero(verdict > 0.5)
     if not len(given):
         return "alarm, no name"
-    end = name_at_end(verdict[given], culprit[given], given, given + 1, step)
-    if end is None:
+    named = [Word(int(k), int(k) + 1, verdict[k], culprit[k]) for k in given]
+    if (last := name_at_end(named, step)) is None:
         return "alarm, names in turn"
-    last = given[end]
-    first = given[np.argmax((verdict[given] == verdict[last]) & (culprit[given] == culprit[last]))]
-    blamed = culprit[last]
-    part = lane.culprits[int(blamed)] if 0 <= blamed < len(lane.culprits) else ""
+    first = next(w.first for w in named if w.said == last.said)
+    part = lane.culprits[int(last.part)] if 0 <= last.part < len(lane.culprits) else ""
     since = f" from {start + first * step:.2f} s" if first else ""
-    return f"{words(class_name(verdict[last]))} {words(part)}".strip() + since
+    return f"{words(class_name(last.verdict))} {words(part)}".strip() + since
 
 
 def _labels(figure, flown, lane, alarms):

@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from cosim.papers import tables
-from cosim.papers.row import Row as PaperRow
+from cosim.papers.claims import Row as PaperRow
 from cosim.report.figure import axis, envelope, still
 from cosim.report.page import page, write
 

@@ -51,7 +51,8 @@ def surveyed(index: int, first_seed: int = FIRST_SEED) -> list[tuple[str, str, d
         setup = build(scenario)
     except TrimError:
         return []
-    fields = columns([(w.id, w.target.removeprefix("elevator.")) for w in setup.trace.watches({}) if w.id in HEARD])
+    heard = (lane for lane in setup.judged_lanes() if lane.id in HEARD)
+    fields = columns([(lane.id, lane.target.removeprefix("elevator.")) for lane in heard])
     trace, _, _ = fly(setup, keep=(np.array([setup.loop.bus.index(".".join(f)) for f in fields]), np.float32))
     return said(scenario, {f: trace[:, i].astype(int) for i, f in enumerate(fields)}, setup.loop.dt)
 

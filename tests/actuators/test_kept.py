@@ -4,22 +4,22 @@ import numpy as np
 import pytest
 
 from actuators import disk_cache as kept_module
-from actuators.disk_cache import contents, kept
+from actuators.disk_cache import kept
 
 
 @pytest.fixture
 def calls(tmp_path, monkeypatch):
     """Return the list of what was worked out; what is kept lies in a folder of the test's own."""
-    monkeypatch.setattr(kept_module, "cache_dir", lambda path: str(tmp_path))
+    monkeypatch.setattr(kept_module, "private_folder", lambda name: tmp_path)
     return []
 
 
-def ask(calls, key, **options):
+def ask(calls, key):
     def make():
         calls.append(key)
         return np.array([0.1, np.nan, -0.0]) * (2 if key == "b" else 1)
 
-    return kept(key, float, make, options.get("source", __file__))
+    return kept(key, float, make, __file__)
 
 
 def test_what_was_worked_out_is_found_again_bit_for_bit(calls):
@@ -37,11 +37,11 @@ def test_a_spoiled_file_is_worked_out_anew(calls, tmp_path, spoil):
     assert ask(calls, "a")[0] == 0.1 and calls == ["a", "a"]
 
 
-def test_another_version_or_source_is_another_key(calls, monkeypatch):
+def test_another_version_is_another_key(calls, monkeypatch):
     ask(calls, "a")
     monkeypatch.setattr(kept_module, "_machine", lambda: "other")
     ask(calls, "a")
-    monkeypatch.setattr(kept_module, "cache_dir", lambda path: None)
+    monkeypatch.setattr(kept_module, "private_folder", lambda name: None)
     assert ask(calls, "a")[0] == 0.1 and calls == ["a", "a", "a"]  # nowhere to keep it
 
 
@@ -50,13 +50,3 @@ def test_a_study_over_many_points_leaves_no_more_than_a_start_needs(calls, tmp_p
     for key in range(10):
         ask(calls, key)
     assert len(list(tmp_path.glob("*.kept"))) == 3 and len(calls) == 10
-
-
-def test_contents_change_with_names_and_bytes(tmp_path):
-    (tmp_path / "a").write_text("1")
-    found = [contents.__wrapped__(tmp_path)]
-    (tmp_path / "a").rename(tmp_path / "b")
-    found.append(contents.__wrapped__(tmp_path))
-    (tmp_path / "b").write_text("2")
-    found.append(contents.__wrapped__(tmp_path))
-    assert len(set(found)) == 3

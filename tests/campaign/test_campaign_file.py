@@ -23,7 +23,6 @@ from cosim.errors import CosimError
 from cosim.flight.faults import fault_free_reference
 from cosim.scenario import catalog as c
 from cosim.scenario.tolerance import toleranced
-from cosim.training.rfafe import MANOEUVRES
 
 SMALL = """
 base = "liquid-ofc"
@@ -142,17 +141,22 @@ def test_every_mistake_is_one_line_that_says_where_and_what(written, text, says)
     assert says in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_a_grid_beyond_2_to_the_63_is_refused_in_one_line(written):
-    keys = list(toleranced("aero"))[:12]
-    grid = "".join(f"'tolerances.aero.{name}' = [{'1.0,' * 99}]\n" for name in keys)
-    with pytest.raises(CosimError, match=rf"has {99**12} runs; allowed: 1 to") as caught:
+def test_what_there_is_not_is_one_line(written, monkeypatch):
+    grid = "".join(f"'tolerances.aero.{name}' = [{'1.0,' * 99}]\n" for name in list(toleranced("aero"))[:12])
+    with pytest.raises(CosimError, match=rf"has {99**12} runs; allowed: 1 to"):  # beyond 2^63
         load_campaign(written(f"[grid]\n{grid}")).scenarios()
-    assert "\n" not in str(caught.value)
-
-
-def test_a_missing_file_says_what_is_built_in():
     with pytest.raises(CosimError, match="aircraft-vs-local"):
         load_campaign("nowhere.toml")
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(CosimError, match=r"cosim-fdi\[cluster\]"), cluster("tcp://127.0.0.1:9"):
+        pass
+
+
+def test_no_scheduler_is_one_line(monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("cosim.campaign.engine.CONNECT_S", 0.2)
+    with pytest.raises(CosimError, match="dask scheduler"), cluster("tcp://127.0.0.1:9"):
+        pass
 
 
 def test_distributions_are_what_they_are_called():
@@ -177,51 +181,30 @@ def built_in(name):
 
 
 @pytest.mark.parametrize("name", builtin_campaigns())
-def test_built_in_campaigns_can_be_flown_and_keep_off_training_seeds(name):
+def test_built_in_campaigns_keep_off_training_seeds_and_cover_the_envelope(name):
     made, scenarios = built_in(name)
-    assert len(scenarios) == len(made) and made.title
-    assert min(s.seed for s in scenarios) >= EVALUATION_SEED
-    assert not any(s.warnings() for s in scenarios)
-
-
-def test_sizes_of_the_built_in_campaigns():
-    flights = {name: built_in(name)[1] for name in builtin_campaigns()}
-    quiet, severe, faulty = (flights[n] for n in ("fault-free", "fault-free-severe", "aircraft-vs-local"))
-    assert (len(quiet), len(severe)) == (600, 200) and len(faulty) >= 2000
-    for own in flights.values():  # independent flights over the envelope, not the points of training
-        assert len({s.seed for s in own}) == len(own)
-        assert len({(s.flight.mass_t, s.flight.cas_kt) for s in own}) >= min(100, 0.9 * len(own))
-        assert min(s.flight.mass_t for s in own) < 210 and max(s.flight.mass_t for s in own) > 395
-    assert not {s.seed for s in quiet} & {s.seed for s in faulty}
-    assert {s.flight.turbulence for s in severe} == {"severe"}
-    assert any(len(s.faults) > 1 for s in faulty) and any(f.end_s for s in faulty for f in s.faults)
-    assert all(not s.faults for s in quiet) and {s.duration_s for s in quiet} == {60.0, 120.0, 240.0}
-    for own in (quiet, severe):  # detectors may judge from 8 to 9.5 s on: no manoeuvre is over, or begun, before
-        starts = {(s.manoeuvre.kind, s.manoeuvre.start_s) for s in own if s.manoeuvre.kind != "cruise"}
-        assert len(starts) == 21 and all(10.0 <= start <= 36.0 for _, start in starts)
-    assert len({s.seed for s in quiet}) == len(quiet)
-    flown = {s.manoeuvre.kind for s in quiet}
-    assert flown >= set(MANOEUVRES) | {"nz_doublet", "three_two_one_one"}  # [Sun13] IV and what moves the elevator most
-    assert {s.flight.turbulence for s in quiet} == {"none", "light", "moderate"}
+    assert len(scenarios) == len(made) and made.title and not any(s.warnings() for s in scenarios)
+    seeds = {s.seed for s in scenarios}
+    assert min(seeds) >= EVALUATION_SEED and len(seeds) == len(scenarios)
+    if name.startswith("fault-free"):  # detectors may judge from 8 to 9.5 s on: no manoeuvre begins before
+        assert all(not s.faults for s in scenarios)
+        assert all(s.manoeuvre.start_s >= 10.0 for s in scenarios if s.manoeuvre.kind != "cruise")
+    if name != "benchmark-1":  # independent flights over the envelope, not the points of training
+        assert len({(s.flight.mass_t, s.flight.cas_kt) for s in scenarios}) >= min(100, 0.9 * len(scenarios))
+        assert min(s.flight.mass_t for s in scenarios) < 210 and max(s.flight.mass_t for s in scenarios) > 395
 
 
 @pytest.mark.parametrize("name, technology", [("ema-faults", "ema"), ("hydraulic-faults", "hydraulic")])
 def test_a_campaign_of_an_actuator_draws_every_kind_on_every_sensor_and_what_recurs(name, technology):
     flights = built_in(name)[1]
-    drawn = {(f.parsed.sensor, f.kind) for s in flights for f in s.faults}
+    drawn, healed = ({(f.parsed.sensor, f.kind) for s in flights for f in s.faults if f.end_s or not ends}
+                     for ends in (False, True))  # fmt: skip
     kinds = {k for k, spec in c.ELEVATOR_KINDS.items() if technology in spec.technologies} - {"bias", "jam_liquid"}
-    assert {("", kind) for kind in kinds} <= drawn
     whole = {(sensor, k) for sensor in c.SENSORS_OF[technology] for k in c.SENSOR_SUMMARIES if k != "dropout"}
-    assert whole <= drawn
-    healed = {(f.parsed.sensor, f.kind) for s in flights for f in s.faults if f.end_s}
-    assert whole | {("", kind) for kind in kinds} <= healed
+    assert whole | {("", kind) for kind in kinds} <= drawn & healed
     assert max(len([f for f in s.faults if f.kind == s.faults[0].kind]) for s in flights if s.faults) >= 4
     assert any(len({f.start_s for f in s.faults}) < len(s.faults) for s in flights)  # two at once
-    assert {s.rate_hz for s in flights} >= {50, 60, 100, 500, 1000, 2000}
     assert {f.shape for s in flights for f in s.faults} >= set(c.SHAPES[1:])
-    assert min(s.flight.cg_pct for s in flights) < 21 and max(s.flight.cg_pct for s in flights) > 39
-    assert min(s.flight.cas_kt for s in flights) < 180 and max(s.flight.cas_kt for s in flights) > 350
-    assert any(f.start_s < 1.0 for s in flights for f in s.faults)
 
 
 # -- the command ------------------------------------------------------------------------------------------------------
@@ -346,8 +329,8 @@ def test_runs_with_one_seed_share_the_flight_without_a_fault(written, monkeypatc
     monkeypatch.setattr(fault_free_reference, "_copies", lambda: False)
     monkeypatch.setattr(fault_free_reference, "KEPT", 1)
     flown: list = []
-    whole = fault_free_reference._stored
-    monkeypatch.setattr(fault_free_reference, "_stored", lambda *rows: flown.append(1) or whole(*rows))
+    whole = fault_free_reference.fly
+    monkeypatch.setattr(fault_free_reference, "fly", lambda setup: flown.append(1) or whole(setup))
     fault_free_reference._positions.clear()
     run_many(scenarios, workers=0)
     assert len(flown) == 2
@@ -375,19 +358,6 @@ def test_a_dask_worker_that_is_killed_loses_no_run(written, dask):
         result = run_many(scenarios, executor=executor, workers=threads, progress=kill)
     assert killed and result.done == 16 and result.failed == 0
     assert (result.frame.drop_duplicates("run")["status"] == "completed").all()
-
-
-def test_no_scheduler_is_one_line(monkeypatch):
-    pytest.importorskip("distributed")
-    monkeypatch.setattr("cosim.campaign.engine.CONNECT_S", 0.2)
-    with pytest.raises(CosimError, match="dask scheduler"), cluster("tcp://127.0.0.1:9"):
-        pass
-
-
-def test_without_dask_the_extra_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(CosimError, match=r"cosim-fdi\[cluster\]"), cluster("tcp://127.0.0.1:9"):
-        pass
 
 
 def test_a_choice_can_be_the_rows_of_a_file_beside_the_campaign(written):

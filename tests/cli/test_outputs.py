@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 import cosim
 from cosim.cli.commands import app
 from cosim.errors import CosimError
-from cosim.files import Part, columns, left_by, marked, replace_text
+from cosim.files import columns, left_by, marked, replace_text
+from cosim.log.log_file import LogFile
 
 OWN = """
 class Mine:
@@ -152,7 +153,7 @@ def test_places_that_are_no_file_are_refused_and_links_are_followed(tmp_path):
         replace_text(target / "below" / "file", "ours", sign)
     (tmp_path / "a.mcap.part").symlink_to(target)  # planted where a flight would write
     with pytest.raises((CosimError, OSError)):
-        Part(tmp_path / "a.mcap", sign, stays=True)
+        LogFile(tmp_path / "a.mcap")
     assert target.read_text() == "foreign" and left_by(tmp_path / "a.mcap").is_symlink()
 
 

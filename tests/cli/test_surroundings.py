@@ -18,10 +18,11 @@ COSIM = [sys.executable, "-m", "cosim.cli"]
 SHORT = ["run", "cruise", "-s", "duration_s=0.2", "-s", "detectors.enabled=[]", "-s", "elevator.feedback=measured"]
 
 
-def test_few_letters_are_no_error(tmp_path):
+def test_few_letters_and_closed_outputs_are_no_error():
     poor = os.environ | {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
     told = subprocess.run([*COSIM, "list", "detectors"], env=poor, capture_output=True)
     assert told.returncode == 0 and b"Traceback" not in told.stderr, told.stderr.decode()
+    assert subprocess.run(["sh", "-c", f"{' '.join(COSIM)} list >&- 2>&-"]).returncode == 0
 
 
 def test_what_lies_in_the_current_folder_is_not_taken_for_a_library(tmp_path):

@@ -109,7 +109,7 @@ def test_the_figure_of_sizes_says_who_has_no_curve_and_why_and_numbers_its_sizes
     made.rows = pd.concat([made.rows, other], ignore_index=True)
     drawn = made.figure("pod", ["iotsekf", "rtsekf"])
     told = " ".join(drawn.legends[0].get_title().get_text().split())
-    assert "No curve: rtsekf, 1 Hz: all seen from" in told and "Band: each bound with 95 %" in told
+    assert "No curve (mm): rtsekf, 1 Hz: all seen from" in told and "Band: each bound with 95 %" in told
     (name,) = [t.get_text() for t in drawn.legends[0].get_texts()]
     assert name == "iotsekf, 1 Hz" and told.startswith("liquid OFC, one segment.")
     assert {"0.5", "1", "2", "5"} == {t.get_text() for t in drawn.axes[0].get_xticklabels()}

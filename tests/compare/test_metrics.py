@@ -23,30 +23,6 @@ def test_rate_of_no_event_and_of_five():
     assert stats.poisson.cdf(5, high * 2.0) == pytest.approx(0.025)
 
 
-@pytest.mark.parametrize("call", [lambda: m.proportion(3, 2), lambda: m.proportion(-1, 2), lambda: m.rate(1, 0.0)])
-def test_impossible_counts_are_refused(call):
-    with pytest.raises(ValueError):
-        call()
-
-
-def test_delays_by_hand_with_a_missed_run():
-    d = m.delays([1.0, 2.0, np.nan, 4.0, 3.0])
-    assert (d.median, d.largest, d.p95) == (3.0, 4.0, math.inf)
-
-
-def test_the_median_of_30_lies_between_the_10th_and_the_21st():
-    d = m.delays(np.arange(1.0, 31.0))  # tables of order statistics: covered with 95.7 %
-    assert (d.median_low, d.median_high) == (10.0, 21.0)
-
-
-def test_a_missed_run_makes_the_median_later_not_smaller():
-    assert m.delays([1.0, 2.0, 3.0]).median == 2.0
-    assert m.delays([1.0, 2.0, 3.0, np.nan, np.nan]).median == 3.0
-    assert m.delays([np.nan, np.nan, 1.0]).median == math.inf
-    assert m.delays([0.08, 0.795, 0.10, 1.195]).median == pytest.approx(0.4475)  # the middle two count alike
-    assert m.delays([1.0, 2.0, np.nan, np.nan]).median == math.inf  # half of them missed: the later middle one is
-
-
 def test_interval_of_the_median_covers_it():
     rng = np.random.default_rng(4)
     inside = 0
@@ -54,26 +30,6 @@ def test_interval_of_the_median_covers_it():
         d = m.delays(rng.exponential(1.0, 25))
         inside += d.median_low <= math.log(2.0) <= d.median_high
     assert inside / 400 > 0.93  # nominal 0.95, exact interval is wider: 0.957 for 25
-
-
-def test_roc_by_hand():
-    curve = m.roc([1.0, 2.0], [2.0, 3.0])
-    assert curve.threshold.tolist() == [math.inf, 3.0, 2.0, 1.0]
-    assert curve.false_alarm.tolist() == [0.0, 0.0, 0.5, 1.0]
-    assert curve.detection.tolist() == [0.0, 0.5, 1.0, 1.0]
-
-
-def test_roc_refuses_a_run_without_a_number():
-    with pytest.raises(ValueError, match="all with a number"):
-        m.roc([1.0, np.nan], [2.0])
-
-
-def test_threshold_lets_no_more_runs_alarm_than_asked():
-    healthy = np.arange(1.0, 101.0)
-    at, bound = m.threshold(healthy, 0.02)
-    assert np.sum(healthy >= at) == 2 and at > 98.0
-    assert stats.binom.cdf(2, 100, bound) == pytest.approx(0.05)  # the largest probability that still gives 2
-    assert m.threshold(healthy, 0.0)[0] > 100.0
 
 
 def test_the_predictive_value_is_bayes_rule_and_its_bounds_hold():
@@ -90,3 +46,29 @@ def test_the_predictive_value_is_bayes_rule_and_its_bounds_hold():
         one = m.predictive_value(rng.binomial(50, 0.8), 50, rng.poisson(5), 100.0, 0.1)
         held += one.low <= 0.08 / (0.08 + 0.05) <= one.high
     assert held >= 285
+
+
+def test_a_missed_run_makes_delays_later_not_smaller():
+    d = m.delays([1.0, 2.0, np.nan, 4.0, 3.0])
+    assert (d.median, d.largest, d.p95) == (3.0, 4.0, math.inf)
+    halves = ([1.0, 2.0, 3.0, np.nan, np.nan], [np.nan, np.nan, 1.0], [1.0, 2.0, np.nan, np.nan])
+    assert [m.delays(x).median for x in halves] == [3.0, math.inf, math.inf]  # of an even number the later one, too
+    assert m.delays([0.08, 0.795, 0.10, 1.195]).median == pytest.approx(0.4475)
+    d = m.delays(np.arange(1.0, 31.0))  # tables of order statistics: covered with 95.7 %
+    assert (d.median_low, d.median_high) == (10.0, 21.0)
+
+
+def test_roc_by_hand():
+    curve = m.roc([1.0, 2.0], [2.0, 3.0])
+    assert curve.threshold.tolist() == [math.inf, 3.0, 2.0, 1.0]
+    assert (curve.false_alarm.tolist(), curve.detection.tolist()) == ([0.0, 0.0, 0.5, 1.0], [0.0, 0.5, 1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    "call",
+    [lambda: m.proportion(3, 2), lambda: m.proportion(-1, 2), lambda: m.rate(1, 0.0), lambda: m.delays([]),
+     lambda: m.delays([-1.0]), lambda: m.roc([1.0, np.nan], [2.0]), lambda: m.roc([], [2.0])],
+)  # fmt: skip
+def test_impossible_counts_and_samples_are_refused(call):
+    with pytest.raises(ValueError):
+        call()

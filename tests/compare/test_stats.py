@@ -6,15 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cosim.compare import CompareError, Comparison, metrics, stats
+from cosim.compare import CompareError, Comparison, stats
 from cosim.compare import rows as compare_rows
 from cosim.judge import coverage
-
-
-def test_bounds_of_nothing_in_n_are_those_of_the_textbook():
-    assert metrics.proportion(0, 24)[1:] == pytest.approx((0.0, 1.0 - 0.025 ** (1 / 24)))
-    assert metrics.proportion(0, 0)[1:] == (0.0, 1.0)
-    assert metrics.proportion(3, 4)[1:] == pytest.approx((0.1941, 0.9937), abs=1e-4)  # Clopper and Pearson's table
+from cosim.scenario import load_scenario
 
 
 def hand_made():
@@ -72,23 +67,6 @@ def test_names_are_counted_over_every_fault_alarmed_on():
     assert (aircraft["alarmed_on"], aircraft["class_right"], aircraft["class_wrong"]) == (2, 1, 1)
     assert aircraft["name_wrong"] == 1
     assert aircraft["place_levels"] == {"set": 0, "axis": 1, "side": 0, "segment": 0, "channel": 0}
-
-
-def test_equal_thresholds_leave_the_same_number_of_crossings():
-    rows = hand_made()
-    for alpha, allowed in ((0.0, 0), (0.25, 1)):
-        for name, (c_, k, n, _) in stats.equal_thresholds(rows, alpha).items():
-            own = rows[(rows["id"] == name) & rows["case"].isna()]["r_fault_free"]
-            assert (k, n) == (allowed, 4) and (own >= c_).sum() <= k
-    assert stats.equal_thresholds(rows, 0.0)["iotsekf"][0] == pytest.approx(0.8)
-    assert stats.equal_thresholds(rows, 0.25)["lpv_smo"][0] == pytest.approx(0.5)
-
-
-def test_shares_of_maxima_beyond_a_threshold():
-    free, hit = stats.maxima(hand_made())["iotsekf"]
-    assert sorted(free) == [0.2, 0.4, 0.6, 0.8] and sorted(hit) == [0.7, 3.0, 9.0]
-    assert metrics.beyond(hit, np.array([0.1, 1.0, 10.0])) == pytest.approx([1.0, 2 / 3, 0.0])
-    assert np.isnan(metrics.beyond(np.array([]), np.ones(2))).all()
 
 
 def test_groups_and_the_smallest_oscillation_that_each_sees():
@@ -165,3 +143,38 @@ def test_a_fault_rate_that_is_none_is_refused_and_one_gives_each_detector_its_pr
     iotsekf, lpv_smo = found.predictive([0.5])
     assert (iotsekf["value"], lpv_smo["id"]) == (1.0, "lpv_smo")
     assert lpv_smo["value"] == pytest.approx(0.5 / 3 / (0.5 / 3 + 1 / 0.08))  # one of three seen, one false in 0.08 h
+
+
+def lanes_of(*more, exposed=(4.0, 0.0, 7.0)):
+    """Return rows per lane as a campaign has them: two faults of the left lane, none of the right one."""
+    about = {"run": "a", "status": "completed", "sim_time_s": 10.0, "id": "iotsekf", "level": "local", "able": True,
+             "valid_share": 1.0, "false_alarms": 0, "standing_s": 0.0}  # fmt: skip
+    each = ({"lane": 0, "fault": 0, "concerned": True}, {"lane": 0, "fault": 1, "concerned": True},
+            {"lane": 1, "fault": None, "concerned": False})  # fmt: skip
+    return pd.DataFrame([about | own | {"exposed_s": s} | dict(more) for own, s in zip(each, exposed)])
+
+
+def flown(*starts):
+    given = [f"faults.{i}.{k}={v}" for i, start in enumerate(starts) for k, v in
+             {"target": "elevator.left_inner", "kind": "ofc_liquid", "at": "valve", "start_s": start, "end_s": 6.0,
+              "frequency_hz": 2.0, "amplitude_mm": 1.0}.items()]  # fmt: skip
+    return {"a": load_scenario("cruise", ["duration_s=10", *given]).expanded_toml()}
+
+
+def test_hours_of_a_detector_are_the_mean_of_its_lanes_counted_once_and_stand_under_its_rate():
+    found = compare_rows.tidy(lanes_of(), flown(5.0, 5.5))
+    assert found["lanes"].tolist() == [2, 2]  # each fault's own row of the faulty lane, and the other lane
+    assert found["hours"].tolist() == pytest.approx([5.5 / 3600.0, math.nan], nan_ok=True)
+    (told,) = stats.detectors(found.assign(case=None, false_alarms=[1, 0], word=None))
+    assert told["hours"] == pytest.approx(5.5 / 3600.0) and told["false_alarms_per_hour"] == pytest.approx(3600.0 / 5.5)
+    never = compare_rows.tidy(lanes_of(("fault", None), ("concerned", False), exposed=(0.0, 0.0, 0.0)), flown())
+    (told,) = stats.detectors(never)
+    assert told["hours"] == 0.0 and math.isnan(told["false_alarms_per_hour"])
+
+
+@pytest.mark.parametrize("nothing", [None, math.nan])
+def test_a_cell_of_a_row_that_holds_nothing_is_no_error(nothing):
+    """A folder may be damaged in any cell that is not asked for."""
+    changed = lanes_of(("delay_s", 0.5), ("detected_at_s", nothing), ("lane", nothing))[:1]
+    (found,) = compare_rows.tidy(changed, flown(5.0)).to_dict("records")
+    assert found["detected"] and found["hours"] > 0.0

@@ -39,11 +39,6 @@ def test_a_state_that_is_not_finite_is_never_valid_and_never_alarms():
     assert 5 < ok.sum() < 20
     assert (log["valid"][0] == ok).all() and (log["alarm"][0] == ok).all() and (log["verdict"][0] == 2.0 * ok).all()
     assert (log["why"][0][~ok] == NOT_FINITE).all()
-    again, kept = np.zeros(1, STATE), np.arange(STATE.itemsize // 8)
-    out, _ = rollout.sweep(again, u, p, DT, kept, np.array([]), kept)
-    assert (out == log.view(np.float64).reshape(20, -1)).all(axis=None) or np.array_equal(
-        out.view(np.int64), log.view(np.int64).reshape(20, -1)
-    )
     live = np.zeros(1, STATE)
     for k in range(20):  # one tick at a time, as in flight
         rollout(live, u[:, k : k + 1], p, DT)

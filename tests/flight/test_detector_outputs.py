@@ -8,10 +8,9 @@ from dataclasses import replace
 import pytest
 
 import cosim
-from cosim.errors import CosimError, LogError, ScenarioError
+from cosim.errors import CosimError, ScenarioError
 from cosim.flight.build import build
 from cosim.flight.detection.detectors import chosen, placed
-from cosim.flight.loop.signals import fly
 from cosim.log import open_log
 from cosim.parts import load, with_detectors
 from cosim.replay import replay
@@ -144,19 +143,6 @@ def test_cycles_and_unknown_names_are_refused_in_one_line(tmp_path, reads, said)
     with pytest.raises(CosimError, match=said) as error:
         build(with_detectors(cosim.load_scenario("cruise", SHORT), files))
     assert "\n" not in str(error.value)
-
-
-def test_a_log_whose_detectors_wait_for_each_other_is_refused(chain):
-    wired = describe(open_log(chain[1]))
-    load(chain[0][0])
-    wired[-1].inputs = [["q", wired[-1].topic, "r"]]
-    with pytest.raises(LogError, match="wait for each other"):
-        in_stages(wired)
-
-
-def test_inputs_of_detectors_are_columns_of_a_flown_table(tmp_path):
-    frame = fly(cosim.load_scenario("cruise", SHORT), ["ofc_monitor.left_inner.alarm"])
-    assert frame["ofc_monitor.left_inner.alarm"].iloc[-1] == 1.0
 
 
 def test_one_that_may_lack_a_source_flies_without_and_an_aircraft_has_its_own_segments(tmp_path):

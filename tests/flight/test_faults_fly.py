@@ -12,7 +12,6 @@ from flown import deg, fault, fly, scenario
 
 from actuators.constants import M_S_PER_KT
 from actuators.ema import jay
-from cosim import load_scenario, simulate
 from cosim.errors import ScenarioError
 from cosim.flight.faults import inject
 from cosim.scenario import catalog as c
@@ -256,21 +255,6 @@ def test_thrust_loss_takes_thrust_and_gives_it_back():
     assert f.status == "completed" and deg(np.abs(f.phi[f.t > 28.0]).max()) < 1.0
 
 
-def test_all_at_once_in_sequence_on_one_flight():
-    """An oscillation, a sensor's bias and an engine out together; a jam after the oscillation has healed."""
-    keys = fault(0, "elevator.left_inner", "ofc_liquid", 3.0, 8.0, at="valve", amplitude_mm=3.0, frequency_hz=2.0)
-    keys |= fault(1, "elevator.left_inner", "jam_solid", 8.0, 12.0)
-    keys |= fault(2, "sensor.n_z", "bias", 4.0, 12.0, bias_g=0.02)
-    keys |= fault(3, "engine.2", "thrust_loss", 5.0, 12.0, loss_pct=80.0, ramp_s=3.0)
-    f = fly(scenario("B", "coordinated_turn", duration_s=30.0, flight__turbulence="light", **keys),
-            *[f"faults.{n}.active" for n in ("0_left_inner", "1_left_inner", "2_n_z", "3_2")])  # fmt: skip
-    assert f.status == "completed"
-    active = np.array([f.__dict__[n] for n in f.__dict__ if n.endswith("_active")])
-    at = lambda time: tuple(active[:, round(time / 0.005)])  # noqa: E731
-    assert at(2.0) == (0, 0, 0, 0) and at(6.0) == (1, 0, 1, 1) and at(10.0) == (0, 1, 1, 1) and at(13.0) == (0, 0, 0, 0)
-    assert np.abs(f.h - f.h[0]).max() < 30.0
-
-
 @pytest.mark.parametrize("first", sorted(k for k, v in c.ELEVATOR_KINDS.items() if v.exclusive not in ("", "at")))
 def test_two_faults_that_take_over_the_same_thing_are_refused(first):
     """Every pair of kinds that needs the same part of one actuator, on any technology that has both."""
@@ -313,30 +297,3 @@ def test_every_kind_has_a_place_in_the_loop():
     known = {*inject.SENSOR_SHAPES, *(kind for t in c.TECHNOLOGIES.values() for kind in t.effects)}
     own_branch = {"ofc_solid", "runaway", "thrust_loss"}
     assert set(c.ALL_KINDS) - known == own_branch
-
-
-@pytest.mark.parametrize(("hz", "mm"), [(3.0, 6.0), (5.0, 6.0)])
-def test_a_solid_oscillation_of_one_segment_of_two_is_solid_to_the_estimator_of_the_side(hz, mm):
-    """While the command moves: in most draws of noise, and in none it is called liquid or of another side."""
-    fault = f'faults=[{{target="elevator.left_inner", kind="ofc_solid", at="valve", start_s=10, amplitude_mm={mm}, '
-    own = [fault + f"frequency_hz={hz}}}]", "duration_s=20", "manoeuvre.kind=nz_doublet", "manoeuvre.start_s=11",
-           "manoeuvre.amplitude_g=0.3", "elevator.feedback=measured", 'detectors.enabled=["rfafe"]']  # fmt: skip
-    flown = [simulate(load_scenario("cruise", [*own, f"seed={seed}"]), timed=False) for seed in range(1, 7)]
-    found = [d for f in flown for d in f.detectors]
-    assert all(d["detection_delay_s"] < 2.5 and d["isolated"]["target"] == "elevator_left" for d in found)
-    names = [d["isolated"]["class"] for d in found]
-    assert set(names) <= {"ofc_solid", "ambiguous"} and names.count("ofc_solid") > len(names) // 2
-
-
-@pytest.mark.parametrize(
-    ("kind", "mm", "says"),
-    [("ofc_liquid", 9.0, "ambiguous"), ("ofc_solid", 9.0, "ambiguous"), ("ofc_liquid", 2.5, "ofc_liquid"),
-     ("ofc_solid", 3.0, "ofc_solid")],
-)  # fmt: skip
-def test_far_beyond_the_rate_limit_an_oscillation_of_one_segment_is_neither_liquid_nor_solid(kind, mm, says):
-    """There a servo loses half of the command, whichever it is."""
-    fault = f'faults=[{{target="elevator.left_inner", kind="{kind}", at="valve", start_s=6, amplitude_mm={mm}, '
-    own = [fault + "frequency_hz=10}]", "duration_s=16", "manoeuvre.kind=nz_doublet", "manoeuvre.start_s=8",
-           "manoeuvre.amplitude_g=0.15", "elevator.feedback=measured", 'detectors.enabled=["rfafe"]']  # fmt: skip
-    (found,) = simulate(load_scenario("cruise", own), timed=False).detectors
-    assert found["isolated"]["class"] == says

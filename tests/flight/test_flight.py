@@ -116,7 +116,7 @@ def test_a_number_that_is_none_ends_the_flight_as_diverged(tmp_path, monkeypatch
         if self._fdm.get_sim_time() > 1.0:
             self._raw[self.border.truth.names.index("q")] = np.nan
 
-    monkeypatch.setattr(plant, "crossing", lambda: None)
+    monkeypatch.setattr(plant, "fast_access", lambda: None)
     monkeypatch.setattr(plant.Plant, "fetch", broken)
     r = simulate(s, log=tmp_path / "f.mcap")
     assert r.status == "diverged"

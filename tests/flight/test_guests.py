@@ -1,7 +1,6 @@
 """User-supplied detectors: they fly beside ours, are logged, replayed and judged, and can hurt nobody."""
 
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +16,10 @@ from cosim.log import open_log
 from cosim.parts import load, with_detectors
 from cosim.replay import log_schema, replay
 from cosim.report import flight_report
-from cosim.scenario import user_parts
 from cosim.scenario.user_parts import identified
 from fdi import registry
 
 DATA = Path(__file__).parents[1] / "data"
-BAD = DATA / "guests" / "misbehaving.py"
 BLOCK = DATA / "template_detector.py"
 ROD = "faults.0={target='elevator.left_inner.rod', kind='bias', bias_mm=12, start_s=2.5, path='monitor'}"
 SHORT = ["duration_s=5", "elevator.feedback=measured", "detectors.enabled=['ofc_monitor']"]
@@ -49,15 +46,6 @@ def test_a_class_and_a_block_fly_and_are_judged_as_ours(flight):
         assert own["isolated"]["class"] == "sensor" and 0.0 < own["detection_delay_s"] < 0.3 and not own["false_alarms"]
     assert result["notes"] == [] and lane(result, "parity")["step_us"] > 0.0
     assert len([d for d in result["detectors"] if d["id"] == "parity"]) == 2  # a lane per hydraulic actuator
-
-
-def test_the_log_tells_of_them_without_their_code_or_a_folder(flight, parity):
-    path, _ = flight
-    log = open_log(path)
-    entry = next(d for d in json.loads(log.attachments["detectors.json"]) if d["id"] == "parity")
-    assert entry["guest"]["file"] == "parity.py" and entry["guest"]["sha256"] == load(parity).sha256
-    assert str(parity.parent).encode() not in b"".join(log.attachments.values())
-    assert log.topics["/detectors/parity/left_inner"].fields[:5] == ("r", "alarm", "verdict", "culprit", "valid")
 
 
 def test_a_log_runs_no_code_and_its_other_detectors_replay(flight):
@@ -152,39 +140,6 @@ def test_a_scenario_names_a_file_beside_it_and_sets_parameters(parity, tmp_path)
         cosim.simulate(meant)
 
 
-def test_an_installed_package_brings_one_by_entry_point(parity, tmp_path, monkeypatch):
-    (tmp_path / "parity_package.py").write_text(parity.read_text().replace('"parity"', '"installed"'))
-    about = tmp_path / "parity_package-1.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: parity-package\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text("[cosim.detectors]\ninstalled = parity_package:Parity\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    scenario = with_detectors(cosim.load_scenario("cruise", [*SHORT, "duration_s=1"]), ["installed"])
-    assert "installed" in {d["id"] for d in cosim.simulate(scenario, timed=False).to_dict()["detectors"]}
-    with pytest.raises(CosimError, match="Did you mean 'installed'"):
-        load("instaled")
-
-
-@pytest.mark.parametrize("command", ["run", "campaign fault-free", "compare", "replay", "scenario"])
-def test_two_detectors_of_one_id_are_refused_in_one_line(command, parity, flight, tmp_path):
-    """Which of the two has flown would be chance."""
-    other = tmp_path / "another.py"
-    other.write_text(parity.read_text())
-    own = tmp_path / "own.toml"
-    text = cosim.load_scenario("cruise", ["duration_s=2"]).expanded_toml()
-    own.write_text(f'{text}\n[detectors.parity]\nfile = "{parity}"\n')
-    known = {c: [c, str(flight[0])] for c in ("replay", "compare")} | {"scenario": ["run", str(own)]}
-    words = known.get(command, command.split())
-    named = [str(other)] if command == "scenario" else [str(parity), str(other)]
-    words += [word for file in named for word in ("--detector", file)]
-    if command != "replay":
-        words += ["-o", str(tmp_path / ("x.mcap" if words[0] == "run" else "x"))]
-    done = CliRunner().invoke(cli.app, words)
-    lines = [line for line in done.stderr.splitlines() if line.startswith("error")]
-    assert done.exit_code == 2 and done.stdout == "" and len(lines) == 1
-    assert f"{other}: has the id 'parity', as {parity}" in lines[0] and "Choose another id" in lines[0]
-
-
 def test_the_command_line_flies_replays_and_says_so(parity, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = ["run", "own.toml", "--detector", str(parity), "--json"]
@@ -202,50 +157,6 @@ def test_the_command_line_flies_replays_and_says_so(parity, tmp_path, monkeypatc
     assert without.exit_code == 0 and "note: parity is a guest" in without.stderr
     refused = CliRunner().invoke(cli.app, ["run", "--detector", "nowhere.py"])
     assert refused.exit_code == 2 and "nowhere.py: no such file" in refused.stderr
-
-
-WATCH = """
-print("loading")
-
-
-class Watch:
-    \"\"\"pitch rate that the elevators do not ask for\"\"\"
-
-    id, level, every = "watch", "aircraft", 4
-    inputs = ("q", "de_cmd", "left_inner.surface")
-    estimates = "elevator"
-    may_see = ("jam_solid",)
-
-    def __init__(self, dt, gain=1.0):
-        self.dt, self.gain, self.n = dt, gain, 0
-
-    def update(self, t, y):
-        assert abs(t - self.n * 0.02) < 1e-9 and self.dt == 0.02
-        self.n += 1
-        print("step")
-        if self.n % 3:
-            return None
-        return {"r": abs(y.q), "estimate": self.gain * (y.left_inner_surface - y.de_cmd), "verdict": {"none": 0.4,
-                "jam_solid": 0.6}, "alarm": y.left_inner_surface != y.left_inner_surface}
-"""
-
-
-def test_one_at_aircraft_level_at_its_own_rate_estimates_and_prints_elsewhere(tmp_path, capsys):
-    (tmp_path / "watch.py").write_text(WATCH)
-    drop = "faults.0={target='elevator.left_inner.surface', kind='dropout', start_s=1.0, end_s=1.4}"
-    jam = "faults.1={target='elevator.right_inner', kind='jam_solid', start_s=2.0}"
-    scenario = with_detectors(cosim.load_scenario("cruise", [*SHORT, drop, jam]), [tmp_path / "watch.py"])
-    result = cosim.simulate(scenario, log=tmp_path / "a.mcap", timed=False).to_dict()
-    assert result["notes"] == [] and capsys.readouterr().out == ""
-    own = lane(result, "watch")
-    assert own["estimate_unit"] == "rad" and own["estimate_rmse"] is not None
-    log = open_log(tmp_path / "a.mcap")
-    frame = log.frame("/detectors/watch/aircraft")
-    assert len(frame) == 250 and log.topics["/detectors/watch/aircraft"].units[5] == "rad"
-    alarmed = frame.index[frame["alarm"] > 0.5]
-    assert 0.9 < alarmed[0] < 1.2 and alarmed[-1] < 1.6  # the sample that is lost is NaN
-    assert set(frame["probability"]) <= {0.0, 0.6} and set(frame["verdict"]) <= {0.0, 4.0}
-    assert replay(tmp_path / "a.mcap", guests=[tmp_path / "watch.py"]).exact
 
 
 def test_a_model_over_a_window_flies_from_scikit_learn_and_from_onnx(tmp_path):
@@ -288,38 +199,6 @@ def test_campaign_workers_fly_it_and_its_rows_are_judged_without_its_code(parity
     other.write_text(parity.read_text() + "\n# other code\n")
     fresh = run_campaign(tmp_path / "own.toml", workers=0, out=tmp_path / "other", guests=[other])
     assert set(fresh.frame["run"]).isdisjoint(done.frame["run"])  # other code is another run
-
-
-def test_a_folder_of_logs_is_judged_without_the_file_that_its_flights_name(flight, parity, tmp_path, monkeypatch):
-    folder = tmp_path / "logs"
-    folder.mkdir()
-    shutil.copy(flight[0], folder)
-    for name in ("parity.py", BLOCK.name):  # what the log names lies here, and is another
-        (tmp_path / name).write_text("raise SystemExit('it ran')")
-    monkeypatch.chdir(tmp_path)
-    for command in ("report", "compare"):
-        done = CliRunner().invoke(cli.app, [command, str(folder), "--json"])
-        assert done.exit_code == 0 and "runs code" not in done.stderr, done.output
-    rows = compare([folder]).rows
-    assert {"parity", "template"} <= set(rows["id"]) and rows.set_index("id").loc["parity", "detected"]
-
-
-def test_the_digest_of_a_folder_is_of_all_that_lies_there_and_nothing_is_run(tmp_path):
-    folder = tmp_path / "own"
-    for name in ("__init__.py", "near.py", "data/one.csv", ".hidden", "__pycache__/near.pyc"):
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("1 / 0\n")
-    sha256, other = user_parts.identity(folder).sha256, tmp_path / "elsewhere"
-    for name, path in user_parts.contents(folder).items():  # as a log's attachments are written out
-        (other / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(path, other / name)
-    assert {p.name for p in other.rglob("*") if p.is_file()} == {"__init__.py", "near.py", "one.csv"}
-    assert user_parts.identity(other / "own").sha256 == sha256
-    for part in [path for path in other.rglob("*") if path.is_file()]:
-        part.write_text("2 / 0\n")
-        assert user_parts.identity(other / "own").sha256 != sha256, part
-        part.write_text("1 / 0\n")
 
 
 def test_a_folder_is_one_detector_and_its_modules_are_those_that_lie_there_now(parity, tmp_path):

@@ -7,11 +7,7 @@ import numpy as np
 import pytest
 from flown import deg, fault, fly, scenario
 
-from actuators.ema import actuator as ema
-from actuators.ema import jay
-from actuators.ema import servo as ema_servo
 from cosim.errors import ScenarioError
-from cosim.flight.blocks.servo_gain import liquid_gain
 from cosim.flight.build import build
 from cosim.flight.faults.fault_free_reference import achieved
 from cosim.scenario import load_scenario
@@ -42,38 +38,6 @@ def test_a_shape_reaches_the_drive_and_a_chirp_has_no_amplitude_at_one_frequency
         assert there["amplitude_mm"] == pytest.approx(0.6 * fundamental[shape], rel=0.2)
     else:
         assert there["amplitude_mm"] is None
-
-
-def flown_unclipped(hz, amps):
-    """Return the amplitude [mm] of the unloaded drive with `amps` [A] added to the demand, limits and all."""
-    p, ps = ema.params(), ema_servo.params()
-    x, xs = ema.init(p), ema_servo.init(ps)
-    u, us = np.zeros((1, 1), ema.INPUTS), np.zeros((1, 1), ema_servo.INPUTS)
-    us["pos_valid"] = us["vel_valid"] = 1.0
-    t = np.arange(0.0, 10.0, 0.005)
-    screw = np.zeros(len(t))
-    for k, now in enumerate(t):
-        pos, vel = jay.values("elevator")["lead"] * x["motor"], x["motor_d"].copy()
-        screw[k] = pos[0]
-        ema_servo.rollout(xs, us, ps, 0.005, np.zeros((1, 1), ema_servo.STATE))
-        u["u"], u["f_u"] = xs["u"], amps * math.sin(2 * math.pi * hz * now)
-        ema.rollout(x, u, p, 0.005, np.zeros((1, 1), ema.STATE))
-        us["pos_meas"], us["vel_meas"] = pos, vel
-    return 500.0 * np.ptp(screw[t > 4.0])
-
-
-def test_oscillation_beyond_the_current_limit_of_a_drive_is_refused():
-    """5 mm at 1.5 Hz take 76 A of 43.75 A: the servo is limited, the fault is not, and the screw swings 15 mm."""
-    with pytest.raises(ScenarioError, match=r"take 7\d A at the drive of right_inner.*up to 2\.9 mm"):
-        build(oscillation(1.5, 5.0))
-    gain = liquid_gain("ema", 3.0 * math.pi, 0.005)
-    assert flown_unclipped(1.5, 2.5e-3 / gain) == pytest.approx(2.5, rel=0.1)
-    assert flown_unclipped(1.5, 5.0e-3 / gain) > 12.0
-    build(oscillation(1.5, 5.0, "ofc_solid"))  # nothing works against it there
-    with pytest.raises(ScenarioError, match="at the drive"):
-        build(oscillation(8.0, 5.0, "ofc_solid"))  # 13 m/s2 of screw: more than the stall torque accelerates
-    build(scenario("sun13", **fault(0, "elevator.left_inner", "ofc_liquid", 2.0, None, at="valve", amplitude_mm=5.0,
-                                    frequency_hz=1.5)))  # fmt: skip
 
 
 # -- a bias of the rod sensor that closes the loop ---------------------------------------------------------------------
@@ -121,22 +85,6 @@ def test_a_stabiliser_stands_wherever_the_trim_puts_it():
     assert setup.trim.stabilizer > math.radians(3.0)
     assert block.x["delta"][-1] == setup.trim.stabilizer
     assert (block.p["lo"][-1], block.p["hi"][-1]) == (low, high)
-
-
-@pytest.mark.parametrize(("sensor", "key", "value"), [
-    ("elevator.left_inner.rod", "bias_deg", 0.08), ("elevator.left_inner.rod", "bias_mm", 0.4),
-    ("elevator.right_inner.position", "bias_deg", 1.0), ("elevator.left_inner.pressure", "bias_mpa", 1.5),
-    ("elevator.right_inner.velocity", "bias_pct", 2.0), ("elevator.right_inner.current", "bias_pct", 2.0),
-    ("sensor.alpha", "bias_deg", 1.0),
-])  # fmt: skip
-def test_a_sensors_own_error_is_that_of_the_same_fault(sensor, key, value):
-    """Both may be given in the same units; what is injected was once the angle, read as metres."""
-    name = sensor.split(".")[-1]
-    faulty = build(scenario(**fault(0, sensor, "bias", 1.0, None, **{key: value})))
-    own = build(scenario(**{f"sensors__{name}__{key}": value}))
-    lane = faulty.lanes[0].places[0][0].split(".")[1]
-    bias = own.loop.sensors.p["bias"][own.loop.bus.lanes["sensors"].index(lane)]
-    assert bias == pytest.approx(faulty.lanes[0].p["amplitude"][0], rel=1e-12) and bias != 0.0
 
 
 def test_a_surface_runs_away_no_faster_than_its_actuator_moves():

@@ -1,11 +1,9 @@
 """`cosim run --live`: a WebSocket client watches, injects, heals; the log holds it and replays bit for bit."""
 
-import itertools
 import json
 import threading
 
 import pytest
-from flown import deg
 
 import cosim
 from cosim.errors import CosimError
@@ -46,7 +44,7 @@ def hands(scenario, path, act, speed=4.0):
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
-    """A client watches, breaks an elevator, asks for nonsense, mends the elevator by a parameter, and goes faster."""
+    """A client watches, breaks an elevator, asks for nonsense, mends the elevator by a service, and goes faster."""
     path = tmp_path_factory.mktemp("live") / "flight.mcap"
 
     def act(server):
@@ -61,10 +59,8 @@ def flown(tmp_path_factory):
                 v.call("inject", **{**OFC, "self": 1}), v.call("inject"), v.call("inject", **{**OFC, "start_s": 0.0}),
                 v.call("heal", fault=7), v.call("heal", fault="x"), v.call("speed", value=-1),
             ]  # fmt: skip
-            v.ask("faults", "answer", "heal")
-            v.write("heal", json.dumps({"fault": 0}))
-            v.until(lambda: json.loads(v.parameters.get("answer") or "{}").get("ok") is True)
-            healed = json.loads(v.parameters["answer"])
+            healed = v.call("heal", fault=0)
+            changed = path.with_name("flight.mcap.flown.toml").read_text()
             quick = v.call("speed", value=50)
             with Viewer(server.url) as w:
                 w.watch("/truth")
@@ -72,7 +68,7 @@ def flown(tmp_path_factory):
                 watcher = w.services, w.info["capabilities"]
             return {"broken": broken, "wrong": wrong, "healed": healed, "quick": quick, "watcher": watcher,
                     "offered": v.offered, "layout": server.layout,
-                    "samples": v.samples, "parameters": v.parameters, "url": server.url}  # fmt: skip
+                    "samples": v.samples, "changed": changed}  # fmt: skip
 
     s = cosim.load_scenario("cruise", [*KEYS, "duration_s=40"])
     result, seen = hands(s, path, act)
@@ -92,21 +88,12 @@ def test_what_a_viewer_injects_is_in_the_log_with_its_tick_and_replays(flown):
     assert replay(path).exact
 
 
-def test_the_log_is_that_of_its_scenario_flown_alone(flown, tmp_path):
-    (tmp_path / "again.toml").write_bytes(open_log(flown[0]).attachments["scenario.toml"])
+def test_the_log_is_that_of_the_scenario_as_it_was_changed_last_flown_alone(flown, tmp_path):
+    """Of a flight that is killed it stands beside the log; here it has gone with the log that was written."""
+    (tmp_path / "again.toml").write_text(flown[2]["changed"])
     cosim.simulate(tmp_path / "again.toml", log=tmp_path / "again.mcap", timed=False, achieved=True)
     assert (tmp_path / "again.mcap").read_bytes() == flown[0].read_bytes()
-
-
-def test_a_viewer_sees_what_the_log_holds_before_and_after_the_fault(flown):
-    path, _, seen = flown
-    frame = open_log(path).frame("/truth/aircraft")
-    samples = seen["samples"]["/truth"]
-    ticks = [ns // 5_000_000 for ns, _ in samples]
-    assert ticks == sorted(ticks) and ticks[0] < seen["broken"]["tick"] < ticks[-1]
-    for k, payload in zip(ticks, (p for _, p in samples)):
-        assert frame["alpha"].iloc[k].tobytes() in payload and frame["de_li"].iloc[k].tobytes() in payload
-    assert deg(frame["de_li"].to_numpy()).max() > 1.0
+    assert [p.name for p in flown[0].parent.iterdir()] == [flown[0].name]
 
 
 def test_nonsense_is_answered_and_nothing_else_happens(flown):
@@ -114,25 +101,19 @@ def test_nonsense_is_answered_and_nothing_else_happens(flown):
     assert not any(answer["ok"] for answer in flown[2]["wrong"])
     assert "Did you mean 'jam_solid'" in said[0] and "has passed" in said[3] and "no fault of this number" in said[4]
     assert "fault must be an index" in said[5] and "is no speed" in said[6]
-    assert "ofc_liquid on elevator.left_inner" in flown[2]["parameters"]["faults"]
+    assert "ofc_liquid on elevator.left_inner" in flown[2]["healed"]["faults"]
 
 
 def test_every_service_says_what_it_takes_and_its_first_request_is_one(flown):
     services, layout = flown[2]["offered"], json.loads(flown[2]["layout"])
     scenario = cosim.load_scenario("cruise")
     for name, (schema, first) in requests(scenario).items():
-        asked, answered = (json.loads(services[f"/{name}"][k]["schema"]) for k in ("request", "response"))
-        assert asked == schema and first.keys() <= schema["properties"].keys() and "ok" in answered["properties"]
-        assert set(schema["required"]) <= first.keys()
-        assert flown[2]["broken"].keys() <= answered["properties"].keys()
-    inject = requests(scenario)["inject"][0]["properties"]
-    for target, kind in itertools.product(("elevator.left", "engine.2", "sensor.alpha"), ("bias", "thrust_loss")):
-        assert target in inject["target"]["enum"] and kind in inject["kind"]["enum"]
-    assert OFC.keys() <= inject.keys() and inject["at"]["enum"] == ["valve", "command", "sensor"]
+        assert json.loads(services[f"/{name}"]["request"]["schema"]) == schema
+        assert set(schema["required"]) <= first.keys() <= schema["properties"].keys()
     Fault(**requests(scenario)["inject"][1], start_s=0.0)
     first, *_ = layout["content"]["tabs"]
     calls = [item["content"]["config"] for item in first["content"]["items"][0]["content"]["items"]]
-    assert [c.get("serviceName") for c in calls] == ["/inject", "/heal", "/speed", None]
+    assert [c.get("serviceName") for c in calls] == ["/inject", "/heal", "/speed"]
     assert json.loads(calls[0]["requestPayload"]) == requests(scenario)["inject"][1]
 
 
@@ -187,14 +168,3 @@ def test_ctrl_c_ends_it_with_a_whole_log_and_what_a_guest_prints_stays_apart(tmp
     assert open_log(tmp_path / "cut.mcap").complete and open_log(tmp_path / "cut.mcap").n_ticks == 61
     out, err = capsys.readouterr()
     assert out == "" and "rod is" in err
-
-
-def test_numbers_that_are_none_are_refused_and_the_flight_goes_on(tmp_path):
-    def act(server):
-        with Viewer(server.steer_url) as v:
-            return [v.call("heal", fault=float("inf")), v.call("heal", fault=float("nan")), v.call("heal", fault=1e300),
-                    v.call("speed", value=float("inf")), v.call("inject", **{**OFC, "frequency_hz": float("inf")}),
-                    v.call("speed", value=900)]  # fmt: skip
-
-    *wrong, good = hands(cosim.load_scenario("cruise", [*KEYS, "duration_s=20"]), None, act)[1]
-    assert good["ok"] and not any(said["ok"] for said in wrong)

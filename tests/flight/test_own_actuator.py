@@ -4,7 +4,6 @@ told in the FMU's own words.
 
 import gc
 import textwrap
-import zipfile
 
 import fmu_of_hydraulic as rig
 import numpy as np
@@ -13,7 +12,6 @@ import technologies
 
 import cosim
 from cosim.errors import ScenarioError
-from cosim.flight.detection.detectors import left_out
 from cosim.replay import replay
 from cosim.scenario import catalog
 
@@ -55,15 +53,6 @@ def test_the_fmu_flies_like_the_block(fmu):
     assert moved > np.radians(0.5)
     assert np.abs(own[:, 0] - block[:, 0]).max() < 1e-6 * moved
     assert np.abs(own - block).max() < 1e-5
-
-
-def test_an_archive_that_would_fill_the_disk_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("actuators.fmu.UNPACKED", 10_000_000)
-    with zipfile.ZipFile(tmp_path / "bomb.fmu", "w", zipfile.ZIP_DEFLATED) as made:
-        made.writestr("modelDescription.xml", b"<fmiModelDescription/>")
-        made.writestr("resources/zeros", bytes(10_000_001))
-    with pytest.raises(ScenarioError, match="unpacks to 10 MB, up to 10 MB are allowed"):
-        cosim.fly(loaded(tmp_path / "bomb.fmu"), SEEN)
 
 
 def test_its_parameters_are_set(fmu):
@@ -208,20 +197,6 @@ def test_a_block_from_a_file_flies_and_takes_faults_of_its_command(tmp_path):
         loaded(path, "faults.0.at=valve", "faults.0.amplitude=0.02", key="file", spec={})
 
 
-@pytest.mark.parametrize("other", ["left_outer", "all"])
-def test_both_segments_of_a_side_may_be_ones_own_and_what_has_no_design_for_them_does_not_run(tmp_path, other):
-    path = tmp_path / "first_order.py"
-    path.write_text(textwrap.dedent(BLOCK))
-    more = catalog.SEGMENTS if other == "all" else [other]
-    names = ["rfafe", "rfafe_airframe", "lpv_smo"]
-    s = loaded(path, *(f"elevator.{seg}=rig" for seg in more), f"detectors.enabled={names}", "duration_s=0.5",
-               "faults=[]", key="file", spec={})  # fmt: skip
-    why = left_out(s)
-    assert why["rfafe"].startswith(f"no design for {'rig' if other == 'all' else 'rig/simple'} elevators; there is ema")
-    flown = cosim.simulate(s).to_dict()
-    assert {row["id"] for row in flown["detectors"]} == set(names) - set(why)
-
-
 def test_a_compiled_block_from_a_file_behind_the_shipped_servo_flies_like_itself(tmp_path):
     path = tmp_path / "same.py"
     path.write_text(
@@ -256,30 +231,6 @@ def test_a_block_that_raises_or_exits_is_told_with_its_time_and_leaves_a_readabl
     with pytest.raises(ScenarioError, match=says):
         cosim.simulate(s, log=tmp_path / "own.mcap")
     assert cosim.open_log(tmp_path / "own.mcap").frame("/truth/aircraft").index[-1] >= 0.0
-
-
-@pytest.mark.parametrize("where", ["params(tau=0.1):", "init_at(p, delta, hm0, hmd):"])
-def test_a_block_that_cannot_be_made_is_told(tmp_path, where):
-    path = tmp_path / "own.py"
-    path.write_text(textwrap.dedent(BLOCK).replace(where, f"{where}\n    raise RuntimeError('no rig')"))
-    with pytest.raises(ScenarioError, match=r"actuators\.rig: own\.py: RuntimeError: no rig"):
-        cosim.fly(loaded(path, "faults.0.at=command", "faults.0.amplitude_deg=1.0", key="file", spec={}), SEEN[:2])
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "says"),
-    [
-        ("np.zeros(1, PARAMS)", "np.zeros(2, PARAMS)", r"params\(\) returns an array of shape \(2,\); allowed: PARAMS"),
-        ('OUTPUTS = ("delta",', 'OUTPUTS = ("delta", "force",', r"own\.py has no STATE\.force"),
-    ],
-)
-def test_a_block_of_another_shape_is_told(tmp_path, old, new, says):
-    path = tmp_path / "own.py"
-    text = textwrap.dedent(BLOCK)
-    assert old in text
-    path.write_text(text.replace(old, new))
-    with pytest.raises(ScenarioError, match=says):
-        cosim.fly(loaded(path, "faults.0.at=command", "faults.0.amplitude_deg=1.0", key="file", spec={}), SEEN[:2])
 
 
 def test_an_actuator_that_was_read_changes_no_other_scenario(tmp_path):

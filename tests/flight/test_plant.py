@@ -100,21 +100,6 @@ def test_two_flights_are_bit_identical_and_seeds_differ():
     assert fly(1) != fly(2)
 
 
-def test_turbulence_grows_with_its_name_and_none_is_still():
-    rms = []
-    for kind in ("none", "light", "moderate", "severe"):
-        plant = Plant(FlightPoint(**{**vars(POINTS["E"]), "turbulence": kind, "seed": 3}))
-        trim = plant.trim()
-        w = []
-        for _ in range(6000):
-            plant.write(trim.surfaces)
-            plant.run()
-            w.append(plant.port.getter("atmosphere/total-wind-down-fps")() * M_PER_FT)
-        rms.append(np.std(w))
-    assert rms[0] < 1e-20
-    assert 0.1 < rms[1] < rms[2] < rms[3] < 12.0
-
-
 def test_load_factor_is_of_this_frame_and_jsbsims_own_is_one_frame_old():
     plant = Plant(POINTS["E"])
     trim = plant.trim()
@@ -224,46 +209,6 @@ def test_console_is_silent(capfd):
         Plant(FlightPoint.at(405, 28, 27500, cas_kt=150)).trim()
     out, err = capfd.readouterr()
     assert out == "" and err == ""
-
-
-def _servo_flight(dt):
-    """A second-order servo (40 rad/s, 0.7) on the elevator: hinge load, a pulse, pitch-rate feedback."""
-    plant = Plant(POINTS["E"], dt)
-    trim = plant.trim()
-    t = plant.truth()[0].copy()
-    q0, hm0 = t.q, t.hm0_lo
-    x, v, out = 0.0, 0.0, []
-    surfaces = trim.surfaces.copy()
-    truth = np.zeros(1, TRUTH)
-    for k in range(round(4.0 / dt)):
-        plant.read(truth)
-        out.append((truth["q"][0], truth["theta"][0]))
-        time = k * dt
-        command = 0.02 * math.sin(math.pi * min(time, 1.0)) ** 2 + 0.3 * (truth["q"][0] - q0)
-        sub = dt / 20
-        for _ in range(20):  # load per inertia: 40^2 rad/s2 per rad moves the servo's rest point by 1 rad at 1 MN m
-            load = (truth["hm0_lo"][0] - hm0 + truth["hmd_lo"][0] * x) * 1600.0 / 1e6
-            a = 1600.0 * (command - x) - 56.0 * v + load
-            v += sub * a
-            x += sub * v
-        surfaces[:4] = x
-        plant.write(surfaces)
-        plant.run()
-    return np.array(out)
-
-
-def test_coupling_error_falls_at_least_linearly_with_the_step():
-    """Against an exchange ten times finer than the base rate: slope of log error over log step at least 0.9."""
-    steps = np.array([0.02, 0.01, 0.005])
-    fine = _servo_flight(0.0005)
-    errors = []
-    for dt in steps:
-        coarse = _servo_flight(dt)
-        every = round(dt / 0.0005)
-        errors.append(np.abs(coarse - fine[::every][: len(coarse)]).max(axis=0))
-    slopes = np.polyfit(np.log(steps), np.log(np.array(errors)), 1)[0]
-    assert slopes.min() > 0.9, (slopes, errors)
-    assert math.degrees(errors[-1][0]) < 0.02  # q [deg/s] at 200 Hz
 
 
 def test_a_trim_that_is_no_number_is_refused_and_every_path_has_a_name():

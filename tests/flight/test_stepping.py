@@ -90,3 +90,18 @@ def test_a_condition_that_was_true_before_waits_from_now_on():
         flight.inject(target="elevator.left_inner", kind="jam_solid", when="n_z > 9 or t > 0.2")
         flight.step(5)
         assert 0.5 <= flight.scenario.faults[0].start_s <= 0.51
+
+
+def test_a_flight_that_is_killed_leaves_the_scenario_as_it_was_changed_last(tmp_path):
+    log = tmp_path / "flight.mcap"
+    flight = cosim.Flight(cosim.load_scenario("cruise", ["duration_s=1"]), log=log)
+    flight.step(100)
+    fault = flight.inject(**OFC)
+    flight.step(50)
+    flight.heal(fault)  # killed here
+    assert [p.name for p in tmp_path.iterdir()] == ["flight.mcap.flown.toml"]
+    cosim.simulate(tmp_path / "flight.mcap.flown.toml", log=tmp_path / "again.mcap", timed=False, achieved=True)
+    flight.step(50)
+    flight.close()
+    assert [f.end_s for f in flight.scenario.faults] == [0.75]
+    assert (tmp_path / "again.mcap").read_bytes() == log.read_bytes()

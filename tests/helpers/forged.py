@@ -34,9 +34,12 @@ def forge(log, path, *, attachments=None, samples=(), metadata=None, result=None
         for k, row in enumerate(np.concatenate(columns, axis=1)):
             if gap and k == 50:
                 w.flush()
-                w._done = w._done[0], k + gap
-                for target in w._targets:
+                [whole] = w._file.chunks
+                w._file.chunks[:] = [whole._replace(end_ns=(k + gap - 1) * w.dt_ns)]
+                for target in w._blocks:
                     target.at[-1] = k + gap
             w.append(row)
+        if gap:
+            w._file.chunks[0] = whole
         w.close(result={k: v for k, v in log.result.items() if k != "content"} | (result or {}))
     return path

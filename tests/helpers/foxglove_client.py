@@ -13,7 +13,7 @@ class Viewer:
 
     def __init__(self, url, origin=None):
         self._socket = connect(url, subprotocols=[PROTOCOL], origin=origin, max_size=None, open_timeout=20)
-        self.info, self.channels, self.services, self.offered, self.parameters = {}, {}, {}, {}, {}
+        self.info, self.channels, self.services, self.offered = {}, {}, {}, {}
         self.samples, self.answers, self.states = {}, {}, []  # topic -> [(ns, payload)]
         self._topics, self._call = {}, 0
         self.until(lambda: self.info)
@@ -33,8 +33,6 @@ class Viewer:
             elif said["op"] == "advertiseServices":
                 self.services |= {s["name"]: s["id"] for s in said["services"]}
                 self.offered |= {s["name"]: s for s in said["services"]}
-            elif said["op"] == "parameterValues":
-                self.parameters |= {p["name"]: p.get("value") for p in said["parameters"]}
             elif said["op"] == "serviceCallFailure":
                 self.answers[said["callId"]] = {"ok": False, "error": said["message"]}
         elif message[0] == 1:
@@ -62,16 +60,6 @@ class Viewer:
         self._socket.send(head + b"json" + json.dumps(keys).encode())
         self.until(lambda: self._call in self.answers)
         return self.answers[self._call]
-
-    def write(self, name, value):
-        """Set a parameter."""
-        said = {"op": "setParameters", "parameters": [{"name": name, "value": value}], "id": "w"}
-        self._socket.send(json.dumps(said))
-
-    def ask(self, *names):
-        """Ask for parameters and for what becomes of them."""
-        self._socket.send(json.dumps({"op": "getParameters", "parameterNames": list(names), "id": "g"}))
-        self._socket.send(json.dumps({"op": "subscribeParameterUpdates", "parameterNames": list(names)}))
 
     def control(self, play, speed=1.0, seek_ns=None):
         """Play or pause, at a speed, from a time on."""

@@ -74,11 +74,7 @@ def test_every_builtin_fault_makes_a_case_that_some_detector_or_none_is_said_to_
     [
         ("iotsekf", "hydraulic.ofc_liquid", "designed"),
         ("iotsekf", "hydraulic.ofc_liquid@command", "blind"),  # enters before the valve command that the filter takes
-        (
-            "rtsekf_flight",
-            "hydraulic.runaway",
-            "blind",
-        ),  # it must stay quiet
+        ("rtsekf_flight", "hydraulic.runaway", "blind"),  # it must stay quiet
         ("rtsekf_flight", "hydraulic.rod", "designed"),
         ("rfafe", "sensor.alpha", "blind"),  # no airframe output contributes
         ("lpv_smo", "sensor.alpha", "designed"),
@@ -111,6 +107,3 @@ def test_case_tells_places_of_entry_apart():
     assert coverage.case_of("bias", "elevator.left_inner.rod", tech) == "hydraulic.rod"
     assert coverage.case_of("bias", "sensor.alpha", tech) == "sensor.alpha"
     assert coverage.case_of("thrust_loss", "engine.2", tech) == "engine"
-
-
-# -- statistics, by hand -----------------------------------------------------------------------------------------------

@@ -1,14 +1,13 @@
 """Memory and disk of a log are bounded: parts of a topic are read alone, what would not fit is refused before."""
 
-import shutil
 import tracemalloc
 
 import numpy as np
 import pytest
 
 import cosim
-from cosim.judge import column_store
-from cosim.log import LogError, LogWriter, Topic, fits, open_log
+from cosim.judge import store
+from cosim.log import LogWriter, Topic, open_log
 from cosim.replay import recording
 from cosim.report import flight_report
 
@@ -39,24 +38,11 @@ def test_a_part_of_a_topic_has_the_bits_of_the_whole(path):
         log.frame("/a", fields=["v"])
 
 
-def test_what_could_not_be_read_again_or_has_no_place_is_refused_before_take_off(tmp_path, monkeypatch):
-    long = cosim.load_scenario("cruise", ["duration_s=36000", "rate_hz=200"])
-    with pytest.raises(LogError, match=r"a\.mcap: a log of 36000 s would hold .* GB, more than is read"):
-        cosim.simulate(long, log=tmp_path / "a.mcap")
-    topics = [Topic("/a", ("x",), ("-",), [0])]
-    fits(tmp_path / "a.mcap", topics, 1000, 0.005)
-    used = shutil.disk_usage(tmp_path)
-    monkeypatch.setattr(shutil, "disk_usage", lambda folder: used._replace(free=1000))
-    with pytest.raises(LogError, match="its disk has 0 MB left"):
-        fits(tmp_path / "new" / "a.mcap", topics, 1_000_000, 0.005)
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_page_holds_few_numbers_per_tick(tmp_path, monkeypatch):
     """Of what a flight logs at a tick (some 500 numbers) its page holds a few columns at a time."""
     monkeypatch.setattr(recording, "SMALL", 0)
     monkeypatch.setattr("cosim.log.reader.CACHE_BYTES", 1 << 20)
-    monkeypatch.setattr(column_store, "MEMORY", 0)
+    monkeypatch.setattr(store, "LARGE", 0)
 
     def peak(seconds):
         asked = [f"duration_s={seconds}", "detectors.enabled=['iotsekf', 'lpv_smo']", "elevator.feedback=measured"]

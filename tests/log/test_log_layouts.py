@@ -50,21 +50,6 @@ def test_the_plotjuggler_layout_has_the_same_pages():
         assert len(splitter) == int(splitter.get("count")) == len(splitter.get("sizes").split(";"))
 
 
-def test_the_foxglove_layout_is_built_as_the_sdk_builds_one():
-    sdk = pytest.importorskip("foxglove.layouts", reason="foxglove-sdk is an extra (live)")
-    ours = json.loads(
-        viewer_layouts(TOPICS, (("A", (("Alarm", "detectors", ("alarm",)),)),))["layout.foxglove.json"][1]
-    )
-    series = [sdk.PlotSeries(value=f"{t.channel}.left_inner.alarm", timestamp_method="publishTime") for t in TOPICS[1:]]
-    plot = sdk.PlotPanel(title="Alarm", config=sdk.PlotConfig(paths=series))
-    split = sdk.SplitContainer(direction="column", items=[sdk.SplitItem(content=plot)])
-    place = sdk.SplitContainer(
-        items=[sdk.SplitItem(proportion=2, content=sdk.ThreeDeePanel()), sdk.SplitItem(content=sdk.LogPanel())]
-    )
-    tabs = [sdk.TabItem(title="A", content=split), sdk.TabItem(title="Place", content=place)]
-    assert ours == json.loads(sdk.Layout(content=sdk.TabContainer(tabs=tabs)).to_json())
-
-
 def test_a_live_layout_has_a_filled_panel_per_service_as_the_sdk_builds_one():
     sdk = pytest.importorskip("foxglove.layouts", reason="foxglove-sdk is an extra (live)")
     first, *rest = json.loads(live_layout(TOPICS, {"heal": {"fault": 0}}))["content"]["tabs"]
@@ -76,10 +61,6 @@ def test_a_live_layout_has_a_filled_panel_per_service_as_the_sdk_builds_one():
     split = sdk.SplitContainer(direction="column", items=[sdk.SplitItem(content=call)])
     layout = json.loads(sdk.Layout(content=sdk.TabContainer(tabs=[sdk.TabItem(title="a", content=split)])).to_json())
     (expected,) = layout["content"]["tabs"][0]["content"]["items"]
-    made, parameters = first["content"]["items"][0]["content"]["items"]
-    assert made == expected and parameters["content"]["panelType"] == "Parameters"
+    (made,) = first["content"]["items"][0]["content"]["items"]
+    assert made == expected
     assert live_layout(TOPICS, {}) == viewer_layouts(TOPICS)["layout.foxglove.json"][1]
-
-
-def test_no_topic_gives_layouts_without_a_plot():
-    assert b"curve" not in viewer_layouts([])["layout.plotjuggler.xml"][1]

@@ -1,6 +1,5 @@
 """A log that a kill, a full disk or a bad disk has cut gives back every whole chunk."""
 
-import importlib
 import os
 import time
 
@@ -22,7 +21,7 @@ def whole(tmp_path_factory):
 
 def _ends(path):
     """Return where each chunk record of a log ends, without its message indexes."""
-    return [c.offset + c.length for c in open_log(path).chunks]
+    return [c.end for c in open_log(path).chunks]
 
 
 def _check(path, v, ticks):
@@ -31,26 +30,6 @@ def _check(path, v, ticks):
     for topic in TOPICS:
         assert same_bits(log.array(topic.name), expected(v, topic, ticks))
     return log
-
-
-def test_what_changes_while_it_is_read_is_not_copied_unchecked(whole, tmp_path, monkeypatch):
-    """Another program writes into the log right after a chunk was checked."""
-    rewrite = importlib.import_module("cosim.log.recover")  # the package has a function of that name
-    path, load = tmp_path / "log", rewrite.load
-    path.write_bytes(whole.read_bytes()[:-200])
-    middle = [c.data_offset + c.data_size // 2 for c in open_log(whole).chunks]
-
-    def checked(*args):
-        found = load(*args)
-        with path.open("r+b") as file:
-            file.seek(middle.pop(0))
-            file.write(b"\xff" * 8)
-        return found
-
-    monkeypatch.setattr(rewrite, "load", checked)
-    recover(path, tmp_path / "out")
-    monkeypatch.undo()
-    _check(tmp_path / "out", vectors(230), np.arange(230))
 
 
 def test_a_cut_anywhere_keeps_every_whole_chunk(whole, tmp_path):
@@ -71,7 +50,7 @@ def test_a_cut_anywhere_keeps_every_whole_chunk(whole, tmp_path):
             continue
         report = recover(tmp_path / "cut", tmp_path / "out")
         kept = sum(end <= cut for end in ends)
-        assert report["chunks"] == kept and report["parameters_intact"] and report["lost"]
+        assert report["chunks"] == kept and report["lost"]
         log = _check(tmp_path / "out", v, np.arange(min(230, kept * ROWS)))
         assert log.metadata["run"] == {"seed": "0", "unit": "µ"} and "recovered" in log.metadata
         assert report["complete"] == log.complete
@@ -93,43 +72,11 @@ def test_a_bad_chunk_in_the_middle_costs_only_itself(whole, tmp_path):
         assert log_info(tmp_path / "out")["gaps"] == (0 if number == 4 else ROWS)  # the last leaves none
 
 
-def test_a_tolerant_reader_gives_what_is_whole_and_lists_what_is_not(whole, tmp_path):
-    v, data = vectors(230), bytearray(whole.read_bytes())
-    chunk = open_log(whole).chunks[1]
-    data[chunk.offset + 300] ^= 1
-    (tmp_path / "bad").write_bytes(data[:-100])
-    log = open_log(tmp_path / "bad", tolerant=True)
-    ticks = np.array([k for k in range(230) if k // ROWS != 1])
-    assert (log.ticks("/truth") == ticks).all() and not log.complete
-    assert same_bits(log.array("/truth"), expected(v, TOPICS[0], ticks))
-    assert {d.offset for d in log.damage} >= {chunk.offset}
-
-
-def test_a_damaged_length_is_passed_by_with_the_help_of_the_summary(whole, tmp_path):
-    v, chunks = vectors(230), open_log(whole).chunks
-    data = bytearray(whole.read_bytes())
-    data[chunks[1].offset + 3] ^= 0xFF
-    (tmp_path / "bad").write_bytes(data)
-    recover(tmp_path / "bad", tmp_path / "out")
-    _check(tmp_path / "out", v, np.array([k for k in range(230) if k // ROWS != 1]))
-
-
-def test_damaged_parameters_are_said_to_be_damaged(whole, tmp_path):
-    data = whole.read_bytes()
-    assert data.count(b"seed = 0\n") == 1
-    for old, new in ((b"seed = 0\n", b"seed = 1\n"), ("µ".encode(), b"mu")):
-        (tmp_path / "bad").write_bytes(data.replace(old, new))
-        report = recover(tmp_path / "bad", tmp_path / "out")
-        assert not report["parameters_intact"] and report["ticks"] == 230 and not report["complete"]
-        assert open_log(tmp_path / "out").metadata["recovered"]["parameters_intact"] == "false"
-
-
 def test_a_whole_log_comes_back_whole(whole, tmp_path):
     report = recover(whole, tmp_path / "out")
     assert report["complete"] and not report["lost"]
     assert open_log(tmp_path / "out").result == open_log(whole).result
-    before, after = (log.arrays(log.topics) for log in (open_log(whole), open_log(tmp_path / "out")))
-    assert {n: v.tobytes() for n, v in after.items()} == {n: v.tobytes() for n, v in before.items()}
+    _check(tmp_path / "out", vectors(230), np.arange(230))
 
 
 def test_a_log_is_not_recovered_onto_itself_nor_from_nothing(whole, tmp_path):

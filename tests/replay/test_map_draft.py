@@ -52,6 +52,7 @@ def test_a_draft_is_a_map_of_which_only_what_is_sure_flies(tmp_path):
     made = CliRunner().invoke(cli.app, ["map", str(path), "-o", str(tmp_path / "map.toml"), "--json"])
     text = (tmp_path / "map.toml").read_text()
     assert made.exit_code == 0 and json.loads(made.stdout)["toml"] == text
+    assert CliRunner().invoke(cli.app, ["map", str(path)], env={"COLUMNS": "40"}).stdout == text
     found = tomllib.loads(text)
     assert found["signals"] == {"alpha": {"channel": "AOA_DEG", "unit": "deg"}} and found["time"] == "Time (ms)"
     assert '# not used: "HUM"' in text and '# not used: "note"' in text

@@ -68,7 +68,7 @@ def test_a_rollout_that_is_called_gives_the_bits_of_a_compiled_sweep(flight):
 
 def test_one_ulp_in_one_logged_input_is_found_and_located(flight, tmp_path):
     log = open_log(flight)
-    read = log.arrays(log.topics)
+    read = {name: np.array(log.array(name)) for name in log.topics}
     column = log.topics["/sensors/left_inner"].fields.index("rod")
     read["/sensors/left_inner"][700, column] = np.nextafter(read["/sensors/left_inner"][700, column], np.inf)
     with Overlay(log, [], tmp_path / "ulp.mcap") as out:

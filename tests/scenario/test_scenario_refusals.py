@@ -8,6 +8,7 @@ from scenario_tables import OFC, POINT, fault, flight
 from cosim.campaign.spec import load_campaign
 from cosim.errors import CosimError, ScenarioError
 from cosim.scenario import load_scenario, parse
+from cosim.scenario.aircraft import load_aircraft
 
 JAM = fault("elevator.left", "jam_solid")
 THRUST = fault("engine.all", "thrust_loss", loss_pct=60.0)
@@ -241,3 +242,14 @@ def test_a_value_of_any_type_in_a_fault_is_refused_in_a_line(key, value):
         assert key in str(error)
     else:
         assert (key, value) in [("when", None), ("path", None), ("shape", None), ("at", None)], "was taken"
+
+
+@pytest.mark.parametrize("part", load_aircraft().travels_deg)
+def test_the_limit_of_a_runaway_lies_within_the_travel(part):
+    low, high = load_aircraft().travels_deg[part]
+    target = {"elevator": "elevator.left_inner", "aileron": "aileron.left"}.get(part, part)
+    keys = [f"faults.0.target={target}", "faults.0.rate_deg_s=0.3", *(["faults.0.at=command"] * (part == "elevator"))]
+    for limit in (low, high):
+        load_scenario("rudder-runaway", [*keys, f"faults.0.limit_deg={limit}"])
+        with pytest.raises(ScenarioError, match=f"limit_deg = .*allowed: {low:g} to {high:g}"):
+            load_scenario("rudder-runaway", [*keys, f"faults.0.limit_deg={limit * 1.01}"])

@@ -1,7 +1,6 @@
 """Gain of the closed servo loop, flown: from millimetres of rod to the valve's or drive's unit."""
 
 import functools
-import inspect
 import math
 
 import numpy as np
@@ -25,8 +24,7 @@ def liquid_gain(technology: str, omega: float, dt: float, own: Own = ()) -> floa
     """Return position amplitude [m] per unit added at the valve [1] or drive [A], servo closed, no load, no friction:
     by flying it at `omega` [rad/s]. `own` is what an aircraft's actuators differ in."""
     given = technology, float(omega), float(dt), tuple(own)
-    source = inspect.getfile(TECHNOLOGIES[technology].build)  # type: ignore[arg-type]
-    return float(kept(given, float, lambda: np.array([_flown(*given)]), __file__, source)[0])
+    return float(kept(given, float, lambda: np.array([_flown(*given)]), __file__)[0])
 
 
 def _flown(technology, omega, dt, own):

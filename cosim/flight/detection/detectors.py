@@ -87,7 +87,6 @@ ENGINES = load_aircraft().engines
 N1 = tuple(f"n1_{name}" for name in load_aircraft().engine_names)
 _FITS: dict[tuple, np.ndarray] = {}  # of shipped detectors, by all that their designs depend on
 MOST_FITS = 256
-_SITE = Path(__file__).with_name("detector_context.py")
 
 
 def _fit(detector, site, own, words, stored):
@@ -101,9 +100,7 @@ def _fit(detector, site, own, words, stored):
             _FITS.clear()
         about = detector.id, place, contents(own.folder, stamps(own.folder)), *sorted(words.items()), stored
         made = functools.partial(detector.record.fit, site, **words)
-        read = {vocabulary.detector_of(word) for word in detector.record.inputs.values()} - {""}
-        sources = [registry.module(name).__file__ for name in (detector.id, *sorted(read))]
-        _FITS[key] = kept(about, detector.module.PARAMS, made, *sources, _SITE)
+        _FITS[key] = kept(about, detector.module.PARAMS, made, str(detector.module.__file__))
     return _FITS[key]
 
 

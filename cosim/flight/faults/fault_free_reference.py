@@ -1,14 +1,13 @@
 """Fault-free reference of a flight, and how far a fault moves its elevator against it.
 
 Same flight point, seed, noise and manoeuvre: what differs is the fault and what the law and the servos do about it. The
-twin flies without detectors (but those that a servo closes on). Until the first fault it is the flight itself: a copy
-of the process flies on without the faults from there, while the flight goes on with them. Where a process cannot be
-copied the twin flies all of it. The last twins are kept, so that runs that differ in their fault only share one.
+reference flies without detectors (but those that a servo closes on). Until the first fault it is the flight itself: a
+copy of the process flies on without the faults from there, while the flight goes on with them. Where a process cannot
+be copied it flies all of it. The last ones are kept, so that runs that differ in their fault only share one.
 What is measured of the difference stands in cosim/judge/fault_effect.py.
 """
 
 import ctypes
-import functools
 import gc
 import math
 import mmap
@@ -22,31 +21,32 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.flight.build import Setup, build
 from cosim.flight.fly import fly, onwards
 from cosim.flight.loop.schedule import Tape
 from cosim.flight.tick import order
-from cosim.judge.column_store import SPAN, Columns, ColumnStore
-from cosim.judge.fault_effect import moved as of_segment
+from cosim.judge.fault_effect import moved
+from cosim.judge.store import column_store
 from cosim.scenario import Scenario, parse
 
-KEPT = 16  # twins
+KEPT = 16  # flights without faults
 WAITS_FOR_PARENT = "parent"  # name of a thread that holds no lock
 _PR_SET_PDEATHSIG = 1  # of Linux: which signal a process gets when the one that started it ends
-_positions: OrderedDict[str, ColumnStore] = OrderedDict()  # TOML of a flight without faults -> `positions`
+_positions: OrderedDict[str, NDArray] = OrderedDict()  # TOML of a flight without faults -> `positions`
 
 
 def achieved(scenario: Scenario) -> dict[str, dict]:
-    """Fly `scenario` and its twin; return what its faults did to the segments that they act on.
+    """Fly `scenario` with and without its faults; return what these did to the segments that they act on.
 
-    {segment: {rod_mm, surface_deg, travel_pct, amplitude_mm, amplitude_deg}}: the first three are peaks. Costs a flight
-    and the twin. Raises TrimError.
+    {segment: {rod_mm, surface_deg, travel_pct, amplitude_mm, amplitude_deg}}: the first three are peaks. Raises
+    TrimError.
     """
     setup = build(scenario)
-    with Twin(setup) as twin:
-        rows, *_ = fly(setup, pause=twin.pause)
-        return twin.moved(rows)
+    with FaultFreeRun(setup) as reference:
+        rows, *_ = fly(setup, pause=reference.pause)
+        return reference.displacement(rows)
 
 
 def faulted(scenario: Scenario) -> dict[str, list]:
@@ -58,12 +58,13 @@ def faulted(scenario: Scenario) -> dict[str, list]:
     return out
 
 
-class Twin:
-    """The twin of a built flight that is about to be flown: `pause` is for `fly`, then `moved` says what it shows."""
+class FaultFreeRun:
+    """A built flight without its faults, from the first onset on in a copy of the process. `pause` is for `fly`, then
+    `displacement` says how far the faults have moved the elevators."""
 
     def __init__(self, setup: Setup):
         self._setup, self._segments = setup, faulted(setup.scenario)
-        self._key = _quiet(setup.scenario).expanded_toml() if self._segments else ""  # of the twin
+        self._key = _quiet(setup.scenario).expanded_toml() if self._segments else ""  # of this run
         self._child, self._first = 0, 0  # its process, and its first tick
         self._rows, self._flown = np.zeros((0, 0), np.float32), np.zeros(1, np.int64)  # what it writes
         self.pause: tuple[int, Any] | None = None
@@ -73,7 +74,7 @@ class Twin:
 
     def _part(self, k):
         """Fly on without the faults from tick `k`, in a copy of this process."""
-        n, columns = self._setup.ticks, _columns(self._setup.trace)
+        n, columns = self._setup.ticks, _columns(_places(self._setup.trace))
         self._rows = np.frombuffer(mmap.mmap(-1, 4 * len(columns) * n), np.float32).reshape(n, -1)
         self._flown = np.frombuffer(mmap.mmap(-1, 8), np.int64)
         self._first, self._child = k, os.fork()
@@ -86,29 +87,33 @@ class Twin:
             finally:
                 os._exit(1)
 
-    def moved(self, rows: Any) -> dict[str, dict]:
+    def displacement(self, rows: NDArray) -> dict[str, dict]:
         """Return what `achieved` returns, from the rows of the flight flown; {} when no fault acts on an elevator."""
         if not self._segments:
             return {}
         trace, scenario = self._setup.trace, self._setup.scenario
-        twin = self._positions(rows)
-        n, out = min(len(rows), len(twin)), {}
-        for seg, faults in self._segments.items():
-            difference = Columns(functools.partial(_apart, trace, rows, twin, seg), n)
-            out[seg] = of_segment(difference, faults, scenario.dt, scenario.aircraft.travel)
+        reference, places, out = self._reference(rows), _places(trace), {}
+        n = min(len(rows), len(reference))
+        for segment, faults in self._segments.items():
+            i = 2 * list(trace.surface).index(segment)
+            difference = _placed(places[i : i + 2], rows[:n]).astype(float) - reference[:n, i : i + 2]
+            out[segment] = moved(difference, faults, scenario.dt, scenario.aircraft.travel)
         return out
 
-    def _positions(self, rows):
-        """Return `positions` of the twin; `rows` are those of the flight."""
+    def _reference(self, rows):
+        """Return `positions` without the faults; `rows` are those of the flight."""
         if self._child:
             child, self._child = self._child, 0
             if os.waitpid(child, 0)[1] == 0:
-                column = {c: i for i, c in enumerate(_columns(self._setup.trace))}
-                rest = Columns(lambda c, a, b: self._rows[a:b, column[c]], int(self._flown[0]), self._first)
-                _keep(self._key, _stored(self._setup.trace, rows[: self._first], rest))
+                places = _places(self._setup.trace)
+                columns = _columns(places)
+                own = [(None if c is None else columns.index(c), gain) for c, gain in places]
+                reference = _placed(own, self._rows[: int(self._flown[0])])
+                reference[: self._first] = _placed(places, rows[: self._first])
+                _keep(self._key, reference)
         return positions(self._key)
 
-    def __enter__(self) -> "Twin":
+    def __enter__(self) -> "FaultFreeRun":
         return self
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
@@ -133,18 +138,17 @@ def _quietly(setup, k, index, rows):
     quiet = _quiet(setup.scenario).running
     loop = replace(setup.loop, detectors=[d for d in setup.loop.detectors if d.name in quiet])
     loop.faults.p["start"] = np.inf
-    loop.plant.hide()
     tape = Tape(loop.v, loop.dt)
     order(loop, tape, keep=(index, rows))
     return onwards(loop, tape, range(k, len(rows)))[0]
 
 
-def positions(scenario_toml: str) -> ColumnStore:
+def positions(scenario_toml: str) -> NDArray:
     """Return columns (ticks, 8) of a flight: per segment rod [m], NaN where it has none, and surface [rad]."""
     if scenario_toml not in _positions:
         setup = build(parse(tomllib.loads(scenario_toml)))
         rows, *_ = fly(setup)
-        _keep(scenario_toml, _stored(setup.trace, rows))
+        _keep(scenario_toml, _placed(_places(setup.trace), rows))
     _positions.move_to_end(scenario_toml)
     return _positions[scenario_toml]
 
@@ -171,25 +175,13 @@ def _places(trace):
     return [place for rod, column in zip(rods, trace.surface.values()) for place in (rod, (column, 1.0))]
 
 
-def _columns(trace):
-    return [column for column, _ in _places(trace) if column is not None]
+def _columns(places):
+    return [column for column, _ in places if column is not None]
 
 
-def _read(rows, column, gain):
-    """Return one of the places (ticks,) in single precision, NaN without a column."""
-    return np.full(len(rows), np.nan, np.float32) if column is None else np.asarray(gain * rows[:, column], np.float32)
-
-
-def _stored(trace, *parts):
-    """Return `positions` from the rows (ticks, columns of the trace) of a flight's parts."""
-    out = ColumnStore()
-    for part in parts:
-        for a in range(0, len(part), SPAN):
-            out.append(np.stack([_read(part[a : a + SPAN], *place) for place in _places(trace)], axis=1))
+def _placed(places, rows):
+    """Return (ticks, places) in single precision of the rows (ticks, columns); NaN where a place has no column."""
+    out = column_store(len(rows), len(places))
+    for i, (column, gain) in enumerate(places):
+        out[:, i] = np.nan if column is None else gain * rows[:, column]
     return out
-
-
-def _apart(trace, rows, twin, segment, c, first, stop):
-    """Return the difference of a flight and its twin in the rod [m] (c = 0) or the surface [rad] (1) of a segment."""
-    i = 2 * list(trace.surface).index(segment) + c
-    return _read(rows[first:stop], *_places(trace)[i]).astype(float) - twin[first:stop, i]

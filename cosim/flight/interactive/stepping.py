@@ -12,26 +12,31 @@
 What is injected becomes a fault of the flight's scenario that starts now. The flight is then built anew from that
 scenario and flown to now, a hundred times as fast as the clock, and found to be the same to the last bit. So nothing of
 the loop needs to know about it, and the log, which is flown once more when the flight is closed, is byte for byte that
-of `cosim run` on `flight.flown()`.
+of `cosim run` on `flight.flown()`. Until then LOG.flown.toml holds the scenario as it was changed last.
 """
 
 import os
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cosim.errors import ScenarioError, told_at_call
+from cosim.files import claim, marked, replace_text
 from cosim.flight.build import Setup, build
 from cosim.flight.faults.conditions import resolved
 from cosim.flight.fly import CHECK_EVERY, health
-from cosim.flight.interactive.journal import Journal
 from cosim.flight.loop.recorder import topics
 from cosim.flight.simulate import simulate
 from cosim.judge.result import Result
+from cosim.log.format import OURS
 from cosim.scenario import Scenario, load_scenario, parse, vocabulary
 from cosim.scenario.fault import NEVER_S
 from cosim.scenario.load import retitled
+
+HEAD = "# The scenario of a flight as it was changed by hand; `cosim run` flies it again.\n"
+CHANGED = marked(HEAD.encode())
 
 
 class Signals(Mapping):
@@ -69,23 +74,19 @@ class Flight:
     """Fly a scenario tick by tick; faults are injected and healed while it flies.
 
     `scenario` is a Scenario or what `cosim.load_scenario` takes, `log` the path of the log that is written when the
-    flight is closed, or None; of one that is killed `cosim recover LOG` makes it. `flightgear` is a UDP port of
-    this machine where FlightGear shows the flight. `scenario` of the flight holds what was injected, `tick` and
-    `time` [s] count what was flown, `status` is "flying", "completed", "departed" or "diverged". Raises TrimError
-    when the point cannot be flown.
+    flight is closed, or None; a flight that is killed flies again by LOG.flown.toml. `scenario` of the flight holds
+    what was injected, `tick` and `time` [s] count what was flown, `status` is "flying", "completed", "departed" or
+    "diverged". Raises TrimError when the point cannot be flown.
     """
 
     @told_at_call
-    def __init__(
-        self, scenario: Scenario | str | os.PathLike, *, log: str | os.PathLike | None = None,
-        flightgear: int | None = None,
-    ):  # fmt: skip
+    def __init__(self, scenario: Scenario | str | os.PathLike, *, log: str | os.PathLike | None = None):
         self.scenario = resolved(scenario if isinstance(scenario, Scenario) else load_scenario(scenario))
-        self.log, self._journal = log, Journal(log)
+        self.log = log
+        for path, sign in ((log, OURS), (self._changed, CHANGED)) if log is not None else ():
+            claim(path, sign)
         self.tick, self.status, self.reason = 0, "flying", ""
-        self._flightgear = flightgear
-        self._setup = build(self.scenario, flightgear)
-        self._setup.loop.plant.show()
+        self._setup = build(self.scenario)
         self._last, self._sink = self._setup.loop.v.copy(), self._keep
         self._result: tuple[int, Result] | None = None
 
@@ -139,8 +140,6 @@ class Flight:
         self.tick += 1
         if self.tick >= self.scenario.ticks and self.status == "flying":
             self.status = "completed"
-        if self.tick == 1 or self.tick % CHECK_EVERY == 0:
-            self._journal.write(self.flown)
 
     def _keep(self, v):
         self._last = v.copy()
@@ -189,17 +188,21 @@ class Flight:
             raise ScenarioError(f"the flight is {self.status}", place=f"at {self.time:g} s")
         table = self.scenario.model_dump(mode="json", exclude_none=True)
         changed = resolved(retitled(parse({**table, "faults": faults}, place="inject")))
-        setup = build(changed, self._flightgear)
+        setup = build(changed)
         before = self._setup.loop
         for k in range(self.tick):
             setup.loop.tape(self._sink).run(k)
         if setup.loop.truth.tobytes() != before.truth.tobytes():  # cannot be: a fault that is to come changes nothing
             raise ScenarioError("the flight to here would be another one with this fault", place="inject")
-        setup.loop.plant.show()
         self.scenario, self._setup = changed, setup
         self._result = None
-        if self.tick:
-            self._journal.write(self.flown, now=True)
+        if self.log is not None:
+            replace_text(self._changed, HEAD + changed.expanded_toml(), CHANGED)
+
+    @property
+    def _changed(self):
+        """Return where the scenario as changed stands until the log is written."""
+        return Path(f"{os.fspath(self.log or '')}.flown.toml")
 
     def flown(self) -> Scenario:
         """Return the scenario of what was flown so far: with every fault, ending now."""
@@ -214,10 +217,15 @@ class Flight:
         if not self.tick:
             raise ScenarioError("nothing was flown yet", remedy="Call step() first")
         if self._result is None or self._result[0] != self.tick:
-            self._result = self.tick, simulate(self.flown(), log=self.log, achieved=True, timed=False)
-            if self._result[1].status != "interrupted":
-                self._journal.done()
+            self._result = self.tick, self.fly_again(timed=False)
         return self._result[1]
+
+    def fly_again(self, **how: Any) -> Result:
+        """Fly what was flown once more, write its log and return its Result; `how` is for `simulate`."""
+        result = simulate(self.flown(), log=self.log, achieved=True, **how)
+        if self.log is not None and result.status != "interrupted":
+            self._changed.unlink(missing_ok=True)
+        return result
 
     def close(self) -> None:
         """Write the log, if there is to be one."""

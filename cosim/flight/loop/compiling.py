@@ -4,9 +4,8 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from types import ModuleType
 
-from actuators import block
 from actuators.block import Entry
-from actuators.object_cache import PLAIN, Native
+from actuators.object_cache import Native
 from actuators.precompile import compile_ahead
 from actuators.registry import SHIPPED
 from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
@@ -27,8 +26,8 @@ def shipped() -> dict[str, ModuleType]:
 
 
 def every() -> list[Native]:
-    """Return the compiled functions of every block that ships, of the tape, and of a replay."""
-    return [*(m.rollout.native for m in shipped().values()), schedule.WALK, block.SWEEP]
+    """Return the compiled functions of every block that ships, and of the tape."""
+    return [*(m.rollout.native for m in shipped().values()), schedule.WALK]
 
 
 def _actuators(technologies):
@@ -40,17 +39,12 @@ def _blocks(modules):
 
 
 def functions(scenario: Scenario) -> dict[str, Native]:
-    """Return {module: its compiled function} of every block that a flight of `scenario` steps, of its tape, and of
-    what writes and reads its log and replays it; none where nothing is compiled (NUMBA_DISABLE_JIT=1)."""
-    if PLAIN:
-        return {}
+    """Return {module: its compiled function} of every block that a flight of `scenario` steps, and of its tape."""
     used = dict.fromkeys((*scenario.elevator.technology.values(), "simple"))
     own = [d.module for d in detectors.chosen(scenario)]
     modules = [m for m in own if isinstance(m, ModuleType)]  # what takes longest comes first; guests elsewhere
     blocks = _blocks([*modules, *_actuators(used), *LOOP])
-    others = {schedule.__name__: schedule.WALK}
-    others[block.__name__] = block.SWEEP
-    return {**{name: m.rollout.native for name, m in blocks.items()}, **others}
+    return {**{name: m.rollout.native for name, m in blocks.items()}, schedule.__name__: schedule.WALK}
 
 
 def prepare(scenario: Scenario, tell: Callable[[int, int], None] | None = None) -> int:

@@ -14,7 +14,7 @@ import numpy as np
 from actuators.block import unit
 from cosim.flight.blocks import faults, hinge_model, law, sensors
 from cosim.flight.detection import detectors
-from cosim.log import LogWriter, Pose, Topic, fits, viewer_layouts
+from cosim.log import LogWriter, Pose, Topic, viewer_layouts
 from cosim.scenario import toml, user_parts, vocabulary
 from cosim.scenario.catalog import TECHNOLOGIES
 from fdi import registry
@@ -125,7 +125,6 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
         "trim": {k: repr(v) for k, v in vars(setup.trim).items() if isinstance(v, float)},
         "libraries": {"jsbsim": _version("jsbsim"), "numpy": np.__version__, "numba": _version("numba")},
     }  # fmt: skip
-    fits(path, channels, setup.ticks, loop.dt)
     writer = LogWriter(
         path, channels, n_values=len(loop.v), dt_ns=round(loop.dt * 1e9), metadata=metadata, attachments=attachments,
         pose=None if profile == "replay" else pose(loop.bus), compression="zstd" if profile else "lz4",

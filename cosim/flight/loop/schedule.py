@@ -5,16 +5,33 @@ Python, which gets the tick. `walk` in cosim/flight/loop/schedule_kernel.py does
 means. Every array whose address is in a row is kept by the tape.
 """
 
+import ctypes
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from actuators.block import Entry
-from actuators.object_cache import of_wholes
+from actuators.object_cache import Native
 from cosim.flight.loop.operations import ADD, CLOCK, COPY, GET, KEEP, NOISE, PUT, SCALE, SCATTER, STEP, TRUTH, WIDTH
 
-WALK = of_wholes("cosim.flight.loop.schedule_kernel", "walk", 5, f"{__name__}:WALK")
+KERNEL = Path(__file__).with_name("schedule_kernel.py")
+READS = ("cosim/flight/loop/schedule_kernel.py", "cosim/flight/loop/operations.py",
+         "cosim/flight/plant/jsbsim_signals.py")  # fmt: skip
+
+
+def _walk():
+    """Return what Numba compiles: it and the kernel are imported only then."""
+    from numba import types
+
+    from cosim.flight.loop.schedule_kernel import walk
+
+    return walk, (types.int64,) * 5
+
+
+WALK = Native("cosim.flight.loop.schedule_kernel", KERNEL, (ctypes.c_int64,) * 5, _walk, f"{__name__}:WALK",
+              reads=READS)  # fmt: skip
 
 
 class Block:
@@ -73,7 +90,7 @@ class Tape:
         self._row(TRUTH, len(raw), self._at(raw), self._at(scale), start, self._at(frame))
 
     def get(self, nodes: np.ndarray, getter: Any, out: np.ndarray) -> None:
-        """out = what the getter at an address gives for each of the nodes (cosim/flight/plant/property_pointers.py)."""
+        """out = what the getter at an address gives for each of the nodes (cosim/flight/plant/fast_properties.py)."""
         self._row(GET, len(nodes), self._at(nodes), getter, self._at(out))
 
     def put(self, nodes: np.ndarray, setter: Any, values: np.ndarray) -> None:

@@ -4,6 +4,7 @@ One indexed copy of the bus per tick in single precision (codes are exact, resid
 stays fast and ten minutes stay small.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,11 +13,9 @@ from numpy.typing import NDArray
 
 from actuators.constants import M_S_PER_KT
 from cosim.flight.loop.bus import Bus
-from cosim.judge.consequences import MOTION, consequences
-from cosim.judge.detection import Watch, watch_of
-from cosim.judge.detection import columns as read
+from cosim.judge.detection import JudgedLane, outputs_read
 from cosim.judge.estimation import plan
-from cosim.judge.runs import BLOCK
+from cosim.judge.fault_effect import MOTION, consequences
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import LOOP_SENSOR, TECHNOLOGIES
 
@@ -49,15 +48,15 @@ class Columns:
 class Trace:
     """Hold the columns of one flight: `rows[k] = v[index]` at every tick."""
 
-    def __init__(self, scenario: Scenario, bus: Bus, members: list[tuple]):
-        """`members` is [(id, level, target, culprits, section, lane)] of every detector lane."""
+    def __init__(self, scenario: Scenario, bus: Bus, detectors: Iterable[Any]):
+        """`detectors` are the Installed ones of the flight (cosim/flight/detection/detectors.py)."""
         columns, technology = Columns(bus), scenario.elevator.technology
-        self._watches = []
-        for name, level, target, culprits, section, lane in members:
-            outputs = bus.kinds[section].names or ()
-            at = {f: columns(f"{section}.{lane}.{f}") for f in read(culprits, outputs)}
-            estimate = plan(scenario, name, lane, columns)
-            self._watches.append(watch_of(name, level, target, culprits, at, estimate=estimate))
+        self._lanes = []
+        for d, lane in ((each, lane) for each in detectors for lane in each.lanes):
+            parts, outputs = d.module.CULPRITS, bus.kinds[d.id].names or ()
+            at = {f: columns(f"{d.id}.{lane}.{f}") for f in outputs_read(parts, outputs)}
+            estimate = plan(scenario, d.id, lane, columns)
+            self._lanes.append(JudgedLane(d.id, d.level, d.target(lane), parts, at, estimate))
         self.surface = {seg: columns(f"truth.aircraft.de_{s}") for seg, s in scenario.aircraft.short.items()}
         self.rod = {seg: _rod(columns, seg, TECHNOLOGIES[t], scenario.aircraft)
                     for seg, t in technology.items() if t in LOOP_SENSOR}  # fmt: skip
@@ -73,14 +72,11 @@ class Trace:
             return None
         low, high = scenario.aircraft.limits.cas_kt
         onset = round(min(starts) / scenario.dt)
-        blocks = (self._moved(rows[a : a + BLOCK]) for a in range(onset, len(rows), BLOCK))
-        return consequences(blocks, scenario.dt, (low * M_S_PER_KT, high * M_S_PER_KT))
-
-    def _moved(self, rows):
-        """Return (motion, hinge moments) of some rows, as `consequences` takes them."""
+        rows = rows[onset:]
+        motion = {name: rows[:, column] for name, column in self.motion.items()}
         hinge = (rows[:, hm0] + rows[:, hmd] * rows[:, de] for hm0, hmd, de in self.hinge)
-        return {name: rows[:, column] for name, column in self.motion.items()}, hinge
+        return consequences(motion, hinge, scenario.dt, (low * M_S_PER_KT, high * M_S_PER_KT))
 
-    def watches(self, step_us: dict[str, float]) -> list[Watch]:
-        """Return the Watch of every detector lane; `step_us` maps detector -> microseconds per step and lane."""
-        return [replace(w, step_us=step_us.get(w.id, float("nan"))) for w in self._watches]
+    def judged_lanes(self, step_us: dict[str, float]) -> list[JudgedLane]:
+        """Return every detector lane; `step_us` maps detector -> microseconds per step and lane."""
+        return [replace(lane, step_us=step_us.get(lane.id, float("nan"))) for lane in self._lanes]

@@ -12,13 +12,10 @@ misspelt; AB2 integrators, five times more accurate than the default; pitch rate
 drifts; load factors from this frame's forces, as JSBSim's own are one frame old.
 """
 
-import contextlib
 import functools
 import math
-import os
 import struct
-import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +25,10 @@ import numpy as np
 from actuators.constants import G0, M_PER_FT, M_S_PER_KT, N_PER_LBF
 from cosim.errors import ScenarioError, TrimError
 from cosim.flight.plant import gusts
+from cosim.flight.plant.fast_properties import fast_access
 from cosim.flight.plant.jsbsim_signals import border, to_si
 from cosim.flight.plant.model_load_check import fatal
 from cosim.flight.plant.point import POINTS, FlightPoint, loading
-from cosim.flight.plant.property_pointers import crossing
 from cosim.flight.plant.trim import EARTH_MERIDIAN, level, steady
 from cosim.scenario.aircraft import FOLDER
 
@@ -85,21 +82,18 @@ class _Quiet(jsbsim.FGLogger):
 class Plant:
     """One flight of an aircraft, stepped by `run`."""
 
-    def __init__(self, flight: FlightPoint, dt: float = 0.005, flightgear: int | None = None):
-        """Load the aircraft at `flight`'s mass, CG and multipliers; nothing flies before `trim` or `place`.
-
-        `flightgear` is a UDP port of this machine where FlightGear listens; it is told of the flight after `show`.
-        """
+    def __init__(self, flight: FlightPoint, dt: float = 0.005):
+        """Load the aircraft at `flight`'s mass, CG and multipliers; nothing flies before `trim` or `place`."""
         self.flight, self.dt, self.aircraft = flight, dt, flight.record
         self._logger = _Quiet()
         try:
-            self._load(flight, dt, flightgear)
+            self._load(flight, dt)
         except (RuntimeError, KeyError, ValueError) as error:
             said = " ".join([*self._logger.errors, str(error.args[0] if error.args else error)])
             place = str(self.aircraft.folder / f"{self.aircraft.name}.xml")
             raise ScenarioError(f"JSBSim cannot fly the model: {said}", place=place) from None
 
-    def _load(self, flight, dt, flightgear):
+    def _load(self, flight, dt):
         if self.aircraft.folder.parent != FOLDER and (said := fatal(self.aircraft.folder, self.aircraft.name)):
             raise RuntimeError(said)
         self.border = border(self.aircraft)
@@ -108,9 +102,6 @@ class Plant:
         fdm = self._fdm = jsbsim.FGFDMExec(None)
         fdm.set_aircraft_path(str(self.aircraft.folder.parent))
         fdm.set_dt(dt)
-        if flightgear is not None:
-            with directive(flightgear) as path:
-                fdm.set_output_directive(path)
         fdm.disable_output()
         if not fdm.load_model(self.aircraft.name):
             raise RuntimeError("it is not loaded")
@@ -253,7 +244,7 @@ class Plant:
 
     def tell(self, tape: Any, start: float) -> None:
         """Tell a tape to put the truth at t_k into the bus from position `start` on."""
-        if (how := crossing()) is None:
+        if (how := fast_access()) is None:
             tape.call(lambda k: self.fetch())
         else:
             tape.get(how.nodes(self.reads), how.get, self._raw)
@@ -267,18 +258,10 @@ class Plant:
     def tell_inputs(self, tape: Any, start: float) -> None:
         """Tell a tape to set the inputs that act at t_k+1 from what stands in the bus from position `start` on."""
         vector = tape.v[start : start + len(self.writes)]
-        if (how := crossing()) is None:
+        if (how := fast_access()) is None:
             tape.call(lambda k: self.write(vector))
         else:
             tape.put(how.nodes(self.writes), how.put, vector)
-
-    def show(self) -> None:
-        """Tell FlightGear of every frame from now on, where the plant was made with its port."""
-        self._fdm.enable_output()
-
-    def hide(self) -> None:
-        """Tell FlightGear no more."""
-        self._fdm.disable_output()
 
     def run(self) -> Any:
         """Advance by one step, through this flight's gusts."""
@@ -287,7 +270,7 @@ class Plant:
     def tell_run(self, tape: Any) -> None:
         """Tell a tape that begins at tick 0 to advance by one step, through this flight's gusts."""
         advance = self._advance
-        if self._gusts and (how := crossing()):
+        if self._gusts and (how := fast_access()):
             air, read, write = self._gusts
             air.tell(tape, how, read, write)
             advance = self._fdm.run
@@ -344,21 +327,3 @@ def bare_model(path: Path, dt: float, start: dict[str, float]) -> tuple[Callable
 _REFERENCE_LOGGER = _Quiet()  # kept here: JSBSim does not own it
 
 __all__ = ["POINTS", "FlightPoint", "Plant", "Port", "TrimError", "bare_model", "loading"]
-
-
-# FlightGear as a window on a flight: JSBSim's own output in FlightGear's native protocol, by UDP to this machine:
-#     fgfs --fdm=null --native-fdm=socket,in,50,,5500,udp     beside     cosim run cruise --live --flightgear 5500
-FLIGHTGEAR_HOST, FLIGHTGEAR_HZ = "127.0.0.1", 50  # frames a second of the flight
-DIRECTIVE = """<?xml version="1.0"?>
-<output name="{host}" type="FLIGHTGEAR" port="{port}" protocol="UDP" rate="{rate}"/>
-"""
-
-
-@contextlib.contextmanager
-def directive(port: int) -> Iterator[str]:
-    """Write JSBSim's output directive for FlightGear at UDP `port`, and give its path; it is read at once."""
-    with tempfile.TemporaryDirectory(prefix="cosim-") as folder:
-        path = os.path.join(folder, "flightgear.xml")
-        with open(path, "w", encoding="ascii") as file:
-            file.write(DIRECTIVE.format(host=FLIGHTGEAR_HOST, port=port, rate=FLIGHTGEAR_HZ))
-        yield path

@@ -4,19 +4,14 @@ import json
 import math
 from typing import Any
 
-import numpy as np
-
 from cosim.papers.alwi14.flights import SENSIBLE
 from cosim.papers.measured import apart, worst
 from cosim.training import lpv as design_lpv
 from fdi.lpv_smo import lpv_smo
 from fdi.lpv_smo import synthesis as lpv_smo_design
 
-ENTRIES = {"B51": ("B", 4, 0), "C51": ("C", 4, 0), "D51": ("D", 4, 0),
-           "A11": ("A", 0, 0), "A51": ("A", 4, 0), "A55": ("A", 4, 4)}  # fmt: skip
 
-
-def fit() -> Any:
+def _fit() -> Any:
     """Return what the stored design says about the fit on a second grid."""
     return json.loads(design_lpv.STORED.read_text(encoding="utf-8"))["fit"]
 
@@ -26,30 +21,22 @@ def certificate() -> dict[str, float]:
     return lpv_smo_design.verify(lpv_smo_design.load()[1])
 
 
-def entries() -> tuple[float, str]:
-    """Return (largest error of an entry of the affine fit over its largest value, each of them)."""
-    held = fit()
-    most, told = worst({name: np.array(held[m])[i, j] for name, (m, i, j) in ENTRIES.items()}, "{} {:.3f}")
-    modes = np.quantile(held["wn_error"], 0.95), max(held["zeta_error"])
-    return most, f"{told}; short-period frequency {modes[0]:.3f} at 95 %, damping {modes[1]:.3f}"
-
-
 def nearest() -> float:
     """Return the B51 nearest to zero at the 16 vertices [deg/s2 per deg]."""
-    return max(fit()["b51_vertices"])
+    return max(_fit()["b51_vertices"])
 
 
 def modulated() -> tuple[float, str]:
     """Return what (17) asks at least, the size of figure 2's faults (E f_e, f_n_z, f_alpha) at a vertex, over K."""
     elevator, *sensors = SENSIBLE
-    size = max(math.hypot(b51 * elevator, *sensors) for b51 in fit()["b51_vertices"])
+    size = max(math.hypot(b51 * elevator, *sensors) for b51 in _fit()["b51_vertices"])
     K = float(lpv_smo.params(model=lpv_smo_design.load()[0], made=lpv_smo_design.load()[1])["K"][0])
     return size / K, f"K {K:g}"
 
 
 def neglected() -> float:
     """Return the neglected B11 over B51."""
-    return fit()["b11"] / fit()["b51"]
+    return _fit()["b11"] / _fit()["b51"]
 
 
 def slowest() -> tuple[float, str]:

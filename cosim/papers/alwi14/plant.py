@@ -35,6 +35,7 @@ class Law:
         self.p, _ = designed(where, Plant(where, dt=h).trim(), h)
         self.x, self.u, self.h = law.init(self.p), np.zeros(1, law.INPUTS), h
         self.u["valid"] = 1.0
+        self.tick = law.rollout.bound(self.x, self.u.reshape(1, 1), self.p, h)
         self.moved = 0.0
 
     def command(self, t: float, y: Any) -> tuple[float, float]:
@@ -53,7 +54,7 @@ class Law:
         }
         self.u["y"][0] = [seen.get(name, 0.0) for name in law.SENSORS]
         self.u["nz_dem"] = sum(g for a, b, g in DEMAND if a <= t + 1e-9 < b)
-        law.step(self.x[0], self.u[0], own, self.h)
+        self.tick()
         self.moved += (1.0 - np.exp(-self.h / SERVO)) * ((self.x["de_cmd"][0] - own.de_0) / r - self.moved)
         return self.moved, (self.x["stab_cmd"][0] - own.stab_0) / r
 

@@ -32,18 +32,17 @@ def on_plant(which: int) -> float:
 
 
 @functools.cache
-def _worst(faults, draws=0, t_learn=0.0):
-    """Return the worst errors [%] of the means over the last 5 s, over the points and `draws` sets of coefficients."""
+def _worst():
+    """Return the worst errors [%] of the means over the last 5 s, over the points."""
     most = np.zeros(3)
     for point in POINTS:
-        for draw in range(draws) if draws else (None,):
-            flown, log = nonlinear(point, faults, draw=draw, t_learn=t_learn)
-            late = (flown.index >= ONSET + 15) & (flown.index < ONSET + 20)
-            errors = [100 * abs(log[k][late].mean() / (f * u) - 1) for k, f, u in zip(ESTIMATES, faults, UNITS)]
-            most = np.maximum(most, errors)
+        flown, log = nonlinear(point, SENSIBLE)
+        late = (flown.index >= ONSET + 15) & (flown.index < ONSET + 20)
+        errors = [100 * abs(log[k][late].mean() / (f * u) - 1) for k, f, u in zip(ESTIMATES, SENSIBLE, UNITS)]
+        most = np.maximum(most, errors)
     return most
 
 
 def error(which: int) -> float:
-    """Return the worst error [%] of one of NAMES over the last 5 s on the nonlinear aircraft."""
-    return _worst(SENSIBLE)[which]
+    """Return the worst error [%] of one of ESTIMATES over the last 5 s on the nonlinear aircraft."""
+    return _worst()[which]

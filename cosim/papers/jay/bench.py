@@ -153,5 +153,5 @@ def bench(
         pf["Phi"], pf["G"] = matrices
     f, uf = ema_kalman.init(pf), all_valid(ema_kalman)
     out = np.zeros(n, OUT)
-    _fly(tick, *plant(resistance), LEAD, pf[0], np.zeros(6), f[0], uf[0], reconfigure, out)
+    _fly.compiled(tick, *plant(resistance), LEAD, pf[0], np.zeros(6), f[0], uf[0], reconfigure, out)
     return out

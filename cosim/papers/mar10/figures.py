@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from cosim.flight.plant.force_model import force_model
 from cosim.papers.drawing import Curve, Drawing, Panel
 from cosim.papers.mar10 import flights, vehicle_rows
-from cosim.papers.mar10.rows import own_structure, throttle_in_error
+from cosim.papers.mar10.rows import throttle_in_error
 from cosim.table import Cell, Table
 from fdi.control_redundancy import control_redundancy
 from fdi.control_redundancy import structure as redundancy_structure
@@ -40,7 +41,7 @@ def _table():
 
 
 def _own_table():
-    own = own_structure()
+    own = force_model().structure()[:3][:, [1, 0, 2, 3]]  # inputs in the order of the talk
     missing = redundancy_structure.undefined(own)
     title = f"This aircraft: {27 - len(missing)} of the talk's residuals, "
     title += f"{len(redundancy_structure.signatures(own))} signatures"

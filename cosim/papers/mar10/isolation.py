@@ -24,12 +24,11 @@ MOTOR = EFFECTORS.index("eta")
 
 @dataclass(frozen=True)
 class Choices:
-    """What the talk leaves open: mean [s], time of one name [s], share of the bound, noise counted."""
+    """What the talk leaves open: mean [s], time of one name [s], share of the bound."""
 
     mean_s: float = 0.3
     confirm_s: float = 0.2
     share: float = 0.05  # slide 11
-    noise: bool = True
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ def residuals(
         for row, j in family.pivots:
             c[:, row] -= G[:, family.base, j] / G[:, row, j]
         value.append(_mean((c * e).sum(1), window))
-        random = DEVIATIONS * np.sqrt(((c * sigma) ** 2).sum(1) / window) * choice.noise
+        random = DEVIATIONS * np.sqrt(((c * sigma) ** 2).sum(1) / window)
         seen.append(np.einsum("tr,trj->tj", c, G))
         limit.append(_mean((np.abs(c) * most).sum(1), window) + random)
     return kept, np.stack(value, 1), np.stack(limit, 1), np.stack(seen, 1)

@@ -6,6 +6,7 @@ Slide 11's draws, 20 a scenario. Beside them the transport's rows, on which most
 import functools
 from collections import Counter
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -18,14 +19,6 @@ from cosim.papers.measured import share_of, worst
 DRAWS = 20
 ROLL, BANK = "delta_l", 20 * RAD_PER_DEG
 RAW = Choices(mean_s=vehicle.DT)  # static residuals, sample by sample
-CHOICES = {  # what a user could turn
-    "raw samples": RAW,
-    "a mean of 0.3 s": Choices(),
-    "a mean of 1 s": Choices(mean_s=1.0),
-    "one sample confirms": Choices(confirm_s=vehicle.DT),
-    "half of the bound": Choices(share=0.025),
-    "twice the bound": Choices(share=0.1),
-}
 
 
 @functools.cache
@@ -117,7 +110,7 @@ def identified() -> float:
     return 100 * isolation.isolate(vehicle.fly(1)).loss
 
 
-def least(choice: str) -> tuple[float, str]:
-    """Return the share of draws that are right [%], least of three scenarios and of no fault, with one of CHOICES."""
-    found = {f"scenario {n}" if n else "no fault": _right(n, CHOICES[choice])[0] for n in (0, *vehicle.FAULTS)}
+def least(**choice: Any) -> tuple[float, str]:
+    """Return the share of draws that are right [%], least of three scenarios and of no fault; `choice` of Choices."""
+    found = {f"scenario {n}" if n else "no fault": _right(n, Choices(**choice))[0] for n in (0, *vehicle.FAULTS)}
     return min(found.values()), worst(found, "{} {:.0f}")[1]

@@ -1,0 +1,59 @@
+"""Access to JSBSim's properties by address: only after a comparison that found all values equal, with the same bits."""
+
+import numpy as np
+import pytest
+
+from cosim.flight.build import build
+from cosim.flight.plant import fast_properties as fast
+from cosim.flight.plant import plant
+from cosim.scenario import load_scenario
+
+
+@pytest.fixture
+def verdict(tmp_path, monkeypatch):
+    """Return the file of the verdict, with nothing remembered in this process before or after."""
+    monkeypatch.delenv("COSIM_BORDER", raising=False)
+    monkeypatch.setattr(fast, "_verdict_file", lambda: tmp_path / "verdict")
+    fast.fast_access.cache_clear()
+    yield tmp_path / "verdict"
+    fast.fast_access.cache_clear()
+
+
+def test_a_comparison_decides_and_is_remembered(verdict, monkeypatch):
+    how = fast.fast_access()
+    assert (how is None) == (verdict.read_text() == "differs\n")
+    monkeypatch.setattr(fast, "_verified", lambda: pytest.fail("compared again"))
+    fast.fast_access.cache_clear()
+    assert fast.fast_access() == how
+
+
+@pytest.mark.parametrize("held", ["", "1", "3\n", "[16]", "\xff"])
+@pytest.mark.parametrize("found", ["differs", ""])
+def test_python_is_called_after_a_comparison_that_failed_and_a_damaged_verdict_is_made_anew(
+    held, found, verdict, monkeypatch
+):
+    verdict.write_text(held, encoding="latin-1")
+    monkeypatch.setattr(fast, "_verified", lambda: found)
+    assert fast.fast_access() is None
+    assert verdict.read_text("latin-1") == (f"{found}\n" if found else held)  # one that did not end is tried again
+
+
+@pytest.mark.parametrize("script", ["import os; os.abort()", "raise SystemExit(1)", "print('no verdict')"])
+def test_a_process_that_dies_finds_nothing(script):
+    """Not even that the values differ: it may have been killed, and is tried again."""
+    assert fast._verified(script) == ""
+
+
+def test_both_ways_fly_the_same_bits(monkeypatch):
+    weather = ["flight.turbulence=light", "flight.wind_kt=40", "flight.shear_kt_1000ft=9", "flight.climb_fpm=500",
+               "flight.gusts.0.start_s=0.3", "flight.gusts.0.speed_fps=30"]  # fmt: skip
+    scenario, flown = load_scenario("liquid-ofc", ["faults.0.start_s=0.2", *weather]), []
+    for how in (fast.fast_access(), None):
+        monkeypatch.setattr(plant, "fast_access", lambda how=how: how)
+        loop = build(scenario).loop
+        rows = np.empty((300, len(loop.v)))
+        for k in range(len(rows)):
+            loop.tape().run(k)
+            rows[k] = loop.v
+        flown.append(rows)
+    np.testing.assert_array_equal(*flown)
