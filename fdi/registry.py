@@ -25,7 +25,7 @@ SHIPPED = {  # id -> module
     "ofc_monitor": "fdi.monitors.ofc_monitor",
     "joint": "fdi.joint.joint",
 }
-ON_REQUEST = ("joint",)  # fly only where a scenario enables them
+ON_REQUEST = ("rfafe_airframe", "rtsekf", "ema_kalman")  # as published: fly only where a scenario enables them
 DEFAULT = tuple(name for name in SHIPPED if name not in ON_REQUEST)  # fly where a scenario names no detectors
 GUESTS: dict[str, Any] = {}  # id -> module, or an object with the same names
 _TOLD: dict[str, Detector] = {}  # id -> record of a guest whose code is not here

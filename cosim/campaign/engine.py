@@ -90,7 +90,7 @@ KINDS = {"runs": ROWS, "timing": TIMING}
 
 
 class CampaignResult:
-    """What a campaign came to.
+    """Outcome of a campaign.
 
     frame       a row per run, fault and detector lane (cosim/judge/row.py), with the keys of the scenario
     timing      a row per run, and per detector: how long it took [s], a step [us]

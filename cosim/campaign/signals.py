@@ -64,8 +64,8 @@ def splits(scenarios: Iterable[Scenario], labels: Iterable[dict]) -> list[str]:
 
 
 def parquet(scenario: Scenario, columns: Sequence[str], rate_hz: float) -> bytes:
-    """Fly a scenario and its healthy twin without detectors; return the Parquet file of its signals and labels. Raises
-    TrimError for a point without a steady flight."""
+    """Fly a scenario with and without its faults, without detectors; return the Parquet file of its signals and labels.
+    Raises TrimError for a point without a steady flight."""
     quiet = scenario.detectors.model_copy(update={"enabled": ()})  # but those that a servo closes on
     scenario = resolved(scenario.model_copy(update={"detectors": quiet}))
     moved = {f"achieved_{seg}": f"{tech}.{seg}.delta" for seg, tech in scenario.elevator.technology.items()}
@@ -74,8 +74,8 @@ def parquet(scenario: Scenario, columns: Sequence[str], rate_hz: float) -> bytes
     flags = [s.flag for s in found.values() if s.flag]
     sources = dict.fromkeys([*(s.source for s in found.values()), *flags, *faults, *moved.values()])
     flown = cosim.flight.loop.signals.fly(scenario, list(sources))
-    twin = scenario.model_copy(update={"title": "", "faults": ()})
-    healthy = cosim.flight.loop.signals.fly(twin, list(moved.values())) if scenario.faults else flown
+    fault_free = scenario.model_copy(update={"title": "", "faults": ()})
+    healthy = cosim.flight.loop.signals.fly(fault_free, list(moved.values())) if scenario.faults else flown
     fields, values = [_field("t_s", pa.float64(), "s", "time since the start")], [flown.index.to_numpy()]
     for name in columns:
         values.append(_signal(flown, found[name]) if name in found else np.full(len(flown), np.nan))
@@ -83,7 +83,7 @@ def parquet(scenario: Scenario, columns: Sequence[str], rate_hz: float) -> bytes
     values += _labels(scenario, flown)
     fields += [_field(*label) for label in LABELS]
     for name, source in moved.items():
-        values.append((flown[source] - healthy[source].reindex(flown.index)).to_numpy())  # NaN beyond a twin's end
+        values.append((flown[source] - healthy[source].reindex(flown.index)).to_numpy())  # NaN beyond the end of either
         meaning = "deflection less that of the same flight without faults, trailing edge down +"
         fields.append(_field(name, pa.float32(), "rad", meaning))
     every = _every(scenario, rate_hz)

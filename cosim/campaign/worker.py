@@ -71,7 +71,7 @@ def fly(run: str, scenario: Scenario, achieved: bool, signals: Signals | None = 
     """Fly `scenario` as run `run`.
 
     An error of the flight is one row without a detector: status "infeasible" for a point without a steady flight,
-    "error" for anything else. With `achieved` the twin flight is flown where a fault acts on an elevator.
+    "error" for anything else. With `achieved` a run whose fault acts on an elevator flies without it, too.
     """
     if threading.current_thread() is threading.main_thread():
         return _fly(run, scenario, achieved, signals)

@@ -93,7 +93,7 @@ def recover(
     ] = None,
     json_: shared.JsonOption = False,
 ) -> None:
-    """Make a readable log of what a kill or a full disk has left, and say what is lost."""
+    """Make a readable log of what a kill or a full disk left."""
     from cosim.files import left_by
     from cosim.log import recover as work
     from cosim.log.format import OURS

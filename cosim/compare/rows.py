@@ -3,8 +3,8 @@
 run, fault                         the flight, and the number of a fault of it; null without one
 title, case, kind, target          the flight and a fault of it, case as in cosim/judge/coverage.py; null without one
 family                             the kind of fault in the tables: FAMILIES
-frequency_hz, amplitude_mm, rod_mm, surface_deg     of an oscillation; achieved, against the twin flight
-hours                              in which a false alarm would count (cosim.judge.alarms.exposure_s), mean over its
+frequency_hz, amplitude_mm, rod_mm, surface_deg     of an oscillation; achieved, against the flight without it
+hours                              in which a false alarm would count (`exposed_s` of cosim/judge/row.py), mean over its
                                    lanes; null on the rows of a flight's further faults
 id, level, lanes                   detector; how many actuators it watches
 word                               designed, may, blind: how it stands to the case
@@ -182,9 +182,9 @@ def of_logs(
 
     A flight that several logs hold, whatever detectors flew in it, is one run, and each detector in it counts once, by
     the first of its logs; `attrs["again"]` of the rows names the others. The judgement is made again from what the
-    detectors put out; achieved amplitudes need the flight and its twin flown again, where a fault acts on an elevator,
-    without the detectors; where user files flew they are what the log says. `guests` are made guests, run on each
-    flight. Raises LogError.
+    detectors put out; achieved amplitudes need the flight flown again, with and without its faults, where
+    one acts on an elevator, without the detectors; where user files flew they are what the log says. `guests` are made
+    guests, run on each flight. Raises LogError.
     """
     from cosim.flight.faults.fault_free_reference import achieved, faulted, unwatched
     from cosim.replay.recording import LoggedFlight

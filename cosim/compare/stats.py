@@ -26,7 +26,7 @@ FEW = 3  # inputs that are named one by one
 CREDIBLE = 0.5  # a detector that cries in more than half of the fault-free flights tells nothing by alarming
 
 
-def came_of_it(rows: pd.DataFrame) -> pd.Series:
+def outcomes(rows: pd.DataFrame) -> pd.Series:
     """Return one word per row of a fault: named, ambiguous or misnamed when it was seen, else not_valid (it could not
     judge), masked (by the alarm of an earlier fault), not_excited (it never showed) or missed. Every row has one: they
     add up to the flights."""
@@ -43,7 +43,7 @@ def score(rows: pd.DataFrame) -> dict:
     or never named right, counts as an endless time. Flights in which the detector could not judge stay in.
     `first_fair`: the first name with a class was not wrong; `held`: the alarm stood HELD of the time or more;
     `changed_often`: more than one change of class; `motion_s`: right name, from when the rod had moved 1 mm."""
-    came, n = came_of_it(rows), len(rows)
+    came, n = outcomes(rows), len(rows)
     seen = int(rows["detected"].sum())
     p, low, high = metrics.proportion(seen, n)
     why = rows.loc[rows["not_valid"], "why_not_valid"].dropna()

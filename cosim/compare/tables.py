@@ -56,11 +56,12 @@ MOTION = Column("of motion", lambda d: seconds(d["motion_s"]), "s",
 RATE = (
     Column("false alarms", "false_alarms", doc="of all flights, healthy times and parts of faulty ones included",
            rank=3),
-    Column("in", lambda d: number(d["hours"]), "valid h", "hours in which an alarm would count: valid, and no fault "
+    Column("hours judged", lambda d: number(d["hours"]), "h", "in which an alarm would count: valid, and no fault "
            "there that concerns it; mean over its lanes", 3),
     # a rate is left out before its bound: 0 of a few hours says little
-    Column("false alarm rate", lambda d: number(d["false_alarms_per_hour"]), "per valid h", rank=3),
-    Column("false alarms at most", lambda d: number(d["false_alarms_per_hour_high"]), "per valid h", "exact, 95 %"),
+    Column("false alarm rate", lambda d: number(d["false_alarms_per_hour"]), "1/h", "per hour judged", 3),
+    Column("upper bound", lambda d: number(d["false_alarms_per_hour_high"]), "1/h", "of false alarms per hour judged, "
+           "exact, 95 %"),
 )  # fmt: skip
 FREE = Column("fault-free flights with an alarm", _free, rank=2)
 VALID = Column("valid", lambda d: share(d["availability"]), doc="share of all flights, from 8 s on", rank=4)

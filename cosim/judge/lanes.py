@@ -79,13 +79,13 @@ COLUMNS = (
     Column("first alarm", lambda e: seconds(e["detection_delay_s"]), "s", "from the fault's onset on"),
     Column("right name", lambda e: seconds(e.get("time_to_right_s")), "s", "first one, from the onset on"),
     Column("last name", _name, right=False),
-    Column("came to", lambda e: Cell(JUDGED.get(e["outcome"], DASH), TONES.get(e["outcome"], "")), right=False),
+    Column("outcome", lambda e: Cell(JUDGED.get(e["outcome"], DASH), TONES.get(e["outcome"], "")), right=False),
     Column("false alarms", lambda e: Cell(e["false_alarms"], "bad" if e["false_alarms"] else "muted"), rank=1),
     Column("at", lambda e: seconds(e["detected_at_s"]), "s", "time of the first alarm in the flight", 2),
     Column("delay", lambda e: number(e["detection_delay_periods"], 2), "periods",
            "first alarm in periods of the fault", 3),
     Column("step", lambda e: number(e["step_us"], 2), "µs", "time per step and lane", 4),
-    Column("stands to it", lambda e: coverage.WORDS[coverage.expected(e["id"], e["case"])] if e["case"] else DASH,
+    Column("declared", lambda e: coverage.WORDS[coverage.expected(e["id"], e["case"])] if e["case"] else DASH,
            doc="what its record in fdi/ declares for this fault", rank=5, right=False),
     Column("first name", lambda e: e["first_verdict"]["class"] if e.get("first_verdict") else DASH, rank=6,
            right=False),
@@ -105,7 +105,7 @@ def table(lanes: Sequence[Mapping[str, Any]], cases: Sequence[str] = ()) -> Tabl
     records = entries(lanes, cases)
     several = any(len(lane.get("by_fault", ())) > 1 for lane in lanes)
     timed = any(math.isfinite(e["step_us"] or math.nan) for e in records)
-    has = {"fault": several, "step": timed, "came to": bool(cases), "stands to it": bool(cases)}
+    has = {"fault": several, "step": timed, "outcome": bool(cases), "declared": bool(cases)}
     kept = [c for c in COLUMNS if has.get(c.name, True)]
     return of(kept, records, lambda e: "" if e["alarm"] else "muted", keys=2)
 

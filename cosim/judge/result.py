@@ -31,7 +31,7 @@ class Result:
     wall_time_s: float  # that it took [s]
     faults: list = field(default_factory=list)  # a dict per fault: kind, target, start_s, its numbers
     detectors: list = field(default_factory=list)  # a dict per detector lane: id, target, alarm, delays [s], names
-    extra: dict = field(default_factory=dict)  # what the flight came to, of `cosim run --json`: consequences, notes
+    extra: dict = field(default_factory=dict)  # of `cosim run --json`: consequences, notes
 
     def __repr__(self) -> str:
         rows = [f"  {r['id']:20}{r['target']:24}{'; '.join(filter(None, _told(r)))}" for r in self._shown()]
@@ -84,7 +84,7 @@ def plain(value: Any) -> Any:
 def judged(scenario: Scenario, achieved: Mapping[str, Mapping] | None = None) -> list[dict]:
     """Return the faults of a scenario as `judge` wants them, their targets by part, cases as in
     cosim/judge/coverage.py. `achieved` (cosim/flight/faults/fault_free_reference.py) tells when each moved its
-    segments: `moved_at_s` is {segment: when it was 1 mm of rod away from its twin [s], inf for never}, None where
+    segments: `moved_at_s` is {segment: when it was 1 mm of rod from where it would be [s], inf for never}, None where
     nobody looked."""
     out, cases, injections = [], coverage.cases(scenario), scenario.injections()
     for i, f in enumerate(scenario.faults):

@@ -37,7 +37,7 @@ def test_a_what_if_exits_with_1_tells_both_outcomes_and_writes_both(flight, tmp_
         assert word in done.stdout.replace("\n", "")  # a long path is folded
     told = json.loads(call(*what_if, "--json").stdout)
     assert not told["exact"] and told["changed"] == {"position_monitor": {"threshold": 0.01}}
-    assert {d["field"].split("/")[2] for d in told["differences"]} == {"position_monitor"}
+    assert {d["field"].split("/")[2] for d in told["differences"]} == {"position_monitor", "joint"}  # which reads it
     assert all({"field", "count", "first_tick", "max_abs"} <= set(d) for d in told["differences"])
     names = open_log(tmp_path / "what.mcap").topics
     assert {"/replay/detectors/position_monitor/left_inner", "/detectors/position_monitor/left_inner"} <= set(names)
@@ -141,5 +141,5 @@ def test_foreign_data_is_diagnosed(flight, tmp_path):
     assert done.exit_code == 0 and "Verdicts" in done.stdout and "Not run" in done.stdout, done.stderr
     assert "left_inner.rod" in done.stdout
     told = json.loads(call(*args, "--json").stdout)
-    assert [d["id"] for d in told["detectors"]] == ["position_monitor"]
+    assert [d["id"] for d in told["detectors"]] == ["position_monitor", "joint"]
     assert "/replay/detectors/position_monitor/left_inner" in open_log(tmp_path / "out.mcap").topics

@@ -7,51 +7,9 @@ import pytest
 from fdi.lpv_smo import model as lpv_model
 
 
-def test_an_affine_family_is_recovered_to_rounding():
-    rng = np.random.default_rng(0)
-    box = np.array([[1.0, 3.0], [-2.0, 5.0]])
-    stack = rng.normal(size=(3, 2, 4))
-    rho = rng.uniform(box[:, 0], box[:, 1], (20, 2))
-    S = np.array([lpv_model.at(stack, r) for r in rho])
-    got, _ = lpv_model.fit(rho, S, box=box, tolerance=0.0)
-    np.testing.assert_allclose(got, stack, atol=1e-12)
-
-
-def test_insignificant_and_invariant_entries_keep_their_mean_in_the_constant_part():
-    rng = np.random.default_rng(1)
-    box = np.array([[0.0, 1.0]])
-    rho = rng.uniform(0, 1, (30, 1))
-    S = np.zeros((30, 1, 3))
-    S[:, 0, 0] = 10 + 5 * rho[:, 0]  # significant
-    S[:, 0, 1] = 7 + 0.01 * rho[:, 0]  # invariant within 2 %
-    S[:, 0, 2] = 0.01 * rho[:, 0]  # insignificant beside the others
-    got, fixed = lpv_model.fit(rho, S, box=box)
-    assert fixed.tolist() == [[False, True, True]]
-    assert np.all(got[1:, fixed] == 0)
-    np.testing.assert_allclose(got[0, fixed], S.mean(0)[fixed])
-
-
 def test_a_grid_that_cannot_determine_the_coefficients_is_refused():
     with pytest.raises(ValueError, match="undetermined"):
         lpv_model.fit(np.ones((6, 2)), np.zeros((6, 1, 1)), box=[[0, 2], [0, 2]])
-
-
-def test_trim_maps_reproduce_a_cubic_to_rounding():
-    rng = np.random.default_rng(2)
-    box = np.array([[0.0, 2.0], [1.0, 4.0]])
-    rho = rng.uniform(box[:, 0], box[:, 1], (40, 2))
-    value = rho[:, 0] ** 3 - 2 * rho[:, 0] * rho[:, 1] ** 2 + 5
-    trim = lpv_model.fit_trim(rho, value[:, None], box=box)
-    z = lpv_model.normalise(rho, box)
-    basis = np.prod(z[:, None, :] ** lpv_model.powers(2), axis=2)
-    np.testing.assert_allclose(basis @ trim[0], value, rtol=1e-10)
-
-
-def test_the_judge_sees_an_error_that_was_put_in():
-    stack = np.ones((2, 1, 1))
-    rho = np.array([[0.0], [1.0]])
-    S = np.array([[[1.0]], [[4.0]]])  # the model says 2 there
-    assert lpv_model.judge(stack, rho, S)[0, 0] == pytest.approx(0.5)
 
 
 @pytest.fixture(scope="module")
@@ -89,17 +47,6 @@ def test_fitting_the_five_points_alone_gives_no_error_and_nonsense():
     corners = np.array([lpv_model.at(stack, v)[4, 0] for v in lpv_model.vertices(transport.BOX)])
     full = np.array([lpv_model.at(transport.model().B, v)[4, 0] for v in lpv_model.vertices(transport.BOX)])
     assert np.abs(corners - full).max() > 0.25 * np.abs(full).max()
-
-
-def test_a_sample_that_counts_twice_is_a_sample_that_is_there_twice():
-    rng = np.random.default_rng(3)
-    rho, S = rng.uniform(0, 1, (12, 1)), rng.normal(size=(12, 1, 2))
-    twice = np.r_[np.arange(12), 3, 7]
-    weight = np.ones(12)
-    weight[[3, 7]] = 2.0
-    weighted, _ = lpv_model.fit(rho, S, box=[[0, 1]], tolerance=0.0, weight=weight)
-    repeated, _ = lpv_model.fit(rho[twice], S[twice], box=[[0, 1]], tolerance=0.0)
-    np.testing.assert_allclose(weighted, repeated, atol=1e-12)
 
 
 def test_the_weights_of_a_grid_are_those_of_the_trapezoidal_rule():

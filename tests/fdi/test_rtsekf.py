@@ -33,21 +33,6 @@ def test_as_published_the_gain_is_one_and_nothing_is_corrected(flights):
         assert log["q_now"][i, 199] == pytest.approx(x[0], abs=1e-12)
 
 
-def test_its_three_steps_satisfy_the_published_equations(flights):
-    log = run(rtsekf, flights[:1], load=1, delay_s=0.0)[0]
-    p = rtsekf.params(load=1)[0]
-    P = log["P"][100, :3, :3]
-    Phi = log["Phi"][101, :3, :3]
-    before = Phi @ P @ Phi.T + np.diag(p.q) * DT  # (39)
-    H, F = np.array([[1.0, 0, 0]]), np.array([[1.0]])
-    S = H @ before @ H.T + p.r_rod
-    P_f = np.linalg.inv(F.T @ np.linalg.inv(S) @ F)
-    K = before @ H.T @ np.linalg.inv(S)
-    after = before - K @ (S - F @ P_f @ F.T) @ K.T  # (47)
-    assert log["P_f"][101] == pytest.approx(P_f[0, 0], rel=1e-12)
-    assert np.abs(log["P"][101, :3, :3] - after).max() <= 1e-12 * np.abs(after).max()
-
-
 def test_as_published_it_drifts_with_the_load():
     flight = fly(doublets(26.0), seed=1, hm0=-800.0)
     ignored = run(rtsekf, [flight], load=0)["f_hat"][0]

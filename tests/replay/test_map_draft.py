@@ -58,7 +58,7 @@ def test_a_draft_is_a_map_of_which_only_what_is_sure_flies(tmp_path):
     assert '# not used: "HUM"' in text and '# not used: "note"' in text
     (tmp_path / "map.toml").write_text(text.replace("# de_cmd", "de_cmd").replace('# "left_inner', '"left_inner'))
     told = diagnose(path, tmp_path / "map.toml")
-    assert [d["id"] for d in told.detectors] == ["position_monitor"] and told.duration_s == pytest.approx(5.0)
+    assert [d["id"] for d in told.detectors] == ["position_monitor", "joint"] and told.duration_s == pytest.approx(5.0)
     again = CliRunner().invoke(cli.app, ["map", str(path), "-o", str(tmp_path / "map.toml")])
     assert again.exit_code == 2 and "is there already" in again.stderr
 
