@@ -14,7 +14,6 @@ author with the user's rights.
 import math
 import tempfile
 import weakref
-import zipfile
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -44,7 +43,6 @@ STATE = dtype([
     ("status", "f8", "-"),  # 0 good, 1 an output was not finite: the last one is held
 ])
 OUTPUTS = ("delta", "q_rod", "x3", "status")
-UNPACKED = 2 << 30  # [byte] of an FMU's files: more fills a disk from a small archive
 FATAL = 4  # status of a call, FMI 2 and 3
 STATES = {"surface": "delta", "rod": "q_rod", "pressure": "x3"}  # output -> field
 
@@ -77,10 +75,6 @@ class Slaves:
         self._folder = tempfile.TemporaryDirectory(prefix="cosim-fmu-")
         self._fmus: list[Any] = []
         try:
-            with zipfile.ZipFile(path) as held:
-                size = sum(part.file_size for part in held.infolist())
-            if size > UNPACKED:
-                raise ValueError(f"unpacks to {size / 1e6:.0f} MB, up to {UNPACKED / 1e6:.0f} MB are allowed")
             self._about = fmpy.read_model_description(str(path))
             self._check(lanes, dt)
             self._names = {v.name: v for v in self._about.modelVariables}

@@ -23,14 +23,14 @@ def order(s: "Loop", tape: Tape, *logs: Any, keep: Any = None) -> None:
     Each of `logs` takes the bus as it stands at t_k: a call `log(v)`, or a log that tells the tape itself. `keep` is
     (positions, rows): row k % len(rows) takes what stands there when the actuators have moved.
     """
-    s.plant.tell(tape, s.bus.index("truth.aircraft.alpha"))  # 1. the aircraft's truth at t_k
+    s.plant.schedule_outputs(tape, s.bus.index("truth.aircraft.alpha"))  # 1. the aircraft's truth at t_k
     tape.clock(s.bus.index("clock.clock.t"))
 
     tape.copy(*s.wires["faults"])
     tape.step(s.faults)
     tape.add(*s.places)  # what is injected at t_k, and where
 
-    s.draw.tell(tape, s.noise)
+    s.draw.schedule(tape, s.noise)
     tape.copy(*s.wires["sensors"])
     tape.step(s.sensors)  # 2. measurements
 
@@ -58,7 +58,7 @@ def order(s: "Loop", tape: Tape, *logs: Any, keep: Any = None) -> None:
         tape.step(servo)  # 5. servo loops on t_k data, perhaps on a detector's estimate; held over the tick
 
     for log in filter(None, logs):
-        log.tell(tape) if hasattr(log, "tell") else tape.call(lambda k, log=log: log(s.v))
+        log.schedule(tape) if hasattr(log, "schedule") else tape.call(lambda k, log=log: log(s.v))
 
     tape.copy(*s.wires["actuators"])
     for correct in s.corrections.get("actuators", ()):
@@ -68,8 +68,8 @@ def order(s: "Loop", tape: Tape, *logs: Any, keep: Any = None) -> None:
     tape.copy(*s.wires["surfaces"])
     if keep is not None:
         tape.keep(*keep)
-    s.plant.tell_inputs(tape, s.bus.index(f"surfaces.aircraft.{s.plant.border.inputs[0]}"))
-    s.plant.tell_run(tape)  # 6. the aircraft to t_k+1, through its gusts
+    s.plant.schedule_inputs(tape, s.bus.index(f"surfaces.aircraft.{s.plant.border.inputs[0]}"))
+    s.plant.schedule_integration(tape)  # 6. the aircraft to t_k+1, through its gusts
 
 
 @dataclass

@@ -107,8 +107,8 @@ class LogWriter:
         if k == self._k0 + self._rows:
             self.flush()
 
-    def tell(self, tape: Any) -> None:
-        """Tell a tape to log the bus."""
+    def schedule(self, tape: Any) -> None:
+        """Schedule on a tape to log the bus."""
         tape.first(self._room)
         for t in (*self._places, *self._blocks):
             tape.scatter(t.index, t.at, t.rows, t.every)

@@ -70,8 +70,8 @@ class _One:
     def __init__(self, lane, size):
         self._lane, self._size = lane, size
 
-    def tell(self, tape, to):
-        """Tell a tape what stands at the positions `to` of the bus."""
+    def schedule(self, tape, to):
+        """Schedule on a tape what stands at the positions `to` of the bus."""
         block = np.zeros((TICKS, len(to)))
         block[DISTURBED, self._lane] = self._size
         tape.noise(to, block)

@@ -99,14 +99,6 @@ def test_pitch_protection_stops_the_nose_at_30_degrees():
     assert 28.0 < deg(f.theta.max()) < 31.0
 
 
-def test_speed_and_altitude_holds_keep_a_long_turn():
-    f = fly(scenario("D", "coordinated_turn", duration_s=120.0, manoeuvre__duration_s=100.0))
-    turning = (f.t > 50.0) & (f.t < 100.0)
-    assert np.abs(f.cas - f.cas[0])[turning].max() < 1.0 * M_S_PER_KT
-    assert np.abs(f.h - f.h[0])[turning].max() < 10 * M_PER_FT  # proportional hold: 0.01 g of the turn's model are 6 ft
-    assert np.ptp(f.throttle_cmd[turning]) < 0.03
-
-
 def test_engine_out_is_trimmed_by_the_rudder():
     for point, swing in (("sun13", 3.0), ("C", 10.0)):  # at C the ailerons reach their stop
         f = fly(scenario(point, duration_s=60.0, faults__0__target="engine.4", faults__0__kind="thrust_loss",

@@ -19,7 +19,7 @@ def drawn(seed, lanes, ticks=2500):
     """Return (ticks, lanes) of what a tape puts into its vector."""
     v = np.zeros(len(lanes))
     tape, rows = Tape(v, 0.005), []
-    Draw(seed, lanes).tell(tape, np.arange(len(lanes)))
+    Draw(seed, lanes).schedule(tape, np.arange(len(lanes)))
     tape.call(lambda k: rows.append(v.copy()))
     for k in range(ticks):
         tape.run(k)

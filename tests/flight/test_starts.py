@@ -11,7 +11,6 @@ from cosim.errors import ScenarioError, TrimError
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
-from cosim.replay import replay
 
 FPM = M_PER_FT / 60.0
 ENVELOPE = [  # aircraft, t, % MAC, ft, kt CAS
@@ -95,18 +94,6 @@ def test_a_manoeuvre_from_a_turn_ends_as_it_says_and_a_table_of_inputs_holds_the
     table = ["manoeuvre.kind=inputs", "manoeuvre.time_s=[0, 3, 4]", "manoeuvre.nz_g=[0, 0, 0.1]", "duration_s=6"]
     f = cosim.fly(scenario(ENVELOPE[1], {"bank_deg": 20.0}, *table), path)
     assert np.abs(np.degrees(f[path[0]].to_numpy()) - 20.0).max() < 1.0
-
-
-def test_detectors_stay_quiet_and_the_log_replays(tmp_path):
-    start = {"climb_fpm": 800.0, "bank_deg": 22.0}
-    s = scenario(ENVELOPE[2], start, "duration_s=12", "flight.turbulence=light")
-    s = s.model_copy(update={"detectors": cosim.load_scenario("cruise").detectors})
-    found = cosim.simulate(s, log=tmp_path / "turn.mcap", timed=False)
-    assert {d["id"] for d in found.detectors if d["alarm"]} <= {"ema_kalman"}
-    assert replay(tmp_path / "turn.mcap").exact
-    (tmp_path / "again.toml").write_text(s.expanded_toml())
-    assert cosim.load_scenario(tmp_path / "again.toml").flight == s.flight
-    assert s.flight.path == "climb of 800 ft/min, bank of 22 deg"
 
 
 LOW = ("transport", 260.0, 28.0, 12500.0, 212.0)

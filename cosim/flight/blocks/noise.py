@@ -26,12 +26,12 @@ class Draw:
     """Draw standard normal noise, one number per lane and tick."""
 
     def __init__(self, seed: int, lanes: Sequence[str]):
-        """`lanes` are the names of the generators, in the order of the positions that `tell` takes."""
+        """`lanes` are the names of the generators, in the order of the positions that `schedule` takes."""
         self._rng = [generator(seed, lane) for lane in lanes]
         self._block, self._lane = np.zeros((TICKS, len(lanes))), np.zeros(TICKS)
 
-    def tell(self, tape: Any, to: np.ndarray) -> None:
-        """Tell a tape to put each tick's numbers at the positions `to` of the bus."""
+    def schedule(self, tape: Any, to: np.ndarray) -> None:
+        """Schedule on a tape to put each tick's numbers at the positions `to` of the bus."""
         tape.first(self._next)
         tape.noise(to, self._block)
 

@@ -247,9 +247,9 @@ class Gusts:
         self._advance()
         return self.now
 
-    def tell(self, tape: Any, how: Any, read: list, write: list) -> None:
-        """Tell a tape that begins at tick 0 to read `read`, step and write to `write`, nodes in the order of `next` in
-        JSBSim's units, by the addresses of `how` (cosim/flight/plant/fast_properties.py)."""
+    def schedule(self, tape: Any, how: Any, read: list, write: list) -> None:
+        """Schedule on a tape that begins at tick 0 to read `read`, step and write to `write`, nodes in the order of
+        `next` in JSBSim's units, by the addresses of `how` (cosim/flight/plant/fast_properties.py)."""
         raw, put = np.zeros(5), np.zeros(6)
         tape.first(lambda k: None if k % self.DRAWS else self._rng.standard_normal(out=self._noise))
         tape.noise(np.arange(4), self._noise, self._in)

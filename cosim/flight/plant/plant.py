@@ -242,8 +242,8 @@ class Plant:
         """Read the properties behind the truth at t_k, in JSBSim's units."""
         self._pack(self._buffer, 0, *[get() for get in self._get])
 
-    def tell(self, tape: Any, start: float) -> None:
-        """Tell a tape to put the truth at t_k into the bus from position `start` on."""
+    def schedule_outputs(self, tape: Any, start: float) -> None:
+        """Schedule on a tape to put the truth at t_k into the bus from position `start` on."""
         if (how := fast_access()) is None:
             tape.call(lambda k: self.fetch())
         else:
@@ -255,8 +255,8 @@ class Plant:
         for put, value in zip(self._set, surfaces.tolist()):
             put(value)
 
-    def tell_inputs(self, tape: Any, start: float) -> None:
-        """Tell a tape to set the inputs that act at t_k+1 from what stands in the bus from position `start` on."""
+    def schedule_inputs(self, tape: Any, start: float) -> None:
+        """Schedule on a tape to set the inputs that act at t_k+1 from the bus from position `start` on."""
         vector = tape.v[start : start + len(self.writes)]
         if (how := fast_access()) is None:
             tape.call(lambda k: self.write(vector))
@@ -267,12 +267,12 @@ class Plant:
         """Advance by one step, through this flight's gusts."""
         self._advance()
 
-    def tell_run(self, tape: Any) -> None:
-        """Tell a tape that begins at tick 0 to advance by one step, through this flight's gusts."""
+    def schedule_integration(self, tape: Any) -> None:
+        """Schedule on a tape that begins at tick 0 to advance by one step, through this flight's gusts."""
         advance = self._advance
         if self._gusts and (how := fast_access()):
             air, read, write = self._gusts
-            air.tell(tape, how, read, write)
+            air.schedule(tape, how, read, write)
             advance = self._fdm.run
         tape.call(lambda k: advance())
 
