@@ -76,7 +76,7 @@ def _forged(path, attachment=None, change=None, topic=None, field=None, value=No
         out = io.BytesIO()
         np.save(out, array)
         attachments[attachment] = ("application/x-npy", out.getvalue())
-    metadata = {k: v for k, v in log.metadata.items() if k not in ("log", "preamble", "result", "late_events")}
+    metadata = {k: v for k, v in log.metadata.items() if k not in ("log", "preamble", "result")}
     with LogWriter(path, topics, n_values=at, dt_ns=log.dt_ns, metadata=metadata, attachments=attachments) as writer:
         for row in np.concatenate(columns, axis=1):
             writer.append(row)
@@ -86,19 +86,19 @@ def _forged(path, attachment=None, change=None, topic=None, field=None, value=No
 
 def test_forged_parameters_and_states_are_refused(tmp_path):
     assert replay(_forged(tmp_path / "same")).exact
-    for name, field in (("iotsekf.params.npy", "delay"), ("iotsekf.params.npy", "bank_stride")):
+    for name, field in (("iotsekf.params.npy", "delay"), ("ofc_monitor.params.npy", "half_periods")):
 
         def change(array, field=field):
-            array[field] = 1e7 if field == "delay" else 0.0
+            array[field] = 1e7
 
         with pytest.raises(LogError, match="beyond the detector's arrays"):
             replay(_forged(tmp_path / "p", name, change))
 
     def ring(array):
-        array["bank_head"][0, 1] = 4e6
+        array["culprit"] = 4e6
 
-    with pytest.raises(LogError, match=r"bank_head = 4e\+06 would reach beyond"):
+    with pytest.raises(LogError, match=r"culprit = 4e\+06 would reach beyond"):
         replay(_forged(tmp_path / "x", "iotsekf.initial.npy", ring))
-    late = _forged(tmp_path / "late", topic="/state/iotsekf/left_inner", field="bank_head[0]", value=-1e6)
-    with pytest.raises(LogError, match=r"tick \d+: bank_head"):
+    late = _forged(tmp_path / "late", topic="/detectors/iotsekf/left_inner", field="culprit", value=-1e6)
+    with pytest.raises(LogError, match=r"tick \d+: culprit"):
         replay(late, start_s=3.0)
