@@ -117,6 +117,7 @@ DETECTOR = Detector(
         by_evidence.OF_LOAD: ("friction",), by_evidence.APART: ("backlash",), by_evidence.FREE_FLOAT: ("free_float",),
     }},
     looks_back={"delay": "u_old", "lag_ticks": "u_old"},
+    places={"likely_octave": ("own_class", 0), "likely_fault": ("ev", 0)},
     options={"form": tuple(FORMS)},  # the first is the default
     belongs={"load": "form"},
     slow={"asks": 0.0},  # evidence rests on what each tick's command leaves in the pressure
