@@ -152,9 +152,9 @@ def test_it_flies_with_two_segments_and_two_engines(tmp_path):
     assert found.status == "completed"
     own = {d["id"]: d for d in found.detectors}
     assert own["iotsekf"]["alarm"] and own["iotsekf"]["isolated"]["class"] == "ofc_liquid"
-    quiet = [d for d in found.detectors if d["target"] == "elevator.right" and d["id"] != "ema_kalman"]
+    quiet = [d for d in found.detectors if d["target"] == "elevator.right"]
     assert quiet and not any(d["alarm"] for d in quiet)
-    assert left_out(s) == {} and {"rfafe", "rfafe_airframe", "lpv_smo", "control_redundancy"} <= set(own)
+    assert left_out(s) == {} and {"rfafe", "lpv_smo", "control_redundancy"} <= set(own)
 
 
 def test_a_target_of_another_aircraft_is_refused():
