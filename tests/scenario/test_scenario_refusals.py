@@ -124,7 +124,7 @@ def test_mistake_is_named_with_place_and_remedy(overrides, says):
         ([fault("sensor.alpha", "bias", bias_kt=1.0)], "faults.0.bias_kt", "bias_deg"),
         ([fault("sensor.alpha", "bias", bias_deg=0.0)], "faults.0.bias_deg", "not 0"),
         ([fault("sensor.alpha", "bias", bias_deg=-46.0)], "faults.0.bias_deg", "-45 to 45, not 0"),
-        ([fault("sensor.alpha", "bias", bias_deg="1")], "faults.0.bias_deg", "no number"),
+        ([fault("sensor.alpha", "bias", bias_deg="1")], "faults.0.bias_deg", "must be a valid number"),
         ([fault("sensor.alpha", "freeze", ramp_s=1.0)], "faults.0.ramp_s", "does not support ramp_s"),
         ([fault("rudder", "jam_solid")], "faults.0.kind", "other than the elevator"),
         ([fault("engine.1", "runaway", rate_deg_s=1.0)], "faults.0.kind", "thrust_loss"),
