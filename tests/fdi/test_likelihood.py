@@ -102,17 +102,6 @@ def test_a_lost_pressure_ends_the_judgement_and_a_frozen_one_is_named():
     assert end["verdict"] == verdict.SENSOR and iotsekf.CULPRITS[int(end["culprit"])] == "pressure"
 
 
-def test_the_same_bits_tick_by_tick_in_pieces_and_at_once():
-    u = flown(True)[:1, : int(12.0 / DT)]
-    x, whole = iotsekf.init(designed()), iotsekf.init(designed())
-    iotsekf.rollout(whole, u, designed(), DT)
-    a = 0
-    for piece in (1, 1, 7, 500, u.shape[1]):
-        iotsekf.rollout(x, u[:, a : a + piece], designed(), DT)
-        a += piece
-    assert x.tobytes() == whole.tobytes()
-
-
 def sums_of(S, e):
     """Return a state whose window holds the sums of signatures S (n, N) and innovations e (n,)."""
     x = iotsekf.init(designed())[0]

@@ -12,7 +12,7 @@ from fdi.lpv_smo import lpv_smo
 from fdi.lpv_smo.core import learn
 
 ONSET, WIRES = 14.0, sources("lpv_smo")
-FIELDS = ("f_hat_elevator", "alarm_elevator", "verdict", "valid")
+FIELDS = ("f_hat_elevator", "alarm_elevator", "verdict", "valid", "gust")
 
 
 @pytest.fixture(scope="module")
@@ -37,8 +37,6 @@ def test_an_oscillation_far_below_the_threshold_of_a_step_is_found_within_four_p
     on = t[(log["alarm_elevator"] > 0.5) & (t >= ONSET)]
     assert len(on) and on[0] - ONSET < 4.0
     assert (log["verdict"][(log["alarm_elevator"] > 0.5)] == OFC_LIQUID).any()
-    deaf = watched(flown, swing_threshold=1000.0)
-    assert not deaf["alarm_elevator"].any()
 
 
 def test_what_a_gust_does_along_the_body_is_taken_out_of_the_elevators_estimate(flown):
@@ -47,24 +45,12 @@ def test_what_a_gust_does_along_the_body_is_taken_out_of_the_elevators_estimate(
     assert np.std(with_it) < 0.8 * np.std(without)
 
 
-def rms(flown, **changes):
-    p = lpv_smo.fitted(site(flown.attrs["dt"]))
-    for name, value in changes.items():
-        p[name] = value
-    log = detect(flown, lpv_smo, WIRES, p, ("gust", "valid"))
-    return np.sqrt(log["gust"]), log["valid"]
-
-
-def test_gusts_count_while_nothing_is_said(flown):
-    size, valid = rms(flown)
-    unheard, silent = rms(flown, alpha_max=-1.0)
-    assert valid.any() and not silent.any()
-    assert (unheard == size).all() and np.ptp(size[flown.index < 8.0]) > 0.1 * size[0]
-
-
-def test_a_larger_gust_is_followed_sooner_than_it_is_forgotten(flown):
+def test_gusts_count_while_nothing_is_said_and_a_larger_one_is_followed_sooner_than_it_is_forgotten(flown):
     early = flown.index < 8.0
-    assert rms(flown)[0][early].max() > 1.2 * rms(flown, tau_blow=8.0)[0][early].max()
+    heard, silent, slow = (watched(flown, **c) for c in ({}, {"alpha_max": -1.0}, {"tau_blow": 8.0}))
+    assert heard["valid"].any() and not silent["valid"].any()
+    assert (silent["gust"] == heard["gust"]).all()
+    assert heard["gust"][early].max() > 1.44 * slow["gust"][early].max()
 
 
 def test_a_stall_is_no_gust_that_hides_faults_afterwards():
@@ -74,15 +60,9 @@ def test_a_stall_is_no_gust_that_hides_faults_afterwards():
              "detectors.enabled=[]", "faults.0.target=elevator.all", "faults.0.kind=bias", "faults.0.at=command",
              "faults.0.bias_deg=10.0", f"faults.0.start_s={at}"]  # fmt: skip
     slow = fly(load_scenario("cruise", given), WIRES.values())
-    t = slow.index.to_numpy()
-
-    def found(**changes):
-        log = watched(slow, **changes)
-        assert not log["alarm_elevator"][t < at].any()
-        return min(t[(log["alarm_elevator"] > 0.5) & (t > at)], default=np.inf) - at, log["valid"][t > at] > 0.5
-
-    (late, valid), (later, _) = found(), found(gust_max=1.0)
-    assert late < 1.2 < 1.5 < later and valid.all()
+    t, log = slow.index.to_numpy(), watched(slow)
+    on = t[log["alarm_elevator"] > 0.5]
+    assert at < on[0] < at + 1.2 and (log["valid"][t > at] > 0.5).all()
 
 
 @pytest.mark.parametrize(("mach", "slower", "learned"), [(0.88, 0.0, True), (0.88, 2.0, False), (0.5, 2.0, True)])

@@ -35,11 +35,7 @@ def test_a_wind_along_the_flight_is_no_gust(from_deg):
 
 
 def test_a_wind_across_is_learned_in_a_bank_and_no_fault_of_the_vane():
-    frame = flown("coordinated_turn", 90.0)
-    log = watched(frame)
-    frame[WIRES["beta_valid"]] = 0.0
-    blind = watched(frame)
-    most = [np.abs(one["f_hat_alpha"][2000:]).max() for one in (log, blind)]
-    assert most[0] < math.radians(0.25) and 2.0 * most[0] < most[1]
+    log = watched(flown("coordinated_turn", 90.0))
+    assert np.abs(log["f_hat_alpha"][2000:]).max() < math.radians(0.25)
     assert not log["alarm"].any() and (log["valid"][2000:] > 0.5).all()
     assert log["rms"][2000:].max() > 2.0 * math.sqrt(log["gust"][3600])  # until the bank has told, limits are wider

@@ -9,9 +9,8 @@ from cosim.campaign.inventory import inventory
 from cosim.log import open_log
 from cosim.replay.detector_replay import describe, fill
 from fdi import registry
-from fdi.common.why import BOX_SPEED, NOT_FINITE, WORDS
+from fdi.common.why import NOT_FINITE, WORDS
 from fdi.kinematic import kinematic
-from fdi.rfafe import rfafe_airframe
 
 PARAMS = dtype([("growth", "f8")])
 INPUTS = dtype([("y", "f8")])
@@ -43,30 +42,6 @@ def test_a_state_that_is_not_finite_is_never_valid_and_never_alarms():
     for k in range(20):  # one tick at a time, as in flight
         rollout(live, u[:, k : k + 1], p, DT)
         assert live.tobytes() == log[0, k].tobytes()
-
-
-def parked(n, at_rest):
-    """Return INPUTS (1, n) of an airframe that stands, with a sensor's noise of the last bit, then flies."""
-    u = np.ones((1, n), rfafe_airframe.INPUTS)
-    t, rng = np.arange(n) * DT, np.random.default_rng(3)
-    rest = t < at_rest
-    sway = np.where(rest, 0.0, np.sin(1.3 * t))
-    u["tas"][0] = np.where(rest, -2.6e-304, 150.0 + rng.normal(0.0, 0.05, n))
-    u["alpha"][0] = 0.06 + 0.01 * sway + rng.normal(0.0, 5e-4, n)
-    u["q"][0] = 0.013 * np.where(rest, 0.0, np.cos(1.3 * t)) + rng.normal(0.0, 3e-4, n)
-    u["theta"][0] = 0.06 + 0.01 * sway + rng.normal(0.0, 3e-4, n)
-    u["command"][0] = 0.005 * sway
-    return u
-
-
-def test_a_recording_that_begins_on_the_apron_is_judged_once_it_flies():
-    p, log = rfafe_airframe.params(), np.zeros((1, 8000), rfafe_airframe.STATE)
-    rfafe_airframe.rollout(rfafe_airframe.init(p), parked(8000, 20.0), p, DT, log)
-    rest = np.arange(8000) * DT < 20.0
-    assert not log["valid"][0][rest].any() and (log["why"][0][rest] == BOX_SPEED).all()
-    assert log["speed"][0][-1] == pytest.approx(150.0, abs=1.0)  # learned in flight
-    assert log["valid"][0][-1] == 1.0 and 0.0 < log["r"][0][-1] < 100.0
-    assert np.isfinite(log["r"][0]).all()
 
 
 @pytest.mark.parametrize("name", [n for n, r in registry.records().items() if r.range])
