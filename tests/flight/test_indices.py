@@ -76,7 +76,7 @@ def _forged(path, attachment=None, change=None, topic=None, field=None, value=No
         out = io.BytesIO()
         np.save(out, array)
         attachments[attachment] = ("application/x-npy", out.getvalue())
-    metadata = {k: v for k, v in log.metadata.items() if k not in ("log", "preamble", "result", "late_events")}
+    metadata = {k: v for k, v in log.metadata.items() if k not in ("log", "preamble", "result")}
     with LogWriter(path, topics, n_values=at, dt_ns=log.dt_ns, metadata=metadata, attachments=attachments) as writer:
         for row in np.concatenate(columns, axis=1):
             writer.append(row)
