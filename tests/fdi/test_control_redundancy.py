@@ -1,16 +1,20 @@
-"""Control-induced redundancy: families from sparsity, the documented vehicle, the aircraft's own rows, the block."""
+"""Control-induced redundancy: families from sparsity, the aircraft's own rows, the talk's scenarios, sensors."""
 
 import dataclasses
 import functools
+import math
 import shutil
 
 import numpy as np
 import pytest
 
+import cosim
 from actuators.constants import RAD_PER_DEG
 from cosim.errors import ScenarioError
 from cosim.flight.build import build
-from cosim.flight.loop.signals import inputs
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect, fly, inputs
 from cosim.flight.plant.aero.functions import AeroFunctions, numbers_digest
 from cosim.flight.plant.force_model import force_model
 from cosim.flight.plant.plant import POINTS, Plant
@@ -18,7 +22,10 @@ from cosim.papers.mar10 import flights as mar10_flights
 from cosim.papers.mar10 import rows as mar10
 from cosim.scenario.aircraft import load_aircraft
 from cosim.scenario.load import load_scenario
-from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, THRUST
+from cosim.training.flights import scenario
+from cosim.training.train_aircraft import arguments, fitted
+from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, SENSOR, THRUST
+from fdi.common.why import GUSTS
 from fdi.control_redundancy import control_redundancy
 from fdi.control_redundancy import force_model as fm
 from fdi.control_redundancy import structure as redundancy_structure
@@ -60,7 +67,7 @@ def test_no_family_repeats_another_and_signatures_are_true():
         assert len(set(seen)) == len(seen)
 
 
-def _now(truth):
+def now(truth):
     """Return INPUTS (1, 1) of the truth at one moment, commands where the surfaces are."""
     u = np.zeros((1, 1), control_redundancy.INPUTS)
     named = {"n_x": "nx", "n_y": "ny", "n_z": "nz"}
@@ -88,7 +95,7 @@ def test_the_rows_read_from_the_xml_are_those_that_jsbsim_flies(point):
             p=0.03 * rng.normal(), q=0.03 * rng.normal(), r=0.03 * rng.normal(), surfaces=s,
         )  # fmt: skip
         x, log = control_redundancy.init(p), np.zeros((1, 1), control_redundancy.STATE)
-        control_redundancy.rollout(x, _now(plant.truth()[0]), p, 0.005, log)
+        control_redundancy.rollout(x, now(plant.truth()[0]), p, 0.005, log)
         assert np.abs(x["e"][0, :3]).max() < 1e-3
         assert np.abs(x["e"][0, 3:]).max() < 0.02 * RAD_PER_DEG
 
@@ -222,3 +229,76 @@ def test_the_scenario_chooses_the_rows_by_a_word():
         rows("detectors.control_redundancy.rows=moment")
     with pytest.raises(ScenarioError, match="is no number"):
         rows("detectors.control_redundancy.rel=five")
+
+
+WIRES = sources("control_redundancy")
+
+
+def cruising(*told):
+    return fly(load_scenario("cruise", ["detectors.enabled=[]", "manoeuvre.kind=cruise", *told]), WIRES.values())
+
+
+def heard(frame, **parameters):
+    p = control_redundancy.fitted(site(frame.attrs["dt"]))
+    for name, value in parameters.items():
+        p[name] = value
+    return detect(frame, control_redundancy, WIRES, p, ("valid", "why", "alarm", "learned", "culprit", "verdict"))
+
+
+@pytest.fixture(scope="module")
+def healthy():
+    return cruising("duration_s=26", "flight.turbulence=light")
+
+
+@pytest.mark.parametrize("sensor, error", [("n_x", lambda t: 0.03 + 0 * t), ("n_z", lambda t: 0.01 * t),
+                                           ("alpha", lambda t: 0.035 + 0 * t), ("", None)])  # fmt: skip
+def test_a_sensor_is_named_by_kinematics_and_not_an_effector_and_an_error_of_the_pitch_rate_is_nobodys(
+    healthy, sensor, error
+):
+    quiet, t, frame = heard(healthy), healthy.index.to_numpy(), healthy.copy()
+    assert (quiet["valid"][t > 8.6] == 1.0).all() and not quiet["alarm"].any()
+    off = error(t - 12.0) if error else math.radians(4.0)
+    frame[f"sensors.{sensor or 'q'}.y_obs"] += np.where(t >= 12.0, off, 0.0)
+    log = heard(frame)
+    named = log[(log["alarm"] > 0) & (log["culprit"] > 0)]  # before it is sure it names nobody
+    assert log["alarm"].any() and {control_redundancy.CULPRITS[int(c)] for c in named["culprit"]} == {sensor} - {""}
+    assert (named["verdict"] == SENSOR).all()
+
+
+def test_in_gusts_beyond_those_of_its_training_it_says_nothing_and_why():
+    frame = cruising("duration_s=14", "flight.turbulence=moderate")
+    assert heard(frame)["valid"][-1] == 1.0
+    log = heard(frame, gust_max=0.3)
+    assert log["why"][-1] == GUSTS and not log["valid"].any() and not log["alarm"].any() and not log["learned"].any()
+
+
+def test_a_vane_that_is_off_in_a_turn_in_gusts_is_never_called_an_accelerometer():
+    given = arguments(49, 520_000) | {"duration": 40.0}  # kinematics had half of the forward force's residual in n_x
+    frame = fly(scenario(**given), WIRES.values())
+    frame["sensors.alpha.y_obs"] += math.radians(2.0) * (frame.index >= 20.0)
+    log = detect(frame, control_redundancy, WIRES, fitted("control_redundancy", 49), ("alarm", "culprit"))
+    named = set(log["culprit"][log["alarm"] > 0.5])
+    assert control_redundancy.CULPRITS.index("alpha") in named and control_redundancy.CULPRITS.index("n_x") not in named
+
+
+HEALS = {
+    "an engine": "target='engine.2',kind='thrust_loss',loss_pct=80",
+    "a sensor": "target='sensor.n_x',kind='bias',bias_g=0.06,path='observers'",
+    "a rudder hard over": "target='rudder',kind='runaway',rate_deg_s=3,limit_deg=5",
+}
+
+
+@pytest.mark.parametrize("fault", HEALS.values(), ids=HEALS)
+def test_what_would_show_and_does_not_is_over(fault):
+    lane = lane_of(f"{fault},start_s=14,end_s=30", 42.0, "flight.turbulence=light")
+    assert lane["alarm_share"] > 0.95 and lane["withdrawn_after_s"] < 12.0 and lane["false_alarms"] == 0
+
+
+def test_a_rudder_that_is_locked_and_asked_for_nothing_is_still_locked():
+    lane = lane_of("target='rudder',kind='jam',start_s=14", 45.0, "manoeuvre.kind=yaw_angle", "manoeuvre.start_s=12")
+    assert lane["alarm_share"] > 0.95
+
+
+def lane_of(fault, seconds, *told):
+    told = [f"duration_s={seconds}", "detectors.enabled=['control_redundancy']", f"faults=[{{{fault}}}]", *told]
+    return cosim.simulate(load_scenario("cruise", told)).to_dict()["detectors"][0]
