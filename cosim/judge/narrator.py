@@ -127,7 +127,8 @@ def _entries(i, lanes):
 
 
 def _heard(i, lanes, case, lost):
-    """Return who noticed fault `i` first, who named it right first, and who was first at the other level."""
+    """Return who noticed fault `i` first, who named it right first, who was first at the other level, and the last
+    verdict of both."""
     entries = _entries(i, lanes)
 
     def first(key, *levels):
@@ -145,10 +146,12 @@ def _heard(i, lanes, case, lost):
     text = f"first alarm after {seconds(alarm['detection_delay_s'])} s by {at}"
     text += f", right name after {seconds(name['time_to_right_s'])} s" if name else ", no right name"
     text += f" by {name['id']}" if name and name["id"] != alarm["id"] else ""
-    if then:
-        return f"{text}; {level} after {seconds(then['detection_delay_s'])} s by {then['id']}"
     silence = f"{level} no alarm" if any(d["level"] == other for d in lanes) else ""
-    return "; ".join(filter(None, (text, _not_run(other, lanes, case, lost) or silence)))
+    silence = _not_run(other, lanes, case, lost) or silence
+    said = f"{level} after {seconds(then['detection_delay_s'])} s by {then['id']}" if then else silence
+    both = next((e["isolated"] for e in entries if e["level"] == "both" and e.get("isolated")), None)
+    verdict = f"joint verdict {both['class']} {both['target'].replace('_', ' ')}" if both else ""
+    return "; ".join(filter(None, (text, said, verdict)))
 
 
 def _not_run(level, lanes, case, lost):

@@ -2,7 +2,7 @@
 
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -34,39 +34,34 @@ class Topic:
     `name` is that of its `channel`, a topic of the MCAP file, or begins with it: what follows are the nested messages
     in which the part stands ("/sensors/left_inner" on the channel "/sensors"; by default the name itself). `fields` are
     names, elements `P[0]`, `P[1]`, ... of an array are packed; `index` (len(fields),) gives their positions in the
-    vector, `units` stand beside the fields, "-" for none. Raises ValueError for names that protobuf cannot carry,
-    repeated fields, or lengths that do not agree.
+    vector, by default in order, `units` stand beside the fields, "-" for none. Raises ValueError for names that
+    protobuf cannot carry, repeated fields, or lengths that do not agree.
     """
 
     name: str
     fields: tuple
     units: tuple
-    index: np.ndarray
+    index: Any = field(default=None, compare=False)
     every: int = 1
     group: str = ""
     channel: str = ""
+    rows: int = 0  # of one that is read
 
     def __post_init__(self):
-        own = {"fields": tuple(self.fields), "units": tuple(self.units), "index": np.array(self.index, np.int64)}
-        own["channel"] = self.channel or self.name
-        for name, value in own.items():
+        fields, units, channel = tuple(self.fields), tuple(self.units), self.channel or self.name
+        index = np.array(range(len(fields)) if self.index is None else self.index, np.int64)
+        for name, value in (("fields", fields), ("units", units), ("channel", channel), ("index", index)):
             object.__setattr__(self, name, value)
-        check_topic(self)
-        if self.index.shape != (len(self.fields),):
-            raise ValueError(f"topic {self.name}: {len(self.fields)} fields, but positions of shape {self.index.shape}")
-
-
-@dataclass(frozen=True)
-class TopicInfo:
-    """Describe one part of a log: its fields, their units, ticks per row, number of rows, and the channel it is on."""
-
-    name: str
-    fields: tuple
-    units: tuple
-    every: int
-    rows: int = 0
-    group: str = ""
-    channel: str = ""
+        if not _TOPIC.match(self.name) or not f"{self.name}/".startswith(f"{channel}/"):
+            raise ValueError(f"topic {self.name!r}: use /words/of/letters_digits_underscores, its channel first")
+        bad = [f for f in fields if not _NAME.match(f)]
+        if bad or len(set(fields)) != len(fields):
+            raise ValueError(f"topic {self.name}: field names must be distinct identifiers, not {bad or fields}")
+        if not 0 < len(fields) <= MOST_FIELDS or not len(units) == len(fields) == index.size:
+            said = f"1 to {MOST_FIELDS} fields, a unit and a position each"
+            raise ValueError(f"topic {self.name}: {said}; got {len(fields)}, {len(units)} and {index.size}")
+        if int(self.every) != self.every or self.every < 1:
+            raise ValueError(f"topic {self.name}: every must be a whole number of ticks >= 1, not {self.every}")
 
 
 @dataclass(frozen=True)
@@ -88,22 +83,6 @@ class Damage:
     reason: str
 
 
-def check_topic(topic: Any) -> None:
-    """Raise ValueError when a part's name, fields, units or rate cannot be logged."""
-    name, fields, units = topic.name, topic.fields, topic.units
-    if not _TOPIC.match(name) or not f"{name}/".startswith(f"{topic.channel}/"):
-        raise ValueError(f"topic {name!r}: use /words/of/letters_digits_underscores, its channel first")
-    bad = [f for f in fields if not _NAME.match(f)]
-    if bad or len(set(fields)) != len(fields):
-        raise ValueError(f"topic {name}: field names must be distinct identifiers, not {bad or fields}")
-    if not all(isinstance(unit, str) for unit in units):
-        raise ValueError(f"topic {name}: units must be texts")
-    if len(units) != len(fields) or not 0 < len(fields) <= MOST_FIELDS:
-        raise ValueError(f"topic {name}: 1 to {MOST_FIELDS} fields, one unit each; got {len(fields)} and {len(units)}")
-    if int(topic.every) != topic.every or topic.every < 1:
-        raise ValueError(f"topic {name}: every must be a whole number of ticks >= 1, not {topic.every}")
-
-
 def check_texts(name: str, texts: dict) -> None:
     """Raise ValueError unless metadata are {str: str}."""
     if not all(isinstance(text, str) for pair in texts.items() for text in pair):
@@ -118,15 +97,15 @@ def channel_metadata(parts: Any) -> dict:
     fields = {}
     for part in parts:
         runs: dict = {}  # {name, or stem of an array: [unit, length]}
-        for field, unit in zip(part.fields, part.units):
-            stem, bracket, _ = field.partition("[")
+        for name, unit in zip(part.fields, part.units):
+            stem, bracket, _ = name.partition("[")
             run = runs.setdefault(stem + bracket, [unit, 0])
             run[1] += 1
         fields[part.name] = {f"{n}{size}]" if n.endswith("[") else n: unit for n, (unit, size) in runs.items()}
     return {"every": str(parts[0].every), "group": parts[0].group, "fields": json.dumps(fields)}
 
 
-def parts_of(channel: str, metadata: dict) -> list[TopicInfo]:
+def parts_of(channel: str, metadata: dict) -> list[Topic]:
     """Return the parts that a channel's metadata describe; raises ValueError or its like when they are not ours."""
     out = []
     for name, described in json.loads(metadata["fields"]).items():
@@ -138,9 +117,7 @@ def parts_of(channel: str, metadata: dict) -> list[TopicInfo]:
                 raise ValueError(f"an array of {size} elements")
             own = [f"{stem}[{i}]" for i in range(int(size))] if bracket else [stem]
             fields, units = fields + own, units + [unit] * len(own)
-        info = TopicInfo(name, tuple(fields), tuple(units), int(metadata["every"]), 0, metadata["group"], channel)
-        check_topic(info)
-        out.append(info)
+        out.append(Topic(name, fields, units, None, int(metadata["every"]), metadata["group"], channel))  # type: ignore[arg-type]
     if not out or channel_metadata(out) != metadata:
         raise ValueError("the channel's description is not in canonical form")
     return out

@@ -40,7 +40,7 @@ _COLOURS = ("#1f77b4", "#d62728", "#1ac938", "#ff7f0e", "#f14cc1", "#9467bd", "#
 
 
 def viewer_layouts(topics: Sequence[Any], pages: Any = PAGES) -> dict[str, Any]:
-    """Return {"layout.foxglove.json": (media type, bytes), "layout.plotjuggler.xml": ...} for Topics or TopicInfos.
+    """Return {"layout.foxglove.json": (media type, bytes), "layout.plotjuggler.xml": ...} for Topics.
 
     `pages` say what stands together; a plot, or a page, for which the topics have no field is left out.
     """

@@ -43,7 +43,7 @@ def open_log(path: str | Path, *, limits: Any = None, tolerant: bool = False) ->
 class Log:
     """Give the content of one log; memory is what was asked for, and some 64 MB.
 
-    `topics` {name: TopicInfo} are its parts, such as "/truth/aircraft" and "/sensors/left_inner"; what they have in
+    `topics` {name: Topic} are its parts, such as "/truth/aircraft" and "/sensors/left_inner"; what they have in
     common is a channel of the file, "/sensors", which names them all. `metadata` {name: {str: str}}, `attachments`
     {name: bytes}, `media_types` {name: str}, `dt_ns` [ns], `n_ticks`, `spans` [(first tick, ticks)] of the chunks,
     `complete` (the run ended by itself and wrote its result), `result` {str: str} or None.

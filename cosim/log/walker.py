@@ -47,7 +47,7 @@ _READ = {Opcode.CHUNK: _CHUNK_HEAD, Opcode.MESSAGE_INDEX: 0}  # bytes that are r
 class Contents:
     """What the records of one log say.
 
-    `topics` {name: TopicInfo without rows}, `ids` {channel: id}, `declared` [(channel, message name, descriptors,
+    `topics` {name: Topic without rows}, `ids` {channel: id}, `declared` [(channel, message name, descriptors,
     metadata)], `layout` of the chunks, `damage` what is lost, `whole` whether the checksum of all data agrees,
     `closed` whether the log has its end too, `at` the byte at which the record being read begins.
     """

@@ -15,7 +15,7 @@ import numpy as np
 
 from cosim.flight.detection import detectors as table
 from cosim.judge.result import plain
-from cosim.log import LogWriter, TopicInfo, viewer_layouts
+from cosim.log import LogWriter, Topic, viewer_layouts
 from cosim.parts import load, with_detectors
 from cosim.replay import clock
 from cosim.replay import map_signals as signals_of
@@ -241,7 +241,7 @@ def _write(path, done, out, text, dt):
             (f"/replay/detectors/{d.id}/{lane}", elements(module.STATE, module.OUTPUTS), again, d.every),
         ):
             fields, units = zip(*own)
-            infos.append((name, TopicInfo(name, fields, units, every, channel=name.rpartition("/")[0]), "detectors"))
+            infos.append((name, Topic(name, fields, units, every=every, channel=name.rpartition("/")[0]), "detectors"))
             parts.append(np.zeros((u.shape[1], len(own))))
             parts[-1][::every] = values
     topics, n = stacked(infos)

@@ -13,36 +13,27 @@ flights; where the manoeuvres of one call for little, it counts little. Each sta
 it may grow with. The position monitor of electromechanical segments is trained by `train_ema`.
 """
 
-import functools
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from actuators.block import kernel
-from cosim.scenario.catalog import SEGMENTS
 from cosim.training import flights as drawn
 from cosim.training.flights import DT, FLIGHT_S, NOISE_SCALE, START_S, TOLERANCE, fly_hydraulic, somewhere, watch
 from cosim.training.threshold_fit import HELD, PROBABILITY, blocks, exceeded, lasting, limit
 from cosim.training.trainer import Trained, Training, decimals, over
-from fdi.hydraulic import iotsekf, rtsekf, rtsekf_flight, sample_rings
+from fdi.hydraulic import iotsekf, rtsekf, rtsekf_flight
 from fdi.isolation import likelihood
 from fdi.monitors import ofc_monitor, position_monitor
 
 FLIGHTS = 384  # 16 of every manoeuvre in each air
 FIRST_SEED = 21_000
 SETTLED = round(START_S / DT)  # ticks
-# What noise alone asks for in still air, where the search finds nothing; where it begins. Of the amplitudes that noise
-# alone makes 2.4e-6 are larger; at 1 Hz a flight has 240 fits apart, and two in a row must agree and look like a sine
-NOISE_SIGMA, FLOOR_SIGMA = 3.6, 1.8
 PEAK = 2.0  # times what lasts: the largest single tick of a lagged input fault; from it on more is looked for
 MARGIN = 1.5  # of evidence: flights at points and in manoeuvres drawn otherwise have 1.6 times the largest of these
-NEVER = 1e9  # fits in a row that no flight has: what is found is no alarm, behind which the filter would look otherwise
+NEVER = 1e9  # of evidence, that no flight has: an alarm teaches nothing
 EVIDENCE = "iotsekf flight_load2"  # the set whose likelihood ratios are asked for
-TESTS = {"iotsekf": ("bank_threshold", "slow_threshold", "run_threshold"), "rtsekf": ("threshold", "step"),
-         "rtsekf_flight": ("pair_threshold",)}  # fmt: skip
-# amplitude noise of a fit over noise of a sample: sqrt(2 / n) with n samples in two periods
-SLOW_WINDOW = sample_rings.SLOW_S * np.array(sample_rings.SLOW_HZ)
+TESTS = {"iotsekf": ("run_threshold",), "rtsekf": ("threshold", "step"), "rtsekf_flight": ("pair_threshold",)}
 GRID = np.geomspace(0.1e-3, 8e-3, 32)  # thresholds tried for the crossing counter [m]
 LEAST = 0.5e-3  # of the crossing counter's threshold: three times the noise of its residual, 0.17 mm at most [m]
 SPEEDS = (180.0, 365.0)  # calibrated airspeed [kt]
@@ -53,22 +44,14 @@ SHARES = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # of the reference's motion, tried be
 
 
 def survey_iotsekf(recorded: Any, load: float) -> dict[str, Any]:
-    """Return {name: largest} over one flight: of each frequency the amplitude that would pass for an oscillation with a
-    threshold of FLOOR_SIGMA, the largest lagged input fault that lasts, the drive's shares left out; with the pressure
-    the evidence of each hypothesis, 0 where none speaks for it.
-    """
+    """Return {name: largest} over one flight: the lagged input fault that lasts, the command's share left out; with the
+    pressure the evidence of each hypothesis, 0 where none speaks for it."""
     p = iotsekf.params(load=load)
-    floor = {n: FLOOR_SIGMA / NOISE_SIGMA * np.asarray(v) for n, v in quiet_floor(load).items()}
-    p["bank_threshold"], p["slow_threshold"] = floor["bank_threshold"], floor["slow_threshold"]
-    hits, p["hits"] = float(p["hits"][0]), NEVER
     p["limit"], p["asks"] = NEVER, np.where(p["asks"] > 0.0, likelihood.ALL, 0.0)
-    fields = ("ratio", "hit", "slow_ratio", "slow_hit", "f_slow", "u_slow", "ev", "ev_octave")
-    log = watch(recorded, iotsekf, p, fields)[:, SETTLED:]
+    log = watch(recorded, iotsekf, p, ("f_slow", "u_slow", "ev", "ev_octave"))[:, SETTLED:]
     r = p[0]
-    out = {f"{n}_threshold": np.where(log[hit] >= hits, log[ratio], 0.0).max(axis=(0, 1)) * floor[f"{n}_threshold"]
-           for n, ratio, hit in (("bank", "ratio", "hit"), ("slow", "slow_ratio", "slow_hit"))}  # fmt: skip
     run = np.abs(log["f_slow"]) - r["run_share"] * np.abs(log["u_slow"])
-    out["run_threshold"] = lasting(run, HELD * float(r["run_confirm"]), DT).max()
+    out = {"run_threshold": lasting(run, HELD * float(r["run_confirm"]), DT).max()}
     if load == 2:
         asked = log["ev"][(log["ev_octave"] >= 0.0) & (np.arange(log.shape[1]) * DT > likelihood.LEARN_S - START_S)]
         out["limit"] = np.maximum(asked.max(axis=0), 0.0)
@@ -120,10 +103,7 @@ def limits(flown: list[dict[str, Any]]) -> list[Trained]:
         if s == EVIDENCE:
             made["limit"] = MARGIN * each(tests["limit"], PROBABILITY)
         if name == "iotsekf":
-            floor = quiet_floor(int(s[-1]))
             made["run_threshold"] = PEAK * made["run_threshold"]
-            made |= {key: np.maximum(made[key], floor[key]) for key in ("bank_threshold", "slow_threshold")}
-            made["sum_threshold"] = floor["sum_threshold"]
         fields = {key: np.asarray(v).tolist() for key, v in made.items()}
         out.append(Trained(name, which, fields, {"largest": largest[name]}))
     return out
@@ -136,27 +116,6 @@ def each(found: np.ndarray, probability: float) -> np.ndarray:
     """
     columns = found.reshape(len(found), -1).T
     return np.array([exceeded(c, probability / len(columns)) for c in columns]).reshape(found.shape[1:])
-
-
-@functools.cache
-def quiet_floor(load: Any, seed: int = 1) -> dict[str, Any]:
-    """Return the thresholds that sensor noise alone asks for: a still rod for 60 s, noise of the set `transport`."""
-    rng, ticks = np.random.default_rng(seed), round(60.0 / DT)
-    p = iotsekf.params(load=load)
-    u = np.zeros((4, ticks), iotsekf.INPUTS)
-    for name in ("y_rod_valid", "y_surface_valid", "y_dp_valid"):
-        u[name] = 1.0
-    u["y_rod"] = np.sqrt(p["r_rod"]) * rng.standard_normal((4, ticks))
-    u["y_dp"] = np.sqrt(p["r_dp"]) * rng.standard_normal((4, ticks))
-    frame = pd.DataFrame({path: u[n][i] for i, s in enumerate(SEGMENTS) for n, path in drawn.wires(iotsekf, s).items()})
-    frame.attrs["dt"] = DT
-    log = watch(frame, iotsekf, p, ("bank_cos", "bank_sin"))[:, round(5.0 / DT) :]
-    c, s = log["bank_cos"], log["bank_sin"]
-    residual = np.sqrt((c[:, :, 0] ** 2 + s[:, :, 0] ** 2).mean(axis=(0, 1)))
-    both = np.sqrt((c.sum(axis=2) ** 2 + s.sum(axis=2) ** 2).mean(axis=(0, 1)))
-    slow = sample_rings.SIGMA[sample_rings.SLOW] * sample_rings.ROUGHER[load] * np.sqrt(SLOW_WINDOW)
-    return {"bank_threshold": NOISE_SIGMA * residual, "slow_threshold": NOISE_SIGMA * slow,
-            "sum_threshold": np.round(3.0 * both, 7).tolist()}  # fmt: skip
 
 
 def survey_ofc_monitor(recorded: Any) -> dict[str, np.ndarray]:

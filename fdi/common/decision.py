@@ -13,7 +13,6 @@ import math
 
 from actuators.block import kernel
 from actuators.common.limits import within as clipped
-from fdi.common import bank
 
 T_DISTURBED = 0.6  # [s] after the blame, or for as long as there is none, the input-fault estimate rings
 LOAD_LEAST = 0.03  # a load of less than this has no side [1]
@@ -65,32 +64,6 @@ LEVER_STATE = [
     ("lever_offset", "f8", "m"),  # learned rod - arm surface at the rod's zero
     ("lever", "f8", "-"),  # learned error of the lever's length
     ("lever_P", "f8", (3,), "m^2, m, 1"),  # covariance of the two: 00, 01, 11
-]
-OFC_PARAMS = [
-    *bank.PARAMS,
-    ("bank_threshold", "f8", (bank.K,)),  # amplitude in quiet flight [unit of the residual]
-    ("sum_threshold", "f8", (bank.K,)),  # amplitude of residual + drive in quiet flight
-    ("bank_share", "f8", "-"),  # ... plus this share of the drive's amplitude
-    ("bank_prior", "f8", "-"),  # ... plus this share while its gain has not been learned
-    ("gain_floor", "f8"),  # the drive must exceed this to teach its gain [unit of the drive]
-    ("gain_energy", "f8"),  # squared drive amplitude at which prior and lesson weigh alike
-    ("gain_memory", "f8", "s"),
-    ("gain_limit", "f8", "-"),  # largest gain error that is believed
-    ("hits", "f8", "-"),  # fits in a row that must agree
-    ("keep_mean", "f8", "-"),  # 1 where the residual has no offset of its own, so that its mean speaks
-    ("t_release", "f8", "s"),  # an alarm outlives its cause by this
-]
-OFC_STATE = [
-    *bank.STATE,
-    ("gain", "f8", "-"),  # learned share of the drive in the residual
-    ("gain_num", "f8"),
-    ("gain_den", "f8"),
-    ("ratio", "f8", (bank.K,), "-"),  # each fit over its threshold
-    ("hit", "f8", (bank.K,), "-"),  # fits in a row that agreed
-    ("r_ofc", "f8", "-"),  # largest fit over its threshold
-    ("ofc_timer", "f8", "s"),  # time for which an oscillation is still held to be there
-    ("ofc_hz", "f8", "Hz"),  # its frequency
-    ("ofc_amplitude", "f8", "-"),  # its amplitude [unit of the residual]
 ]
 
 
@@ -242,33 +215,3 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, slack,
         x.base_surface += x.e_surface
         x.e_rod = 0.0
         x.e_surface = 0.0
-
-
-@kernel
-def share(x, p):
-    """Return the part of the drive's amplitude that the residual may show in health."""
-    return p.bank_share + unlearned(x, p)
-
-
-@kernel
-def unlearned(x, p):
-    """Return the part of the drive that its gain may be off by while the flight has not taught it."""
-    return p.bank_prior * p.gain_energy / (p.gain_energy + x.gain_den)
-
-
-@kernel
-def learn_gain(x, p, k, dt):
-    """Learn how much of the drive is in the residual: tolerances act on the flow as one gain.
-
-    gain = sum Re(F U*) / (sum |U|^2 + energy), over fits with a strong drive, forgotten over `gain_memory`.
-    """
-    U2 = bank.mixed(x, k, 0.0, 1.0)
-    if U2 < p.gain_floor * p.gain_floor:
-        return
-    FU = x.bank_cos[0, k] * x.bank_cos[1, k] + x.bank_sin[0, k] * x.bank_sin[1, k]
-    x.gain_num += FU
-    x.gain_den += U2
-    keep = math.exp(-p.bank_stride[k] * p.bank_block[int(p.bank_level[k])] * dt / p.gain_memory)
-    x.gain_num *= keep
-    x.gain_den *= keep
-    x.gain = clipped(x.gain_num / (x.gain_den + p.gain_energy), p.gain_limit)

@@ -1,15 +1,17 @@
 """IOTSEKF: the input fault of one hydraulic actuator, by the two-stage filter of [Lu17], and what it is.
 
-The filter (`two_stage`) gives the state and the input fault f^i in the unit of the valve command. Tests read them, and
-`fdi/hydraulic/hypotheses.py` weighs what healthy, added, in place and lossy leave over before it gives a name:
+The filter (`two_stage_ekf`) gives the state and the input fault f^i in the unit of the valve command: the servo's
+estimate. Four plain tests (`plain_tests`) and the evidence of fault hypotheses on the innovations of a filter without a
+fault state (`fdi.isolation`) raise the alarm; `name` says which of them names it:
 
-| test | statistic | verdict |
-|---|---|---|
-| pair | rod - arm surface - rigging; each against the model's own motion | SENSOR rod, surface, or AMBIGUOUS |
-| pressure | a jump, a frozen value, an excess whose flow is missing (load form 2, `pressure_test`) | SENSOR pressure |
-| oscillation | two-period least squares of f_hat - gain u over a bank of frequencies | OFC_LIQUID, OFC_SOLID |
-| jam | load beyond the hinge-moment model while the rod is still (load form 2) | JAM_SOLID |
-| input fault | lagged f_hat - gain u | RUNAWAY |
+| asked in turn | verdict |
+|---|---|
+| equal samples; a gap between rod and surface | SENSOR, EFFECTIVENESS |
+| a valve that stands open | RUNAWAY |
+| rod against surface; a pressure whose flow is missing | SENSOR |
+| load beyond the hinge-moment model at rest, for a second or where no pressure sensor explains it | JAM_SOLID |
+| nonlinear models of soft oil and joined chambers | EFFECTIVENESS |
+| hypothesis that leads in the longest window | SENSOR, OFC_LIQUID, OFC_SOLID, EFFECTIVENESS |
 
 Load forms: 0 ignored, as published; 1 a hinge-moment model; 2 the pressure is measured and the load is a random walk
 (default). While its pressure sensor is left out, form 2 runs on the hinge-moment model, `valid` speaks for the rod
@@ -25,15 +27,12 @@ import numpy as np
 from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage
 from actuators.hydraulic import lu17
-from actuators.hydraulic.lu17 import opening, stiffness
-from fdi.common import bank, decision
-from fdi.common.decision import confirm, usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
-from fdi.common.verdict import NONE, SENSOR
-from fdi.hydraulic import command_response, hypotheses, pressure_test, runaway_test, sample_rings, sensor_noise
+from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
+from fdi.hydraulic import plain_tests
 from fdi.hydraulic import two_stage_ekf as two_stage
-from fdi.isolation import backlash, filter, likelihood, multiple_models
+from fdi.isolation import backlash, likelihood, multiple_models
 from fdi.isolation import decide as by_evidence
 from fdi.isolation.evidence import HYPOTHESES
 
@@ -44,28 +43,7 @@ FORMS: dict[str, dict] = {  # how the load is known: what `params` is told; "pub
     "published": {"load": 0, "centre": 0.0, "total_sign": 0.0, "gate_rod": two_stage.GATE_NONE},
 }
 
-PARAMS = dtype(
-    [
-        *two_stage.PARAMS,
-        *decision.PAIR_PARAMS,
-        *decision.OFC_PARAMS,
-        *sample_rings.PARAMS,
-        *command_response.PARAMS,
-        *pressure_test.PARAMS,
-        *likelihood.PARAMS,
-        ("lag_omega", "f8", "rad/s"),  # f_hat follows f as a second-order lag: corner
-        ("lag_zeta", "f8", "-"),  # damping
-        ("lag_ticks", "f8", "-"),  # dead time beyond the first tick
-        ("run_tau", "f8", "s"),  # lag of the estimates that the runaway and jam tests use
-        ("run_threshold", "f8", "-"),  # input fault
-        ("run_share", "f8"),  # ... plus this share of the valve command
-        ("run_confirm", "f8", "s"),
-        ("jam_threshold", "f8", "-"),  # load beyond the model, over the stall force
-        ("jam_share", "f8"),  # ... plus this share of the model's load
-        ("jam_still", "f8", "m/s"),  # rod velocity below which the surface is still
-        ("jam_confirm", "f8", "s"),
-    ]
-)
+PARAMS = dtype([*two_stage.PARAMS, *plain_tests.PARAMS, *likelihood.PARAMS])
 INPUTS = dtype(
     [
         ("u", "f8", "-"),  # valve command held over the last tick, as the servo sent it
@@ -82,34 +60,17 @@ INPUTS = dtype(
 STATE = dtype(
     [
         *two_stage.STATE,
-        *decision.PAIR_STATE,
-        *decision.OFC_STATE,
-        *sample_rings.STATE,
-        *hypotheses.STATE,
-        *command_response.STATE,
+        *plain_tests.STATE,
         *likelihood.STATE,
-        ("jump_e", "f8", "m"),  # last innovation of the only position sensor
-        ("jump_side", "f8", "m"),  # innovation at its jump
-        ("jump_ticks", "f8", "-"),  # ticks for which the jump has stood
-        ("jump_of", "f8", "-"),  # 1 the rod sensor, 2 the surface sensor, the only one left, has jumped
-        ("form", "f8", "-"),  # noise of f_hat over that with all sensors
-        ("noise_scale", "f8", "-"),  # the same with what noise the sensors are heard to have
-        ("drive", "f8", "-"),  # valve command behind the filter's own lag, so that f_hat + drive is what the valve did
-        ("drive_d", "f8", "1/s"),  # its derivative
-        ("load_lag", "f8", "-"),  # pressure behind the same lag
-        ("load_d", "f8", "1/s"),  # its derivative
-        ("f_slow", "f8", "-"),  # lagged input fault, gain error removed
-        ("u_slow", "f8", "-"),  # lagged valve command
-        ("q_fast", "f8", "m"),  # rod, lagged once
-        ("q_slow", "f8", "m"),  # rod, lagged more
-        ("v_slow", "f8", "m/s"),  # velocity from their difference: the filter's own is wrong while a jam loads up
-        ("excess", "f8", "-"),  # lagged load beyond the model
-        ("run_timer", "f8", "s"),
-        ("run", "f8", "-"),  # 1 while an input fault is declared
-        ("jam_timer", "f8", "s"),
-        ("jam", "f8", "-"),  # 1 while a jam is declared
-        ("r_run", "f8", "-"),  # input fault over its threshold
-        ("r_jam", "f8", "-"),  # load excess over its threshold
+        *multiple_models.STATE,
+        *backlash.STATE,
+        ("rod_low", "f8", "m"),  # travel since the alarm
+        ("rod_high", "f8", "m"),
+        ("rod_slow", "f8", "m"),
+        ("next_verdict", "f8", "-"),  # name that stands now,
+        ("next_culprit", "f8", "-"),
+        ("next_s", "f8", "s"),  # and for how long it has
+        ("kind", "f8", "-"),  # class of `fdi.isolation.decide`, which tells kinds of fault with one verdict apart
         ("r", "f8", "-"),  # largest of all tests over their thresholds
         ("alarm", "f8", "-"),  # 1 while a fault is declared
         ("verdict", "f8", "-"),  # class code
@@ -119,7 +80,7 @@ STATE = dtype(
 )
 OUTPUTS = (
     *("r", "alarm", "verdict", "culprit", "valid", "f_hat", "f_sigma", "q_now", "v_now", "x3_now", "nis_rod", "nis_dp"),
-    *("r_ofc", "r_run", "r_jam", "pair_d", "rigging", "gain", "ofc_hz", "ofc_amplitude", "kind"),
+    *("r_run", "r_jam", "evidence", "pair_d", "rigging", "likely_hz", "kind"),
 )
 DETECTOR = Detector(
     id="iotsekf",
@@ -156,8 +117,7 @@ DETECTOR = Detector(
         by_evidence.OF_LOAD: ("friction",), by_evidence.APART: ("backlash",), by_evidence.FREE_FLOAT: ("free_float",),
     }},
     looks_back={"delay": "u_old", "lag_ticks": "u_old"},
-    sizes=bank.SIZES,
-    places=bank.PLACES,
+    places={"likely_octave": ("own_class", 0), "likely_fault": ("ev", 0)},
     options={"form": tuple(FORMS)},  # the first is the default
     belongs={"load": "form"},
     slow={"asks": 0.0},  # evidence rests on what each tick's command leaves in the pressure
@@ -176,12 +136,12 @@ NOISE = {
     "P0_f": 1e-4,
     "r_spare": 2e-8,  # 0.02 deg on 0.30 m, rigging removed
 }
-# An input fault beyond its threshold counts in proportion up to this: with 1.5, the half periods of an oscillation of
-# 0.6 mm at 10 Hz, 35 ms beyond it, would do for a runaway
-RUN_WEIGHT = 1.25
 SUSPICIOUS = 0.7  # of a threshold, from which on all evidence is asked for
-WITHOUT_ROD, WITHOUT_PRESSURE = 1.6, 4.0  # noise of f_hat on the surface sensor; on the hinge-moment model
-JUMP, BEFORE = 6e-4, 0.4  # of a position, six sigma of the sensor [m], and the share that the sample before may have
+HOLD_S = 0.2  # for which a name has stood before it is given [s]
+STILL = 0.5e-3  # rod travel of a jam: noise of its sensor [m]
+RUBS_MOST, HOLDS_S = 0.6, 2.0  # friction holds no more of the stall force, seldom a rod for longer [s]
+LASTS_S = 1.0  # a jam that has lasted outranks the pressure sensor [s]
+JAM_S = 10.0  # so long a jam outlives its last evidence while the rod is still [s]
 PERIOD = 0.005  # of the samples whose variance stands in NOISE [s]
 
 # fitted to the step response of f_hat on the linear model with these noises at 5 ms: off by 1 % rms with the pressure,
@@ -210,8 +170,7 @@ def params(
     that of the load form; `values` replace any field.
     """
     chosen = thresholds("iotsekf", which or f"flight_load{load}", own)
-    v = {**lu17.NOMINAL, **NOISE, **LAG[load], **bank.design(dt), **sample_rings.design(dt, load),
-         **command_response.design(dt), **likelihood.design(dt, arm, travel, load == 2), **chosen}
+    v = {**lu17.NOMINAL, **NOISE, **LAG[load], **likelihood.design(dt, arm, travel, load == 2), **chosen}
     for name in ("r_rod", "r_dp", "r_spare"):
         v[name] *= PERIOD / dt
     if load != 2:
@@ -226,10 +185,8 @@ def params(
         "delay": float(round(delay_s / dt)),
         "epsilon": 1e-9,
         "gate_rod": 12.0,
-        **pressure_test.FIXED,
         "spikes": 4.0,
         "t_invalid": 0.2,
-        "keep_mean": 1.0 if load == 2 else 0.0,
         "limit": (0.0,) * HYPOTHESES,
     }
     p = record(PARAMS, **{**fixed, **v, **values})
@@ -240,166 +197,106 @@ def params(
 def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape, nothing learned, not started: the filters begin at the first usable rod sample."""
     x = np.zeros(p.shape, STATE)
-    x["step_age"] = pressure_test.SETTLES
     likelihood.begin(x, p)
     return x
 
 
 @kernel
-def model_velocity(x, p):
-    """Return the rod velocity that valve and pressure alone imply, compressibility left out [m/s]. [Lu17] (4)"""
-    v = x.u_old[int(p.delay)]
-    x3 = x.x_hat[2]
-    return (1.0 + x.gain) * p.phi_n / p.A_p * opening(v, x3) * v - p.L * x3
+def travel(x, u, dt):
+    """Follow how far the rod has moved since the alarm."""
+    if u.y_rod_valid > 0.5 and math.isfinite(u.y_rod):
+        x.rod_slow += min(dt / 0.02, 1.0) * (u.y_rod - x.rod_slow)
+    if x.alarm < 0.5:
+        x.rod_low = x.rod_high = x.rod_slow
+    x.rod_low, x.rod_high = min(x.rod_low, x.rod_slow), max(x.rod_high, x.rod_slow)
 
 
 @kernel
-def by_model(x, p):
-    """Return what learned errors of oil and supply leave in the input fault of [Lu17] (4), behind its lag [1].
-
-    The gain is learned beside it; leakage and a constant flow are what a slow fault of the pressure sensor looks like.
-    """
-    root = max(opening(x.drive, x.load_lag), lu17.ROOT_FLOOR)
-    stiff = x.fed[filter.SOFT] - p.prior_mean[filter.SOFT]  # by how the two filters differ where nothing is learned
-    soft = stiff / (1.0 + stiff) * x.load_d / stiffness(x.x_hat[0], p)
-    return soft * p.A_p / (p.phi_n * root) - 0.5 * x.fed[filter.SUPPLY] * x.drive / (root * root)
+def name(x):
+    """Return (verdict, culprit) of what stands: first what can be nothing else, then what it may be taken for."""
+    moved, likely = x.rod_high - x.rod_low >= STILL, x.likely
+    if x.frozen > 0.5:
+        return SENSOR, x.frozen
+    if x.loose > 0.5:
+        return EFFECTIVENESS, 0.0
+    if x.stands_open != 0.0:
+        return RUNAWAY, 0.0
+    if x.sensor > 0.5 and (x.blame == 1.0 or (x.blame == 2.0 and x.backlash_suspected < 0.5)):
+        return SENSOR, x.blame
+    if x.jump_of > 0.5:
+        return SENSOR, x.jump_of
+    if x.misread > 0.5 and x.jam < 0.5:
+        return SENSOR, 3.0
+    if x.jam > 0.5 and moved and (likely == by_evidence.WEAK or likely == by_evidence.OF_LOAD):
+        return EFFECTIVENESS, 0.0
+    if x.jam > 0.5 and (x.jam_s > LASTS_S or likely != by_evidence.OF_PRESSURE):
+        rubs = x.jam_most < RUBS_MOST and (x.jam_s < HOLDS_S or moved)
+        return AMBIGUOUS if rubs else JAM_SOLID, 0.0
+    # the evidence of a pressure sensor knows no model of joined chambers: while these lead, they outrank it
+    pressure = likely == by_evidence.OF_PRESSURE or x.candidate == by_evidence.OF_PRESSURE
+    joined = x.rival_lead[multiple_models.JOINED] > multiple_models.SURE
+    if max(x.shown[0], x.shown[1]) > 0.5 and x.sensor < 0.5 and (joined or not pressure):
+        return EFFECTIVENESS, 0.0
+    if (likely == by_evidence.OF_PRESSURE or (likely == by_evidence.WEAK and x.dp_out > 0.5)) and x.sensor < 0.5:
+        return SENSOR, 3.0  # a reading that drifts takes the flow of a leak
+    if likely == by_evidence.LIQUID:
+        return OFC_LIQUID, 0.0
+    if likely == by_evidence.SOLID:
+        return OFC_SOLID, 0.0
+    if likely == by_evidence.WEAK or (likely == by_evidence.OF_LOAD and moved):
+        return EFFECTIVENESS, 0.0
+    if likely == by_evidence.OF_ROD or (likely == by_evidence.OF_SURFACE and x.backlash_suspected < 0.5):
+        return SENSOR, likely - by_evidence.OF_ROD + 1.0
+    return AMBIGUOUS, 0.0
 
 
 @kernel
-def jumped(x, rod, surface, dt):
-    """Where only one position sensor is left, hold that it has jumped until there are two again to compare."""
-    if rod > 0.5 and surface > 0.5:
-        x.jump_of = 0.0
-    elif x.pair_time > 0.0 and x.age == 0.0 and x.sensor < 0.5:
-        e = math.fabs(x.gamma_rod)
-        # samples of an oscillation rise one after the other
-        if e > JUMP and x.jump_e < BEFORE * e and x.declared < 0.5:
-            x.jump_ticks = 1.0
-        elif x.jump_ticks > 0.0:
-            x.jump_ticks = x.jump_ticks + 1.0 if x.gamma_rod * x.jump_side > 0.2 * JUMP * JUMP else 0.0
-            if x.jump_ticks >= 3.0:
-                x.jump_of = 1.0 if rod > 0.5 else 2.0
-                x.jump_ticks = 0.0
-                x.t_settling = max(x.t_settling, decision.T_DISTURBED)
-        if x.jump_ticks == 1.0:
-            x.jump_side = x.gamma_rod
-        x.jump_e = e
-
-
-@kernel
-def decide(x, u, p, dt):
-    """Run the tests on the estimate: sensors first, then oscillation, jam and input fault."""
-    rod, surface = usable(u.y_rod, u.y_rod_valid), usable(u.y_surface, u.y_surface_valid)
-    bulk = x.x_hat[2] / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
-    y_surface = p.arm * u.y_surface + bulk
-    known, slack = x.lever_P[2] > 0.0, 0.0  # by the filter without a fault state, where it runs
-    if known:
-        x.rigging, slack = decision.lever_at(x, x.h_hat[0])
-    motion = model_velocity(x, p)
-    decision.pair_test(x, u.y_rod + bulk, rod, y_surface, surface, motion, x.x_hat[3], slack, known, p, dt)
-    pressure = usable(u.y_dp, u.y_dp_valid) if p.load == 2.0 else 0.0
-    e_rod = u.y_rod - p.arm * u.y_surface - x.rigging - x.pair_d if surface > 0.5 else x.gamma_rod
-    d = min(int(p.delay), two_stage.HISTORY - 2)
-    gain = decision.GAIN_LIMIT + math.fabs((1.0 + x.fed[filter.SOFT]) * (1.0 + x.fed[filter.FAST]) - 1.0)
-    steps = gain * math.fabs(x.G[2] * (x.u_old[d] - 2.0 * x.u_old[d + 1] + x.u_old[d + 2]))
-    sensor_noise.update(x, rod, u.y_rod, e_rod, pressure, u.y_dp, x.dp_e, steps, p, dt)
-    lost = p.load == 2.0 and x.age_dp > p.t_invalid
-    form = WITHOUT_PRESSURE if lost else (WITHOUT_ROD if x.blame == 1.0 or x.age_rod > p.t_invalid else 1.0)
-    loud = x.rod_noisy > 0.5 or x.dp_noisy > 0.5
-    good = pressure > 0.5 and not lost and x.dp_out < 0.5 and x.dp_noisy < 0.5
-    command_response.update(x, p, 1.0 if good else 0.0, dt)
-    jumped(x, rod, surface, dt)
-    if form != x.form or loud:
-        x.t_settling = max(x.t_settling, decision.T_DISTURBED)
-        x.form = form
-    x.noise_scale = form * math.sqrt(max(1.0, max(x.rod_rough / p.r_rod, x.dp_noise / p.r_dp) / sensor_noise.USUAL))
-    disturbed = x.t_settling > 0.0 or x.valid < 0.5
-    if disturbed and (x.sensor > 0.5 or loud or x.valid < 0.5 or lost):
-        hypotheses.forget(x, True)
-    x.drive_d += dt * p.lag_omega * (p.lag_omega * (x.u_old[int(p.lag_ticks)] - x.drive) - 2.0 * p.lag_zeta * x.drive_d)
-    x.drive += dt * x.drive_d
-    x.load_d += dt * p.lag_omega * (p.lag_omega * (x.x_hat[2] - x.load_lag) - 2.0 * p.lag_zeta * x.load_d)
-    x.load_lag += dt * x.load_d
-    f = x.f_hat - by_model(x, p)
-    renewed = bank.push(x, p, f, x.drive)
-    fresh = sample_rings.push(x, p, f, x.drive, x.load_lag)
-    other = x.jam > 0.5 or (x.swings < 1.5 and (x.run > 0.5 or x.r_run >= 1.0))
-    hypotheses.search(x, p, renewed, fresh, disturbed, not disturbed and x.alarm < 0.5, other, dt)
-    a = 1.0 - math.exp(-dt / p.run_tau)
-    x.f_slow += a * (f - x.gain * x.drive - x.f_slow)
-    x.u_slow += a * (x.drive - x.u_slow)
-    run_share = p.run_share + decision.unlearned(x, p)
-    x.r_run = math.fabs(x.f_slow) / (x.noise_scale * p.run_threshold + run_share * math.fabs(x.u_slow))
-    ran = x.r_run >= 1.0 and not disturbed
-    # size times time: against the servo, which fights it, a runaway is an input fault that comes and goes
-    weighed = dt * min(x.r_run, RUN_WEIGHT) if ran else dt
-    ran_before = x.run
-    x.run_timer, x.run = confirm(x.run_timer, x.run, ran, weighed, p.run_confirm, p.t_release)
-    x.step_age += dt
-    if x.run < 0.5:
-        x.run_side, x.swings = 0.0, 0.0
-    elif ran:
-        side = 1.0 if x.f_slow > 0.0 else -1.0
-        if x.run_side == 0.0:
-            x.run_side = side
-        elif side != x.run_side:  # once may be the servo's answer to a runaway, back again is an oscillation
-            x.run_side = side
-            x.swings += 1.0
-    x.r_jam = 0.0
-    share = 0.0
-    if p.load == 2.0:
-        model = two_stage.load_model(x, u, p)
-        x.excess += a * (x.x_hat[3] - model - x.excess)
-        x.r_jam = math.fabs(x.excess) / (p.jam_threshold + p.jam_share * math.fabs(model))
-        declared = disturbed or lost or x.run > 0.5 or x.jam > 0.5 or x.ofc_timer > 0.0
-        pressure_test.keep(x, declared, dt)
-        share = pressure_test.plausible(x, u, model, x.r_jam >= 1.0, declared, p, dt)
-    x.q_fast += a * (x.x_hat[0] - x.q_fast)
-    x.q_slow += dt / (2.0 * p.run_tau) * (x.q_fast - x.q_slow)
-    x.v_slow = (x.q_fast - x.q_slow) / (2.0 * p.run_tau)
-    still = math.fabs(x.v_slow) < p.jam_still
-    jammed = x.r_jam >= 1.0 and still and not disturbed and not lost and (share < p.share_least or x.jam > 0.5)
-    x.jam_timer, x.jam = confirm(x.jam_timer, x.jam, jammed, dt, p.jam_confirm, p.t_release)
-    if renewed > 0.5:
-        one = x.run > 0.5 and x.swings < 1.5 and x.proof < 0.5 * command_response.SURE and not (lost and still)
-        x.opens = 1.0 if one and runaway_test.runs_away(x, p, dt) else 0.0
-    before, named = x.declared, x.named
-    hypotheses.conclude(x, x.jam > 0.5, x.run > 0.5)
-    if before > 0.5 and x.declared < 0.5:  # half a period of a slow oscillation rises, falls and has no name
-        hypotheses.forget(x, named != NONE)
-    if (before > 0.5) != (x.declared > 0.5) or (ran_before < 0.5 and x.run > 0.5):
-        command_response.reset(x)
-    left_out = x.dp_out > 0.5 and x.sensor < 0.5
-    if loud and x.sensor < 0.5:
-        x.declared, x.verdict, x.culprit = 1.0, SENSOR, 1.0 if x.rod_noisy > 0.5 else 3.0
-    elif x.jump_of > 0.5 and x.declared < 0.5:
-        x.declared, x.verdict, x.culprit = 1.0, SENSOR, x.jump_of
-    elif (left_out or math.fabs(x.dp_offset) > 0.5 * pressure_test.STEP_LEAST) and x.declared < 0.5:
-        x.declared, x.verdict, x.culprit = 1.0, SENSOR, 3.0
-    pair = math.fabs(x.pair_d) / x.pair_limit
-    x.r = max(max(pair, x.r_ofc), max(x.r_run, x.r_jam if still or left_out else 0.0))
+def conclude(x, dt):
+    """Write alarm, verdict, culprit and kind; a name, and what takes its place, has stood for HOLD_S."""
+    rests = x.rod_high - x.rod_low < STILL and x.likely == by_evidence.OF_LOAD and x.since < JAM_S
+    if x.evidence_timer > 0.0 and (rests or x.at_stop > 0.5):  # a rod at rest shows nothing; nor does one at its stop
+        x.evidence_timer = by_evidence.RELEASE_S
+    plain = max(max(x.sensor, x.jam), max(x.run, x.misread)) > 0.5 or x.jump_of > 0.5 or x.frozen > 0.5
+    x.alarm = 1.0 if plain or x.evidence_timer > 0.0 else 0.0
+    if x.frozen > 0.5:  # its last value shows nothing of the actuator: windows and models begin anew
+        x.rival_s, x.likely = -1.0, 0.0
+        x.shown[0] = x.shown[1] = 0.0
+        likelihood.restart(x)
+    if x.alarm < 0.5:
+        x.verdict, x.culprit, x.kind, x.next_s, x.dp_out = NONE, 0.0, 0.0, 0.0, 0.0
+        return
+    verdict, culprit = name(x)
+    x.next_s = x.next_s + dt if verdict == x.next_verdict and culprit == x.next_culprit else 0.0
+    x.next_verdict, x.next_culprit = verdict, culprit
+    sure = max(x.frozen, max(x.sensor, max(x.jump_of, x.misread))) > 0.5 or x.stands_open != 0.0  # has been confirmed
+    if sure or x.next_s >= HOLD_S:
+        x.verdict, x.culprit = verdict, culprit
+    elif x.verdict == NONE:
+        x.verdict = AMBIGUOUS
+    x.dp_out = 1.0 if x.verdict == SENSOR and x.culprit == 3.0 else 0.0
+    x.kind = x.likely
+    if x.loose > 0.5:
+        x.kind = by_evidence.APART
+    elif x.verdict == EFFECTIVENESS and max(x.shown[0], x.shown[1]) > 0.5:
+        x.kind = by_evidence.FREE_FLOAT if x.shown[multiple_models.JOINED] > 0.5 else by_evidence.WEAK
 
 
 @kernel
 def step(x, u, p, dt):
-    """Estimate state and input fault, then test."""
+    """Estimate state and input fault, test, ask the evidence, name what stands."""
     two_stage.estimate(x, u, p, dt)
     if x.started < 0.5:
         x.valid = 0.0
         return
-    x.valid = 1.0 if x.age <= p.t_invalid and x.rod_wild < sensor_noise.WILD * p.r_rod else 0.0
-    decide(x, u, p, dt)
+    x.valid = 1.0 if x.age <= p.t_invalid else 0.0
+    plain_tests.update(x, u, p, dt)
+    x.r = max(math.fabs(x.pair_d) / x.pair_limit, max(x.r_run, x.r_jam))
     likelihood.listen(x, u, p, x.r > SUSPICIOUS, dt)
-    if x.ended > 0.5:  # what the rings hold is of the fault that has healed
-        hypotheses.forget(x, True)
     multiple_models.update(x, u, p, dt)
     backlash.update(x, x.x_hat[0], dt)
-    by_evidence.follow(x, u, x.declared > 0.5, dt)
-    x.alarm = x.declared
-    asked = p.asks > 0.5 and x.h_lost[filter.PRESSURE] <= likelihood.LOST_S and x.sensor < 0.5
-    if x.blocks == 0.0:
-        x.borne = 1.0  # there is no evidence yet that could speak against the rules
-    by_evidence.conclude(x, by_evidence.frozen(x, u, dt), asked)
+    travel(x, u, dt)
+    by_evidence.hold(x, dt)
+    conclude(x, dt)
     x.r = max(x.r, x.evidence)
 
 

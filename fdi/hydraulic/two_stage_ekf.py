@@ -26,11 +26,13 @@ from actuators.block import kernel
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import jacobian, rk4
 from fdi.common.linalg import congruence_walk, integral, joseph
-from fdi.hydraulic import pressure_test, sensor_noise
 
 ITERATIONS = 4  # bound of (21)-(24)
 GATE_NONE = 1e9
-P_MOST = 1e-4  # of the rod: what a refused sample adds to its variance at most [m^2]
+P_MOST, P_MOST_DP = 1e-4, 0.1  # what a refused sample adds to the variance of rod [m^2] and pressure [1] at most
+# Without the pressure: F is known to 5 % of the stall force or 20 % of itself, about 0.06, for about a second, which is
+# 200 samples: as white noise its variance is 200 * 0.06^2
+R_MODEL = 0.7
 # Beyond these the filter has run away: pressures and forces over the stall force, valve command; V; covariances.
 # Healthy ones stay below 0.4, 8 and 0.02
 X_SANE, V_SANE, P_SANE = 5.0, 1e3, 10.0
@@ -54,7 +56,7 @@ PARAMS = [
     ("r_dp", "f8", "-"),  # of a pressure sample
     ("P0", "f8", (4,)),  # initial variances
     ("P0_f", "f8"),
-    ("gate_rod", "f8"),  # a rod innovation beyond so many sigma is a spike
+    ("gate_rod", "f8"),  # an innovation of rod or pressure beyond so many sigma is a spike
     ("spikes", "f8", "-"),  # ... unless so many samples in a row agree that it is not
     ("t_invalid", "f8", "s"),  # without rod for longer the estimate is not valid
     ("r_spare", "f8", "m2"),  # variance of the surface sensor in place of the rod, rigging included
@@ -84,12 +86,11 @@ STATE = [
     ("nis_rod", "f8", "-"),  # squared, over its variance
     ("nis_dp", "f8", "-"),
     ("skip_rod", "f8", "-"),  # samples refused in a row
+    ("skip_dp", "f8", "-"),
+    ("dp_out", "f8", "-"),  # 1 while the pressure sensor is left out
     ("age", "f8", "s"),  # since the last rod sample used
     ("age_dp", "f8", "s"),  # since the last pressure sample used
     ("age_rod", "f8", "s"),  # since the last sample of the rod's own sensor
-    ("dp_e", "f8", "-"),  # innovation of the pressure, used or not
-    *sensor_noise.STATE,
-    *pressure_test.STATE,
 ]
 
 
@@ -130,9 +131,7 @@ def start(x, q, dp, u, p):
     x.f_hat = 0.0
     x.P_f = p.P0_f
     x.age = 0.0
-    x.skip_rod = 0.0
-    x.step_count = 0.0
-    x.dp_nis = pressure_test.NIS_FIRST
+    x.skip_rod = x.skip_dp = 0.0
     combine(x)
     x.started = 1.0
 
@@ -218,7 +217,7 @@ def predict(x, u, v, p, dt):
         time_update(x, u, v, p, dt / n)
     Phi, G = x.Phi, x.G
     b1, b2, b3 = G[0], G[1], G[2]
-    for _ in range(n - 1):  # G of the whole tick, as `pressure_test` and `command_response` read it
+    for _ in range(n - 1):  # G of the whole tick
         g1, g2, g3 = G[0], G[1], G[2]
         for i in range(3):
             G[i] = Phi[i, 0] * g1 + Phi[i, 1] * g2 + Phi[i, 2] * g3 + (b1 if i == 0 else (b2 if i == 1 else b3))
@@ -266,13 +265,9 @@ def measurement_update(x, u, p, dt):
     spare = not rod and u.y_surface_valid > 0.5 and math.isfinite(u.y_surface) and x.blame != 2.0 and x.pair_time > 0.0
     x.age = 0.0 if rod or spare else x.age + dt
     x.age_rod = 0.0 if rod else x.age_rod + dt
-    e = u.y_dp - x.dp_offset - x.x_hat[2]
-    if math.isfinite(e):
-        x.dp_e = e
     if rod or spare:
         y = u.y_rod if rod else p.arm * u.y_surface + x.rigging
-        r = (max(p.r_rod, x.rod_rough) if x.rod_noisy > 0.5 else p.r_rod) if rod else p.r_spare
-        gamma, s, used = measure(x, 0, y, r, p.gate_rod, p)
+        gamma, s, used = measure(x, 0, y, p.r_rod if rod else p.r_spare, p.gate_rod, p)
         x.gamma_rod, x.nis_rod = gamma, gamma * gamma / s
         x.skip_rod = 0.0 if used > 0.5 else x.skip_rod + 1.0
         if x.skip_rod > p.spikes:  # several agree: it is the estimate that is wrong, in position before anything else
@@ -280,16 +275,16 @@ def measurement_update(x, u, p, dt):
             x.skip_rod = 0.0
     if p.load == 2.0:
         x.age_dp += dt
-        use = False
-        if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp):
-            y, use = pressure_test.judge(x, u.y_dp, p)
-            if use:
-                r = max(p.r_dp, x.dp_noise) if x.dp_noisy > 0.5 else p.r_dp
-                gamma, s, _ = measure(x, 2, y, r, GATE_NONE, p)
-                x.gamma_dp, x.nis_dp = gamma, gamma * gamma / s
-                x.age_dp = 0.0
+        if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp) and x.dp_out < 0.5:
+            gamma, s, used = measure(x, 2, u.y_dp, p.r_dp, p.gate_rod, p)
+            x.gamma_dp, x.nis_dp = gamma, gamma * gamma / s
+            x.age_dp *= 1.0 - used
+            x.skip_dp = 0.0 if used > 0.5 else x.skip_dp + 1.0
+            if x.skip_dp > p.spikes:
+                x.P_bar[2, 2] += min(gamma * gamma, P_MOST_DP)
+                x.skip_dp = 0.0
         if x.age_dp > p.t_invalid:
-            measure(x, 3, load_model(x, u, p), pressure_test.R_MODEL, GATE_NONE, p)
+            measure(x, 3, load_model(x, u, p), R_MODEL, GATE_NONE, p)
     combine(x)
 
 
@@ -328,8 +323,6 @@ def clear(x):
     x.q_now = x.v_now = x.x3_now = 0.0
     x.gamma_rod = x.gamma_dp = 0.0
     x.nis_rod = x.nis_dp = 0.0
-    x.dp_e = x.dp_before = 0.0
-    x.step_dp = x.step_count = 0.0
 
 
 @kernel
@@ -341,7 +334,7 @@ def estimate(x, u, p, dt):
         x.u_old[0] = min(max(u.u, -1.0), 1.0)
     if x.started < 0.5:
         if u.y_rod_valid > 0.5 and math.isfinite(u.y_rod):
-            dp = u.y_dp - x.dp_offset if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp) else 0.0
+            dp = u.y_dp if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp) else 0.0
             start(x, u.y_rod, dp, u, p)
         else:
             x.age += dt

@@ -28,6 +28,7 @@ from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import opening
 from fdi.common.decision import LEVER_STATE, RIGGING_SD, forget_lever, learn_lever
 from fdi.common.linalg import congruence_walk
+from fdi.hydraulic.two_stage_ekf import STEP_MOST, transition
 
 ROD, SURFACE, PRESSURE = range(3)
 SENSORS = 3
@@ -63,6 +64,9 @@ STATE = [
     ("h_started", "f8", "-"),  # 1 after the first usable rod sample
     ("h_hat", "f8", (4,), "m, m/s, -, -"),  # estimate at the time of the measurement
     ("h_P", "f8", (4, 4)),
+    ("h_Phi", "f8", (4, 4)),  # of one prediction, about the estimate
+    ("h_G", "f8", (4,)),
+    ("h_W", "f8", (4, 4)),  # scratch
     ("load_last", "f8", "-"),  # load by the hinge-moment model, one tick ago
     ("load_rate2", "f8", "1/s^2"),  # its squared rate, lagged
     ("flow2", "f8", "m^2/s^2"),  # squared flow, lagged
@@ -219,37 +223,48 @@ def enters(V, c, much, g0, g1, g2):
 
 @kernel
 def predict(x, u, v, mu, p, dt):
-    """Predict over one tick under the held valve command `v`, and what the columns add meanwhile."""
+    """Predict over one tick under the held valve command `v`, in steps of STEP_MOST at most."""
     fast = p.high_b[0] * v + x.high[0]
     x.high[0] = p.high_b[1] * v - p.high_a[0] * fast + x.high[1]
     x.high[1] = p.high_b[2] * v - p.high_a[1] * fast
     x.u_fast = fast
     model = load_model(x, u, p)
     rate = (model - x.load_last) / dt
-    a = min(dt / RATE_TAU, 1.0)
-    x.load_rate2 += a * (rate * rate - x.load_rate2)
-    q, w, z = x.h_hat[0], x.h_hat[1], x.h_hat[2]
+    x.load_rate2 += min(dt / RATE_TAU, 1.0) * (rate * rate - x.load_rate2)
+    feed = min(dt / FEED_TAU, 1.0)
+    for c in (SOFT, SUPPLY, FAST, GAIN):
+        x.fed[c] += feed * (mu[c] - x.fed[c])
+    n = max(math.ceil(dt / STEP_MOST - 1e-6), 1)
+    for _ in range(n):
+        advance_state(x, v, fast, model, p, dt / n)
+    x.h_clock += dt
+    now = load_model(x, u, p)
+    x.h_hat[3] += now - x.load_last if math.fabs(now - x.load_last) < 1.0 else 0.0
+    x.load_last = now
+
+
+@kernel
+def advance_state(x, v, fast, model, p, dt):
+    """Predict state, covariance and columns over a step under valve command `v`, `fast` of which is above CORNER."""
+    Phi, G, V, fed, hat = x.h_Phi, x.h_G, x.h_V, x.fed, x.h_hat
+    flow_gain = transition(Phi, G, hat, v, v, 0.0, 0.0, True, p, dt)
+    q, w, z = hat[0], hat[1], hat[2]
     root = opening(v, z)
     gain = p.phi_n / p.A_p
     flow = gain * root * v
     k = lu17.stiffness(q, p)
-    x.flow2 += a * (flow * flow - x.flow2)
-    Phi, G, V = x.Phi, x.G, x.h_V  # of the two-stage filter, at its own estimate
-    fed, feed = x.fed, min(dt / FEED_TAU, 1.0)
-    for c in (SOFT, SUPPLY, FAST, GAIN):
-        fed[c] += feed * (mu[c] - fed[c])
+    x.flow2 += min(dt / RATE_TAU, 1.0) * (flow * flow - x.flow2)
     stiff = fed[SOFT]
-    unit = (1.0 + stiff) / max(x.flow_gain, gain * lu17.ROOT_FLOOR)  # of G: a flow of 1 m/s for a tick
+    unit = (1.0 + stiff) / max(flow_gain, gain * lu17.ROOT_FLOOR)  # of G: a flow of 1 m/s for a step
     fast_flow, most = gain * root * fast, max(root, 0.3)
-    f00, f01, f02, f03, g0 = Phi[0, 0], Phi[0, 1], Phi[0, 2], Phi[0, 3], unit * G[0]
-    f10, f11, f12, f13, g1 = Phi[1, 0], Phi[1, 1], Phi[1, 2], Phi[1, 3], unit * G[1]
-    f20, f21, f22, f23, g2 = Phi[2, 0], Phi[2, 1], Phi[2, 2], Phi[2, 3], unit * G[2]
+    g0, g1, g2 = unit * G[0], unit * G[1], unit * G[2]
+    f03, f13, f23 = Phi[0, 3], Phi[1, 3], Phi[2, 3]
     swallowed = stiff / (1.0 + stiff) * g2  # by which Phi is that of other oil
     for c in range(N):
         a0, a1, a2, a3 = V[0, c], V[1, c], V[2, c], V[3, c]
-        V[0, c] = f00 * a0 + f01 * a1 + f02 * a2 + f03 * a3
-        V[1, c] = f10 * a0 + f11 * a1 + f12 * a2 + f13 * a3
-        V[2, c] = f20 * a0 + f21 * a1 + f22 * a2 + f23 * a3 - swallowed * (a1 + p.L * a2)
+        for i in range(3):
+            V[i, c] = Phi[i, 0] * a0 + Phi[i, 1] * a1 + Phi[i, 2] * a2 + Phi[i, 3] * a3
+        V[2, c] -= swallowed * (a1 + p.L * a2)
     net = flow - p.L * z - w - 0.5 * fed[SUPPLY] * gain * v / most
     net += fed[FAST] * fast_flow + fed[GAIN] * (flow - fast_flow)
     enters(V, LEAK, -z, g0, g1, g2)
@@ -260,29 +275,25 @@ def predict(x, u, v, mu, p, dt):
     enters(V, FAST, fast_flow, g0, g1, g2)
     enters(V, GAIN, flow - fast_flow, g0, g1, g2)
     enters(V, FRICTION, -w / (CREEP + math.fabs(w)), f03, f13, f23)
-    enters(V, MASS, -(z + x.h_hat[3]), f03, f13, f23)
-    # x + Psi x' with Psi of the two-stage filter's exponential: as exact as Phi, at a quarter of Runge-Kutta's cost
-    pushed = z + x.h_hat[3] - p.B * w / (p.A_p * p.P_s)
-    x.h_hat[0] += dt * w + f03 * pushed + g0 * net
-    x.h_hat[1] += f13 * pushed + g1 * net
+    enters(V, MASS, -(z + hat[3]), f03, f13, f23)
+    # x + Psi x' with Psi of the same exponential: as exact as Phi, at a quarter of Runge-Kutta's cost
+    pushed = z + hat[3] - p.B * w / (p.A_p * p.P_s)
+    hat[0] += dt * w + f03 * pushed + g0 * net
+    hat[1] += f13 * pushed + g1 * net
     rise = f23 * pushed + g2 * net
-    x.h_hat[2] += rise
+    hat[2] += rise
     x.h_z += rise - min(dt / MODEL_TAU, 1.0) * (x.h_z + model)
-    congruence_walk(x.h_P, Phi, x.W)
+    congruence_walk(x.h_P, Phi, x.h_W)
     x.h_P[0, 0] += p.h_q[0] * dt
     x.h_P[1, 1] += p.h_q[1] * dt
     x.h_P[2, 2] += (p.h_q[2] + k * k * p.flow_share * p.flow_share * x.flow2 * RATE_TAU) * dt
     x.h_P[3, 3] += (p.h_q[3] + p.load_share * p.load_share * x.load_rate2 * RATE_TAU) * dt
-    x.h_clock += dt
-    now = load_model(x, u, p)
-    x.h_hat[3] += now - x.load_last if math.fabs(now - x.load_last) < 1.0 else 0.0
-    x.load_last = now
 
 
 @kernel
 def advance(x, u, mu, p, dt):
-    """Run the filter for one tick on measurements that are `delay` ticks old, behind the valve commands of
-    `separate_bias.estimate`; return whether it runs."""
+    """Run the filter for one tick on measurements that are `delay` ticks old, under the valve commands `u_old`, newest
+    first; return whether it runs."""
     if x.h_started < 0.5:
         if u.y_rod_valid > 0.5 and math.isfinite(u.y_rod):
             start(x, u.y_rod, u.y_dp if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp) else 0.0, u, p)

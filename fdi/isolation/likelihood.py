@@ -17,15 +17,14 @@ import numpy as np
 from actuators.block import kernel
 from actuators.disk_cache import kept
 from actuators.hydraulic import lu17
-from fdi.isolation import adaptation, evidence, filter, parts, sums
-from fdi.isolation import decide as by_evidence
+from fdi.hydraulic.two_stage_ekf import STEP_MOST
+from fdi.isolation import adaptation, decide, evidence, filter, parts, sums
 from fdi.isolation.filter import SENSORS
 from fdi.isolation.response import HEARD, PLACES, responses
 
 PERIOD = 0.005  # of the samples whose variance stands in `filter.NOISE` [s]
 LEARN_S = filter.SETTLES_S + sums.FIRST * sums.BLOCK_S  # after which the flight has taught [s]
 STOP = 1e-3  # so near a stop the rod may lean on it [m]
-DT_MOST = 0.0101  # of longer ticks a filter that is linear over a tick leaves too much: it is not asked there [s]
 LESSON = 2  # octave whose window is learned from: a fault that begins in it is seen before it ends
 LOST_S = 0.2  # without positions, or without pressure, for longer nothing is asked [s]
 QUIET_S = 1.0  # after the last sign of a fault the flight teaches again [s]
@@ -35,6 +34,7 @@ STILL_HZ = 0.02  # slow enough for a constant
 # Least threshold. Evidence of k to one against health comes by chance with a probability of 1 / k at most; in 60 s a
 # hypothesis is asked over 480 windows: 1e-3 per flight asks for k = 4.8e5
 LEAST = 13.1
+SLOW = 2.2  # at 50 and 60 Hz 24 fault-free flights reach 2.0 thresholds: over such a tick the load is not held
 
 PARAMS = [
     *filter.PARAMS,
@@ -44,7 +44,7 @@ PARAMS = [
     ("still", "f8", (len(HEARD), len(PLACES), SENSORS)),  # responses to a constant
     *evidence.PARAMS,
     ("limit", "f8", (evidence.HYPOTHESES,), "-"),  # evidence that is an alarm
-    ("asks", "f8"),  # 1 where ticks are short enough and the pressure is measured, ALL: every block is asked
+    ("asks", "f8"),  # 1 where the pressure is measured, ALL: every block is asked
     ("q_lo", "f8", "m"),  # stops of the rod
     ("q_hi", "f8", "m"),
 ]
@@ -53,23 +53,23 @@ STATE = [
     ("heard", "f8"),  # positions that the filter hears: of HEARD
     *sums.STATE,
     *evidence.STATE,
-    *by_evidence.STATE,
+    *decide.STATE,
     ("since", "f8", "s"),  # something last spoke for a fault
-    ("evidence", "f8", "-"),  # largest evidence over its threshold
+    ("at_stop", "f8", "-"),  # 1 while the rod is at a stop
 ]
 
 
 def design(dt: float, arm: float, travel: tuple[float, float], asks: bool) -> dict[str, Any]:
     """Return the PARAMS fields, but for the responses, for ticks of `dt` seconds and stops `travel` [rad]."""
     noise = {**filter.NOISE, "h_r": np.asarray(filter.NOISE["h_r"]) * PERIOD / dt}
-    asked = 1.0 if asks and dt <= DT_MOST else 0.0
     return {**noise, **sums.design(dt), **filter.high_pass(dt), **evidence.PRIORS,
-            "asks": asked, "q_lo": arm * travel[0], "q_hi": arm * travel[1]}  # fmt: skip
+            "asks": 1.0 if asks else 0.0, "q_lo": arm * travel[0], "q_hi": arm * travel[1]}  # fmt: skip
 
 
 def respond(p: np.ndarray, dt: float) -> None:
-    """Write the responses of PARAMS record `p` to sines and to a constant; let no threshold be below LEAST."""
-    p["limit"] = np.maximum(p["limit"], LEAST)
+    """Write the responses of PARAMS record `p` to sines and to a constant; let no threshold be below LEAST, and that of
+    ticks beyond STEP_MOST be SLOW times that."""
+    p["limit"] = np.maximum(p["limit"], LEAST) * (SLOW if dt > STEP_MOST else 1.0)
     if p["asks"][0] < 0.5:
         return
     hz = p["hz"][0].ravel()
@@ -96,7 +96,7 @@ def begin(x: np.ndarray, p: np.ndarray) -> None:
 def restart(x):
     """Let every window begin anew."""
     sums.begin_all(x)
-    by_evidence.forget(x)
+    decide.forget(x)
 
 
 @kernel
@@ -112,8 +112,8 @@ def close(x, p, suspicious, dt):
     if o >= 0 and x.window_age[o] >= sums.YOUNG * p.length[o]:
         evidence.evaluate(x, p, o)
         parts.in_parts(x, o)
-        anew = by_evidence.judge(x, p, o, dt)
-        if x.alarm < 0.5 and x.speaks_timer == 0.0:
+        anew = decide.judge(x, p, o, dt)
+        if x.alarm < 0.5 and x.evidence_timer == 0.0:
             adaptation.learn_load_swing(x, p, o, sums.apart(o) * p.block * dt)
     first = blocks <= int(sums.FIRST) and x.alarm < 0.5
     if (quiet or first) and x.window_age[LESSON] >= p.length[LESSON]:
@@ -129,13 +129,13 @@ def close(x, p, suspicious, dt):
 @kernel
 def listen(x, u, p, suspicious, dt):
     """Run the filter, add up, ask; everything while `suspicious`."""
-    x.ev_octave, x.ended = -1.0, 0.0
+    x.ev_octave = -1.0
     if p.asks < 0.5 or not filter.advance(x, u, x.mu, p, dt):
         return
     if x.h_clock < filter.SETTLES_S:
         return
     x.since += dt
-    x.speaks_timer = max(x.speaks_timer - dt, 0.0)
+    x.evidence_timer = max(x.evidence_timer - dt, 0.0)
     stop = x.h_hat[0] < p.q_lo + STOP or x.h_hat[0] > p.q_hi - STOP
     rod, surface = x.h_lost[filter.ROD] <= LOST_S, x.h_lost[filter.SURFACE] <= LOST_S
     heard = 0.0 if rod and surface else (1.0 if rod else 2.0)

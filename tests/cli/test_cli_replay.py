@@ -60,7 +60,6 @@ def test_a_what_if_exits_with_1_tells_both_outcomes_and_writes_both(flight, tmp_
         (("--set", "position_monitor.threshold=1", "--detectors", "ofc_monitor"), "would change nothing"),
         (("--set", "position_monitor.threshold[0=1"), "no such parameter"),
         (("--set", "iotsekf.delay=1e7"), "is out of range"),
-        (("--set", "iotsekf.bank_stride=0"), "is out of range"),
         (("--set", "iotsekf.lag_ticks=inf"), "is out of range"),
         (("--map", "none.toml"), "none.toml: there is no such file"),
     ],

@@ -1,0 +1,246 @@
+"""Four plain tests of a hydraulic actuator, for what a filter that is linear over a tick does not hold.
+
+| test | statistic | because |
+|---|---|---|
+| pair | rod - arm surface - rigging, each against the valve's own motion | a linkage is rigid (`fdi.common.decision`) |
+| jam | load beyond the hinge-moment model, the rod at rest | a stop takes any load |
+| runaway | w = f_hat + u: the valve has opened within RISE_S, stays, and the servo commands it back | a sine turns |
+| frozen | FROZEN equal samples in a row of a sensor with noise | noise does not repeat itself |
+
+While only one position sensor is left, its innovation is watched for a jump that stays.
+"""
+
+import math
+
+from actuators.block import kernel
+from actuators.hydraulic import lu17
+from actuators.hydraulic.lu17 import opening, stiffness
+from fdi.common import decision
+from fdi.common.decision import confirm, usable
+from fdi.hydraulic import two_stage_ekf as two_stage
+from fdi.isolation import filter
+
+JUMP, BEFORE = 6e-4, 0.4  # of a position, six sigma of the sensor [m], and the share that the sample before may have
+FROZEN = 20.0  # equal samples in a row that a sensor with noise has not
+TURNS = 0.4  # share of second differences that turn: of white noise 0.73, of a coarse quantum few
+WITHOUT_ROD, WITHOUT_PRESSURE = 1.6, 4.0  # noise of f_hat on the surface sensor; on the hinge-moment model
+FLAT, FLAT_S, FLAT_TAU = 0.2, 0.2, 0.1  # a valve that stands open keeps within this share of its lagged opening for [s]
+NOISE = 0.4  # ... and this of the threshold of an input fault, which noise seldom passes
+# at most this share of it RISE_S before it kept to it: a sine that is as flat, of 1.2 Hz at most, has 40 % 80 ms before
+RISE, RISE_S = 0.45, 0.06
+FIRST = 0.5  # share of the opening that it begins with, as a slow sine does not
+FIRST_S = 0.1  # after the onset of the input fault that the opening has begun by: an oscillation comes to a crest later
+HISTORY = 6  # samples of w in RISE_S
+MISREAD_S = 0.1  # flow that an excess of pressure takes is missing for [s]
+UNLEARNED = 4.0  # standard deviations of the valve's gain as the flight has taught it, 0.2 before it has
+# an input fault beyond its threshold counts in proportion up to this: against the servo a runaway comes and goes
+RUN_WEIGHT = 1.25
+
+PARAMS = [
+    *decision.PAIR_PARAMS,
+    ("lag_omega", "f8", "rad/s"),  # f_hat follows f as a second-order lag: corner
+    ("lag_zeta", "f8", "-"),  # damping
+    ("lag_ticks", "f8", "-"),  # dead time beyond the first tick
+    ("run_tau", "f8", "s"),  # lag of the estimates that the runaway and jam tests use
+    ("run_threshold", "f8", "-"),  # input fault
+    ("run_share", "f8"),  # ... plus this share of the valve command
+    ("run_confirm", "f8", "s"),
+    ("jam_threshold", "f8", "-"),  # load beyond the model, over the stall force
+    ("jam_share", "f8"),  # ... plus this share of the model's load
+    ("jam_still", "f8", "m/s"),  # rod velocity below which the surface is still
+    ("jam_confirm", "f8", "s"),
+    ("t_release", "f8", "s"),  # an alarm outlives its cause by this
+]
+STATE = [
+    *decision.PAIR_STATE,
+    ("jump_e", "f8", "m"),  # last innovation of the only position sensor
+    ("jump_side", "f8", "m"),  # innovation at its jump
+    ("jump_ticks", "f8", "-"),  # ticks for which the jump has stood
+    ("jump_of", "f8", "-"),  # 1 the rod sensor, 2 the surface sensor, the only one left, has jumped
+    ("noise_scale", "f8", "-"),  # noise of f_hat over that with all sensors
+    ("drive", "f8", "-"),  # valve command behind the filter's own lag, so that f_hat + drive is what the valve did
+    ("drive_d", "f8", "1/s"),  # its derivative
+    ("load_lag", "f8", "-"),  # pressure behind the same lag
+    ("load_d", "f8", "1/s"),  # its derivative
+    ("f_slow", "f8", "-"),  # lagged input fault, less what learned errors leave in it
+    ("u_slow", "f8", "-"),  # lagged valve command
+    ("w_old", "f8", (HISTORY,), "-"),  # their sum, over the last RISE_S, newest first
+    ("w_clock", "f8", "s"),  # since the last of these
+    ("w_flat", "f8", "-"),  # valve opening that w keeps to
+    ("w_first", "f8", "-"),  # the same as it began
+    ("w_before", "f8", "-"),  # w RISE_S before it did
+    ("w_flat_s", "f8", "s"),  # for which it has
+    ("run_timer", "f8", "s"),
+    ("run", "f8", "-"),  # 1 while an input fault is declared
+    ("run_s", "f8", "s"),  # for which it has been
+    ("stands_open", "f8", "-"),  # opening of a valve that has run away, 0: it has not
+    ("q_fast", "f8", "m"),  # rod, lagged once
+    ("q_slow", "f8", "m"),  # rod, lagged more
+    ("excess", "f8", "-"),  # lagged load beyond the model
+    ("excess_lag", "f8", "-"),  # lagged more
+    ("f_lag", "f8", "-"),  # lagged f_slow
+    ("jam_timer", "f8", "s"),
+    ("jam", "f8", "-"),  # 1 while a jam is declared
+    ("jam_most", "f8", "-"),  # largest load beyond the model since
+    ("jam_s", "f8", "s"),  # time since
+    ("misread_timer", "f8", "s"),
+    ("misread", "f8", "-"),  # 1 while the load beyond the model is the pressure sensor's
+    ("same", "f8", (3,)),  # equal samples in a row, of rod, surface and pressure
+    ("turns", "f8", (3,)),  # share of samples whose second difference has another sign than the one before, over 1 s
+    ("step_last", "f8", (3,)),
+    ("bend_last", "f8", (3,)),  # second difference
+    ("last_y", "f8", (3,)),
+    ("frozen", "f8", "-"),  # 1 rod, 2 surface, 3 pressure sensor repeats its last value
+    ("r_run", "f8", "-"),  # input fault over its threshold
+    ("r_jam", "f8", "-"),  # load excess over its threshold
+]
+
+
+@kernel
+def pair(x, u, rod, surface, p, dt):
+    """Compare rod and surface, and each with the rod velocity that valve and pressure alone imply. [Lu17] (4)"""
+    bulk = x.x_hat[2] / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
+    known, slack = x.lever_P[2] > 0.0, 0.0  # by the filter without a fault state, where it runs
+    if known:
+        x.rigging, slack = decision.lever_at(x, x.h_hat[0])
+    v, x3 = x.u_old[int(p.delay)], x.x_hat[2]
+    motion = (1.0 + x.fed[filter.GAIN]) * p.phi_n / p.A_p * opening(v, x3) * v - p.L * x3
+    y_surface = p.arm * u.y_surface + bulk
+    decision.pair_test(x, u.y_rod + bulk, rod, y_surface, surface, motion, x.x_hat[3], slack, known, p, dt)
+
+
+@kernel
+def jumped(x, rod, surface, dt):
+    """Where only one position sensor is left, hold that it has jumped until there are two again to compare."""
+    if rod > 0.5 and surface > 0.5:
+        x.jump_of = 0.0
+    elif x.pair_time > 0.0 and x.age == 0.0 and x.sensor < 0.5:
+        e = math.fabs(x.gamma_rod)
+        # samples of an oscillation rise one after the other
+        if e > JUMP and x.jump_e < BEFORE * e and x.alarm < 0.5:
+            x.jump_ticks = 1.0
+        elif x.jump_ticks > 0.0:
+            x.jump_ticks = x.jump_ticks + 1.0 if x.gamma_rod * x.jump_side > 0.2 * JUMP * JUMP else 0.0
+            if x.jump_ticks >= 3.0:
+                x.jump_of = 1.0 if rod > 0.5 else 2.0
+                x.jump_ticks = 0.0
+                x.t_settling = max(x.t_settling, decision.T_DISTURBED)
+        if x.jump_ticks == 1.0:
+            x.jump_side = x.gamma_rod
+        x.jump_e = e
+
+
+@kernel
+def by_model(x, p):
+    """Return what learned errors of gain, oil and supply leave in the input fault of [Lu17] (4), behind its lag [1]."""
+    root = max(opening(x.drive, x.load_lag), lu17.ROOT_FLOOR)
+    stiff = x.fed[filter.SOFT] - p.prior_mean[filter.SOFT]
+    soft = stiff / (1.0 + stiff) * x.load_d / stiffness(x.x_hat[0], p)
+    supply = 0.5 * x.fed[filter.SUPPLY] * x.drive / (root * root)
+    return soft * p.A_p / (p.phi_n * root) - supply + x.fed[filter.GAIN] * x.drive
+
+
+@kernel
+def input_fault(x, noise, disturbed, p, dt):
+    """Declare a lagged input fault beyond what noise, times `noise`, and the valve's gain leave."""
+    x.drive_d += dt * p.lag_omega * (p.lag_omega * (x.u_old[int(p.lag_ticks)] - x.drive) - 2.0 * p.lag_zeta * x.drive_d)
+    x.drive += dt * x.drive_d
+    x.load_d += dt * p.lag_omega * (p.lag_omega * (x.x_hat[2] - x.load_lag) - 2.0 * p.lag_zeta * x.load_d)
+    x.load_lag += dt * x.load_d
+    a = 1.0 - math.exp(-dt / p.run_tau)
+    x.f_slow += a * (x.f_hat - by_model(x, p) - x.f_slow)
+    x.u_slow += a * (x.drive - x.u_slow)
+    share = p.run_share + UNLEARNED * x.sd[filter.GAIN]
+    x.r_run = math.fabs(x.f_slow) / (noise * p.run_threshold + share * math.fabs(x.u_slow))
+    beyond = x.r_run >= 1.0 and not disturbed
+    weighed = dt * min(x.r_run, RUN_WEIGHT) if beyond else dt
+    x.run_timer, x.run = confirm(x.run_timer, x.run, beyond, weighed, p.run_confirm, p.t_release)
+    x.run_s = x.run_s + dt if x.run > 0.5 else 0.0
+
+
+@kernel
+def runaway(x, noise, p, dt):
+    """Tell whether the valve of an input fault stands open: it has opened suddenly, keeps, and the servo closes it."""
+    w = x.f_slow + x.u_slow
+    x.w_flat_s += dt
+    if math.fabs(w - x.w_flat) > FLAT * math.fabs(x.w_flat) + NOISE * noise * p.run_threshold:
+        x.w_flat, x.w_first, x.w_before, x.w_flat_s = w, w, x.w_old[HISTORY - 1], 0.0
+    x.w_flat += dt / FLAT_TAU * (w - x.w_flat)
+    x.w_clock += dt
+    if x.w_clock >= RISE_S / HISTORY - 0.5 * dt:
+        for i in range(HISTORY - 1, 0, -1):
+            x.w_old[i] = x.w_old[i - 1]
+        x.w_old[0], x.w_clock = w, 0.0
+    full = x.w_flat * x.w_flat
+    sudden = x.w_before * x.w_flat < RISE * full and x.w_first * x.w_flat > FIRST * full
+    sudden = sudden and math.fabs(x.w_flat) > noise * p.run_threshold
+    if x.run < 0.5 or (x.r_run >= 1.0 and w * x.stands_open < RISE * x.stands_open * x.stands_open):
+        x.stands_open = 0.0
+    elif x.w_flat_s >= FLAT_S and x.run_s < x.w_flat_s + FIRST_S and sudden and x.r_run >= 1.0 and w * x.u_slow < 0.0:
+        x.stands_open = x.w_flat
+
+
+@kernel
+def jammed(x, u, disturbed, p, dt):
+    """Declare a jam, load beyond the hinge-moment model while the rod is at rest, or a wrong reading of the pressure.
+
+    The valve delivers the flow L e + e' / k that an excess e of pressure takes; where only the reading is wrong the
+    filter invents it, f = L e + e' / k, and there is no jam. While the sensor is left out the load is that of its
+    reading. [Lu17] (4)
+    """
+    model, a, out = two_stage.load_model(x, u, p), 1.0 - math.exp(-dt / p.run_tau), x.dp_out > 0.5
+    x.excess += a * ((-u.y_dp if out and usable(u.y_dp, u.y_dp_valid) > 0.5 else x.x_hat[3]) - model - x.excess)
+    x.r_jam = math.fabs(x.excess) / (p.jam_threshold + p.jam_share * math.fabs(model))
+    tau = 5.0 * p.run_tau
+    b = 1.0 - math.exp(-dt / tau)
+    x.excess_lag += b * (x.excess - x.excess_lag)
+    x.f_lag += b * (x.f_slow - x.f_lag)
+    flow = p.L * x.excess_lag + (x.excess - x.excess_lag) / (tau * stiffness(x.x_hat[0], p))
+    x.q_fast += a * (x.x_hat[0] - x.q_fast)
+    x.q_slow += dt / (2.0 * p.run_tau) * (x.q_fast - x.q_slow)
+    still = math.fabs(x.q_fast - x.q_slow) < 2.0 * p.run_tau * p.jam_still
+    delivered = -x.f_lag * flow < 0.5 * flow * flow
+    high = x.r_jam >= 1.0 and not disturbed
+    beyond = high and still and not out and (delivered or x.jam > 0.5)
+    x.jam_timer, x.jam = confirm(x.jam_timer, x.jam, beyond, dt, p.jam_confirm, p.t_release)
+    wrong = high and (out or not (delivered or x.run > 0.5 or x.jam > 0.5))
+    x.misread_timer, x.misread = confirm(x.misread_timer, x.misread, wrong, dt, MISREAD_S, p.t_release)
+    x.jam_s = x.jam_s + dt if x.jam > 0.5 else 0.0
+    x.jam_most = max(x.jam_most, math.fabs(x.excess)) if x.jam > 0.5 else 0.0
+    x.r_jam *= 1.0 if still else 0.0
+
+
+@kernel
+def freezes(x, u, dt):
+    """Tell which sensor, one that had noise, repeats its last value."""
+    x.frozen = 0.0
+    for j in range(3):
+        y = u.y_rod if j == 0 else (u.y_surface if j == 1 else u.y_dp)
+        valid = u.y_rod_valid if j == 0 else (u.y_surface_valid if j == 1 else u.y_dp_valid)
+        x.same[j] = min(x.same[j] + 1.0, 1e6) if valid > 0.5 and y == x.last_y[j] else 0.0
+        if valid > 0.5 and math.isfinite(y) and x.same[j] < FROZEN:
+            bend = y - x.last_y[j] - x.step_last[j]
+            x.turns[j] += min(dt, 1.0) * ((1.0 if bend * x.bend_last[j] < 0.0 else 0.0) - x.turns[j])
+            x.step_last[j], x.bend_last[j] = y - x.last_y[j], bend
+        x.last_y[j] = y if math.isfinite(y) else 0.0
+        if x.same[j] >= FROZEN and x.turns[j] > TURNS:
+            x.frozen = j + 1.0
+
+
+@kernel
+def update(x, u, p, dt):
+    """Run all tests for one tick."""
+    rod, surface = usable(u.y_rod, u.y_rod_valid), usable(u.y_surface, u.y_surface_valid)
+    pair(x, u, rod, surface, p, dt)
+    jumped(x, rod, surface, dt)
+    lost = p.load == 2.0 and x.age_dp > p.t_invalid
+    noise = WITHOUT_PRESSURE if lost else (WITHOUT_ROD if x.blame == 1.0 or x.age_rod > p.t_invalid else 1.0)
+    if noise != x.noise_scale:
+        x.t_settling = max(x.t_settling, decision.T_DISTURBED)
+        x.noise_scale = noise
+    disturbed = x.t_settling > 0.0 or x.valid < 0.5
+    input_fault(x, noise, disturbed, p, dt)
+    runaway(x, noise, p, dt)
+    if p.load == 2.0:
+        jammed(x, u, (disturbed or lost) and x.dp_out < 0.5, p, dt)
+    freezes(x, u, dt)
