@@ -281,32 +281,20 @@ def targets(aircraft: Aircraft) -> list[str]:
 
 def parse_target(text: str, aircraft: Aircraft) -> Target:
     """Return the Target that `text` names; an unknown part raises the error that lists what there is."""
+    known = targets(aircraft)
+    if text not in known:
+        beside = [t for t in known if t.rpartition(".")[0] == text.rpartition(".")[0]] if "." in text else []
+        allowed = ", ".join(beside or ("elevator.<segment or group>[.<sensor>]", *c.SURFACES, "engine.<number>",
+                                       "engine.all", "sensor.<name>"))  # fmt: skip
+        remedy = did_you_mean(text, known) or "`cosim list targets` shows every target"
+        raise problem(f"{text!r} is no part of this aircraft", key="target", allowed=allowed, remedy=remedy)
     head, _, rest = text.partition(".")
-    groups, engines = aircraft.groups, aircraft.engine_names
-    parts, sensors = (*aircraft.segments, *groups), [f"sensor.{n}" for n in c.SENSORS]
+    part, _, sensor = rest.partition(".")
     if head == "elevator":
-        part, _, sensor = rest.partition(".")
-        if part not in parts:
-            raise choice(text, [f"elevator.{n}" for n in parts], "part of this aircraft", key="target")
-        if sensor and sensor not in c.ACTUATOR_SENSORS:
-            known = [f"elevator.{part}.{s}" for s in c.ACTUATOR_SENSORS]
-            raise choice(text, known, "sensor of an actuator", key="target")
-        return Target("actuator_sensor" if sensor else "elevator", groups.get(part, (part,)), sensor)
-    if text in c.SURFACES:
-        return Target("surface", (text,))
+        return Target("actuator_sensor" if sensor else "elevator", aircraft.groups.get(part, (part,)), sensor)
     if head == "engine":
-        if rest not in (*engines, "all"):
-            raise choice(text, [f"engine.{n}" for n in (*engines, "all")], "engine of this aircraft", key="target")
-        return Target("engine", engines if rest == "all" else (rest,))
-    if head == "sensor":
-        if rest not in c.SENSORS:
-            raise choice(text, sensors, "sensor of this aircraft", key="target")
-        return Target("sensor", (rest,), rest)
-    near = did_you_mean(text, [*c.SURFACES, *(f"elevator.{n}" for n in parts), *sensors])
-    allowed = (f"elevator.<segment or group>[.<sensor>], {', '.join(c.SURFACES)}, engine.1 to engine.{engines[-1]}, "
-               "engine.all, sensor.<name>")  # fmt: skip
-    remedy = near or "`cosim list` shows every target"
-    raise problem(f"{text!r} is no part of this aircraft", key="target", allowed=allowed, remedy=remedy)
+        return Target("engine", aircraft.engine_names if part == "all" else (part,))
+    return Target("sensor", (rest,), rest) if head == "sensor" else Target("surface", (text,))
 
 
 def check_together(faults: Sequence[Fault], technology: dict[str, str]) -> None:
@@ -316,8 +304,8 @@ def check_together(faults: Sequence[Fault], technology: dict[str, str]) -> None:
     taken: list[tuple[Fault, tuple, int]] = []
     for i, fault in enumerate(faults):
         _possible(i, fault, technology, wrong)
-        for other in (n for n in fault.others() if n == i or n >= len(faults)):
-            said = "a fault cannot wait for itself" if other == i else f"there is no fault {other}"
+        for number in (n for n in fault.others() if n == i or n >= len(faults)):
+            said = "a fault cannot wait for itself" if number == i else f"there is no fault {number}"
             allowed = ", ".join(f"fault.{k}" for k in range(len(faults)) if k != i)
             wrong.add(said, key=f"faults.{i}.when", allowed=allowed)
         what = fault.spec.exclusive

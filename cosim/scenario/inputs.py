@@ -150,8 +150,8 @@ def _columns(text, place):
     try:
         Inputs.model_validate({"kind": "inputs", **out})
     except ValidationError as error:
-        wrong = error.errors()[0]
-        name, _, row = ".".join(filter(None, (*map(str, wrong["loc"]), wrong["ctx"]["key"]))).partition(".")
-        at = f"{place}: row {rows[1 + int(row)][0]}, {name} = {str(out[name][int(row)])[:40]}" if row else place
-        raise ScenarioError(wrong["msg"], place=at, allowed=wrong["ctx"]["allowed"]) from None
+        first = error.errors()[0]
+        name, _, at = ".".join(filter(None, (*map(str, first["loc"]), first["ctx"]["key"]))).partition(".")
+        where = f"{place}: row {rows[1 + int(at)][0]}, {name} = {str(out[name][int(at)])[:40]}" if at else place
+        raise ScenarioError(first["msg"], place=where, allowed=first["ctx"]["allowed"]) from None
     return out

@@ -21,13 +21,6 @@ FORM, EXAMPLE = "is not of the form key=value", "Example: --set faults.0.frequen
 KEPT = ("target", "kind", "start_s", "end_s", "ramp_s", "path")
 
 
-def apply(table: dict[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
-    """Return a copy of `table` with every "key=value" applied; raises ScenarioError that names what cannot be."""
-    out, wrong, _ = applied(table, overrides)
-    wrong.check()
-    return out
-
-
 def applied(
     table: dict[str, Any], overrides: Iterable[str]
 ) -> tuple[dict[str, Any], Mistakes, list[tuple[str, str]]]:
