@@ -98,3 +98,8 @@ def test_it_is_valid_again_after_a_steep_turn_and_finds_an_oscillation_then():
     assert (log["why"][(t > 29.0) & (t < 40.0)] == BANK).all() and (log["why"][(t > 46.0) & (t < 48.0)] == VALID).all()
     on = t[log["alarm"] > 0.5]
     assert 48.0 < on[0] < 54.0
+
+
+def test_a_turn_at_30_degrees_of_bank_is_within_its_range():
+    t, log = flown("duration_s=30", "flight.turbulence=light", "flight.bank_deg=30")
+    assert set(log["why"][t > 10.0]) == {VALID} and not log["alarm"].any()
