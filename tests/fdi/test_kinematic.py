@@ -45,13 +45,11 @@ def flown():
     return fly(load_scenario("cruise", given), WIRES.values())
 
 
-def watched(flown, sensor="", change=None, p=None):
+def watched(flown, sensor="", change=None, p=None, start=START):
     frame = flown.copy()
-    frame.attrs = flown.attrs
     if sensor:
-        name = f"sensors.{sensor}.y_obs"
-        late = frame.index >= START
-        frame.loc[late, name] = change(frame[name][late].to_numpy())
+        late = frame.index >= start
+        frame.loc[late, WIRES[sensor]] = change(frame[WIRES[sensor]][late].to_numpy())
     return detect(frame, kinematic, WIRES, p)
 
 
@@ -111,7 +109,6 @@ def test_an_actuator_fault_is_nothing_to_it():
 
 def test_without_inertial_sensors_it_says_that_they_are_lost(flown):
     frame = flown.copy()
-    frame.attrs = flown.attrs
     for name in kinematic.SENSORS:
         frame.loc[START:, f"sensors.{name}.valid_obs"] = 0.0
     log = detect(frame, kinematic, WIRES)
@@ -121,21 +118,10 @@ def test_without_inertial_sensors_it_says_that_they_are_lost(flown):
 def test_severe_gusts_in_a_turn_are_no_sensor_and_hide_none():
     given = ["duration_s=24", "flight.turbulence=severe", "detectors.enabled=[]", "manoeuvre.kind=coordinated_turn",
              "manoeuvre.duration_s=20", "seed=5"]  # fmt: skip
-    wires = sources("kinematic")
-    flown = fly(load_scenario("cruise", given), wires.values())
-    assert not detect(flown, kinematic, wires)["alarm"].any()
-    flown["sensors.theta.y_obs"] += np.where(flown.index >= 18.0, np.radians(1.0), 0.0)
-    log = detect(flown, kinematic, wires)
+    flown = fly(load_scenario("cruise", given), WIRES.values())
+    assert not watched(flown)["alarm"].any()
+    log = watched(flown, "theta", lambda y: y + DEG, start=18.0)
     assert {kinematic.CULPRITS[int(c)] for c in log["culprit"][log["alarm"] > 0]} == {"theta"}
-
-
-def test_a_drift_of_theta_is_never_called_q_and_q_itself_is_told_when_the_turn_shows_it(flown):
-    t = flown.index.to_numpy()[flown.index >= START] - START
-    for rate in (0.2, 0.5):
-        log = watched(flown, "theta", lambda y, rate=rate: y + rate * DEG * t)
-        named = {kinematic.CULPRITS[int(c)] for c in log["culprit"][log["alarm"] > 0]} - {""}
-        assert named and named <= {"q or theta", "theta"}
-    assert said(watched(flown, "q", lambda y: y + DEG)) == "q"
 
 
 @pytest.mark.parametrize(("sensor", "rate"), [("phi", "p"), ("psi", "r")])
@@ -153,13 +139,7 @@ def test_no_kind_of_fault_of_a_sensor_is_surely_another_sensors(flown, sensor, k
     assert all(sensor in name.split(" or ") for name in sure)
 
 
-def test_every_sensor_has_a_hypothesis_for_a_sudden_and_for_a_slow_error():
-    for sensor in {c[0] for c in signatures.SIGNATURES} - {"p", "q", "r", "n_x", "n_z", "hdot"}:  # rates
-        jumps = {c[3] for c in signatures.SIGNATURES if c[0] == sensor}
-        assert None in jumps or {True, False} <= jumps, sensor
-
-
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_sensors_twice_as_noisy_as_specified_are_no_fault(seed):
     given = ["duration_s=40", "detectors.enabled=[]", f"seed={910100000 + seed}", "sensors.noise_scale=2"]
     log = detect(fly(load_scenario("cruise", given), WIRES.values()), kinematic, WIRES)
@@ -221,19 +201,16 @@ def test_what_is_learned_in_a_bank_is_uncertain_and_no_wind():
 
 def test_gusts_are_louder_in_faster_flight_and_that_is_no_fault_of_the_accelerometer(flown):
     frame, late = flown.copy(), flown.index >= START
-    frame.attrs = flown.attrs
     n_z = WIRES["n_z"]
     frame.loc[late, n_z] += 0.025 * np.random.default_rng(1).standard_normal(late.sum())
     assert said(detect(frame, kinematic, WIRES)) == "n_z"
     faster = frame.copy()
-    faster.attrs = flown.attrs
     faster.loc[late, WIRES["v_ground"]] += 0.5 * faster[WIRES["v_ground"]].iloc[0]  # its own noise is what it was
     assert detect(faster, kinematic, WIRES)["noisy"].max() == 0.0
 
 
 def test_a_fast_roll_shows_in_no_attitude(flown):
     frame, t = flown.copy(), flown.index.to_numpy() - START
-    frame.attrs = flown.attrs
     rate = 0.6 * np.clip(t, 0.0, 0.5) / 0.5
     frame[WIRES["p"]] += rate
     frame[WIRES["phi"]] += np.where(t > 0.5, 0.15 + 0.6 * (t - 0.5), 0.6 * np.clip(t, 0.0, None) ** 2)
@@ -244,15 +221,8 @@ def test_a_fast_roll_shows_in_no_attitude(flown):
 
 @pytest.mark.parametrize("sensor", ["hdot", "theta", "n_x", "alpha_ground"])
 def test_a_fault_in_a_turn_in_a_cross_wind_is_named_and_not_taken_for_wind(turned, sensor):
-    log = detect_from(turned, sensor, 25.0)
+    log = watched(turned, sensor, lambda y: y + STEPS[sensor], start=25.0)
     assert said(log) == PAIRED.get(sensor, sensor)
-
-
-def detect_from(flown, sensor, start):
-    frame = flown.copy()
-    frame.attrs = flown.attrs
-    frame.loc[frame.index >= start, f"sensors.{sensor}.y_obs"] += STEPS[sensor]
-    return detect(frame, kinematic, WIRES)
 
 
 PAIRS = [("theta", "cas"), ("cas", "theta"), ("n_z", "tas"), ("n_z", "theta"), ("q", "tas"), ("hdot", "cas")]
@@ -261,7 +231,6 @@ PAIRS = [("theta", "cas"), ("cas", "theta"), ("n_z", "tas"), ("n_z", "theta"), (
 @pytest.mark.parametrize("sensors", PAIRS)
 def test_a_second_sensor_is_named_beside_the_first_by_a_row_that_does_not_read_it(flown, sensors):
     frame = flown.copy()
-    frame.attrs = flown.attrs
     for sensor, start in zip(sensors, (START, START + 3.0)):
         frame.loc[frame.index >= start, WIRES[sensor]] += STEPS[sensor]
     log = detect(frame, kinematic, WIRES)
@@ -271,7 +240,7 @@ def test_a_second_sensor_is_named_beside_the_first_by_a_row_that_does_not_read_i
 
 @pytest.mark.parametrize("sensor", STEPS)
 def test_one_wrong_sensor_is_never_two(turned, sensor):
-    assert not detect_from(turned, sensor, 25.0)["second"].any()
+    assert not watched(turned, sensor, lambda y: y + STEPS[sensor], start=25.0)["second"].any()
 
 
 def test_a_row_that_a_sensor_may_move_reads_it():
@@ -281,13 +250,10 @@ def test_a_row_that_a_sensor_may_move_reads_it():
 
 
 ENDS = {
-    "theta, bias": ("theta", "kind='bias',bias_deg=2"), "phi, bias": ("phi", "kind='bias',bias_deg=1"),
-    "n_z, bias": ("n_z", "kind='bias',bias_g=0.15"), "cas, bias": ("cas", "kind='bias',bias_kt=16"),
+    "theta, bias": ("theta", "kind='bias',bias_deg=2"), "n_z, bias": ("n_z", "kind='bias',bias_g=0.15"),
     "n_x, noise": ("n_x", "kind='noise',sigma_g=0.08"), "theta, drift": ("theta", "kind='drift',drift_deg_s=0.2"),
-    "p, bias": ("p", "kind='bias',bias_deg_s=2"), "q, bias": ("q", "kind='bias',bias_deg_s=0.7"),
     "r, oscillation": ("r", "kind='oscillation',amplitude_deg_s=2,frequency_hz=0.1"),
-    "hdot, bias": ("hdot", "kind='bias',bias_m_s=8"),
-    "psi, frozen": ("psi", "kind='freeze'"), "theta, frozen": ("theta", "kind='freeze'"),
+    "hdot, bias": ("hdot", "kind='bias',bias_m_s=8"), "psi, frozen": ("psi", "kind='freeze'"),
 }  # fmt: skip
 
 

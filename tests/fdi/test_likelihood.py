@@ -1,10 +1,11 @@
-"""Likelihood ratios of a hydraulic actuator's faults: evidence as linear algebra has it, names, ends, same bits."""
+"""Likelihood ratios of a hydraulic actuator's faults: evidence as linear algebra has it, names, ends."""
 
 import functools
 import math
 
 import numpy as np
 import pytest
+from numpy.lib.recfunctions import repack_fields
 
 from actuators.hydraulic.lu17 import stiffness
 from cosim.flight.loop.signals import fly, inputs
@@ -46,16 +47,13 @@ def designed():
 
 def watched(u):
     """Return the STATE of every lane at every tick, some fields."""
-    fields = (*iotsekf.OUTPUTS, "mu", "ev_octave")
-    kept = np.zeros(u.shape, [(n, "f8", iotsekf.STATE[n].shape) for n in fields])
+    fields = [*iotsekf.OUTPUTS, "mu", "ev_octave"]
     p = np.repeat(designed(), len(u))
-    x, log = iotsekf.init(p), np.zeros((len(u), 200), iotsekf.STATE)
-    for a in range(0, u.shape[1], 200):
-        part = np.ascontiguousarray(u[:, a : a + 200])
-        iotsekf.rollout(x, part, p, DT, log[:, : part.shape[1]])
-        for n in fields:
-            kept[n][:, a : a + 200] = log[n][:, : part.shape[1]]
-    return kept
+    x, log, kept = iotsekf.init(p), np.zeros((len(u), 200), iotsekf.STATE), []
+    for part in np.split(u, range(200, u.shape[1], 200), axis=1):
+        iotsekf.rollout(x, np.ascontiguousarray(part), p, DT, log[:, : part.shape[1]])
+        kept.append(repack_fields(log[fields][:, : part.shape[1]]))
+    return np.concatenate(kept, axis=1)
 
 
 def test_each_fault_has_its_name_at_its_end_and_no_alarm_before_it_or_after_it_has_healed():
@@ -90,75 +88,56 @@ def test_a_longer_lever_is_learned_and_no_evidence_of_rod_and_surface_apart():
     assert log[watched[1]].iloc[-1] == pytest.approx(0.003, abs=0.0003)
 
 
-def test_a_lost_pressure_ends_the_judgement_and_a_frozen_one_is_named():
-    lost, frozen = flown()[:1].copy(), flown()[:1].copy()
-    k = int(ONSET / DT)
-    lost["y_dp"][0, k:] = np.nan
-    lost["y_dp_valid"][0, k:] = 0.0
-    log = watched(lost)
-    assert log["ev_octave"][0, k - 200 : k].max() >= 0.0 and log["ev_octave"][0, k + int(0.3 / DT) :].max() < 0.0
-    frozen["y_dp"][0, k:] = frozen["y_dp"][0, k]
-    end = watched(frozen)[0, k + int(0.2 / DT)]
-    assert end["verdict"] == verdict.SENSOR and iotsekf.CULPRITS[int(end["culprit"])] == "pressure"
+def test_a_lost_pressure_ends_the_judgement():
+    u, k = flown()[:1].copy(), int(ONSET / DT)
+    u["y_dp"][0, k:], u["y_dp_valid"][0, k:] = np.nan, 0.0
+    octave = watched(u)["ev_octave"][0]
+    assert octave[k - 200 : k].max() >= 0.0 and octave[k + int(0.3 / DT) :].max() < 0.0
 
 
-def test_the_same_bits_tick_by_tick_in_pieces_and_at_once():
-    u = flown(True)[:1, : int(12.0 / DT)]
-    x, whole = iotsekf.init(designed()), iotsekf.init(designed())
-    iotsekf.rollout(whole, u, designed(), DT)
-    a = 0
-    for piece in (1, 1, 7, 500, u.shape[1]):
-        iotsekf.rollout(x, u[:, a : a + piece], designed(), DT)
-        a += piece
-    assert x.tobytes() == whole.tobytes()
-
-
-def sums_of(S, e):
-    """Return a state whose window holds the sums of signatures S (n, N) and innovations e (n,)."""
+def sums_of(S, e, mean, sd):
+    """Return a state whose window holds the sums of signatures S (n, N) and innovations e (n,), with this prior."""
     x = iotsekf.init(designed())[0]
     J, b = S.T @ S, S.T @ e
     x.JJ[:] = [J[a, c] for a in range(filter.N) for c in range(a + 1)]
     x.bb[:], x.tt[sums.ENERGY, 0] = b, e @ e
+    x.prior[0], x.prior[1], x.sd[:] = mean, sd, sd
     return x
 
 
-def test_the_evidence_is_that_of_the_linear_model_with_its_prior():
-    rng = np.random.default_rng(5)
+def drawn(seed):
+    """Return signatures (60, N), innovations (60,), mean and deviation of the prior (N,)."""
+    rng = np.random.default_rng(seed)
     S, e = rng.standard_normal((60, filter.N)) * 3.0, rng.standard_normal(60)
-    mean, sd = rng.standard_normal(filter.N) * 0.1, rng.uniform(0.05, 0.5, filter.N)
-    x = sums_of(S, e)
-    x.prior[0], x.prior[1] = mean, sd
+    return S, e, rng.standard_normal(filter.N) * 0.1, rng.uniform(0.05, 0.5, filter.N)
+
+
+def test_the_evidence_is_that_of_the_linear_model_with_its_prior():
+    S, e, mean, sd = drawn(5)
+    x = sums_of(S, e, mean, sd)
     logdet = evidence.factor(x, 0)
-    Q = evidence.left(x)
     covariance = np.eye(60) + S @ np.diag(sd**2) @ S.T  # of e, theta taken out
     left = e - S @ mean
     assert len(x.JJ) == sums.PAIRS
     assert logdet == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-9)
-    assert Q == pytest.approx(left @ np.linalg.solve(covariance, left), rel=1e-9)
+    assert evidence.left(x) == pytest.approx(left @ np.linalg.solve(covariance, left), rel=1e-9)
 
 
 def test_another_prior_of_one_column_asks_for_no_factor_of_its_own():
-    rng = np.random.default_rng(6)
-    S, e = rng.standard_normal((60, filter.N)) * 3.0, rng.standard_normal(60)
-    x = sums_of(S, e)
-    x.sd[:] = rng.uniform(0.05, 0.5, filter.N)
+    S, e, _, sd = drawn(6)
+    x = sums_of(S, e, 0.0, sd)
     evidence.health(x)
     logdet0, Q0 = evidence.factor(x, 0), evidence.left(x)
     evidence.alone(x)
     for i in range(filter.OFFSET, filter.LEAK + 1):
-        Q, logdet = evidence.other(x, Q0, logdet0, i, 0.3, 0.7)
-        y = sums_of(S, e)
-        y.prior[0], y.prior[1] = 0.0, x.sd
+        y = sums_of(S, e, 0.0, sd)
         y.prior[0, i], y.prior[1, i] = 0.3, 0.7
-        assert logdet == pytest.approx(evidence.factor(y, 0), rel=1e-9)
-        assert Q == pytest.approx(evidence.left(y), rel=1e-9)
+        logdet = evidence.factor(y, 0)
+        assert evidence.other(x, Q0, logdet0, i, 0.3, 0.7) == pytest.approx((evidence.left(y), logdet), rel=1e-9)
 
 
 def test_the_last_columns_have_other_priors_on_the_factor_of_the_first():
-    rng = np.random.default_rng(8)
-    S, e = rng.standard_normal((60, filter.N)) * 3.0, rng.standard_normal(60)
-    x, y = sums_of(S, e), sums_of(S, e)
-    x.sd[:] = y.sd[:] = rng.uniform(0.05, 0.5, filter.N)
+    x, y = (sums_of(*drawn(8)) for _ in range(2))
     evidence.health(x)
     first = evidence.factor(x, 0) - evidence.factor(x, filter.LEAK)
     evidence.health(y)

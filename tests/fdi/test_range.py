@@ -1,4 +1,4 @@
-"""Valid means valid: what is not finite, or out of a detector's range, is never valid, in flight as on a recording."""
+"""Valid means valid: what is not finite, or out of a detector's range, is never valid. Words for it are unique."""
 
 import numpy as np
 import pytest
@@ -9,9 +9,8 @@ from cosim.campaign.inventory import inventory
 from cosim.log import open_log
 from cosim.replay.detector_replay import describe, fill
 from fdi import registry
-from fdi.common.why import BOX_SPEED, NOT_FINITE, WORDS
+from fdi.common import verdict, why
 from fdi.kinematic import kinematic
-from fdi.rfafe import rfafe_airframe
 
 PARAMS = dtype([("growth", "f8")])
 INPUTS = dtype([("y", "f8")])
@@ -38,35 +37,11 @@ def test_a_state_that_is_not_finite_is_never_valid_and_never_alarms():
     ok = np.isfinite(log["hidden"][0]).all(axis=1)
     assert 5 < ok.sum() < 20
     assert (log["valid"][0] == ok).all() and (log["alarm"][0] == ok).all() and (log["verdict"][0] == 2.0 * ok).all()
-    assert (log["why"][0][~ok] == NOT_FINITE).all()
+    assert (log["why"][0][~ok] == why.NOT_FINITE).all()
     live = np.zeros(1, STATE)
     for k in range(20):  # one tick at a time, as in flight
         rollout(live, u[:, k : k + 1], p, DT)
         assert live.tobytes() == log[0, k].tobytes()
-
-
-def parked(n, at_rest):
-    """Return INPUTS (1, n) of an airframe that stands, with a sensor's noise of the last bit, then flies."""
-    u = np.ones((1, n), rfafe_airframe.INPUTS)
-    t, rng = np.arange(n) * DT, np.random.default_rng(3)
-    rest = t < at_rest
-    sway = np.where(rest, 0.0, np.sin(1.3 * t))
-    u["tas"][0] = np.where(rest, -2.6e-304, 150.0 + rng.normal(0.0, 0.05, n))
-    u["alpha"][0] = 0.06 + 0.01 * sway + rng.normal(0.0, 5e-4, n)
-    u["q"][0] = 0.013 * np.where(rest, 0.0, np.cos(1.3 * t)) + rng.normal(0.0, 3e-4, n)
-    u["theta"][0] = 0.06 + 0.01 * sway + rng.normal(0.0, 3e-4, n)
-    u["command"][0] = 0.005 * sway
-    return u
-
-
-def test_a_recording_that_begins_on_the_apron_is_judged_once_it_flies():
-    p, log = rfafe_airframe.params(), np.zeros((1, 8000), rfafe_airframe.STATE)
-    rfafe_airframe.rollout(rfafe_airframe.init(p), parked(8000, 20.0), p, DT, log)
-    rest = np.arange(8000) * DT < 20.0
-    assert not log["valid"][0][rest].any() and (log["why"][0][rest] == BOX_SPEED).all()
-    assert log["speed"][0][-1] == pytest.approx(150.0, abs=1.0)  # learned in flight
-    assert log["valid"][0][-1] == 1.0 and 0.0 < log["r"][0][-1] < 100.0
-    assert np.isfinite(log["r"][0]).all()
 
 
 @pytest.mark.parametrize("name", [n for n, r in registry.records().items() if r.range])
@@ -103,7 +78,7 @@ def test_outside_of_a_bound_it_is_not_valid_and_says_of_what(flown, name, word, 
         u[one][:, 2800:] = high + 0.02 * abs(high) if end else low - 0.02 * abs(low)
     module.rollout(lane.x.copy(), u, p, DT, log)
     assert log["valid"][0][2700:2800].all() and not log["valid"][0][3000:].any()
-    assert WORDS[int(log["why"][0][-1])].startswith("outside its box")
+    assert why.WORDS[int(log["why"][0][-1])].startswith("outside its box")
 
 
 AIRFRAME = [name for name, r in registry.records().items() if r.level == "aircraft" and r.range]
@@ -156,3 +131,26 @@ def test_a_reading_that_kinematic_must_name_is_named_however_wrong(flown, word, 
     module.rollout(lane.x.copy(), u, lane.p.copy(), DT, log)
     assert log["alarm"][0][3000:].all() and log["valid"][0][3000:].all()
     assert module.CULPRITS[int(log["culprit"][0][-1])] == word
+
+
+def test_reasons_have_words_and_nothing_else_has():
+    codes = [v for k, v in vars(why).items() if isinstance(v, float)]
+    assert sorted(codes) == list(range(len(why.WORDS)))
+    assert why.words(why.BOX_MASS) == "outside its box (mass)"
+    for wrong in (-1.0, 0.5, float(len(why.WORDS))):
+        with pytest.raises(ValueError, match="no reason"):
+            why.words(wrong)
+
+
+def test_parts_that_are_declared_on_their_own():
+    assert verdict.alarm_fields(("", "n_z", "alpha"), ("r", "alarm_n_z")) == {"n_z": "alarm_n_z"}
+    assert verdict.alarm_fields(("", "elevator"), ("alarm", "culprit")) == {}
+
+
+@pytest.mark.parametrize("name", registry.SHIPPED)
+def test_every_value_of_a_state_has_a_name_of_its_own_in_a_log(name):
+    kind, names = registry.module(name).STATE, []
+    for field in kind.names:
+        n = kind[field].itemsize // 8
+        names += [field] if n == 1 and not kind[field].shape else [f"{field}_{i}" for i in range(n)]
+    assert len(set(names)) == len(names)

@@ -8,7 +8,7 @@ from cosim import load_scenario
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect, fly
-from fdi.common.why import BANK, BOX_ALPHA, NOT_READY, VALID
+from fdi.common.why import BANK, NOT_READY, VALID
 from fdi.rfafe import rfafe_airframe
 
 FAR = ("flight.mass_t=330", "flight.cg_pct=27", "flight.altitude_ft=12000", "flight.cas_kt=225", "seed=700001")
@@ -65,10 +65,6 @@ def test_nothing_is_said_while_it_learns_or_beyond_the_linear_angles():
     p["alpha_max"] = 0.5 * RAD_PER_DEG
     _, log = flown("duration_s=3", p=p)
     assert not log["valid"].any()
-    p["t_learn"] = 0.5
-    p["alpha_max"] = 20.0 * RAD_PER_DEG
-    t, log = flown("duration_s=20", "manoeuvre={kind='nose_up',amplitude_g=0.3,start_s=5.0}", p=p)
-    assert log["valid"][t > 2.0].all() and BOX_ALPHA not in log["why"]
 
 
 def test_a_design_of_ones_own_is_not_corrected():
@@ -94,18 +90,6 @@ def test_learned_terms_grow_with_dynamic_pressure():
     assert last["f"][0] - last["free"][0] == pytest.approx(expected, rel=1e-6)
 
 
-def test_a_turn_at_60_degrees_of_bank_is_beyond_its_range_and_one_at_30_is_not():
-    air = "flight.turbulence=light"
-    given = ["detectors.enabled=[]", air, "duration_s=30"]
-    why = {}
-    for bank in (30, 60):
-        frame = fly(load_scenario("cruise", [*given, f"flight.bank_deg={bank}"]), sources("rfafe_airframe").values())
-        log = detect(frame, rfafe_airframe, sources("rfafe_airframe"), rfafe_airframe.params(), ("alarm", "why"))
-        why[bank] = np.unique(log["why"][frame.index > 10.0]).tolist()
-        assert not log["alarm"].any()
-    assert why == {30: [VALID], 60: [BANK]}
-
-
 def test_it_is_valid_again_after_a_steep_turn_and_finds_an_oscillation_then():
     given = {"kind": "coordinated_turn", "bank_deg": 60, "start_s": 11, "duration_s": 22}
     turn = [f"manoeuvre.{k}={v}" for k, v in given.items()]
@@ -114,3 +98,8 @@ def test_it_is_valid_again_after_a_steep_turn_and_finds_an_oscillation_then():
     assert (log["why"][(t > 29.0) & (t < 40.0)] == BANK).all() and (log["why"][(t > 46.0) & (t < 48.0)] == VALID).all()
     on = t[log["alarm"] > 0.5]
     assert 48.0 < on[0] < 54.0
+
+
+def test_a_turn_at_30_degrees_of_bank_is_within_its_range():
+    t, log = flown("duration_s=30", "flight.turbulence=light", "flight.bank_deg=30")
+    assert set(log["why"][t > 10.0]) == {VALID} and not log["alarm"].any()

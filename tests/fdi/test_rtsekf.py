@@ -1,11 +1,10 @@
-"""The three-step filter as published, which corrects nothing, and the form fit for flight."""
+"""The three-step filter as published, and the form fit for flight."""
 
 import numpy as np
 import pytest
 from lu17_bench import DT, doublets, fly, inputs, roll, run
 
 import cosim
-from actuators.hydraulic import lu17
 from fdi.common import verdict
 from fdi.hydraulic import rtsekf, rtsekf_flight
 
@@ -21,41 +20,16 @@ def blame(log):
     return [rtsekf_flight.CULPRITS[int(c)] for c in log["culprit"][:, -1]]
 
 
-def test_as_published_the_gain_is_one_and_nothing_is_corrected(flights):
-    log = run(rtsekf, flights, load=0)
-    assert np.abs(log["N"][:, 1:] - 1).max() < 1e-12
-    for i, f in enumerate(flights):
-        x = np.array([f["y_rod"][0], 0.0, 0.0])
-        p = rtsekf.params(load=0)[0]
-        for k in range(200):
-            assert log["f_hat"][i, k] == pytest.approx(f["y_rod"][k] - x[0], abs=1e-12)  # all of the innovation
-            x = np.array(lu17.rk4(*x, f["u"][k], f["u"][k], 0.0, 0.0, p, DT))  # the open-loop model
-        assert log["q_now"][i, 199] == pytest.approx(x[0], abs=1e-12)
-
-
-def test_as_published_it_drifts_with_the_load():
-    flight = fly(doublets(26.0), seed=1, hm0=-800.0)
-    ignored = run(rtsekf, [flight], load=0)["f_hat"][0]
-    model = run(rtsekf, [flight], load=1)["f_hat"][0]
-    assert np.abs(ignored[-200:]).mean() > 0.02  # it drifts 4 cm in 25 s
-    assert 2e-4 < np.abs(model).max() < 0.01  # known to 20 %: by 1.5 mm, worst 9
-
-
 def test_in_flight_it_does_not_grow_in_ten_minutes():
     flight = fly(doublets(60.0, degrees=3.0), seed=3)
     u = np.concatenate([inputs(rtsekf_flight, [flight])] * 10, axis=1)
     truth = np.tile(flight["truth"]["q_rod"], 10)
-    x, p = rtsekf_flight.init(rtsekf_flight.params()), rtsekf_flight.params()
-    log = np.zeros((1, 12000), rtsekf_flight.STATE)
-    error, fault = [], []
-    for minute in range(10):
-        part = slice(12000 * minute, 12000 * (minute + 1))
-        rtsekf_flight.rollout(x, np.ascontiguousarray(u[:, part]), p, DT, log)
-        error.append(np.sqrt(np.mean((log["q_now"][0] - truth[part])[400:] ** 2)))
-        fault.append(abs(log["f_hat"][0, 400:].mean()))
-        assert not log["alarm"].any()
-    assert max(error) < 1.5e-4 and error[-1] < 1.1 * error[0] + 1e-5
-    assert max(fault) < 5e-5
+    log = roll(rtsekf_flight, rtsekf_flight.params(), u)[0]
+    off, fault = ((a.reshape(10, -1)[:, 400:]) for a in (log["q_now"] - truth, log["f_hat"]))
+    error = np.sqrt((off**2).mean(axis=1))
+    assert not log["alarm"].any()
+    assert error.max() < 1.5e-4 and error[-1] < 1.1 * error[0] + 1e-5
+    assert np.abs(fault.mean(axis=1)).max() < 5e-5
 
 
 def test_both_position_sensors_in_three_steps_equal_the_published_matrices():
@@ -122,35 +96,7 @@ def test_it_stays_quiet_under_a_real_jam_and_a_real_runaway():
     assert log["valid"][:, 1:].all()
 
 
-def test_as_published_it_calls_a_jam_and_a_runaway_output_faults():
-    def runaway(k, x, w):
-        if k >= K_FAULT:
-            x["f_u"], x["s_u"] = 0.1, 1.0
-
-    log = run(rtsekf, [fly(doublets(13.0), seed=2, faults=runaway)], load=1)
-    k = K_FAULT + np.argmax(log["alarm"][0, K_FAULT:])
-    assert K_FAULT < k < K_FAULT + 100
-    assert log["verdict"][0, k] == verdict.RUNAWAY
-
-
-@pytest.mark.parametrize("module", [rtsekf, rtsekf_flight])
-def test_bad_measurements_do_not_stick(flights, module):
-    u = inputs(module, flights)
-    for name in u.dtype.names:
-        if name.startswith("y_") and not name.endswith("valid"):
-            u[name][:, 800:880] = np.nan
-    u["u"][:, 840:850] = np.nan
-    log = roll(module, np.repeat(module.params(), 4), u)
-    for name in log.dtype.names:
-        assert np.isfinite(log[name]).all(), name
-    assert not log["valid"][:, 850:880].any()
-    assert log["valid"][:, 900:].all()
-    if module is rtsekf_flight:
-        truth = np.array([f["truth"]["q_rod"] for f in flights])
-        assert np.abs(log["q_now"] - truth)[:, 1000:].max() < 5e-4
-
-
-def test_an_oscillation_is_no_runaway_and_a_rod_that_creeps_no_jam():
+def test_as_published_a_runaway_and_a_jam_are_named_but_not_an_oscillation_or_a_rod_that_creeps():
     def oscillating(k, x, w):
         if k >= K_FAULT:
             x["f_u"], x["s_u"] = 0.2 * np.sin(2.0 * np.pi * (k - K_FAULT) * DT), 1.0
@@ -162,13 +108,19 @@ def test_an_oscillation_is_no_runaway_and_a_rod_that_creeps_no_jam():
     def jam(k, x, w):
         x["jam"] = float(k >= K_FAULT)
 
+    def runaway(k, x, w):
+        if k >= K_FAULT:
+            x["f_u"], x["s_u"] = 0.1, 1.0
+
     command = doublets(20.0)
-    faults = (oscillating, creeping, jam)
+    faults = (oscillating, creeping, jam, runaway)
     log = run(rtsekf, [fly(command, seed=s, faults=f) for s, f in enumerate(faults)], load=1)
     said = [set(np.unique(log["verdict"][i, K_FAULT:])) - {verdict.NONE} for i in range(len(faults))]
     assert log["verdict"][0, -1] == verdict.AMBIGUOUS and verdict.JAM_SOLID not in said[0]
     assert verdict.AMBIGUOUS in said[1] and verdict.JAM_SOLID not in said[1]
     assert verdict.JAM_SOLID in said[2] and verdict.RUNAWAY not in said[2]
+    k = K_FAULT + np.argmax(log["alarm"][3, K_FAULT:])
+    assert K_FAULT < k < K_FAULT + 100 and log["verdict"][3, k] == verdict.RUNAWAY
 
 
 @pytest.mark.parametrize("seed", [910200011, 910200012])

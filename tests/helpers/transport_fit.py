@@ -1,8 +1,6 @@
 """Fit the aircraft's tables to the published 747 data and write the JSBSim files that hold them.
 
     python tests/helpers/transport_fit.py      writes aerodynamics.xml, Engines/turbofan.xml, Systems/multipliers.xml
-    --check                                    exit status 1 when the files on disk are not what this makes
-    --show                                     what the tables give at the flight conditions, beside what was asked
 
 Longitudinal, for CL, CD and Cm alike:
 
@@ -16,7 +14,6 @@ controls and lateral coefficients: `surface`. Details, sources and what is assum
 """
 
 import math
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -227,47 +224,6 @@ def build() -> dict[Path, str]:
     }
 
 
-def show() -> Any:
-    """Return lines that compare the fitted functions with their targets."""
-    lines = []
-    d = 1e-3
-    for name, (f, (t0, t1)) in longitudinal().items():
-        lines.append(f"{name}: t0 {t0:.3g}/psf, t1 {t1:.3g}/(psf rad)")
-        for key, (value, by_alpha, by_speed) in targets()[name].items():
-            c = FLIGHT_CONDITIONS[key]
-            a, M, q = math.radians(c.alpha_deg), c.mach, c.qbar_psf
-            v = float(f(a, M)) + (q - Q_REF) * (t0 + t1 * a)
-            va = float(f(a + d, M) - f(a - d, M)) / (2 * d) + (q - Q_REF) * t1
-            vs = float(f(a, M * (1 + d)) - f(a, M * (1 - d))) / (2 * d) + 2 * q * (t0 + t1 * a)
-            lines.append(
-                f"  FC{key:<2} value {v:8.4f} ({value:8.4f})  slope {va:7.3f} ({by_alpha:7.3f})"
-                f"  speed {vs:8.4f} ({by_speed:8.4f})"
-            )
-    for name, (second, _, _) in derivative_tables().items():
-        values = coefficients()[name]
-        f = surface(values, second)
-        got = []
-        for key, value in values.items():
-            c = FLIGHT_CONDITIONS[key]
-            y = math.radians(c.alpha_deg) if second == "alpha" else c.qbar_psf
-            got.append(f"{key}: {float(f(np.array(c.mach), np.array(y))):.4g} ({value:.4g})")
-        lines.append(f"{name} over Mach and {second}: " + ", ".join(got))
-    return lines
-
-
-def main() -> None:
-    """Write the files, compare them with those on disk, or show the fit."""
-    if "--show" in sys.argv:
-        sys.stdout.write("\n".join(show()) + "\n")
-        return
-    stale = False
-    for path, text in build().items():
-        if "--check" in sys.argv:
-            stale |= not path.is_file() or path.read_text() != text
-        else:
-            path.write_text(text)
-    sys.exit(1 if stale else 0)
-
-
 if __name__ == "__main__":
-    main()
+    for path, text in build().items():
+        path.write_text(text)
