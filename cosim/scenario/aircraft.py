@@ -3,11 +3,9 @@
 The contract of a folder is aircraft/README.md. A bundled aircraft is named, another one is given as a path.
 """
 
-import contextlib
 import functools
 import math
 import os
-import stat
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -263,16 +261,12 @@ def stamps(folder: Path) -> tuple[tuple[str, int, int], ...]:
     """Return what changes with every change of a file of an aircraft's `folder`; () for a bundled one, which stays."""
     if folder.parent == FOLDER:
         return ()
-    files = []
+    files: list[Path] = []
     for top, inner, names in os.walk(folder):
         inner[:] = [name for name in inner if not name.startswith(".")]  # a repository's own files, thousands of them
-        files += [os.path.join(top, name) for name in names]
-    told: list[tuple[str, int, int]] = []
-    for file in sorted(files):
-        with contextlib.suppress(OSError):  # gone since it was listed, or a link to nothing
-            about = os.stat(file)
-            told += [(file, about.st_mtime_ns, about.st_size)] if stat.S_ISREG(about.st_mode) else []
-    return tuple(told)
+        files += [Path(top, name) for name in names]
+    about = [(str(file), file.stat()) for file in sorted(files) if file.is_file()]
+    return tuple((name, found.st_mtime_ns, found.st_size) for name, found in about)
 
 
 def of_folder(function: Callable[..., R]) -> Callable[..., R]:

@@ -1,4 +1,4 @@
-"""When a fault begins: `when = "n_z > 1.2 and t > 5"`. Parsed here, never evaluated as code.
+"""When a fault begins: `when = "n_z > 1.2 and t > 5"`. Read by Python's own parser, never evaluated as code.
 
     condition   = comparison, joined by `and` and `or`; `and` binds first, parentheses group
     comparison  = signal (< | <= | > | >=) number
@@ -9,8 +9,8 @@ A signal is `t` [s], a word of `cosim list signals` ("n_z", "left_inner.rod": wh
 a fault that has not begun.
 """
 
+import ast
 import functools
-import itertools
 import operator
 import re
 from collections.abc import Callable, Mapping
@@ -25,109 +25,84 @@ if TYPE_CHECKING:
 
 TIME = "t"
 OF_FAULT = re.compile(r"fault\.(\d{1,4})\.(active|since)")
-LONGEST, DEPTH = 2000, 50  # letters; parentheses
-COMPARE: dict[str, Callable] = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
-_TOKEN = re.compile(r"\s*(?:(<=|>=|<|>|\(|\))|([A-Za-z_][\w.\[\]]*)|([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))")
+LONGEST = 2000  # characters
+COMPARE: dict[type, Callable] = {ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge}
+_SIGNAL = re.compile(r"(?<![\w.])[A-Za-z_][\w.\[\]]*")
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """A signal against a number."""
+class Condition:
+    """Comparisons as a syntax tree, in which the signal of number n is the name `_n`."""
 
-    signal: str
-    compare: str
-    number: float
+    names: tuple[str, ...]
+    tree: ast.expr
 
     def true(self, values: "Mapping[str, np.ndarray]") -> "np.ndarray":
         """Return at which ticks it holds (ticks,), from {signal: values (ticks,)}."""
-        return COMPARE[self.compare](values[self.signal], self.number)
+        return self._true(self.tree, values)
+
+    def _true(self, node, values):
+        if isinstance(node, ast.BoolOp):
+            join = operator.and_ if isinstance(node.op, ast.And) else operator.or_
+            return functools.reduce(join, (self._true(part, values) for part in node.values))
+        return COMPARE[type(node.ops[0])](values[self.names[int(node.left.id[1:])]], _number(node.comparators[0]))
 
     def signals(self) -> tuple[str, ...]:
         """Return the names of its signals."""
-        return (self.signal,)
-
-
-@dataclass(frozen=True)
-class Joined:
-    """Conditions of which all ("and") or any ("or") must hold."""
-
-    word: str
-    parts: tuple
-
-    def true(self, values: "Mapping[str, np.ndarray]") -> "np.ndarray":
-        """Return at which ticks it holds (ticks,)."""
-        join = operator.and_ if self.word == "and" else operator.or_
-        return functools.reduce(join, (part.true(values) for part in self.parts))
-
-    def signals(self) -> tuple[str, ...]:
-        """Return the names of its signals."""
-        return tuple(dict.fromkeys(name for part in self.parts for name in part.signals()))
-
-
-Condition = Comparison | Joined
+        return tuple(dict.fromkeys(self.names))
 
 
 def condition(text: str) -> Condition:
     """Return the condition that `text` says. Raises ScenarioError with what is wrong."""
-    if len(text) > LONGEST:
-        place = f"when = {text[:40]!r}..."
-        raise ScenarioError(f"is {len(text)} letters long", place=place, allowed=f"up to {LONGEST}")
-    tokens, at = [], 0
-    while text[at:].strip():
-        found = _TOKEN.match(text, at)
-        if not found:
-            raise _wrong(text, f"{text[at:].strip()[:20]!r} is not understood")
-        word = found.group().strip()
-        tokens.append(word.lower() if word in ("AND", "OR") else word)
-        at = found.end()
-    steps = itertools.accumulate({"(": 1, ")": -1}.get(token, 0) for token in tokens)
-    if max(steps, default=0) > DEPTH:
-        raise _wrong(text, f"more than {DEPTH} parentheses within each other")
-    made, rest = _joined("or", tokens, text)
-    if rest:
-        raise _wrong(text, f"unexpected {rest[0]!r}")
-    return made
+    names: list[str] = []
 
+    def numbered(word):
+        if word[0].lower() in ("and", "or"):
+            return word[0].lower()
+        names.append(word[0])
+        return f"_{len(names) - 1}"
 
-def _joined(word, tokens, text):
-    parts = []
-    while True:
-        part, tokens = _joined("and", tokens, text) if word == "or" else _single(tokens, text)
-        parts.append(part)
-        if not tokens or tokens[0] != word:
-            return (parts[0] if len(parts) == 1 else Joined(word, tuple(parts))), tokens
-        tokens = tokens[1:]
-
-
-def _single(tokens, text):
-    if tokens[:1] == ["("]:
-        made, rest = _joined("or", tokens[1:], text)
-        if rest[:1] != [")"]:
-            raise _wrong(text, "a parenthesis is not closed")
-        return made, rest[1:]
-    if len(tokens) < 3 or tokens[1] not in COMPARE:
-        raise _wrong(text, "a comparison is missing" if not tokens else f"no comparison follows {tokens[0]!r}")
-    name, compare, number = tokens[:3]
     try:
-        limit = float(number)
-    except ValueError:
-        raise _wrong(text, f"{number!r} is no number") from None
-    return Comparison(_signal(name, text), compare, limit), tokens[3:]
+        if len(text) > LONGEST or "#" in text:  # a comment of Python's
+            raise ValueError
+        tree = ast.parse(_SIGNAL.sub(numbered, " ".join(text.split())), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise _wrong("is no condition") from None
+    _check(tree, names)
+    return Condition(tuple(names), tree)
 
 
-def _signal(name, text):
+def _check(node, names):
+    if isinstance(node, ast.BoolOp):
+        for part in node.values:
+            _check(part, names)
+        return
+    compares = isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in COMPARE
+    if not compares or not isinstance(node.left, ast.Name):
+        raise _wrong("a part is no comparison of a signal with a number")
+    name = names[int(node.left.id[1:])]
+    if _number(node.comparators[0]) is None:
+        raise _wrong(f"{name} is not compared with a number")
     if name.startswith("fault.") and not OF_FAULT.fullmatch(name):
-        raise _wrong(text, f"{name!r} is no signal", "Say fault.0.active or fault.0.since")
+        raise _wrong(f"{name!r} is no signal", "Say fault.0.active or fault.0.since")
     if name == TIME or name.count(".") > 1:
-        return name
+        return
     try:
-        vocabulary.find(name)
+        signal = vocabulary.find(name)
     except KeyError:
         near = did_you_mean(name, [TIME, *vocabulary.words()])
-        raise _wrong(text, f"{name!r} is no signal", near or "`cosim list signals` has them") from None
-    if vocabulary.words()[name.rpartition(".")[2]].technologies and "." not in name:
-        raise _wrong(text, f"{name!r} needs a segment", f"For example left_inner.{name}")
-    return name
+        raise _wrong(f"{name!r} is no signal", near or "`cosim list signals` has them") from None
+    if signal.technologies and "." not in name:
+        raise _wrong(f"{name!r} needs a segment", f"For example left_inner.{name}")
+
+
+def _number(node):
+    """Return the number that a node of the tree says, None where it says none."""
+    try:
+        value = ast.literal_eval(node)
+    except ValueError:
+        return None
+    return float(value) if isinstance(value, int | float) else None
 
 
 def other_fault(name: str) -> int | None:
@@ -143,6 +118,5 @@ def source(name: str) -> str:
     return name if name.count(".") > 1 else vocabulary.find(name).source
 
 
-def _wrong(text, problem, remedy=""):
-    allowed = "comparisons such as 'n_z > 1.2', joined by and, or"
-    return ScenarioError(problem, place=f"when = {text!r}", allowed=allowed, remedy=remedy)
+def _wrong(problem, remedy=""):
+    return ScenarioError(problem, allowed="comparisons such as 'n_z > 1.2', joined by and, or", remedy=remedy)

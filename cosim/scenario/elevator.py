@@ -2,12 +2,13 @@
 
 from typing import Any, Literal
 
-from pydantic import Field, ModelWrapValidatorHandler, ValidationInfo, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
+from actuators.technology import Key
 from cosim.scenario import catalog as c
 from cosim.scenario import tolerance
 from cosim.scenario.aircraft import of
-from cosim.scenario.problem import MULTIPLIER, Mistakes, Table, choice, known_keys, problem
+from cosim.scenario.problem import MULTIPLIER, Mistakes, Table, choice, problem
 
 Feedback = Literal["measured", "iotsekf", "rtsekf", "rtsekf_flight"]
 
@@ -32,20 +33,15 @@ class Elevator(Table, extra="allow"):
     # segment -> its own parameters; also written [elevator.<segment>.<technology>] name = value, or .truth and .model
     parameters: dict[str, Settings] = Field(default_factory=dict)
 
-    @model_validator(mode="wrap")
+    @model_validator(mode="before")
     @classmethod
-    def _fill(cls, raw: Any, handler: ModelWrapValidatorHandler, info: ValidationInfo) -> Any:
-        wrong = Mistakes()
-        return wrong.last(handler, cls._filled(raw, info, wrong) if isinstance(raw, dict) else raw)
-
-    @classmethod
-    def _filled(cls, raw, info, wrong):
-        """Return `raw` with technology and feedback of every segment; what is wrong goes to `wrong`."""
-        aircraft, default = of(info), of(info).technology
-        with wrong.caught():
-            known_keys(raw, (*default, *cls.model_fields))
-        with wrong.caught():
-            raw = _settings(raw, default)
+    def _filled(cls, raw: Any, info: ValidationInfo) -> Any:
+        """Add technology and feedback of every segment."""
+        if not isinstance(raw, dict):
+            return raw
+        aircraft, default, wrong = of(info), of(info).technology, Mistakes()
+        wrong.unknown(raw, (*default, *cls.model_fields))
+        raw = _settings(raw, default)
         technology = {name: raw.get(name, own) for name, own in default.items()}
         known = c.technologies((info.context or {}).get("actuators", c.TECHNOLOGIES))
         for name, tech in technology.items():
@@ -53,19 +49,15 @@ class Elevator(Table, extra="allow"):
                 wrong.add("is not one of the choices", key=name, allowed=", ".join(known))
         given = raw.get("feedback", {})
         word = given if isinstance(given, str) else "iotsekf"
-        with wrong.caught():
-            if word not in c.FEEDBACKS:
-                raise choice(word, c.FEEDBACKS, "feedback", key="feedback")
-        if wrong.found or not isinstance(given, str | dict):
-            return {**raw, "feedback": {} if isinstance(given, str) else given}
+        if word not in c.FEEDBACKS:
+            wrong.append(choice(word, c.FEEDBACKS, "feedback", key="feedback"))
+        own = given if isinstance(given, dict) else {}
+        wrong.unknown(own, default, "feedback.")
+        wrong.unknown(raw["parameters"], default, "parameters.")
+        wrong.check()
+        _check_settings(raw["parameters"], technology, aircraft)
         filled = {name: word if tech == "hydraulic" else "measured" for name, tech in technology.items()}
-        if isinstance(given, dict):
-            with wrong.caught():
-                known_keys(given, default, "feedback.")
-            filled |= given
-        with wrong.caught():
-            _check_settings(raw["parameters"], technology, aircraft)
-        return {**technology, **raw, "feedback": filled}
+        return {**technology, **raw, "feedback": {**filled, **own} if isinstance(given, str | dict) else given}
 
     @property
     def ema_estimate(self) -> str:
@@ -108,26 +100,18 @@ def _settings(raw, segments):
 
 def _check_settings(parameters, technology, aircraft):
     """Raise for every parameter that the segment's actuator has not, or a value far from its nominal one."""
-    known_keys(parameters, technology, "parameters.")
     wrong = Mistakes()
     for name, table in parameters.items():
-        tech, tables = c.TECHNOLOGIES[technology[name]], table if isinstance(table, dict) else {}
+        tech = c.TECHNOLOGIES[technology[name]]
         nominal = {k: v for k, v in tech.parameters(aircraft.own(tech.name)).items() if k not in tech.fixed}
-        for part, values in tables.items():
-            for key, value in values.items() if isinstance(values, dict) else ():
-                place = f"parameters.{name}.{part}.{key}"
-                with wrong.caught():
-                    if key not in nominal:
-                        raise choice(key, nominal, f"parameter of {tech.article} actuator", key=place)
-                    _within(value, nominal[key], place, tolerance.meanings(tech.name)[key][1])
+        parts = table.items() if isinstance(table, dict) else ()
+        own = [(f"{part}.{k}", k, v) for part, values in parts if isinstance(values, dict) for k, v in values.items()]
+        for place, key, value in own:
+            place = f"parameters.{name}.{place}"
+            if key in nominal:
+                low, high = sorted((MULTIPLIER.low * nominal[key], MULTIPLIER.high * nominal[key]))
+                low, high = (0.0, 0.1) if nominal[key] == 0.0 else (low, high)  # a backlash
+                wrong.number(value, Key(key, low, high), place, tolerance.meanings(tech.name)[key][1])
+            else:
+                wrong.append(choice(key, nominal, f"parameter of {tech.article} actuator", key=place))
     wrong.check()
-
-
-def _within(value, nominal, place, unit):
-    low, high = sorted((MULTIPLIER.low * nominal, MULTIPLIER.high * nominal))
-    low, high = (0.0, 0.1) if nominal == 0.0 else (low, high)  # a backlash
-    said = f"{low:.4g} to {high:.4g} {unit}".strip()
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise problem("must be a valid number", key=place, allowed=said)
-    if not low <= value <= high:
-        raise problem("is out of range", key=place, allowed=said)

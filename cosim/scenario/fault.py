@@ -1,11 +1,11 @@
 """One fault of a scenario: parsed target, checked parameters, and the SI numbers that the loop injects."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from pydantic import ModelWrapValidatorHandler, PrivateAttr, ValidationInfo, model_validator
+from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario import catalog as c
@@ -49,7 +49,7 @@ class Injection:
 class Fault(Table, extra="allow"):
     """A fault as written: common keys are fields, the kind's own numbers are checked against the catalog."""
 
-    __pydantic_extra__: dict[str, float]
+    __pydantic_extra__: dict[str, Any]
 
     target: str
     kind: str
@@ -67,35 +67,54 @@ class Fault(Table, extra="allow"):
         """Remember whose parts the target names."""
         self._aircraft = (context or {}).get("aircraft") or load_aircraft()
 
-    @model_validator(mode="wrap")
+    @model_validator(mode="before")
     @classmethod
-    def _against_catalog(cls, raw: Any, handler: ModelWrapValidatorHandler, info: ValidationInfo) -> Any:
-        wrong = Mistakes()
-        with wrong.caught():
-            raw = cls._filled(raw, info, wrong)
-        return wrong.last(handler, raw)
-
-    @classmethod
-    def _filled(cls, raw, info, wrong):
-        """Return `raw` with the defaults of its kind; what is wrong goes to `wrong`."""
+    def _filled(cls, raw: Any, info: ValidationInfo) -> Any:
+        """Add the defaults of its kind."""
         if isinstance(raw, dict) and isinstance(raw.get("when"), str):
             raw = {"start_s": NEVER_S, **raw}
         if not isinstance(raw, dict) or not all(isinstance(raw.get(k), str) for k in ("target", "kind")):
             return raw  # pydantic says what is missing or of the wrong type
-        aircraft = of(info)
-        target = parse_target(raw["target"], aircraft)
+        target = parse_target(raw["target"], of(info))
         kind = _kind(target, raw)
-        full = dict(raw)
-        with wrong.caught():
-            full |= _place(target, kind, raw)
-        for key in c.optional_keys(raw["kind"], raw["target"], aircraft):
-            if key.name in full:
-                with wrong.caught():
-                    _number(full[key.name], key)
-        with wrong.caught():
-            _shape(raw["kind"], full)
-        _magnitudes(raw["kind"], kind, full, aircraft, wrong)
-        return full
+        defaults = {k.name: k.default for k in kind.keys if k.default is not None and k.name not in raw}
+        whole = {k: float(v) for k, v in raw.items() if type(v) is int and k not in cls.model_fields}
+        return {**raw, **_place(target, kind, raw), **whole, **defaults}
+
+    @model_validator(mode="after")
+    def _numbers(self):
+        """Check the kind's own numbers: one of `one_of`, all `keys`, nothing else."""
+        kind, own, wrong = self.spec, self.model_extra or {}, Mistakes()
+        optional = c.optional_keys(self.kind, self.target, self._aircraft)
+        here = c.AMPLITUDES_AT[self.at or ""] if self.kind.startswith("ofc_") else [k.name for k in kind.one_of]
+        one_of = [k for k in kind.one_of if k.name in here]
+        known = {k.name: k for k in (*one_of, *kind.keys, *optional)}
+        meant = set()  # what an unknown key explains
+        for key in (key for key in own if key not in known):
+            remedy = did_you_mean(key, [*known, *COMMON])
+            elsewhere = key in (k.name for k in kind.one_of)  # the amplitude of another place
+            meant |= {k.name for k in one_of} if elsewhere else {*remedy.split("'")[1:2]}
+            said = f"unknown key for {self.kind}{f' at {self.at!r}' if elsewhere else ''}"
+            wrong.add(said, key=key, allowed=", ".join(known) or "no further key", remedy=remedy)
+        names, given = [k.name for k in one_of], [k.name for k in one_of if k.name in own]
+        if len(given) > 1:
+            wrong.add(f"{' and '.join(given)} say the same thing twice", key=given[1], remedy="Keep one of them")
+        elif one_of and not given and not meant & {*names}:
+            said = f"{self.kind} needs {'one of ' if len(names) > 1 else ''}{', '.join(names)}"
+            wrong.add(said, key=names[0], allowed=one_of[0].range)
+        for key in (k for k in kind.keys if k.name not in own and k.name not in meant):
+            wrong.add(f"{self.kind} needs {key.name}", key=key.name, allowed=key.range)
+        for name in (name for name in own if name in known):
+            wrong.number(own[name], known[name])
+        sweep = c.SWEEP.name
+        if self.shape is not None and self.kind not in c.OSCILLATIONS:
+            wrong.add(f"{self.kind} has no shape", key="shape", allowed="no such key", remedy="Remove shape")
+        elif self.shape == "chirp" and sweep not in own:
+            wrong.add(f"a chirp needs {sweep}", key=sweep, allowed=c.SWEEP.range)
+        elif self.shape != "chirp" and sweep in known and sweep in own:
+            wrong.add("is for a chirp", key=sweep, remedy="Say shape = 'chirp'")
+        wrong.check()
+        return self
 
     @property
     def waits(self) -> bool:
@@ -132,14 +151,14 @@ class Fault(Table, extra="allow"):
 
     @model_validator(mode="after")
     def _times(self):
-        spec, wrong = self.parsed.kinds.get(self.kind), Mistakes()  # no spec: another check says so
+        wrong = Mistakes()
         if self.end_s is not None and self.end_s <= self.start_s:
             said = f"the fault ends at {self.end_s:g} s, not after its start"
             wrong.add(said, key="end_s", allowed=f"above start_s = {self.start_s:g}")
         elif self.end_s is not None and self.ramp_s > self.end_s - self.start_s:
             allowed = f"0 to {self.end_s - self.start_s:g}"
             wrong.add("the ramp is longer than the fault", key="ramp_s", allowed=allowed)
-        if self.ramp_s and spec and spec.switched:
+        if self.ramp_s and self.spec.switched:
             wrong.add(f"{self.kind} does not support ramp_s", key="ramp_s", allowed="0", remedy="Remove ramp_s")
         wrong.check()
         return self
@@ -231,58 +250,6 @@ def _place(target, kind, raw):
     return out
 
 
-def _shape(name, full):
-    """Check the shape of an oscillation, and that a chirp, and nothing else, says how its frequency changes."""
-    given = full.get("shape")
-    if given is not None and name not in c.OSCILLATIONS:
-        raise problem(f"{name} has no shape", key="shape", allowed="no such key", remedy="Remove shape")
-    if given == "chirp" and c.SWEEP.name not in full:
-        raise problem(f"a chirp needs {c.SWEEP.name}", key=c.SWEEP.name, allowed=c.SWEEP.range)
-    if given != "chirp" and name in c.OSCILLATIONS and c.SWEEP.name in full:
-        raise problem("is for a chirp", key=c.SWEEP.name, remedy="Say shape = 'chirp'")
-
-
-def _number(value, key):
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise problem("is no number", key=key.name, allowed=key.range)
-    if not key.accepts(float(value)):
-        raise problem("is out of range", key=key.name, allowed=key.range)
-
-
-def _magnitudes(name, kind, full, aircraft, wrong):
-    """Check the kind's own numbers (one of `one_of`, all `keys`, nothing else); fill defaults in place. What is wrong
-    goes to `wrong`, but what an unknown key explains."""
-    one_of, at = kind.one_of, full.get("at")
-    if name.startswith("ofc_") and isinstance(at, str) and at in c.AMPLITUDES_AT:
-        one_of = tuple(k for k in one_of if k.name in c.AMPLITUDES_AT[at])
-    optional, names = c.optional_keys(name, full["target"], aircraft), [k.name for k in one_of]
-    known = [*names, *(k.name for k in (*kind.keys, *optional))]
-    meant = set()
-    for key in [key for key in full if key not in (*COMMON, "at", "path", "shape", *known)]:
-        remedy = did_you_mean(key, [*known, *COMMON])
-        elsewhere = key in (k.name for k in kind.one_of)  # the amplitude of another place
-        meant |= set(names if elsewhere else remedy.split("'")[1:2])
-        said = f"unknown key for {name}{' at ' + repr(full['at']) if elsewhere else ''}"
-        wrong.add(said, key=key, allowed=", ".join(known) or "no further key", remedy=remedy)
-    given = [k for k in one_of if k.name in full]
-    if len(given) > 1:
-        said = f"{' and '.join(k.name for k in given)} say the same thing twice"
-        wrong.add(said, key=given[1].name, remedy="Keep one of them")
-    elif one_of and not given and not meant & {*names}:
-        said = f"{name} needs {'one of ' if len(names) > 1 else ''}{', '.join(names)}"
-        wrong.add(said, key=names[0], allowed=one_of[0].range)
-    for key in kind.keys:
-        if key.default is not None:
-            full.setdefault(key.name, key.default)
-        elif key.name not in full and key.name not in meant:
-            wrong.add(f"{name} needs {key.name}", key=key.name, allowed=key.range)
-    for key in (*given, *kind.keys):
-        if key.name in full:
-            with wrong.caught():
-                _number(full[key.name], key)
-                full[key.name] = float(full[key.name])
-
-
 @dataclass(frozen=True)
 class Target:
     """What a fault acts on: `place` elevator, actuator_sensor, surface, engine or sensor; `names` of the members."""
@@ -314,42 +281,33 @@ def targets(aircraft: Aircraft) -> list[str]:
 
 def parse_target(text: str, aircraft: Aircraft) -> Target:
     """Return the Target that `text` names; an unknown part raises the error that lists what there is."""
+    known = targets(aircraft)
+    if text not in known:
+        beside = [t for t in known if t.rpartition(".")[0] == text.rpartition(".")[0]] if "." in text else []
+        allowed = ", ".join(beside or ("elevator.<segment or group>[.<sensor>]", *c.SURFACES, "engine.<number>",
+                                       "engine.all", "sensor.<name>"))  # fmt: skip
+        remedy = did_you_mean(text, known) or "`cosim list targets` shows every target"
+        raise problem(f"{text!r} is no part of this aircraft", key="target", allowed=allowed, remedy=remedy)
     head, _, rest = text.partition(".")
-    groups, engines = aircraft.groups, aircraft.engine_names
-    parts, sensors = (*aircraft.segments, *groups), [f"sensor.{n}" for n in c.SENSORS]
+    part, _, sensor = rest.partition(".")
     if head == "elevator":
-        part, _, sensor = rest.partition(".")
-        if part not in parts:
-            raise choice(text, [f"elevator.{n}" for n in parts], "part of this aircraft", key="target")
-        if sensor and sensor not in c.ACTUATOR_SENSORS:
-            known = [f"elevator.{part}.{s}" for s in c.ACTUATOR_SENSORS]
-            raise choice(text, known, "sensor of an actuator", key="target")
-        return Target("actuator_sensor" if sensor else "elevator", groups.get(part, (part,)), sensor)
-    if text in c.SURFACES:
-        return Target("surface", (text,))
+        return Target("actuator_sensor" if sensor else "elevator", aircraft.groups.get(part, (part,)), sensor)
     if head == "engine":
-        if rest not in (*engines, "all"):
-            raise choice(text, [f"engine.{n}" for n in (*engines, "all")], "engine of this aircraft", key="target")
-        return Target("engine", engines if rest == "all" else (rest,))
-    if head == "sensor":
-        if rest not in c.SENSORS:
-            raise choice(text, sensors, "sensor of this aircraft", key="target")
-        return Target("sensor", (rest,), rest)
-    near = did_you_mean(text, [*c.SURFACES, *(f"elevator.{n}" for n in parts), *sensors])
-    allowed = (f"elevator.<segment or group>[.<sensor>], {', '.join(c.SURFACES)}, engine.1 to engine.{engines[-1]}, "
-               "engine.all, sensor.<name>")  # fmt: skip
-    remedy = near or "`cosim list` shows every target"
-    raise problem(f"{text!r} is no part of this aircraft", key="target", allowed=allowed, remedy=remedy)
+        return Target("engine", aircraft.engine_names if part == "all" else (part,))
+    return Target("sensor", (rest,), rest) if head == "sensor" else Target("surface", (text,))
 
 
-def check_together(faults: Mapping[int, Fault], technology: dict[str, str]) -> None:
-    """Raise for every fault {its number: Fault} that its actuator cannot have, or that overlaps another in what it
-    takes over; when one that waits for its condition will do so is not known yet."""
+def check_together(faults: Sequence[Fault], technology: dict[str, str]) -> None:
+    """Raise for every fault that its actuator cannot have, that waits for one that there is not, or that overlaps
+    another in what it takes over; when one that waits for its condition will do so is not known yet."""
     wrong = Mistakes()
     taken: list[tuple[Fault, tuple, int]] = []
-    for i, fault in faults.items():
-        with wrong.caught():
-            _possible(i, fault, technology)
+    for i, fault in enumerate(faults):
+        _possible(i, fault, technology, wrong)
+        for number in (n for n in fault.others() if n == i or n >= len(faults)):
+            said = "a fault cannot wait for itself" if number == i else f"there is no fault {number}"
+            allowed = ", ".join(f"fault.{k}" for k in range(len(faults)) if k != i)
+            wrong.add(said, key=f"faults.{i}.when", allowed=allowed)
         what = fault.spec.exclusive
         if not what or fault.waits:
             continue
@@ -366,7 +324,7 @@ def check_together(faults: Mapping[int, Fault], technology: dict[str, str]) -> N
     wrong.check()
 
 
-def _possible(i, fault, technology):
+def _possible(i, fault, technology, wrong):
     if fault.parsed.place not in ("elevator", "actuator_sensor"):
         return
     for name in fault.parsed.names:
@@ -382,7 +340,8 @@ def _possible(i, fault, technology):
             key, said, allowed, fits = "at", f"{where}, which has no {fault.at}", "command", ["hydraulic"]
         if said:
             remedy = f'Choose another target, or set elevator.{name} = "{fits[0]}"'
-            raise problem(said, key=f"faults.{i}.{key}", allowed=allowed, remedy=remedy)
+            wrong.add(said, key=f"faults.{i}.{key}", allowed=allowed, remedy=remedy)
+            return
 
 
 def _article(technology):

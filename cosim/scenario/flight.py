@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ModelWrapValidatorHandler, ValidationInfo, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from actuators.constants import M_PER_FT, M_S_PER_KT
 from cosim.scenario.aircraft import DEFAULT, of
@@ -98,18 +98,17 @@ class Flight(Table):
         wrong.check()
         return self
 
-    @model_validator(mode="wrap")
+    @field_validator("mass_t", "cg_pct", "altitude_ft", *SPEEDS, mode="before")
     @classmethod
-    def _within_limits(cls, raw: Any, handler: ModelWrapValidatorHandler, info: ValidationInfo) -> Any:
-        record, wrong = of(info), Mistakes()
-        spans = {**{k: v for k, v in record.mass if k in ("mass_t", "cg_pct")}, **dict(record.limits)}
-        for key in ("mass_t", "cg_pct", "altitude_ft", *SPEEDS):
-            value, (low, high) = raw.get(key) if isinstance(raw, dict) else None, spans[key]
-            if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
-                wrong.add("must be a valid number", key=key, allowed=f"{low:.10g} to {high:.10g}")
-            elif value is not None and math.isfinite(value) and not low <= value <= high:
-                wrong.add("is out of range", key=key, allowed=f"{low:.10g} to {high:.10g}")
-        return wrong.last(handler, raw)
+    def _within_limits(cls, value: Any, info: ValidationInfo) -> Any:
+        record = of(info)
+        low, high = {**dict(record.mass), **dict(record.limits)}[info.field_name or ""]
+        said = f"{low:.10g} to {high:.10g}"
+        if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
+            raise problem("must be a valid number", allowed=said)
+        if value is not None and math.isfinite(value) and not low <= value <= high:
+            raise problem("is out of range", allowed=said)
+        return value
 
     @model_validator(mode="after")
     def _no_faster(self, info: ValidationInfo):

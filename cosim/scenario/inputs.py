@@ -4,21 +4,21 @@ A file is read once, when the scenario is: the scenario then holds its numbers, 
 """
 
 import csv
-import math
-from collections.abc import Mapping, Sequence
+import itertools
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
+from actuators.technology import Key
 from cosim.errors import ScenarioError, did_you_mean
-from cosim.scenario.aircraft import of
-from cosim.scenario.problem import Table, problem
+from cosim.scenario.problem import Mistakes, Table, problem
 from cosim.scenario.user_parts import find as file_of
 from cosim.texts import read
 
 TIME = "time_s"
-RANGES = {  # column -> least and largest; the stabiliser's are those of the aircraft
+RANGES = {  # column -> least and largest
     TIME: (0.0, 36000.0),
     "stick": (-1.0, 1.0),  # of its travel, + pulls: a demanded load-factor increment, 2 g at the stop
     "nz_g": (-2.0, 2.0),  # the same in g
@@ -27,7 +27,7 @@ RANGES = {  # column -> least and largest; the stabiliser's are those of the air
     "elevator_deg": (-15.0, 15.0),  # added to the elevator command, trailing edge down +
     "throttle": (0.0, 1.0),  # of all engines
     "throttle_change": (-1.0, 1.0),  # the same from the trim on
-    "stabiliser_deg": (-math.inf, math.inf),  # trailing edge down +
+    "stabiliser_deg": (-40.0, 40.0),  # trailing edge down +, within the stops of the aircraft
     "stabiliser_change_deg": (-40.0, 40.0),  # the same from the trim on
 }
 EITHER = (  # of each pair at most one
@@ -57,26 +57,44 @@ class Inputs(Table):
     stabiliser_deg: Column | None = None
     stabiliser_change_deg: Column | None = None
 
-    @model_validator(mode="before")
+    @field_validator("file")
     @classmethod
-    def _a_table(cls, raw: Any, info: ValidationInfo) -> Any:
-        if not isinstance(raw, dict):
-            return raw
-        if raw.get("file") is not None:
-            raise problem("was not read", key="file", remedy="Load the scenario by its name or file")
-        columns = {name: raw[name] for name in RANGES if raw.get(name) is not None}
-        if TIME in columns and (found := mistake(columns, of(info).travels_deg["stabiliser"])):
-            name, row, said, allowed = found
-            key = name if row is None else f"{name}.{row}"
-            raise problem(said, key=key, allowed=allowed)
-        return raw
+    def _was_read(cls, name: str | None) -> None:
+        if name is not None:
+            raise problem("was not read", remedy="Load the scenario by its name or file")
+
+    @field_validator(*RANGES, mode="before")
+    @classmethod
+    def _numbers(cls, values: Any, info: ValidationInfo) -> Any:
+        """Name the first number that is wrong."""
+        name, wrong = info.field_name or "", Mistakes()
+        key = Key(name, *RANGES[name])
+        if name == "stabiliser_deg" and info.context:
+            key = Key(name, *info.context["aircraft"].travels_deg["stabiliser"])
+        for row, value in enumerate(values if isinstance(values, list | tuple) else ()):
+            wrong.number(value, key, str(row))
+            wrong.check()
+        return values
 
     @model_validator(mode="after")
     def _together(self):
+        times, columns = self.time_s, self.columns
+        if (total := sum(map(len, (times, *columns.values())))) > MOST:
+            raise problem(f"the table has {total:,} numbers", key=TIME, allowed=f"up to {MOST:,}")
+        if not columns or not times:
+            said = "no input beside it" if times else "there are no rows"
+            raise problem(said, key=TIME, allowed=f"rows of numbers for {TIME} and {', '.join([*RANGES][1:])}")
+        for row, (before, after) in enumerate(itertools.pairwise(times), 1):
+            if not after > before:
+                raise problem(f"does not come after {before:g}", key=f"{TIME}.{row}", allowed="rising times")
+        for name, values in columns.items():
+            if len(values) != len(times):
+                said = f"has {len(values)} numbers, {TIME} has {len(times)}"
+                raise problem(said, key=name, allowed="one in each row")
         for pair in EITHER:
-            if all(name in self.columns for name in pair):
+            if all(name in columns for name in pair):
                 raise problem(f"{' and '.join(pair)} are both given", key=pair[1], remedy="Keep one of them")
-        if self.hold_speed and {"throttle", "throttle_change"} & self.columns.keys():
+        if self.hold_speed and {"throttle", "throttle_change"} & columns.keys():
             raise problem("the table moves the throttles, too", key="hold_speed", allowed="false")
         return self
 
@@ -85,36 +103,6 @@ class Inputs(Table):
         """Return {column: its numbers} of what the table moves, in the units of their names."""
         given = {name: getattr(self, name) for name in RANGES if name != TIME}
         return {name: values for name, values in given.items() if values is not None}
-
-
-def mistake(columns: Mapping[str, Any], stabiliser: tuple[float, float]) -> tuple[str, int | None, str, str] | None:
-    """Return the first mistake of a table as (column, row from 0 or None, what is wrong, what is allowed); None when
-    there is none. `stabiliser` are its stops [deg]."""
-    spans = {**RANGES, "stabiliser_deg": stabiliser}
-    total = sum(len(values) for values in columns.values() if isinstance(values, Sequence))
-    if total > MOST:
-        return TIME, None, f"the table has {total:,} numbers", f"up to {MOST:,}"
-    times = columns[TIME]
-    for name, values in columns.items():
-        if not isinstance(values, list | tuple) or not values:
-            return name, None, "must be a list of numbers", f"as many as {TIME} has"
-        low, high = spans[name]
-        said = f"{low:g} to {high:g}"
-        for row, value in enumerate(values):
-            if isinstance(value, bool) or not isinstance(value, int | float):
-                return name, row, "must be a valid number", said
-            if not math.isfinite(value):
-                return name, row, "is not finite", said
-            if not low <= value <= high:
-                return name, row, "is out of range", said
-        if isinstance(times, list | tuple) and len(values) != len(times):
-            return name, None, f"has {len(values)} numbers, {TIME} has {len(times)}", "one in each row"
-    for row in range(1, len(times)):
-        if not times[row] > times[row - 1]:
-            return TIME, row, f"does not come after {times[row - 1]:g}", "rising times"
-    if len(columns) == 1:
-        return TIME, None, "no input beside it", ", ".join(name for name in RANGES if name != TIME)
-    return None
 
 
 def located(table: dict, folder: Path | None, place: str) -> dict:
@@ -136,13 +124,13 @@ def located(table: dict, folder: Path | None, place: str) -> dict:
 
 def _columns(text, place):
     """Return {column: [numbers]} of a CSV text; with semicolons a comma is a decimal point."""
-    lines = text.splitlines()
-    semicolons = bool(lines) and ";" in lines[0]
+    semicolons = ";" in text.partition("\n")[0]
+    reader = csv.reader(text.splitlines(), delimiter=";" if semicolons else ",")
     try:
-        rows = [(i, row) for i, row in enumerate(csv.reader(lines, delimiter=";" if semicolons else ","), 1) if row]
+        rows = [(reader.line_num, [word.strip() for word in row]) for row in reader if row]
     except csv.Error as wrong:
         raise ScenarioError(f"is no table: {wrong}", place=place) from None
-    names = [name.strip() for name in rows[0][1]] if rows else []
+    names = rows[0][1] if rows else []
     if TIME not in names:  # whatever file this is: not a word of it is shown
         said = f"no column {TIME}"
         raise ScenarioError(said, place=place, allowed=f"a first line with {TIME} and inputs, and rows of numbers")
@@ -151,20 +139,19 @@ def _columns(text, place):
             said = "is no input" if name not in RANGES else "stands twice"
             remedy = did_you_mean(name, RANGES)
             raise ScenarioError(said, place=f"{place}: column {name[:40]!r}", allowed=", ".join(RANGES), remedy=remedy)
-    if len(rows) < 2:
-        raise ScenarioError("there are no rows", place=place, allowed="rows of numbers below the first line")
-    out: dict[str, list[float]] = {name: [] for name in names}
+    out: dict[str, list[Any]] = {name: [] for name in names}
     for i, row in rows[1:]:
         if len(row) != len(names):
             raise ScenarioError(f"{len(row)} values", place=f"{place}: row {i}", allowed=f"{len(names)}, as in row 1")
         for name, word in zip(names, row):
-            try:
-                out[name].append(float(word.replace(",", ".") if semicolons else word))
-            except ValueError:
-                at = f"{place}: row {i}, {name} = {word.strip()[:40]!r}"
-                raise ScenarioError("is no number", place=at) from None
-    if found := mistake(out, RANGES["stabiliser_deg"]):
-        name, n, said, allowed = found
-        at = place if n is None else f"{place}: row {rows[1 + n][0]}, {name} = {out[name][n]:g}"
-        raise ScenarioError(said, place=at, allowed=allowed)
+            out[name].append(word)
+            with suppress(ValueError):
+                out[name][-1] = float(word.replace(",", ".") if semicolons else word)
+    try:
+        Inputs.model_validate({"kind": "inputs", **out})
+    except ValidationError as error:
+        first = error.errors()[0]
+        name, _, at = ".".join(filter(None, (*map(str, first["loc"]), first["ctx"]["key"]))).partition(".")
+        where = f"{place}: row {rows[1 + int(at)][0]}, {name} = {str(out[name][int(at)])[:40]}" if at else place
+        raise ScenarioError(first["msg"], place=where, allowed=first["ctx"]["allowed"]) from None
     return out

@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable, Iterable
 from importlib import resources
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -12,7 +12,6 @@ from cosim.errors import CosimError, ScenarioError, did_you_mean, joined, told_a
 from cosim.scenario import inputs, own_actuator
 from cosim.scenario.aircraft import DEFAULT as DEFAULT_AIRCRAFT
 from cosim.scenario.aircraft import load_aircraft
-from cosim.scenario.fault import Fault
 from cosim.scenario.manoeuvre import KINDS
 from cosim.scenario.model import Scenario
 from cosim.scenario.override import applied
@@ -22,7 +21,6 @@ from cosim.texts import read, toml
 
 DEFAULT = "liquid-ofc"
 MISSING, NEAR = "is missing", "Did you mean"
-OF_FILES = ("actuators", "elevator", "faults", "manoeuvre", "law")  # tables that may hang on a file of a user's
 WORDS = {  # what pydantic calls by the names of Python
     **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "must be a table"),
     **dict.fromkeys(("tuple_type", "list_type"), "must be a list"),
@@ -58,13 +56,8 @@ def load_scenario(name_or_path: str | os.PathLike = DEFAULT, overrides: str | It
             made = made.overridden(key, f"{place}: {override}")
         return made
 
-    before = len(wrong)
     with wrong.caught():
-        table = located(table, name_or_path)
-    if len(wrong) > before:  # what hangs on a file that is not there is checked when it is
-        table = {key: value for key, value in table.items() if key not in OF_FILES}
-    with wrong.caught():
-        made = parse(table, place=place, origin=origin)
+        made = parse(located(table, name_or_path), place=place, origin=origin)
     wrong.check()
     keys = {key.partition(".")[0] for key, _ in said}
     return made if "title" in keys or keys <= UNTITLED else retitled(made)
@@ -155,69 +148,64 @@ def explained(
 
 def _said(one, table, root):
     """Return (key, " = value", what is wrong, what is allowed, what to do) of one error of pydantic's."""
-    ctx = one.get("ctx", {})
-    loc = [str(part) for part in one["loc"]]
+    ctx, wrong, loc = one.get("ctx", {}), one["type"], list(one["loc"])
+    model, field = _walk(root, loc)
     if loc[:1] == ["manoeuvre"] and loc[1:2] and loc[1] in KINDS:  # pydantic's, which the file does not have there
         del loc[1]
-    model, field = _walk(root, loc, table)
     problem, allowed, remedy = one["msg"], "", ""
-    if one["type"] == "cosim":
+    if wrong == "cosim":
         loc += [ctx["key"]] if ctx["key"] else []
         allowed, remedy = ctx["allowed"], ctx["remedy"]
-    elif one["type"] == "extra_forbidden":
+    elif wrong == "extra_forbidden":
         known = list(model.model_fields) if model else []
         problem, allowed, remedy = "unknown key", ", ".join(known), did_you_mean(loc[-1], known)
-    elif one["type"] == "missing":
+    elif wrong == "missing":
         problem, allowed = MISSING, _range(field)
-    elif one["type"] in ("union_tag_invalid", "union_tag_not_found"):
+    elif wrong in ("union_tag_invalid", "union_tag_not_found"):
         loc.append("kind")
         problem, allowed = "is no manoeuvre" if "tag" in ctx else MISSING, ", ".join(KINDS)
         remedy = did_you_mean(str(ctx.get("tag", "")), KINDS)
-    elif one["type"] == "literal_error":
+    elif wrong == "literal_error":
         problem, allowed = "is not one of the choices", ctx["expected"].replace("'", "").replace(" or ", ", ")
     else:
         problem, allowed = problem.removeprefix("Input ").removeprefix("should"), _range(field)
-        problem = "is out of range" if "than" in one["type"] else WORDS.get(one["type"], f"must{problem}")
-    value = "" if one["type"] == "missing" else _value(table, loc, one["type"])
-    return ".".join(loc), value, problem, allowed, remedy
+        problem = "is out of range" if "than" in wrong else WORDS.get(wrong, f"must{problem}")
+    key = ".".join(map(str, loc))
+    return key, "" if wrong == "missing" else _value(table, key, wrong), problem, allowed, remedy
 
 
-def _value(table, loc, wrong):
-    for part in ".".join(loc).split("."):
+def _value(table, key, wrong):
+    """Return " = value" of a key of the tables, "" where there is none or it is a table itself."""
+    for part in key.split("."):
         try:
-            table = table[int(part)] if isinstance(table, list) else table[part]
+            table = table[int(part) if isinstance(table, list) else part]
         except (KeyError, IndexError, ValueError, TypeError):
             return ""
     if isinstance(table, bool):
         table = str(table).lower()  # as TOML spells it
-    if isinstance(table, str) and wrong in NUMBERS:
+    elif isinstance(table, str) and wrong in NUMBERS:
         table = f'"{table}"'  # what is wrong are its quotes
     return "" if isinstance(table, dict | list) else f" = {str(table)[:60]}"
 
 
-def _walk(root, loc, table):
-    """Return (model that holds the last key, its FieldInfo), each may be None, by following `loc` from `root`."""
-    model: type[BaseModel] | None = root
-    field = None
-    for i, part in enumerate(loc):
-        if model is None:
-            return None, None
-        field = model.model_fields.get(part)
-        if i == len(loc) - 1:
-            return model, field
-        if part == "manoeuvre":
-            kind = table[part].get("kind") if isinstance(table[part], dict) else None
-            model = KINDS.get(kind) if isinstance(kind, str) else None
-        elif part == "faults":
-            return Fault, Fault.model_fields.get(loc[-1])
-        elif field is None and i and (loc[i - 1] in root.model_fields or part.isdigit()):
-            continue  # a user-given name in a table of models, or a place in a list of them
-        else:
-            inner = field.annotation if field else None
-            if get_origin(inner) in (dict, tuple):
-                inner = get_args(inner)[get_origin(inner) is dict]
-            model = inner if isinstance(inner, type) and issubclass(inner, BaseModel) else None
+def _walk(root, loc):
+    """Return (model that holds the last key of `loc`, its FieldInfo), each may be None."""
+    model, field, inner = root, None, [root]
+    for part in loc:
+        if len(inner) > 1:  # one of several manoeuvres, the kind of which pydantic says
+            inner = [KINDS[part]] if part in KINDS else []
+            continue
+        model = inner[0] if inner else None
+        field = model.model_fields.get(part) if model else None
+        inner = _models(field.annotation) if field else inner  # else a name of the user's, or a place in a list
     return model, field
+
+
+def _models(annotation):
+    """Return the models that a type is made of."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in get_args(annotation) for model in _models(part)]
 
 
 def _range(field):

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError, ValidationInfo, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_validator
 
 from cosim.scenario import catalog as c
 from cosim.scenario import toml, user_parts
@@ -14,7 +14,7 @@ from cosim.scenario.fault import Fault, check_together
 from cosim.scenario.flight import Flight
 from cosim.scenario.manoeuvre import Cruise, Manoeuvre
 from cosim.scenario.own_actuator import OwnActuator
-from cosim.scenario.problem import MULTIPLIER, Duration, Mistakes, Table, check_numbers, choice, known_keys, problem
+from cosim.scenario.problem import MULTIPLIER, Duration, Mistakes, Table, choice, problem
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_parts import UserPart
 from cosim.table import Table as Drawn
@@ -45,10 +45,10 @@ class Sensors(Table, extra="allow"):
     def _known(self):
         units, wrong = {**c.SENSORS, **c.ACTUATOR_SENSORS}, Mistakes()
         for name, table in (self.model_extra or {}).items():
-            with wrong.caught():
-                if name not in units:
-                    raise choice(name, units, "sensor", key=name)
-                check_numbers(table, _sensor_keys(units[name]), f"key of sensor {name}", name, wrong)
+            if name in units:
+                wrong.numbers(table, _sensor_keys(units[name]), f"key of sensor {name}", name)
+            else:
+                wrong.append(choice(name, units, "sensor", key=name))
         wrong.check()
         return self
 
@@ -84,7 +84,9 @@ class Tolerances(Table, extra="allow"):
         if not isinstance(raw, dict):
             return raw
         groups = [name for name, t in c.TECHNOLOGIES.items() if t.servo]
-        known_keys(raw, ("aero", *groups))
+        wrong = Mistakes()
+        wrong.unknown(raw, ("aero", *groups))
+        wrong.check()
         own = [name for name in groups if name not in c.USERS]  # which have none, but for empty ones in older logs
         return {"aero": {}, **{name: {} for name in own}, **{k: v for k, v in raw.items() if v or k in ("aero", *own)}}
 
@@ -93,7 +95,7 @@ class Tolerances(Table, extra="allow"):
         wrong = Mistakes()
         for group, table in self:
             known = of(info).multipliers if group == "aero" else toleranced(group) if table else ()
-            check_numbers(table, dict.fromkeys(known, MULTIPLIER), "parameter that has a tolerance", group, wrong)
+            wrong.numbers(table, dict.fromkeys(known, MULTIPLIER), "parameter that has a tolerance", group)
         wrong.check()
         return self
 
@@ -130,29 +132,27 @@ class Detectors(Table, extra="allow"):
     __pydantic_extra__: dict[str, dict[str, Parameter]]
     enabled: Annotated[tuple[str, ...], Field(strict=False)] = DEFAULT
 
-    @model_validator(mode="wrap")
+    @model_validator(mode="before")
     @classmethod
-    def _every(cls, raw: Any, handler: Any) -> Any:
+    def _every(cls, raw: Any) -> Any:
         """Enable every detector there is, those of the table's files among them, where none is chosen."""
-        wrong = Mistakes()
-        if isinstance(raw, dict):
-            named = [name for name, own in raw.items() if isinstance(own, dict) and "file" in own]
-            if "enabled" not in raw:
-                own = {n: {"file": g.file, "sha256": g.sha256} for n, g in GUESTS.items() if g.file and n not in raw}
-                raw = {"enabled": [*DEFAULT, *dict.fromkeys((*GUESTS, *named))], **own, **raw}
-            known = (*SHIPPED, *GUESTS)
-            enabled = raw["enabled"] if isinstance(raw["enabled"], list | tuple) else ()
-            listed = [(i, name) for i, name in enumerate(enabled) if isinstance(name, str)]
-            for i, name in listed:
-                with wrong.caught():
-                    if name not in (*known, *named):
-                        raise choice(name, known, "detector", key=f"enabled.{i}")
-                    if name in enabled[:i]:
-                        raise problem(f"{name!r} is listed twice", key=f"enabled.{i}", remedy="Remove one")
-            for name in [name for name in raw if name not in ("enabled", *known, *named)]:
-                with wrong.caught():
-                    raise choice(name, ("enabled", *known), "detector", key=name)
-        return wrong.last(handler, raw)
+        if not isinstance(raw, dict):
+            return raw
+        named = [name for name, own in raw.items() if isinstance(own, dict) and "file" in own]
+        if "enabled" not in raw:
+            own = {n: {"file": g.file, "sha256": g.sha256} for n, g in GUESTS.items() if g.file and n not in raw}
+            raw = {"enabled": [*DEFAULT, *dict.fromkeys((*GUESTS, *named))], **own, **raw}
+        known, wrong = (*SHIPPED, *GUESTS), Mistakes()
+        enabled = raw["enabled"] if isinstance(raw["enabled"], list | tuple) else ()
+        for i, name in enumerate(enabled):
+            if isinstance(name, str) and name not in (*known, *named):
+                wrong.append(choice(name, known, "detector", key=f"enabled.{i}"))
+            elif name in enabled[:i]:
+                wrong.add(f"{name!r} is listed twice", key=f"enabled.{i}", remedy="Remove one")
+        others = (name for name in raw if name not in ("enabled", *known, *named))
+        wrong += [choice(name, ("enabled", *known), "detector", key=name) for name in others]
+        wrong.check()
+        return raw
 
     def table(self, name: str) -> dict:
         """Return {parameter: value} of detector `name` as written; of a guest its file and digest are among them."""
@@ -176,37 +176,20 @@ class Scenario(Table):
     flight: Flight
     manoeuvre: Manoeuvre = Cruise()
     actuators: dict[str, OwnActuator] = Field(default_factory=dict)  # technologies that the scenario brings along
-    elevator: Elevator
+    elevator: Elevator = Field(default_factory=dict, validate_default=True)
     law: Law = Law.model_validate({})
     sensors: Sensors = Sensors.model_validate({})
     tolerances: Tolerances = Tolerances.model_validate({})
     faults: Annotated[tuple[Fault, ...], Field(strict=False)] = ()
     detectors: Detectors = Field(default_factory=lambda: Detectors.model_validate({}))  # guests may have come since
 
-    @model_validator(mode="wrap")
-    @classmethod
-    def _whole(cls, raw: Any, handler: Any, info: ValidationInfo) -> Any:
-        """Check each table, then the tables together: as far as they are right alone where one is wrong."""
-        wrong = Mistakes()
-        with wrong.caught():
-            made = handler({**raw, "elevator": raw.get("elevator", {})} if isinstance(raw, dict) else raw)
-        if not wrong.found:
-            faults, technology, count = dict(enumerate(made.faults)), made.elevator.technology, len(made.faults)
-            if not made.ticks:
-                said = f"is less than a tick at {made.rate_hz} Hz"
-                wrong.add(said, key="duration_s", allowed=f"{made.dt:g} to 36000")
-        else:
-            faults, technology, count = _right_alone(raw, info.context) if isinstance(raw, dict) else ({}, {}, 0)
-        with wrong.caught():
-            check_together(faults, technology)
-        for i, fault in faults.items():
-            for other in fault.others():
-                if other == i or other >= count:
-                    said = "a fault cannot wait for itself" if other == i else f"there is no fault {other}"
-                    allowed = ", ".join(f"fault.{k}" for k in range(count) if k != i)
-                    wrong.add(said, key=f"faults.{i}.when", allowed=allowed)
-        wrong.check()
-        return made
+    @model_validator(mode="after")
+    def _whole(self):
+        if not self.ticks:
+            said = f"is less than a tick at {self.rate_hz} Hz"
+            raise problem(said, key="duration_s", allowed=f"{self.dt:g} to 36000")
+        check_together(self.faults, self.elevator.technology)
+        return self
 
     @property
     def running(self) -> tuple[str, ...]:
@@ -304,22 +287,6 @@ class Scenario(Table):
         scenario cannot be read, stays a path where `aircraft` is false.
         """
         return toml.dumps(user_parts.portable(self.model_dump(mode="python", exclude_none=True), aircraft=aircraft))
-
-
-def _right_alone(raw, context):
-    """Return ({number: Fault}, {segment: technology}, how many are listed) of the faults that are right taken alone;
-    none of them where the elevator is wrong."""
-    elevator = _valid(Elevator, raw.get("elevator", {}), context)
-    listed = raw["faults"] if elevator and isinstance(raw.get("faults"), list) else []
-    faults = {i: fault for i, one in enumerate(listed) if (fault := _valid(Fault, one, context))}
-    return faults, elevator.technology if elevator else {}, len(listed)
-
-
-def _valid(model: type[BaseModel], raw: Any, context: Any) -> Any:
-    try:
-        return model.model_validate(raw, context=context)
-    except ValidationError:
-        return None
 
 
 def _acts_in_none(fault, ticks, dt):

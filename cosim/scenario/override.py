@@ -21,13 +21,6 @@ FORM, EXAMPLE = "is not of the form key=value", "Example: --set faults.0.frequen
 KEPT = ("target", "kind", "start_s", "end_s", "ramp_s", "path")
 
 
-def apply(table: dict[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
-    """Return a copy of `table` with every "key=value" applied; raises ScenarioError that names what cannot be."""
-    out, wrong, _ = applied(table, overrides)
-    wrong.check()
-    return out
-
-
 def applied(
     table: dict[str, Any], overrides: Iterable[str]
 ) -> tuple[dict[str, Any], Mistakes, list[tuple[str, str]]]:
@@ -94,7 +87,10 @@ def _set(table, key, value, place):
     if isinstance(node, list):
         _item(node, key, ".".join(path), place, value)
         return
-    _make_room(node, path, key, value)
+    if path[0] == "elevator" and isinstance(node.get("feedback"), dict):
+        node["feedback"].pop(key, None)  # the default of the new technology
+    for other in _replaced(node, path, value) - {key}:
+        node.pop(other, None)
     node[key] = value
 
 
@@ -114,29 +110,23 @@ def _item(items, index, here, place, value=None):
     return items[int(index)]
 
 
-def _make_room(node, path, key, value):
-    gone: set = set()
-    if path == ["flight", "aircraft"] or (key in ("file", "fmu") and path[0] != "manoeuvre"):
-        gone = {"aircraft_sha256", "sha256"}
-    elif path[:-1] == ["flight"] and key in SPEEDS:
-        gone = set(SPEEDS)
-    elif path[:-1] == ["flight"] and any(key in pair for pair in PATHS):
-        gone = next(set(pair) for pair in PATHS if key in pair)
-    elif path[:-1] == ["manoeuvre"] and key == "kind" and value != node.get("kind"):
-        fields = KINDS[value].model_fields if isinstance(value, str) and value in KINDS else {}
-        kept = {"start_s", "duration_s", *(["hold_speed"] if node.get("hold_speed") is True else [])}  # one switched on
-        gone = {k for k in node if k not in fields or k not in kept}
-    elif path[:-1] == ["manoeuvre"] and key == "file":
-        gone = set(RANGES)
-    elif path[:-1] == ["manoeuvre"] and key.startswith("amplitude_"):
-        gone = {k for k in node if k.startswith("amplitude_")}
-    elif len(path) == 3 and path[0] == "faults":
-        stem = key.split("_")[0]
-        if key == "kind" and value != node.get("kind"):
-            gone = set(node) - set(KEPT)
-        elif stem in ("amplitude", "bias", "drift", "sigma", "backlash"):
-            gone = {k for k in node if k.split("_")[0] == stem}
-    elif path[0] == "elevator" and isinstance(node.get("feedback"), dict):
-        node["feedback"].pop(key, None)  # the default of the new technology
-    for k in gone - {key}:
-        node.pop(k, None)
+def _replaced(node, path, value):
+    """Return the keys of table `node` that go where `path`, one of its keys, is set to `value`."""
+    key, stem = path[-1], path[-1].split("_")[0]
+    renamed = key == "kind" and value != node.get("kind")
+    match path:
+        case ["flight", "aircraft"] | ["law", "file"] | ["detectors" | "actuators", _, "file" | "fmu"]:
+            return {"aircraft_sha256", "sha256"}
+        case ["flight", _]:
+            return next((set(group) for group in (SPEEDS, *PATHS) if key in group), set())
+        case ["manoeuvre", "kind"] if renamed:
+            fields = KINDS[value].model_fields if isinstance(value, str) and value in KINDS else {}
+            kept = {"start_s", "duration_s", *(["hold_speed"] if node.get("hold_speed") is True else [])}
+            return {k for k in node if k not in fields or k not in kept}
+        case ["manoeuvre", "file"]:
+            return set(RANGES)
+        case ["faults", _, "kind"] if renamed:
+            return set(node) - set(KEPT)
+        case ["manoeuvre", _] | ["faults", _, _] if stem in ("amplitude", "bias", "drift", "sigma", "backlash"):
+            return {k for k in node if k.split("_")[0] == stem}
+    return set()

@@ -1,11 +1,11 @@
-"""What is wrong with a file of a user's: every mistake at once, each with where it was written.
+"""What is wrong with a file of a user's: each mistake with where it was written.
 
-A validator says `problem`; `Mistakes` collects several; `Origin` knows the line or the override that a key stands in;
+Pydantic collects what is wrong with the fields of every table. What no field can say, a table's validator says with
+`problem`, or with `Mistakes` where several can be wrong; `Origin` knows the line or the override that a key stands in;
 `cosim.scenario.load.explained` makes one error of them.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
@@ -31,44 +31,42 @@ def choice(value: Any, choices: Iterable[str], what: str, *, key: str = "") -> P
     return problem(f"{value!r} is no {what}", key=key, allowed=", ".join(choices), remedy=did_you_mean(value, choices))
 
 
-class Mistakes:
-    """Every mistake of one table of pydantic's, as cosim.errors.Mistakes collects those of a file."""
-
-    def __init__(self) -> None:
-        self.found: list[InitErrorDetails] = []
-
-    @contextmanager
-    def caught(self) -> Iterator[None]:
-        """Keep what a check raises, and go on behind it."""
-        try:
-            yield
-        except PydanticCustomError as error:
-            self.found.append(InitErrorDetails(type=error, loc=(), input=None))
-        except ValidationError as error:
-            self.found += [_again(one) for one in error.errors(include_url=False)]
+class Mistakes(list[PydanticCustomError]):
+    """What is wrong with one table: a `problem` each."""
 
     def add(self, text: str, **where: str) -> None:
         """Add the `problem` of these words."""
-        self.found.append(InitErrorDetails(type=problem(text, **where), loc=(), input=None))
+        self.append(problem(text, **where))
 
-    def last(self, handler: Callable[[Any], Any], raw: Any) -> Any:
-        """Return what pydantic makes of `raw`, or raise what it finds with what was found before."""
-        with self.caught():
-            made = handler(raw)
-        self.check()
-        return made
+    def number(self, value: Any, key: Key, path: str = "", unit: str = "") -> None:
+        """Add what is wrong with `value` of `key`, the path of which is its own name where none is given."""
+        where = {"key": path or key.name, "allowed": f"{key.range} {unit}".rstrip()}
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self.add("must be a valid number", **where)
+        elif not key.accepts(value):
+            self.add("is out of range", **where)
+
+    def numbers(self, numbers: Mapping[str, Any], keys: Mapping[str, Key], what: str, path: str) -> None:
+        """Add what is wrong with `numbers` {name: value} of `keys`; an unknown name is called a `what`, `path` is put
+        before each."""
+        for name, value in numbers.items():
+            if name in keys:
+                self.number(value, keys[name], f"{path}.{name}")
+            else:
+                self.append(choice(name, keys, what, key=f"{path}.{name}"))
+
+    def unknown(self, table: Iterable[str], known: Iterable[str], path: str = "") -> None:
+        """Add each key of `table` that is not `known`; `path` stands before it in what is said."""
+        known = tuple(known)
+        for key in (key for key in table if key not in known):
+            near = did_you_mean(key, known)
+            self.add("unknown key", key=f"{path}{key}", allowed=", ".join(known), remedy=near)
 
     def check(self) -> None:
         """Raise what was found, if anything, as pydantic's error."""
-        if self.found:
-            raise ValidationError.from_exception_data("table", self.found)
-
-
-def _again(one):
-    """Return an error that pydantic told as one that it can be given again."""
-    own = one["type"] == "cosim"
-    kind = PydanticCustomError("cosim", "{text}", one["ctx"]) if own else one["type"]
-    return InitErrorDetails(type=kind, loc=one["loc"], input=one["input"], ctx={} if own else one.get("ctx", {}))
+        if self:
+            details = [InitErrorDetails(type=one, loc=(), input=None) for one in self]
+            raise ValidationError.from_exception_data("table", details)
 
 
 @dataclass(frozen=True)
@@ -100,26 +98,3 @@ class Table(BaseModel):
     """A frozen table of a scenario: unknown keys, wrong types and numbers that are not finite are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
-
-def check_numbers(numbers: Mapping[str, Any], keys: Mapping[str, Key], what: str, path: str, wrong: Mistakes) -> None:
-    """Collect in `wrong` an error for each of `numbers` {name: value} of unknown name or with a value out of range.
-
-    `keys` has the known names; the message calls such a name a `what` and puts `path` before it.
-    """
-    for name, value in numbers.items():
-        with wrong.caught():
-            if name not in keys:
-                raise choice(name, keys, what, key=f"{path}.{name}")
-            if not keys[name].accepts(value):
-                raise problem("is out of range", key=f"{path}.{name}", allowed=keys[name].range)
-
-
-def known_keys(table: Iterable[str], known: Iterable[str], path: str = "") -> None:
-    """Raise for each key of `table` that is not `known`; `path` stands before it in what is said."""
-    known, wrong = tuple(known), Mistakes()
-    for key in table:
-        if key not in known:
-            near = did_you_mean(key, known)
-            wrong.add("unknown key", key=f"{path}{key}", allowed=", ".join(known), remedy=near)
-    wrong.check()

@@ -13,7 +13,7 @@ import logging
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, redirect_stdout
 from pathlib import Path, PurePosixPath
 from types import ModuleType
@@ -214,19 +214,6 @@ def _known(at):
 def named(tables: dict[str, Any]) -> dict[str, UserPart]:
     """Return {key of the scenario: UserPart} of what the tables name; a digest that is not known is empty."""
     return {at.name: UserPart(Path(at.table[at.key]).name, str(at.table.get(at.digest, ""))) for at in places(tables)}
-
-
-def changed(before: Iterable[tuple[str, UserPart]], now: Iterable[tuple[str, UserPart]]) -> str:
-    """Return in a sentence which part is another than it was, of (key, UserPart) of several scenarios; "" for none."""
-    was: dict = {}
-    for key, file in before:
-        was.setdefault((key, file.name), {})[file.sha256] = None
-    for key, file in now:
-        flown = was.get((key, file.name), {file.sha256: None})
-        if file.sha256 not in flown:
-            old = ", ".join(sha256[:12] for sha256 in flown)
-            return f"{key} = {file.name} is not the file that flew: digest {file.sha256[:12]} here, {old} there"
-    return ""
 
 
 def portable(tables: dict[str, Any], *, aircraft: bool = True) -> dict[str, Any]:

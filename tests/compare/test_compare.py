@@ -17,7 +17,7 @@ from cosim.flight.simulate import simulate
 from cosim.report import write_comparison
 from cosim.report.compare_page import render
 from cosim.scenario import load_scenario, parse
-from cosim.scenario.override import apply
+from cosim.scenario.override import applied
 
 CHOSEN = "detectors.enabled=['iotsekf','position_monitor','rfafe']"
 
@@ -68,7 +68,7 @@ def test_logs_give_the_rows_of_a_campaign_of_the_same_flights(flights, logs):
 def test_logs_of_one_flight_count_once_each_detector_by_its_first_log(flights, logs, tmp_path):
     shutil.copy(logs[0], tmp_path / "0.mcap")
     shutil.copy(logs[0], tmp_path / "1.mcap")
-    more = parse(apply(tomllib.loads(flights[0].expanded_toml()), ["detectors.enabled=['iotsekf','ofc_monitor']"]))
+    more = parse(applied(tomllib.loads(flights[0].expanded_toml()), ["detectors.enabled=['iotsekf','ofc_monitor']"])[0])
     simulate(more, log=tmp_path / "2.mcap")
     found = compare([tmp_path])
     assert "counted once: 1.mcap of 0.mcap, 2.mcap of 0.mcap" in found.source and found.runs == 1
@@ -100,7 +100,8 @@ def test_compare_of_a_campaign_folder_is_that_of_its_rows(flights, tmp_path):
 def test_two_campaigns_stand_side_by_side_on_the_flights_of_both(flights, tmp_path):
     """One detector is changed between them, one flight is in the second alone."""
     run_many(flights, workers=0, out=tmp_path / "before")
-    deaf = [parse(apply(tomllib.loads(s.expanded_toml()), ["detectors.position_monitor.t_confirm=9"])) for s in flights]
+    late = ["detectors.position_monitor.t_confirm=9"]
+    deaf = [parse(applied(tomllib.loads(s.expanded_toml()), late)[0]) for s in flights]
     more = load_scenario("cruise", ["duration_s=7", CHOSEN, "seed=1000003"])
     run_many([*deaf, more], workers=0, out=tmp_path / "after")
     found = compare([tmp_path / "before", tmp_path / "after"])

@@ -5,7 +5,6 @@ import tomllib
 import pytest
 
 import cosim
-from cosim.errors import ScenarioError
 from cosim.flight.build import build
 from cosim.scenario import parse
 
@@ -34,17 +33,3 @@ def test_truth_and_model_reach_actuator_servo_and_filter(part, flies, believed):
     assert blocks["servo"].p["P_s"][at] == blocks["iotsekf"].p["P_s"][at] == believed
     others = [i for i in range(len(blocks["hydraulic"].p)) if i != at]
     assert (blocks["hydraulic"].p["P_s"][others] == 1.4e7).all()
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        (f"{P_S}=1e9", r"left_inner.*P_s.*out of range; allowed: 2.8e\+06 to 7e\+07 N"),
-        ("elevator.left_inner.hydraulic.P_z=1.0", r"'P_z' is no parameter of a hydraulic actuator"),
-        ("elevator.left_inner.hydraulic.substeps=3", r"'substeps' is no parameter"),
-        ("elevator.left_inner.hydraulik.P_s=1e7", r"not one of the choices; allowed: hydraulic, ema, simple"),
-    ],
-)
-def test_a_wrong_parameter_is_refused(change, says):
-    with pytest.raises(ScenarioError, match=says):
-        made(change)

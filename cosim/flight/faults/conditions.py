@@ -45,7 +45,7 @@ def resolved(scenario: Scenario) -> Scenario:
         faults = tuple(f.at_time(starts[i]) if i in starts else f for i, f in enumerate(scenario.faults))
         scenario = scenario.model_copy(update={"faults": faults})
         try:  # faults of which one has just begun may not be possible together
-            check_together(dict(enumerate(scenario.faults)), scenario.elevator.technology)
+            check_together(scenario.faults, scenario.elevator.technology)
         except ValidationError as wrong:
             raise explained(wrong, {}, Origin("")) from None
     return scenario
