@@ -3,22 +3,20 @@
     m = the command through the servo's own third-order reference model (actuators/common/reference.py),
     r = (surface - m) / (threshold + share lag),  lag: how far m is behind the command, a peak that fades
 
-The reference's limits of rate, acceleration and jerk are what a healthy surface follows: where gusts and a protection
-throw the command from stop to stop, a rate limit with lags behind it is up to 5 deg away from the surface, for longer
-than the confirmation time. Loads and tolerances of a healthy servo show where it has to move: hence the share.
+The reference's limits of rate, acceleration and jerk are what a healthy surface follows. Loads and tolerances of a
+healthy servo show where it has to move: hence the share.
 
-A deviation beyond the threshold for the confirmation time is an alarm. The monitor does not know why a surface is not
-where it should be, so the alarm is AMBIGUOUS until the motion tells: JAM_SOLID after `t_rest` at rest while the model
-moved, RUNAWAY after `travel_run` in one direction away from the model, still on its way after `t_run` or T_END at the
-end of its travel, the deviation growing all the time (a step of the command is over sooner, and then follows), while
-the model does not go the same way (a surface that follows with part of its command does). That class stays as long as
-the alarm, a runaway's unless the surface turns back by `travel_run`: where the position sensor in the loop is frozen it
-runs, too, but slows down and turns back once the command has passed the reading. A surface that slows down is therefore
-not named yet, and one that turns back is AMBIGUOUS. A jam's stays unless the surface moves: a jam does not at all, and
-in gusts, where the model passes a surface that stands again and again, only one that follows the model farther than
-that is where it should be (`_moves`). A free-floating surface held by friction, a runaway too slow to move it and
-a solid oscillation below 0.03 deg are jams to its sensor; an oscillation whose strokes are longer than `travel_run` is
-taken for a runaway until it turns back.
+A deviation beyond the threshold for the confirmation time is an alarm. Its name follows from how the surface moves:
+
+    SENSOR      its reading had noise and repeats itself
+    RUNAWAY     it has gone `travel_run` away from the model and goes on after `t_run`, or is at the end of its travel
+    JAM_SOLID   it stands for `t_rest`, while the model has moved
+    AMBIGUOUS   anything else
+
+A jam does not move: one that does is AMBIGUOUS as long as it is remembered (LOOSE). A surface whose loop reads a frozen
+position runs as well, but slows down and turns back once the command has passed the reading: what slows down is not
+named, and what turns back is AMBIGUOUS. A free-floating surface that friction holds, a runaway too slow to move it and
+an oscillation of less than 0.06 deg are jams to this monitor.
 """
 
 import math
@@ -72,36 +70,26 @@ STATE = dtype(
         ("md", "f8", "rad/s"),
         ("mdd", "f8", "rad/s2"),
         ("model", "f8", "rad"),  # where the surface should have been when it was measured
-        ("slow", "f8", "rad"),  # lagged surface
-        ("mark", "f8", "rad"),  # where it was when it last moved by MOVED
-        ("mark_time", "f8", "s"),  # since then
-        ("calm", "f8", "rad"),  # surface lagged more
-        ("rest", "f8", "rad"),  # where that was when it last moved by SLID
-        ("rest_model", "f8", "rad"),  # and the model
-        ("rest_time", "f8", "s"),  # since then
-        ("rest_near", "f8", "s"),  # how long before that the surface had last been where it should be
-        ("near", "f8", "s"),  # time since it was
-        ("run_low", "f8", "rad"),  # range of the model since the surface was last not where it should be
-        ("run_high", "f8", "rad"),
-        ("run_width", "f8", "rad"),  # largest threshold meanwhile
-        ("off", "f8", "s"),  # time since the first deviation since it last followed
-        ("stand", "f8", "rad"),  # where it stood STOPPED after that
-        ("shake", "f8", "rad2"),  # mean square of its swings about where it stands
-        ("moves", "f8", "s"),  # for how long it is known to have moved from there by itself, until it follows
-        ("slid", "f8", "s"),  # for so long it is held to be loose: it has moved where it should not be
-        ("leave", "f8", "rad"),  # where the surface began to run away from the model
-        ("leave_model", "f8", "rad"),  # and the model was then
-        ("far", "f8", "rad"),  # how far it came
-        ("run_time", "f8", "s"),  # for how long it moved so
-        ("run", "f8", "-"),  # way of the run that was named, 0 for none while the alarm stands
-        ("back", "f8", "rad"),  # how far it has turned back since
         ("lag", "f8", "rad"),  # fading peak of command less model
-        ("gap", "f8", "rad"),  # lagged deviation
-        ("widest", "f8", "rad"),  # its largest since the run began
-        ("still", "f8", "s"),  # since that grew
-        ("rate", "f8", "rad/s"),  # of the lagged surface
-        ("rate_was", "f8", "rad/s"),  # and that lagged
+        ("slow", "f8", "rad"),  # lagged surface, its rate, and that lagged
+        ("rate", "f8", "rad/s"),
+        ("rate_was", "f8", "rad/s"),
+        ("calm", "f8", "rad"),  # surface lagged more
+        ("away_time", "f8", "s"),  # since the surface was last where it should be
+        ("rest", "f8", "rad"),  # where it was when it last moved by SLID, the model then, and the time since
+        ("rest_model", "f8", "rad"),
+        ("rest_time", "f8", "s"),
+        ("loose", "f8", "s"),  # for so long it is held to move by itself
+        ("leave", "f8", "rad"),  # where it began to go away from the model, the model then, and the time since
+        ("leave_model", "f8", "rad"),
+        ("leave_time", "f8", "s"),
+        ("far", "f8", "rad"),  # how far it came
+        ("turned", "f8", "-"),  # 1 where a runaway has turned back, while the alarm stands
         ("end_time", "f8", "s"),  # for how long it has been at the end of its travel
+        ("same", "f8", "s"),  # for how long the reading has repeated itself
+        ("step_last", "f8", "rad"),  # its last step, and the share of steps that turned back, over a second
+        ("turns", "f8", "-"),
+        ("frozen", "f8", "-"),  # 1 where one that had noise repeats itself
         ("timer", "f8", "s"),  # confirmation
         ("age", "f8", "s"),  # time since the last usable measurement
         ("r", "f8", "-"),  # deviation over threshold, signed
@@ -109,11 +97,6 @@ STATE = dtype(
         ("verdict", "f8", "-"),  # class code
         ("culprit", "f8", "-"),  # 1 where the surface sensor is named
         ("valid", "f8", "-"),  # 1 while the measurement is fresh
-        ("surface_last", "f8", "rad"),  # last reading, and its last step
-        ("step_last", "f8", "rad"),
-        ("turns", "f8", "-"),  # share of steps that turned back, over a second
-        ("same", "f8", "s"),  # for how long the reading has repeated itself
-        ("frozen", "f8", "-"),  # 1 where one that had noise does
     ]
 )
 OUTPUTS = ("r", "model", "rate", "alarm", "verdict", "culprit", "valid")
@@ -143,22 +126,16 @@ DETECTOR = Detector(
 )
 
 
-MOVED = math.radians(0.08)  # a surface that has moved further is on its way: ten sigma of its sensor, lagged
-# a surface that stands moves by less than this behind the longer lag, ten sigma of its sensor; a free-floating one
-# slides with the air by MOVED
+MOVED = math.radians(0.08)  # of the lagged surface: ten sigma of its sensor
+# a surface that stands moves by less than this behind the longer lag [s], ten sigma of its sensor
 SLID, TAU_CALM = math.radians(0.035), 0.1
-# and swings between the lags by less than this, three sigma of its sensor: 0.03 deg from 1 to 6 Hz; memory of that, and
-# when what is left of its stop is gone from it [s]
-SHAKEN, TAU_SHAKE, STOOD = math.radians(0.0085), 0.5, 1.2
-LOOSE = 30.0  # and sticks in between by its friction: remembered for so long [s]
+LOOSE = 30.0  # a surface that has moved where it should not be is held to be loose for so long [s]
 T_SAME, TURNS = 0.1, 0.3  # a reading that repeats itself for so long [s]; share of steps that turn back: noise has 0.67
-NEAR, STOPPED = 0.5, 0.6  # of the threshold, and for how long it may have been further away when it came to rest [s]
-END = math.radians(1.0)  # from a limit: the end of the travel
-GROWS = 0.1  # without a larger deviation for so long, a surface that moves follows its command [s]
-SLOWS = 0.8  # of its lagged rate: a surface slower than that is about to stop or to turn back
-T_END = 0.5  # at the end of the travel for so long: a frozen position sensor has turned the surface back by then [s]
+NEAR, STOPPED = 0.5, 0.3  # of the threshold; a jam has come to rest so long after it was within that [s]
 AWAY = 0.25  # of the threshold: a smaller deviation is none
 FOLLOWS = 0.5  # of the travel: where the model goes the same way so far, part of the command is lost
+SLOWS = 0.8  # of its lagged rate: a surface slower than that is about to stop or to turn back
+END, T_END = math.radians(1.0), 0.5  # at the end of its travel: so near to a limit, for so long [s]
 TRAVEL = (math.radians(-23.0), math.radians(17.0))  # of the elevator [rad]
 STOP = math.radians(0.1)  # commands end so far inside the stops
 
@@ -196,33 +173,6 @@ def _predict(x, p, dt):
 
 
 @kernel
-def _moves(x, p, dt):
-    """Ask whether the surface has moved by itself since it left the model: a jam does not move at all.
-
-    The model passes a surface that stands as well. One that stayed near it (NEAR) while it moved by more than that has
-    followed, and all before is forgotten.
-    """
-    if math.fabs(x.r) < NEAR:
-        x.run_low, x.run_high = min(x.run_low, x.model), max(x.run_high, x.model)
-        x.run_width = max(x.run_width, p.threshold + p.share * x.lag)
-        if x.run_high - x.run_low > 3.0 * NEAR * x.run_width:  # twice is what passes a surface that stands
-            x.off, x.moves = 0.0, 0.0
-    else:
-        x.run_low = x.run_high = x.model
-        x.run_width = 0.0
-    swing = x.slow - x.calm
-    x.shake += dt / TAU_SHAKE * (min(swing * swing, 4.0 * SHAKEN * SHAKEN) - x.shake)
-    if x.off > 0.0 or math.fabs(x.r) >= 1.0:
-        x.off += dt
-    if x.off < STOPPED:
-        x.stand = x.calm
-    elif x.off > LOOSE and x.alarm < 0.5:
-        x.off, x.moves = 0.0, 0.0
-    elif x.moves > 0.0 or math.fabs(x.calm - x.stand) > SLID or (x.off > STOOD and x.shake > SHAKEN * SHAKEN):
-        x.moves += dt
-
-
-@kernel
 def _repeats(x, step, dt):
     """Ask whether a reading that had noise, whose steps turned back, repeats itself: that of a jam does not."""
     if step != 0.0:
@@ -236,87 +186,91 @@ def _repeats(x, step, dt):
 
 
 @kernel
+def _start(x, p):
+    """Let the model begin at the command, and every memory at the first reading."""
+    x.started = 1.0
+    x.m = min(max(x.command, p.limit_low + STOP), p.limit_high - STOP)
+    x.slow = x.calm = x.rest = x.leave = x.far = x.surface
+    x.rest_model = x.leave_model = x.m
+
+
+@kernel
+def _follow(x, p, dt):
+    """Lag the surface; note since when it stands, and whether it has moved where it should not be."""
+    x.rate = (x.surface - x.slow) / p.tau_motion
+    x.slow += (1.0 - math.exp(-dt / p.tau_motion)) * (x.surface - x.slow)
+    a = 1.0 - math.exp(-dt / TAU_CALM)
+    x.rate_was += a * (x.rate - x.rate_was)
+    x.calm += a * (x.surface - x.calm)
+    x.away_time = 0.0 if math.fabs(x.r) < NEAR else x.away_time + dt
+    x.rest_time += dt
+    x.loose = max(x.loose - dt, 0.0)
+    if math.fabs(x.calm - x.rest) > SLID:
+        if x.away_time > STOPPED or (x.rest_time > STOPPED and x.away_time > 0.0):
+            x.loose = LOOSE
+        x.rest, x.rest_model, x.rest_time = x.slow, x.model, 0.0
+
+
+@kernel
+def _runs(x, p, away, dt):
+    """Return whether the surface runs `away` (+-1) from the model; the way back, or no deviation, begins anew."""
+    if x.verdict == RUNAWAY:
+        away = math.copysign(1.0, x.far - x.leave)
+        x.far = max(x.far * away, x.slow * away) * away
+        x.turned = 1.0 if (x.far - x.slow) * away >= p.travel_run else 0.0
+        return x.turned < 0.5
+    if math.fabs(x.r) < AWAY or (x.slow - x.leave) * away < 0.0 or (x.far - x.slow) * away > MOVED:
+        x.leave = x.far = x.slow
+        x.leave_model, x.leave_time = x.model, 0.0
+    x.leave_time += dt
+    x.far = max(x.far * away, x.slow * away) * away
+    x.end_time = x.end_time + dt if min(x.slow - p.limit_low, p.limit_high - x.slow) < END else 0.0
+    travel = (x.far - x.leave) * away
+    goes_on = x.leave_time >= p.t_run and x.rate * away > max(x.md * away, SLOWS * x.rate_was * away)
+    own = (x.model - x.leave_model) * away <= FOLLOWS * travel
+    return x.turned < 0.5 and travel >= p.travel_run and own and (x.end_time > T_END or (goes_on and x.end_time == 0.0))
+
+
+@kernel
+def _name(x, p, runs):
+    """Return the class of what is alarmed; a jam or a runaway that has been named stays until the motion says no."""
+    if x.frozen > 0.5 or x.verdict == SENSOR:
+        return SENSOR
+    if runs:
+        return RUNAWAY
+    stands = x.rest_time >= p.t_rest and x.loose == 0.0
+    moved = math.fabs(x.model - x.rest_model) >= p.jam_share * math.fabs(x.surface - x.model)
+    return JAM_SOLID if x.loose == 0.0 and (x.verdict == JAM_SOLID or (stands and moved)) else AMBIGUOUS
+
+
+@kernel
 def step(x, u, p, dt):
     """Advance the model, compare, confirm, name."""
     good = usable(u.surface, u.surface_valid)
-    x.surface = held(u.surface, u.surface_valid, x.surface)
     if good > 0.5:
-        _repeats(x, u.surface - x.surface_last, dt)
-        x.surface_last = u.surface
+        _repeats(x, u.surface - x.surface, dt)
+    x.surface = held(u.surface, u.surface_valid, x.surface)
     if math.isfinite(u.command):
         x.command = u.command
     if x.started < 0.5:
         if good < 0.5:
             x.valid = 0.0
             return
-        x.started = 1.0
-        x.m = min(max(x.command, p.limit_low + STOP), p.limit_high - STOP)
-        x.slow = x.mark = x.calm = x.rest = x.leave = x.far = x.surface
-        x.rest_model = x.leave_model = x.run_low = x.run_high = x.m
+        _start(x, p)
     x.model = x.m - p.late * x.md
     _predict(x, p, dt)
     x.age = 0.0 if good > 0.5 else x.age + dt
     x.valid = 1.0 if x.age <= p.t_invalid else 0.0
     if good < 0.5:
         return
-    x.rate = (x.surface - x.slow) / p.tau_motion
-    x.slow += (1.0 - math.exp(-dt / p.tau_motion)) * (x.surface - x.slow)
-    x.rate_was += (1.0 - math.exp(-dt / TAU_CALM)) * (x.rate - x.rate_was)
-    deviation = x.surface - x.model
-    x.r = deviation / (p.threshold + p.share * x.lag)
-    x.near = 0.0 if math.fabs(x.r) < NEAR else x.near + dt
-    x.calm += (1.0 - math.exp(-dt / TAU_CALM)) * (x.surface - x.calm)
-    x.rest_time += dt
-    if math.fabs(x.calm - x.rest) > SLID:
-        x.rest, x.rest_model, x.rest_time, x.rest_near = x.calm, x.model, 0.0, x.near
-    _moves(x, p, dt)
-    x.slid = max(x.slid - dt, 0.0)
-    x.mark_time += dt
-    away = math.copysign(1.0, deviation)  # the way back, or a surface where it should be, ends a run
-    if math.fabs(x.r) < AWAY or (x.slow - x.leave) * away < 0.0 or (x.far - x.slow) * away > MOVED:
-        x.leave = x.far = x.slow
-        x.leave_model = x.model
-        x.run_time = 0.0
-    elif (x.slow - x.far) * away > 0.0:
-        x.far = x.slow
-    if math.fabs(x.slow - x.mark) > MOVED:
-        x.run_time += min(x.mark_time, 0.5 * p.t_run)
-        x.mark, x.mark_time = x.slow, 0.0
-    x.end_time = x.end_time + dt if min(x.slow - p.limit_low, p.limit_high - x.slow) < END else 0.0
-    x.gap += (1.0 - math.exp(-dt / p.tau_motion)) * (deviation - x.gap)
-    if x.run_time == 0.0:
-        x.widest = 0.0
-    x.still += dt
-    if math.fabs(x.gap) > x.widest + MOVED:
-        x.widest, x.still = math.fabs(x.gap), 0.0
-    if x.mark_time == 0.0 and x.near > STOPPED:
-        x.slid = LOOSE
+    x.r = (x.surface - x.model) / (p.threshold + p.share * x.lag)
+    away = math.copysign(1.0, x.r)
+    _follow(x, p, dt)
+    runs = _runs(x, p, away, dt)
     x.timer, x.alarm = confirm(x.timer, x.alarm, math.fabs(x.r) >= 1.0, dt, p.t_confirm, p.t_release)
-    if x.alarm < 0.5:
-        x.verdict, x.culprit, x.run = NONE, 0.0, 0.0
-    elif x.frozen > 0.5 or x.verdict == SENSOR:
-        x.verdict, x.culprit = SENSOR, 1.0
-    elif x.verdict == JAM_SOLID:
-        slid = 0.0 < x.slid < LOOSE - STOPPED and x.near > STOPPED
-        if slid or x.moves > STOPPED:  # and not back to where it should be
-            x.verdict = AMBIGUOUS
-    elif x.verdict == RUNAWAY:
-        x.back = max(x.back - x.run * x.rate * dt, 0.0)
-        x.verdict = AMBIGUOUS if x.back >= p.travel_run else RUNAWAY
-    else:
-        moved = math.fabs(x.model - x.rest_model) >= p.jam_share * math.fabs(deviation)
-        travel = math.fabs(x.far - x.leave)
-        own = (x.model - x.leave_model) * away <= FOLLOWS * travel
-        goes_on = x.end_time == 0.0 and x.still <= GROWS and math.fabs(x.rate) >= SLOWS * math.fabs(x.rate_was)
-        runs = x.end_time > T_END or (x.run_time >= p.t_run and goes_on)
-        if travel >= p.travel_run and runs and own and x.run == 0.0:
-            x.verdict, x.run, x.back = RUNAWAY, away, 0.0
-        elif x.rest_time < p.t_rest or x.slid > 0.0 or x.moves > 0.0 or x.rest_near >= STOPPED:
-            x.verdict = AMBIGUOUS
-        elif moved and math.fabs(x.r) >= 1.0:
-            x.verdict = JAM_SOLID
-        else:
-            x.verdict = AMBIGUOUS
+    x.verdict = _name(x, p, runs) if x.alarm > 0.5 else NONE
+    x.turned *= x.alarm
+    x.culprit = 1.0 if x.verdict == SENSOR else 0.0
 
 
 rollout = entry(step, STATE, INPUTS, PARAMS)

@@ -83,7 +83,6 @@ def test_what_looks_like_a_jam_for_a_moment_is_called_none():
     (lambda t: 0.0 * t, True),
     (lambda t: 0.015 * t, False),  # free-floating, it creeps with the air
     (lambda t: 0.05 * np.sin(2 * np.pi * 3.0 * t), False),  # it swings by less than the threshold of a rest
-    (lambda t: 0.06 * np.sin(2 * np.pi * 6.0 * t), False),
 ])  # fmt: skip
 def test_a_surface_that_moves_by_itself_is_no_jam_though_its_command_passes_it_all_the_time(own, jam):
     """In gusts the model passes a surface that stands twice a second, and so is near it again and again [deg]."""
