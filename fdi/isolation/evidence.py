@@ -338,7 +338,10 @@ def evaluate(x, p, o):
     give(x, LOSS, left(x), logdet, n, base)
     for h in range(LEAKAGE, RUBS + 1):
         i = LEAK if h == LEAKAGE else (SUPPLY if h == LOW_SUPPLY else (SOFT if h == SOFT_OIL else FRICTION))
-        Q, logdet = other(x, Q0, logdet0, i, p.worse_mean[i] - x.mu[i], p.worse_sd[i])
+        mean, w0 = p.worse_mean[i] - x.mu[i], 1.0 / (p.worse_sd[i] * p.worse_sd[i])
+        Q, logdet = other(x, Q0, logdet0, i, mean, p.worse_sd[i])
+        if (x.pull[i] + w0 * mean) / (x.info[i] + w0) * p.worse_mean[i] < 0.0:  # no leak flows against the pressure
+            Q, logdet = Q0, logdet0
         give(x, h, Q, logdet, n, base)
     Q, logdet = other(x, Q0, logdet0, OFFSET, 0.0, p.offset_sd)
     give(x, OFF_PRESSURE, Q, logdet, n, base)

@@ -289,13 +289,9 @@ def test_what_can_be_nothing_else_is_named_first(fields, name):
 
 def test_an_alarm_is_ambiguous_until_its_name_has_stood():
     x = iotsekf.init(designed())[0]
-    x["run"], x["likely"] = 1.0, decide.LIQUID
-    said = []
+    x["run"], said = 1.0, []
     for k in range(80):
-        if k == 20:  # another class for less than the hold
-            x["likely"] = decide.SOLID
-        if k == 30:
-            x["likely"] = decide.LIQUID
+        x["likely"] = decide.SOLID if 20 <= k < 30 else decide.LIQUID  # another class for less than the hold
         iotsekf.conclude(x, DT)
         said.append(float(x["verdict"]))
     assert set(said[:60]) == {verdict.AMBIGUOUS} and said[-1] == verdict.OFC_LIQUID

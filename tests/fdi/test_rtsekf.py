@@ -82,40 +82,34 @@ def test_a_frozen_and_a_drifting_rod_sensor_are_found(flights):
     assert np.isin(drift["verdict"][:, -1], (verdict.SENSOR, verdict.AMBIGUOUS)).all()
 
 
-def test_it_stays_quiet_under_a_real_jam_and_a_real_runaway():
-    def jam(k, x, w):
-        x["jam"] = float(k >= K_FAULT - 200)
+def valve(value):
+    """Return a fault that holds the valve open by value(k) from K_FAULT on."""
 
-    def runaway(k, x, w):
+    def fault(k, x, w):
         if k >= K_FAULT:
-            x["f_u"], x["s_u"] = 0.1, 1.0
+            x["f_u"], x["s_u"] = value(k), 1.0
 
-    command = doublets(16.0)
-    log = run(rtsekf_flight, [fly(command, seed=s, faults=f) for s, f in enumerate((jam, runaway))])
+    return fault
+
+
+def jam(k, x, w):
+    x["jam"] = float(k >= K_FAULT - 200)
+
+
+RUNAWAY = valve(lambda k: 0.1)
+
+
+def test_it_stays_quiet_under_a_real_jam_and_a_real_runaway():
+    log = run(rtsekf_flight, [fly(doublets(16.0), seed=s, faults=f) for s, f in enumerate((jam, RUNAWAY))])
     assert not log["alarm"].any()
     assert log["valid"][:, 1:].all()
 
 
 def test_as_published_a_runaway_and_a_jam_are_named_but_not_an_oscillation_or_a_rod_that_creeps():
-    def oscillating(k, x, w):
-        if k >= K_FAULT:
-            x["f_u"], x["s_u"] = 0.2 * np.sin(2.0 * np.pi * (k - K_FAULT) * DT), 1.0
-
-    def creeping(k, x, w):
-        if k >= K_FAULT:
-            x["f_u"], x["s_u"] = 0.012, 1.0
-
-    def jam(k, x, w):
-        x["jam"] = float(k >= K_FAULT)
-
-    def runaway(k, x, w):
-        if k >= K_FAULT:
-            x["f_u"], x["s_u"] = 0.1, 1.0
-
-    command = doublets(20.0)
-    faults = (oscillating, creeping, jam, runaway)
-    log = run(rtsekf, [fly(command, seed=s, faults=f) for s, f in enumerate(faults)], load=1)
-    said = [set(np.unique(log["verdict"][i, K_FAULT:])) - {verdict.NONE} for i in range(len(faults))]
+    oscillating = valve(lambda k: 0.2 * np.sin(2.0 * np.pi * (k - K_FAULT) * DT))
+    faults = (oscillating, valve(lambda k: 0.012), jam, RUNAWAY)
+    log = run(rtsekf, [fly(doublets(20.0), seed=s, faults=f) for s, f in enumerate(faults)], load=1)
+    said = [set(np.unique(log["verdict"][i, K_FAULT - 200 :])) - {verdict.NONE} for i in range(len(faults))]
     assert log["verdict"][0, -1] == verdict.AMBIGUOUS and verdict.JAM_SOLID not in said[0]
     assert verdict.AMBIGUOUS in said[1] and verdict.JAM_SOLID not in said[1]
     assert verdict.JAM_SOLID in said[2] and verdict.RUNAWAY not in said[2]

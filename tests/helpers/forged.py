@@ -40,6 +40,7 @@ def forge(log, path, *, attachments=None, samples=(), metadata=None, result=None
                     target.at[-1] = k + gap
             w.append(row)
         if gap:
+            w.flush()
             w._file.chunks[0] = whole
         w.close(result={k: v for k, v in log.result.items() if k != "content"} | (result or {}))
     return path

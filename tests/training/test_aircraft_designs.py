@@ -17,7 +17,7 @@ from cosim.training import aircraft_designs, train_aircraft
 from fdi import registry
 from fdi.common.tuning import thresholds
 
-LEVEL = {"rfafe", "rfafe_airframe", "lpv_smo", "control_redundancy"}
+LEVEL = {"rfafe", "lpv_smo", "control_redundancy"}
 TWIN = load_aircraft("narrowbody")
 POINT = ["flight.mass_t=64", "flight.altitude_ft=20000", "flight.cas_kt=280"]
 
