@@ -100,9 +100,7 @@ def _settings(raw, segments):
         ((out[name], table),) = raw[name].items()
         both = {k: v for k, v in table.items() if k not in Settings.model_fields}
         own = {part: table.get(part, {}) for part in Settings.model_fields}
-        if not all(isinstance(values, dict) for values in own.values()):
-            raise problem("must be a table", key=name, allowed=f"[elevator.{name}.<technology>.<part>]")
-        parameters[name] = {part: {**both, **values} for part, values in own.items()}
+        parameters[name] = {part: {**both, **v} if isinstance(v, dict) else v for part, v in own.items()}
     return {**out, "parameters": parameters}
 
 

@@ -216,10 +216,7 @@ def _kind(target, raw):
         return kinds[raw["kind"]]
     if raw["kind"] not in c.ALL_KINDS:
         raise choice(raw["kind"], kinds, "kind of fault", key="kind")
-    where = {"surface": "a surface other than the elevator", "actuator_sensor": "an actuator's sensor",
-             "sensor": "an aircraft sensor"}  # fmt: skip
-    place = where.get(target.place, f"an {target.place}")
-    raise problem(f"{raw['kind']!r} is no fault of {place} ({raw['target']})", key="kind", allowed=", ".join(kinds))
+    raise problem(f"{raw['kind']!r} is no fault of {raw['target']}", key="kind", allowed=", ".join(kinds))
 
 
 def _place(target, kind, raw):

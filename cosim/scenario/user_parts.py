@@ -173,9 +173,6 @@ def find(name: str, folder: Path | None, place: str) -> str:
 
 def identified(scenario: Any) -> Any:
     """Return the Scenario with the digest of each of its files. Raises ScenarioError where one is not what it means."""
-    own = scenario.law.file or scenario.actuators or scenario.detectors.model_extra
-    if not own and ships(scenario.flight.aircraft):
-        return scenario
     table, stamped = scenario.model_dump(mode="python", exclude_none=True), False
     for at in places(table):
         where, wanted = f"{at.name} = {at.table[at.key]}", at.table.get(at.digest)
