@@ -62,9 +62,7 @@ def identity(path: str | os.PathLike) -> UserPart:
     for name, file in contents(path).items():
         out.update(os.fsencode(name.removeprefix(f"{path.name}/") if path.is_dir() else name) + b"\0")
         try:
-            with file.open("rb") as opened:
-                while block := opened.read(1 << 20):
-                    out.update(block)
+            out.update(file.read_bytes())
         except OSError as error:
             raise ScenarioError(f"cannot be read: {error.strerror}", place=str(file)) from None
     return UserPart(path.name, out.hexdigest())

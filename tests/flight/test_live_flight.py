@@ -140,6 +140,11 @@ def test_without_the_token_one_only_watches_and_with_a_wrong_one_nothing(flown):
     assert hands(s, None, act, speed=0.5)[1] == [403, 403, 403, True]
 
 
+def test_the_speed_that_is_told_is_the_clocks():
+    result, _ = fly_live(cosim.load_scenario("cruise", [*KEYS, "duration_s=1"]), port=0, speed=2.0)
+    assert result.wall_time_s > 0.4  # no flight is ahead of its clock
+
+
 def test_a_speed_that_is_none_is_refused():
     with pytest.raises(CosimError, match=r"0\.0 is no speed; allowed: 0\.01 to 1000"):
         fly_live(cosim.load_scenario("cruise", KEYS), port=0, speed=0.0)

@@ -7,6 +7,7 @@ the flight came to.
 """
 
 import os
+import time
 from collections.abc import Callable
 from contextlib import nullcontext
 from typing import Any
@@ -85,6 +86,7 @@ def fly_live(
     about: dict[str, Any] = {"dt_ns": round(flight.dt * 1e9), "pose": where, "name": scenario.title or "cosim"}
     calls = {"inject": inject, "heal": heal, "speed": pace}
     controls = {name: Control(do, *requests(scenario)[name]) for name, do in calls.items()}
+    began = time.perf_counter()
     with Live(topics(flight.setup), port=port, speed=speed, controls=controls, **about) as live:
         if ready:
             ready(live)
@@ -99,7 +101,9 @@ def fly_live(
             ended = True
     if not flight.tick:
         raise KeyboardInterrupt
+    wall = time.perf_counter() - began
     result = flight.fly_again(progress=progress)
+    result.wall_time_s = wall  # that of the flight that was seen
     if ended and result.status == "completed":
         result.status, result.reason = "interrupted", f"at {flight.time:.2f} s by the user"
     return result, flight.flown()
