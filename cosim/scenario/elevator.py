@@ -39,7 +39,7 @@ class Elevator(Table, extra="allow"):
         """Add technology and feedback of every segment."""
         if not isinstance(raw, dict):
             return raw
-        aircraft, default, wrong = of(info), of(info).technology, Mistakes()
+        default, wrong = of(info).technology, Mistakes()
         wrong.unknown(raw, (*default, *cls.model_fields))
         raw = _settings(raw, default)
         technology = {name: raw.get(name, own) for name, own in default.items()}
@@ -55,7 +55,6 @@ class Elevator(Table, extra="allow"):
         wrong.unknown(own, default, "feedback.")
         wrong.unknown(raw["parameters"], default, "parameters.")
         wrong.check()
-        _check_settings(raw["parameters"], technology, aircraft)
         filled = {name: word if tech == "hydraulic" else "measured" for name, tech in technology.items()}
         return {**technology, **raw, "feedback": {**filled, **own} if isinstance(given, str | dict) else given}
 
@@ -65,12 +64,21 @@ class Elevator(Table, extra="allow"):
         return "ema_kalman" if self.reconfigure == "published" else "ema_kalman_flight"
 
     @model_validator(mode="after")
-    def _filters_are_hydraulic(self):
+    def _fits_the_actuators(self, info: ValidationInfo):
+        """Check that filters are of hydraulic actuators, and parameters of that one and near its nominal ones."""
         wrong = Mistakes()
         for name, tech in self.technology.items():
             if tech != "hydraulic" and self.feedback.get(name, "measured") != "measured":
                 said = f"{self.feedback[name]} is a filter of hydraulic actuators, {name} is {tech}"
                 wrong.add(said, key=f"feedback.{name}", allowed="measured")
+        for name, settings in self.parameters.items():
+            own = c.TECHNOLOGIES[self.technology[name]]
+            nominal = own.parameters(of(info).own(own.name)).items()
+            keys = {k: _near(k, v) for k, v in nominal if k not in own.fixed}
+            what = f"parameter of {own.article} actuator"
+            units = {key: unit for key, (_, unit) in tolerance.meanings(own.name).items()}
+            for part, values in settings:
+                wrong.numbers(values, keys, what, f"parameters.{name}.{part}", units)
         wrong.check()
         return self
 
@@ -92,26 +100,11 @@ def _settings(raw, segments):
         ((out[name], table),) = raw[name].items()
         both = {k: v for k, v in table.items() if k not in Settings.model_fields}
         own = {part: table.get(part, {}) for part in Settings.model_fields}
-        if not all(isinstance(values, dict) for values in own.values()):
-            raise problem("must be a table", key=name, allowed=f"[elevator.{name}.<technology>.<part>]")
-        parameters[name] = {part: {**both, **values} for part, values in own.items()}
+        parameters[name] = {part: {**both, **v} if isinstance(v, dict) else v for part, v in own.items()}
     return {**out, "parameters": parameters}
 
 
-def _check_settings(parameters, technology, aircraft):
-    """Raise for every parameter that the segment's actuator has not, or a value far from its nominal one."""
-    wrong = Mistakes()
-    for name, table in parameters.items():
-        tech = c.TECHNOLOGIES[technology[name]]
-        nominal = {k: v for k, v in tech.parameters(aircraft.own(tech.name)).items() if k not in tech.fixed}
-        parts = table.items() if isinstance(table, dict) else ()
-        own = [(f"{part}.{k}", k, v) for part, values in parts if isinstance(values, dict) for k, v in values.items()]
-        for place, key, value in own:
-            place = f"parameters.{name}.{place}"
-            if key in nominal:
-                low, high = sorted((MULTIPLIER.low * nominal[key], MULTIPLIER.high * nominal[key]))
-                low, high = (0.0, 0.1) if nominal[key] == 0.0 else (low, high)  # a backlash
-                wrong.number(value, Key(key, low, high), place, tolerance.meanings(tech.name)[key][1])
-            else:
-                wrong.append(choice(key, nominal, f"parameter of {tech.article} actuator", key=place))
-    wrong.check()
+def _near(name, nominal):
+    """Return the Key of a parameter that may differ from its nominal value as a multiplier may; a backlash is 0."""
+    low, high = sorted((MULTIPLIER.low * nominal, MULTIPLIER.high * nominal))
+    return Key(name, low, high) if nominal else Key(name, 0.0, 0.1)

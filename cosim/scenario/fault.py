@@ -131,19 +131,6 @@ class Fault(Table, extra="allow"):
         ends = {} if self.lasts_s is None else {"end_s": start_s + self.lasts_s}
         return self.model_copy(update={"start_s": start_s, **ends})
 
-    @model_validator(mode="after")
-    def _condition(self):
-        if self.when is not None:
-            try:
-                condition(self.when)
-            except ScenarioError as error:
-                raise problem(error.problem, key="when", allowed=error.allowed, remedy=error.remedy) from None
-            if self.waits and self.end_s is not None:
-                raise problem("a fault that waits has no end yet", key="end_s", remedy="Say lasts_s")
-        elif self.lasts_s is not None:
-            raise problem("is for a fault with a condition", key="lasts_s", remedy="Say end_s")
-        return self
-
     def others(self) -> list[int]:
         """Return the numbers of the faults that its condition looks at."""
         seen = (other_fault(name) for name in condition(self.when).signals()) if self.when is not None else ()
@@ -152,12 +139,20 @@ class Fault(Table, extra="allow"):
     @model_validator(mode="after")
     def _times(self):
         wrong = Mistakes()
-        if self.end_s is not None and self.end_s <= self.start_s:
+        if self.when is not None:
+            try:
+                condition(self.when)
+            except ScenarioError as error:
+                wrong.add(error.problem, key="when", allowed=error.allowed, remedy=error.remedy)
+        if self.when is None and self.lasts_s is not None:
+            wrong.add("is for a fault with a condition", key="lasts_s", remedy="Say end_s")
+        if self.waits and self.end_s is not None:
+            wrong.add("a fault that waits has no end yet", key="end_s", remedy="Say lasts_s")
+        elif self.end_s is not None and self.end_s <= self.start_s:
             said = f"the fault ends at {self.end_s:g} s, not after its start"
             wrong.add(said, key="end_s", allowed=f"above start_s = {self.start_s:g}")
-        elif self.end_s is not None and self.ramp_s > self.end_s - self.start_s:
-            allowed = f"0 to {self.end_s - self.start_s:g}"
-            wrong.add("the ramp is longer than the fault", key="ramp_s", allowed=allowed)
+        elif self.ramp_s > self.end - self.start_s:
+            wrong.add("the ramp is longer than the fault", key="ramp_s", allowed=f"0 to {self.end - self.start_s:g}")
         if self.ramp_s and self.spec.switched:
             wrong.add(f"{self.kind} does not support ramp_s", key="ramp_s", allowed="0", remedy="Remove ramp_s")
         wrong.check()
@@ -221,10 +216,7 @@ def _kind(target, raw):
         return kinds[raw["kind"]]
     if raw["kind"] not in c.ALL_KINDS:
         raise choice(raw["kind"], kinds, "kind of fault", key="kind")
-    where = {"surface": "a surface other than the elevator", "actuator_sensor": "an actuator's sensor",
-             "sensor": "an aircraft sensor"}  # fmt: skip
-    place = where.get(target.place, f"an {target.place}")
-    raise problem(f"{raw['kind']!r} is no fault of {place} ({raw['target']})", key="kind", allowed=", ".join(kinds))
+    raise problem(f"{raw['kind']!r} is no fault of {raw['target']}", key="kind", allowed=", ".join(kinds))
 
 
 def _place(target, kind, raw):

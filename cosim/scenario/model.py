@@ -194,20 +194,17 @@ class Scenario(Table):
     @property
     def running(self) -> tuple[str, ...]:
         """Return the detectors that run: those enabled, and the filters that servos close on."""
-        feedback = dict.fromkeys(self.elevator.feedback.values())
-        closed: list[str] = [name for name in feedback if name != "measured"]
-        if self.elevator.reconfigure and "ema" in self.elevator.technology.values():
-            closed.append(self.elevator.ema_estimate)
-        hydraulic = [n for n, t in self.elevator.technology.items() if t == "hydraulic"]
-        if self.elevator.reconfigure and any(self.elevator.feedback[n] == "measured" for n in hydraulic):
-            closed.append("rtsekf_flight")
-        if self.elevator.compensate and hydraulic:
-            closed.append("iotsekf")
-        if self.sensors.reconstructed:
-            closed.append("lpv_smo")
-        if self.law.reallocate:
-            closed.append("control_redundancy")
-        return tuple(dict.fromkeys([*self.detectors.enabled, *closed]))
+        elevator = self.elevator
+        feedback = [elevator.feedback[name] for name, tech in elevator.technology.items() if tech == "hydraulic"]
+        closed = [
+            *((name, name != "measured") for name in feedback),
+            (elevator.ema_estimate, elevator.reconfigure and "ema" in elevator.technology.values()),
+            ("rtsekf_flight", elevator.reconfigure and "measured" in feedback),
+            ("iotsekf", elevator.compensate and feedback),
+            ("lpv_smo", self.sensors.reconstructed),
+            ("control_redundancy", self.law.reallocate),
+        ]
+        return tuple(dict.fromkeys([*self.detectors.enabled, *(name for name, runs in closed if runs)]))
 
     @property
     def user_parts(self) -> dict[str, UserPart]:

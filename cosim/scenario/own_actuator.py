@@ -1,5 +1,6 @@
 """Actuators that a scenario brings along: `[actuators.rig]`, a block in a file or an FMU (actuators/README.md)."""
 
+import functools
 import os
 from contextlib import suppress
 from pathlib import Path
@@ -75,9 +76,7 @@ def register(actuators: dict[str, OwnActuator]) -> None:
         if not name.isidentifier():
             raise ScenarioError(f"{name!r} is no name", place=place, allowed="letters, digits and underscores")
 
-        def error(text: str, place: str = place) -> Exception:
-            return ScenarioError(text, place=place)
-
+        error = functools.partial(ScenarioError, place=place)
         if own.file is not None:
             made = user_actuator.from_file(name, own.path, own.servo, load, error)
         else:

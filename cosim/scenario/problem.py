@@ -46,12 +46,15 @@ class Mistakes(list[PydanticCustomError]):
         elif not key.accepts(value):
             self.add("is out of range", **where)
 
-    def numbers(self, numbers: Mapping[str, Any], keys: Mapping[str, Key], what: str, path: str) -> None:
+    def numbers(
+        self, numbers: Mapping[str, Any], keys: Mapping[str, Key], what: str, path: str,
+        units: Mapping[str, str] | None = None,
+    ) -> None:  # fmt: skip
         """Add what is wrong with `numbers` {name: value} of `keys`; an unknown name is called a `what`, `path` is put
-        before each."""
+        before each, `units[name]` is that of a range."""
         for name, value in numbers.items():
             if name in keys:
-                self.number(value, keys[name], f"{path}.{name}")
+                self.number(value, keys[name], f"{path}.{name}", (units or {}).get(name, ""))
             else:
                 self.append(choice(name, keys, what, key=f"{path}.{name}"))
 

@@ -62,9 +62,7 @@ def identity(path: str | os.PathLike) -> UserPart:
     for name, file in contents(path).items():
         out.update(os.fsencode(name.removeprefix(f"{path.name}/") if path.is_dir() else name) + b"\0")
         try:
-            with file.open("rb") as opened:
-                while block := opened.read(1 << 20):
-                    out.update(block)
+            out.update(file.read_bytes())
         except OSError as error:
             raise ScenarioError(f"cannot be read: {error.strerror}", place=str(file)) from None
     return UserPart(path.name, out.hexdigest())
@@ -175,9 +173,6 @@ def find(name: str, folder: Path | None, place: str) -> str:
 
 def identified(scenario: Any) -> Any:
     """Return the Scenario with the digest of each of its files. Raises ScenarioError where one is not what it means."""
-    own = scenario.law.file or scenario.actuators or scenario.detectors.model_extra
-    if not own and ships(scenario.flight.aircraft):
-        return scenario
     table, stamped = scenario.model_dump(mode="python", exclude_none=True), False
     for at in places(table):
         where, wanted = f"{at.name} = {at.table[at.key]}", at.table.get(at.digest)

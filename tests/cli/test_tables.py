@@ -68,7 +68,7 @@ def test_compare_shows_every_column_whole(width):
 
 @pytest.mark.parametrize("width", [80, 100])
 def test_a_run_shows_names_and_delays_whole_in_25_lines_and_with_details_says_which_columns_are_left_out(width):
-    scenario = cosim.load_scenario("liquid-ofc", ["duration_s=3", "faults.0.start_s=1"])
+    scenario = cosim.load_scenario("liquid-ofc")
     found = cosim.simulate(scenario).to_dict()
     text = printed(flight.shown(found | {"log": "logs/liquid-ofc.mcap"}, scenario), width)
     assert "…" not in text and re.search(r"iotsekf +left inner +\d\.\d\d +\d\.\d\d", text)

@@ -274,8 +274,9 @@ def test_what_gusts_from_the_side_make_of_a_roll_is_no_more_than_the_doubt_about
     u["alpha_ground_valid"], u["v_ground_valid"] = 1.0, 1.0
     u["v_ground"], u["p"], u["beta"], u["n_z"] = 150.0, -0.14, 0.026, 1.0  # a vane in a gust of 4 m/s, a level path
     x["learned"], x["rough"] = 1.0, (2.0 / 150.0) ** 2
+    p = control_redundancy.fitted(site(0.005))[0]
     for _ in range(2000):
-        core.accelerometers(x, u, control_redundancy.fitted(site(0.005))[0], 0.005)
+        core.accelerometers(x, u, p, 0.005)
     assert 0.05 < abs(x["bias"][1]) < x["doubt"][1] < 3.0 * abs(x["bias"][1]) and x["doubt"][0] == 0.0
 
 

@@ -55,7 +55,7 @@ def test_the_bank_is_least_squares_over_two_periods():
             assert (x.bank_cos[0, k], x.bank_sin[0, k]) == pytest.approx(fit[:2] / p.bank_loss[k], rel=1e-9, abs=1e-15)
 
 
-@pytest.mark.parametrize("hz", [0.5, 0.6, 1.0, 2.0, 3.3, 5.0, 7.0, 10.0])
+@pytest.mark.parametrize("hz", [0.5, 0.6, 2.0, 3.3, 10.0])
 def test_amplitude_and_agreement_of_a_sinusoid(hz):
     t = np.arange(1400) * DT
     x, p = feed(0.3 * np.sin(2 * np.pi * hz * t) + 0.2 + 0.1 * t)

@@ -1,17 +1,13 @@
 """Every mistake of a user's file is named at once, each with its line, or with the override that made it."""
 
 import pickle
-import tomllib
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from cosim.campaign.spec import load_campaign
 from cosim.errors import CosimError
 from cosim.replay.map_file import load_map
 from cosim.scenario import load_scenario
-from cosim.scenario.toml import inline
 from cosim.texts import toml_lines
 
 SCENARIO = """\
@@ -87,31 +83,6 @@ def test_a_map_names_every_mistake_with_its_line(tmp_path):
     path = tmp_path / "map.toml"
     path.write_text("rate_hz = 3\ntilte = 'x'\n[signals]\nalpha = { channel = 'a', unt = 'deg' }\n")
     assert [line.split(": ")[0] for line in lines(load_map, path)] == [f"{path}:{n}" for n in (1, 2, 4)]
-
-
-KEY = st.text(min_size=1, max_size=5)
-VALUE = st.recursive(
-    st.integers(-9, 9) | st.text() | st.booleans() | st.floats(allow_nan=False),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(KEY, inner, max_size=3),
-    max_leaves=8,
-)
-
-
-def keys(value, path=()):
-    """Yield the path of every key and list entry of nested tables."""
-    if path:
-        yield path
-    for key, inner in value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ():
-        yield from keys(inner, (*path, str(key)))
-
-
-@settings(deadline=None, max_examples=50)
-@given(st.dictionaries(KEY, VALUE, max_size=4))
-def test_every_key_of_a_file_has_a_line(table):
-    text = "\n".join(inline({key: value})[1:-1] for key, value in table.items())
-    found = toml_lines(text)
-    assert found.keys() == set(keys(tomllib.loads(text)))
-    assert [found[(key,)] for key in table] == list(range(1, len(table) + 1))
 
 
 def test_keys_below_headings_and_in_long_values_have_their_line():
