@@ -21,6 +21,8 @@ def command(*args):
 @pytest.fixture(scope="module")
 def disk(tmp_path_factory):
     """Return a file system of 4 MB of its own."""
+    if shutil.which("mount") is None:
+        pytest.skip("no mount")
     path = tmp_path_factory.mktemp("disk")
     told = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=4m", "tmpfs", path], capture_output=True, text=True)
     if told.returncode:

@@ -15,7 +15,7 @@ SHORT = ["duration_s=3", "detectors.enabled=['iotsekf']"]
 @pytest.fixture(scope="module")
 def flown():
     inputs = [f"iotsekf_in.left_inner.{n}" for n in iotsekf.INPUTS.names]
-    own = ["iotsekf.left_inner.f_hat", "iotsekf.left_inner.r", "iotsekf.left_inner.bank_cos[0]"]
+    own = ["iotsekf.left_inner.f_hat", "iotsekf.left_inner.r", "iotsekf.left_inner.own_ratio[0]"]
     return cosim.fly(cosim.load_scenario("liquid-ofc", SHORT), ["truth.aircraft.nz", "sensors.q.y_obs", *inputs, *own])
 
 

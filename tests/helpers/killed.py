@@ -53,5 +53,7 @@ def grown(path, size=1):
 
 
 def heeds_ctrl_c():
-    """Undo in a child, as its `preexec_fn`, what a shell does to its background jobs: they ignore SIGINT."""
+    """Undo in a child, as its `preexec_fn`, what shells do to their jobs: in the background they ignore SIGINT, under
+    nohup SIGHUP."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
