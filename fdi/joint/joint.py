@@ -15,7 +15,7 @@ alarm that comes while its lane is not valid is not heard, one that came before 
 
 `joint` alarms while a lane does; a name is given when what is heard has stood for SETTLE. The culprit is the finest
 name that holds SURE of the probability, the verdict the class that holds SURE_CLASS of the probability of that name,
-else AMBIGUOUS; `p` is the probability of the culprit.
+else AMBIGUOUS, as it is while every lane says so; `p` is the probability of the culprit.
 """
 
 import functools
@@ -66,6 +66,7 @@ STATE = dtype([
     ("p", "f8", "-"),  # probability of the culprit, 0 while none is named
     ("stood", "f8", "s"),  # time since anything new was heard
     ("heard", "f8", (NL,)),  # token of each lane, 0 silent, -1 where it says nothing
+    ("named", "f8"),  # 1 while a lane that alarms names a class
     ("weight", "f8", (NH,)),  # of each hypothesis
     ("share", "f8", (NN,)),  # of each name
     ("class_share", "f8", (NC,)),  # of each class within the culprit
@@ -202,7 +203,7 @@ def _weigh(x, p):
 
 @kernel
 def _name(x, p):
-    """Name the finest place that holds SURE, and the class that holds SURE_CLASS of it."""
+    """Name the finest place that holds SURE, and the class that holds SURE_CLASS of it, where a lane names any."""
     x.culprit, x.p, held = 0.0, 0.0, 1.0
     for level in range(NLEVEL):
         for n in range(NN):
@@ -222,14 +223,14 @@ def _name(x, p):
             x.class_share[int(p.verdict[h])] += x.weight[h]
     x.verdict = AMBIGUOUS
     for c in range(NC):
-        if x.class_share[c] >= SURE_CLASS * held:
+        if x.class_share[c] >= SURE_CLASS * held and x.named > 0.5:
             x.verdict = float(c)
 
 
 @kernel
 def step(x, u, p, dt):
     """Hear the lanes; where what they say has settled, weigh all hypotheses."""
-    new, x.valid, x.r = False, 0.0, 0.0
+    new, x.valid, x.r, x.named = False, 0.0, 0.0, 0.0
     for i in range(NL):
         if p.use[i] > 0.5:
             t = _said(x, u, p, i)
@@ -237,6 +238,8 @@ def step(x, u, p, dt):
             x.heard[i] = t
             x.valid = max(x.valid, 1.0 if u.valid[i] > 0.5 else 0.0)
             x.r += 1.0 if t > 0.0 else 0.0
+            if t > 0.0 and u.verdict[i] != NONE and u.verdict[i] != AMBIGUOUS:
+                x.named = 1.0
     settled = not new and x.stood < SETTLE <= x.stood + dt
     x.stood = 0.0 if new else x.stood + dt
     if x.r == 0.0:
