@@ -54,7 +54,7 @@ class Setup:
 
     @property
     def notes(self) -> list[str]:
-        """Return sentences about parts of the user's that did not do what a detector, or a law, does."""
+        """Return a sentence per user's detector or law that was dropped, or whose answer was not used."""
         return [line for block in (self.loop.law, *self.loop.detectors) for line in getattr(block.rollout, "notes", ())]
 
     @property

@@ -1,4 +1,4 @@
-"""Detectors of the user's: from a file or a folder, or a program.
+"""User detectors, from a file, a folder or a program.
 
 A user's detector, called a guest, is a plain Python class (`detector.py`), a block as ours are (actuators/block.py), or
 a fitted model over a window of signals (`window.py`). It comes from a file that a scenario or a command line names,

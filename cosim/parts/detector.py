@@ -1,4 +1,4 @@
-"""A detector of the user's: what a plain Python class must have, its record, and how it becomes a block.
+"""A user detector: what a plain Python class must have, its record, and how it becomes a block.
 
     class Parity:
         id, level, technologies = "parity", "local", ("hydraulic",)   # level "aircraft": no technologies
@@ -51,7 +51,7 @@ _KEYS = {"r", "alarm", "verdict", "culprit", "estimate", "valid"}
 
 
 class GuestError(CosimError):
-    """A user's detector that is none, or a file that is not the one that was meant."""
+    """A class or module that keeps no detector's contract, or a file whose digest differs from the logged one."""
 
 
 class Nonsense(Exception):

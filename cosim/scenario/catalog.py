@@ -109,7 +109,7 @@ ENGINE_KINDS = {"thrust_loss": Kind("thrust falls by a share", LOSS, exclusive="
 _ALWAYS = ("ofc_liquid", "ofc_solid", "bias", "runaway")  # they enter with a command
 
 TECHNOLOGIES: dict[str, Technology] = {}
-USERS: set[str] = set()  # of these, those of the user's that a scenario names
+USERS: set[str] = set()  # of these, the user actuators that a scenario names
 ACTUATOR_SENSORS: dict[str, tuple[Unit, ...]] = {}  # sensor of an actuator -> units of its faults and settings
 SENSORS_OF: dict[str, tuple[str, ...]] = {}  # technology -> sensors that may fail
 LOOP_SENSOR: dict[str, str] = {}  # technology -> the sensor that closes its position loop
@@ -117,8 +117,8 @@ ELEVATOR_KINDS: dict[str, Kind] = {}
 
 
 def register(technology: Technology, *, users: bool = False) -> None:
-    """Let scenarios name `technology`, its sensors and its kinds of fault; ValueError where it contradicts another. One
-    of the user's (`users`) is that scenario's alone."""
+    """Let scenarios name `technology`, its sensors and its kinds of fault; ValueError where it contradicts another.
+    With `users` it is a user's, and known to the scenario that names it alone."""
     for name, sensor in technology.sensors.items():
         if ACTUATOR_SENSORS.get(name, sensor.units) != sensor.units:
             raise ValueError(f"sensor {name!r} of {technology.name!r} has other units than another technology's")

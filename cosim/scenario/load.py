@@ -197,7 +197,7 @@ def _walk(root, loc):
             continue
         model = inner[0] if inner else None
         field = model.model_fields.get(part) if model else None
-        inner = _models(field.annotation) if field else inner  # else a name of the user's, or a place in a list
+        inner = _models(field.annotation) if field else inner  # else a name that the user gave, or a place in a list
     return model, field
 
 

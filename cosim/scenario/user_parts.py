@@ -1,4 +1,4 @@
-"""Files and folders of the user's that a scenario names: detectors, law, actuators, models, an aircraft.
+"""User files and folders that a scenario names: detectors, law, actuators, models, an aircraft.
 
 A part is a file or a folder. Its digest is over what lies there, hidden files and compiled code left out; what its code
 reads from elsewhere is not in the digest. Name and digest say which part is meant, on every machine; where it lies is
@@ -34,7 +34,7 @@ _loaded: dict[Path, tuple[str, ModuleType]] = {}  # path -> its digest when it w
 
 
 class UserPart(NamedTuple):
-    """Which part of the user's is meant: its name, the SHA-256 of what lies there."""
+    """A user part by its name and the SHA-256 of what lies there."""
 
     name: str
     sha256: str

@@ -7,6 +7,7 @@ import shutil
 
 import numpy as np
 import pytest
+from watched import watched as of_flight
 
 import cosim
 from actuators.constants import RAD_PER_DEG
@@ -226,11 +227,8 @@ def cruising(*told):
     return fly(load_scenario("cruise", ["detectors.enabled=[]", "manoeuvre.kind=cruise", *told]), WIRES.values())
 
 
-def heard(frame, **parameters):
-    p = control_redundancy.fitted(site(frame.attrs["dt"]))
-    for name, value in parameters.items():
-        p[name] = value
-    return detect(frame, control_redundancy, WIRES, p, ("valid", "why", "alarm", "learned", "culprit", "verdict"))
+SAID = ("valid", "why", "alarm", "learned", "culprit", "verdict")
+heard = functools.partial(of_flight, control_redundancy, fields=SAID)
 
 
 @pytest.fixture(scope="module")

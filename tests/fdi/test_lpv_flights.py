@@ -1,15 +1,17 @@
 """The scheduled observer in flight: boxes, three verdicts at once, noise in still air, gusts, wind, long flights."""
 
+import functools
 import math
 
 import numpy as np
 import pytest
+from watched import watched as of_flight
 
 from actuators.constants import RAD_PER_DEG
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import sources
-from cosim.flight.loop.signals import detect, fly
+from cosim.flight.loop.signals import fly
 from cosim.scenario import load_scenario
 from cosim.scenario.aircraft import load_aircraft
 from cosim.training.flights import POINT, TURBULENCE, draw, scenario, trimming
@@ -39,11 +41,7 @@ def flown(*changes):
     return fly(load_scenario("cruise", ["detectors.enabled=[]", "flight.turbulence=none", *changes]), WIRES.values())
 
 
-def watched(frame, **parameters):
-    p = lpv_smo.fitted(site(frame.attrs["dt"]))
-    for name, value in parameters.items():
-        p[name] = value
-    return detect(frame, lpv_smo, WIRES, p, FIELDS)
+watched = functools.partial(of_flight, lpv_smo, fields=FIELDS)
 
 
 @pytest.fixture(scope="module")

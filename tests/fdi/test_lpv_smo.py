@@ -17,14 +17,14 @@ from fdi.lpv_smo import lpv_smo, synthesis
 from fdi.lpv_smo import model as lpv_model
 
 M = np.array([[1.0, 0, 0, 0, 0], [0, 0, 0, 1.0, 0]]).T  # (36)
-MODEL, DESIGN = synthesis.load()
+MODEL, STORED = synthesis.load()
 E = np.array(POINTS["E"], float)
 FREE = np.array([1.0, 0.0, 1.0, 1.0, 1.0])  # of the altitude
 
 
 def run(u, **options):
     """Return the log (tick,) of the stored design over INPUTS (1, tick)."""
-    p = lpv_smo.params(model=MODEL, made=DESIGN, **options)
+    p = lpv_smo.params(model=MODEL, made=STORED, **options)
     log = np.zeros(u.shape, lpv_smo.STATE)
     lpv_smo.rollout(lpv_smo.init(p), u, p, 0.005, log)
     return log[0]
@@ -48,9 +48,9 @@ def test_sensor_noise_does_not_saturate_the_injection():
 
 
 def test_the_stored_design_verifies_and_a_spoilt_one_does_not():
-    assert synthesis.verify(DESIGN)["ok"]
-    assert not synthesis.verify(dataclasses.replace(DESIGN, gamma=0.5 * DESIGN.gamma))["ok"]
-    assert not synthesis.verify(dataclasses.replace(DESIGN, L=-DESIGN.L))["ok"]
+    assert synthesis.verify(STORED)["ok"]
+    assert not synthesis.verify(dataclasses.replace(STORED, gamma=0.5 * STORED.gamma))["ok"]
+    assert not synthesis.verify(dataclasses.replace(STORED, L=-STORED.L))["ok"]
 
 
 def test_the_implicit_step_solves_its_own_equation():
@@ -110,9 +110,9 @@ def test_what_is_constant_may_be_one_matrix_and_no_feedthrough_none():
 
 def test_a_stored_design_comes_back_and_one_of_another_model_or_aircraft_is_refused(tmp_path):
     path = tmp_path / "lpv_smo.json"
-    synthesis.save(MODEL, DESIGN, path)
+    synthesis.save(MODEL, STORED, path)
     model, back = synthesis.load(path)
-    np.testing.assert_array_equal(back.L, DESIGN.L)
+    np.testing.assert_array_equal(back.L, STORED.L)
     assert synthesis.verify(back)["ok"] and model.states == MODEL.states
     held = json.loads(training.STORED.read_text())
     assert designs.check("lpv_smo") == ""
@@ -166,7 +166,7 @@ def test_a_model_without_scheduling_is_designed_too():
 
 def test_a_declared_fault_stands_until_its_estimate_is_well_below_the_threshold():
     """An estimate that hovers about its threshold is one fault, not many; one that is gone ends its alarm."""
-    p = lpv_smo.params(model=MODEL, made=DESIGN)[0]
+    p = lpv_smo.params(model=MODEL, made=STORED)[0]
     x = lpv_smo.init(np.array([p]))[0]
 
     def declared(f, seconds):
@@ -189,7 +189,7 @@ def test_the_weights_of_a_grid_are_those_of_the_trapezoidal_rule():
 
 
 def test_half_periods_on_either_side_of_a_pause_are_not_counted_together():
-    x = lpv_smo.init(lpv_smo.params(model=MODEL, made=DESIGN))[0]
+    x = lpv_smo.init(lpv_smo.params(model=MODEL, made=STORED))[0]
     x.half, x.sign, x.since = 2.0, 1.0, 0.1
     lpv_smo._silent(x, 3.0)
     assert x.half == 0.0

@@ -1,4 +1,4 @@
-"""What a detector of the user's keeps: `cosim check` asks it, `cosim new` writes it, one that does not is refused."""
+"""The contract of a user detector: `cosim check` tests it, `cosim new` writes one, others are refused."""
 
 import runpy
 import timeit
