@@ -20,12 +20,12 @@ DIGESTS = """
 import json, sys
 from pathlib import Path
 from actuators import source_hash
-from cosim.campaign import engine
+from cosim.campaign import store
 
 def digests():
-    for cached in (engine.fingerprint, source_hash._source, source_hash.sources):
+    for cached in (store.fingerprint, source_hash._source, source_hash.sources):
         cached.cache_clear()
-    return engine.fingerprint()["digest"], source_hash.sources()
+    return store.fingerprint()["digest"], source_hash.sources()
 
 out = {"": digests()}
 for name in sys.argv[1:]:

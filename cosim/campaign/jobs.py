@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from cosim.campaign.engine import fingerprint
 from cosim.campaign.pool import finished
+from cosim.campaign.store import fingerprint
 
 Job = tuple[Callable, dict]
 

@@ -222,7 +222,7 @@ def of_logs(
 
 def of_campaign(folder: str | Path) -> tuple:
     """Return (rows per lane, timing, {run: TOML}, title) of a campaign's folder. Raises CampaignError."""
-    from cosim.campaign.engine import load
+    from cosim.campaign.store import load
 
     frame, timing, tomls, about = load(folder)
     for entry in log_schema.guests(json.dumps(about.get("guests", [])).encode(), str(folder)):

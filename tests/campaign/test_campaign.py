@@ -13,9 +13,10 @@ import pytest
 import worker_calls
 from worker_calls import flights, square
 
-from cosim.campaign import engine, pool, worker
-from cosim.campaign.engine import flatten, load, run_many
+from cosim.campaign import engine, pool, store, worker
+from cosim.campaign.engine import run_many
 from cosim.campaign.jobs import work
+from cosim.campaign.store import flatten, load
 from cosim.errors import CampaignError, OutputError
 from cosim.flight.faults import fault_free_reference
 from cosim.scenario import load_scenario
@@ -78,7 +79,7 @@ def test_rows_of_other_code_do_not_mix(tmp_path):
         run_many(flights(2), workers=0, out=tmp_path)
 
 
-@pytest.mark.parametrize("name", [*engine.FILES, "parts/mine.parquet"])
+@pytest.mark.parametrize("name", [*store.FILES, "parts/mine.parquet"])
 def test_a_folder_with_a_foreign_file_stays_as_it_is(name, tmp_path):
     (tmp_path / name).parent.mkdir(exist_ok=True)
     (tmp_path / name).write_text('{"name": "mine"}')
@@ -111,10 +112,10 @@ def test_a_damaged_file_is_named_and_its_runs_fly_again(tmp_path):
 SCRIPT = """
 import sys
 sys.path[:0] = [{root!r}, {helpers!r}]
-from cosim.campaign import engine
+from cosim.campaign import engine, store
 from worker_calls import flights
 def main():
-    engine.FLUSH_RUNS = 4
+    store.FLUSH_RUNS = 4
     engine.run_many(flights(10), workers=2, out={out!r}, progress=lambda done, total: print(done, flush=True))
 """
 GUARD = 'if __name__ == "__main__":\n    main()\n'
@@ -231,7 +232,7 @@ def test_a_folder_says_what_was_flown_with_what_and_what_it_took(flown, tmp_path
     pd.testing.assert_frame_equal(rows, flown[0].frame, check_dtype=False)
     assert (told["runs"], told["rows"]) == (rows["run"].nunique(), len(rows)) == (len(tomls), 31)
     assert told["seeds"] == [rows["seed"].min(), rows["seed"].max()]
-    assert told["digest"] == engine.fingerprint()["digest"]
+    assert told["digest"] == store.fingerprint()["digest"]
     assert told["sha256"]["runs.parquet"] == hashlib.sha256((flown[1] / "runs.parquet").read_bytes()).hexdigest()
     took = timing["core_s"].dropna()
     assert told["flights_per_core_s"] == pytest.approx(len(took) / took.sum()) and 0.01 < took.median() < 60.0
@@ -242,7 +243,7 @@ def test_a_folder_says_what_was_flown_with_what_and_what_it_took(flown, tmp_path
 def test_a_run_that_was_flown_again_counts_once():
     rows = [("a", 0, "crashed"), ("b", 0, "error"), ("c", 0, "infeasible"), *[("a", i, "completed") for i in (0, 1, 1)]]
     found = pd.DataFrame(rows, columns=["run", "lane", "status"]).assign(fault=None)
-    told = engine._joined(pd.DataFrame({"run": ["a", "b", "c"], "order": [0, 1, 2]}), found)
+    told = store.joined(pd.DataFrame({"run": ["a", "b", "c"], "order": [0, 1, 2]}), found)
     assert list(told["run"] + told["status"]) == ["acompleted", "acompleted", "berror", "cinfeasible"]
 
 
