@@ -1,5 +1,6 @@
 """A flight as its log tells it: scenario, signals, detector lanes with their judgement, and what they estimate."""
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -59,6 +60,9 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
+TOGETHER = 32  # chunks of a log that are read at once: a few megabytes
+
+
 class LoggedFlight:
     """The content of one log. `values(topic, field)` is a column, NaN where there is none.
 
@@ -108,8 +112,9 @@ class LoggedFlight:
             return self._arrays[topic]
         info, at = self.log.topics[topic], 0
         rows = column_store(info.rows, len(info.fields))
-        for a, n in self.log.spans:
-            part = self.log.array(topic, start_s=a * self.dt, end_s=(a + n) * self.dt)
+        starts = [k for k, _ in self.log.spans[::TOGETHER]]
+        for first, end in itertools.zip_longest(starts, starts[1:]):
+            part = self.log.array(topic, start_s=first * self.dt, end_s=None if end is None else end * self.dt)
             rows[at : (at := at + len(part))] = part
             release(rows)
         return rows
