@@ -92,7 +92,7 @@ def tested(log: np.ndarray, rate: np.ndarray, p: Any) -> dict[str, list]:
     out[LOAD] = [np.abs(log["x_hat"][:, 5]) / (0.5 * p["load_max"]), 1.0]
     out["friction"] = [np.maximum(log["r_friction"], 0.0), 1.0]
     rows = log.view(np.recarray)  # whose elements a kernel takes in plain Python, too
-    power = np.stack([[sensor_noise.power(x, k) for x in rows] for k in range(sensor_noise.N)])
+    power = np.stack([[sensor_noise.power.compiled(x, k) for x in rows] for k in range(sensor_noise.N)])
     out["current"] = [np.sqrt(power[3]) / sensor_noise.TH_CURRENT, 1.0]
     return out | {name: [np.sqrt(row), 1.0] for name, row in zip(ROUGH, power[:3], strict=True)}
 

@@ -131,7 +131,7 @@ def survey_ofc_monitor(recorded: Any) -> dict[str, np.ndarray]:
         while high - low > 1:
             middle = (low + high) // 2
             p["threshold"] = GRID[middle]
-            counts = any(_counts(ofc_monitor.init(p)[0], p[0], b, own["off"], own["ref_peak"][:, b],
+            counts = any(_counts.compiled(ofc_monitor.init(p)[0], p[0], b, own["off"], own["ref_peak"][:, b],
                                  np.maximum(own["unknown"], own["limited"]), DT) for own in log)  # fmt: skip
             low, high = (middle, high) if counts else (low, middle)
         out[b, k] = GRID[low] if low >= 0 else 0.0

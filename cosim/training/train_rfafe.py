@@ -84,7 +84,7 @@ def survey(recorded: Any, name: str, p: Any) -> list:
     """
     log = drawn.estimate(recorded, name, p)
     out = np.zeros((40 * len(log), 5))  # at most a few fits a tick
-    fits = out[: _fits(log, p[0], out)]
+    fits = out[: _fits.compiled(log, p[0], out)]
     step = (p["bank_block"][0][p["bank_level"][0].astype(int)] * p["bank_stride"][0]).astype(int)
     hits = int(p["hits"][0]) - SPARE
     runs, whatever = np.zeros((len(SHARES), bank.K)), np.zeros((len(SHARES), bank.K))

@@ -184,7 +184,7 @@ def drift(x, u, p, dt):
     change = lateral - x.lateral if vane and x.vane > 0.5 else veer * dt
     blown = math.exp(-dt / BLOWN_S) * (x.blown + veer * dt - change)
     x.across += blown - x.blown
-    x.across_var = max(x.across_var, 0.25 * blown * blown)
+    x.across_var = max(x.across_var, 0.25 * blown * blown)  # the side force is left out: half of it may be wrong
     x.blown, x.lateral, x.vane = blown, lateral, 1.0 if vane else 0.0
     x.side = math.atan((lateral + cp * x.across) / speed)
     x.spin += c * (roll * math.cos(x.over) + yaw * math.sin(x.over) - x.spin)
