@@ -127,7 +127,7 @@ def flights(tmp_path_factory):
     """Return open logs of short flights: hydraulic, electric with detectors of the aircraft, and a user's detector."""
     home = tmp_path_factory.mktemp("doors")
     short = ["duration_s=0.5", "faults.0.start_s=0.2", "elevator.feedback=measured"]
-    own = Path(__file__).parent / "data" / "guests" / "counting.py"
+    own = Path(__file__).parent / "data" / "user_parts" / "counting.py"
     flown = [
         cosim.load_scenario("liquid-ofc", [*short, "detectors.enabled=['iotsekf']"]),
         cosim.load_scenario("cruise", [short[0], "detectors.enabled=['ema_kalman', 'kinematic', 'ofc_monitor']"]),

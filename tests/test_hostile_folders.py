@@ -75,7 +75,7 @@ def test_conditions():
 @pytest.mark.slow
 def test_detectors_and_actuators_of_ones_own(tmp_path):
     here = Path(__file__).parent / "data"
-    sources = [p.read_text() for p in (*(here / "guests").glob("counting.py"), here / "template_detector.py")]
+    sources = [p.read_text() for p in (*(here / "user_parts").glob("counting.py"), here / "template_detector.py")]
 
     def detector(rng):
         path = tmp_path / "guest.py"
