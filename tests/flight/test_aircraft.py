@@ -88,7 +88,7 @@ def test_six_points_have_more_than_1_3_g(name):
 def _pulled(plant, trim, alpha, elevator):
     plant.place(
         tas=trim.tas, alpha=alpha, theta=alpha, altitude=trim.altitude, q=0.3 * 9.81 / trim.tas,
-        surfaces=surfaces_at(plant.border, trim.stabilizer, trim.throttle, elevator),
+        surfaces=surfaces_at(plant.border, trim.stabilizer, trim.throttle, elevator=elevator),
     )  # fmt: skip
     t = plant.truth()[0]
     return t.nz * math.cos(alpha) + t.nx * math.sin(alpha), t.qdot

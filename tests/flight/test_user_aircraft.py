@@ -34,9 +34,11 @@ def test_an_edited_folder_is_read_again_in_the_same_process_and_a_wrong_one_refu
     record.write_text(record.read_text().replace(f'title = "{first.title}"', 'title = "Another"'))
     aero.write_text(aero.read_text().replace("<v> -0.02", "<v> -0.03"))
     assert load_aircraft(str(folder)).title == "Another" and force_model(folder) is not model
-    record.write_text(record.read_text().replace("engines = 4", "engines = 40"))
+    text = record.read_text()
+    record.write_text(text.replace("engines = 4", "engines = 40"))
     with pytest.raises(ScenarioError, match=r"own/aircraft\.toml: engines"):
         cosim.load_scenario("cruise", [f"flight.aircraft={folder}"])
+    record.write_text(text)
     (folder / "own.xml").unlink()
     with pytest.raises(ScenarioError, match=r"own: there is no own\.xml, its JSBSim model"):
         load_aircraft(str(folder))
