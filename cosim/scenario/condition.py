@@ -27,58 +27,60 @@ TIME = "t"
 OF_FAULT = re.compile(r"fault\.(\d{1,4})\.(active|since)")
 LONGEST = 2000  # characters
 COMPARE: dict[type, Callable] = {ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge}
-_SIGNAL = re.compile(r"[A-Za-z_][\w.\[\]]*")
-_JOIN = re.compile(r"\b(and|or)\b", re.IGNORECASE)
-_FAULT = re.compile(r"\bfault\.(?=\d)")  # what follows becomes a name of Python's
+_SIGNAL = re.compile(r"(?<![\w.])[A-Za-z_][\w.\[\]]*")
 
 
 @dataclass(frozen=True)
 class Condition:
-    """Comparisons as a syntax tree."""
+    """Comparisons as a syntax tree, in which the signal of number n is the name `_n`."""
 
+    names: tuple[str, ...]
     tree: ast.expr
 
     def true(self, values: "Mapping[str, np.ndarray]") -> "np.ndarray":
         """Return at which ticks it holds (ticks,), from {signal: values (ticks,)}."""
-        return _true(self.tree, values)
+        return self._true(self.tree, values)
+
+    def _true(self, node, values):
+        if isinstance(node, ast.BoolOp):
+            join = operator.and_ if isinstance(node.op, ast.And) else operator.or_
+            return functools.reduce(join, (self._true(part, values) for part in node.values))
+        return COMPARE[type(node.ops[0])](values[self.names[int(node.left.id[1:])]], _number(node.comparators[0]))
 
     def signals(self) -> tuple[str, ...]:
         """Return the names of its signals."""
-        return tuple(dict.fromkeys(_name(node) for node in ast.walk(self.tree) if isinstance(node, ast.Compare)))
-
-
-def _name(node):
-    return ast.unparse(node.left).replace("fault._", "fault.")
-
-
-def _true(node, values):
-    if isinstance(node, ast.BoolOp):
-        join = operator.and_ if isinstance(node.op, ast.And) else operator.or_
-        return functools.reduce(join, (_true(part, values) for part in node.values))
-    return COMPARE[type(node.ops[0])](values[_name(node)], _number(node.comparators[0]))
+        return tuple(dict.fromkeys(self.names))
 
 
 def condition(text: str) -> Condition:
     """Return the condition that `text` says. Raises ScenarioError with what is wrong."""
+    names: list[str] = []
+
+    def numbered(word):
+        if word[0].lower() in ("and", "or"):
+            return word[0].lower()
+        names.append(word[0])
+        return f"_{len(names) - 1}"
+
     try:
         if len(text) > LONGEST or "#" in text:  # a comment of Python's
             raise ValueError
-        python = _FAULT.sub("fault._", _JOIN.sub(lambda word: word[0].lower(), " ".join(text.split())))
-        tree = ast.parse(python, mode="eval").body
+        tree = ast.parse(_SIGNAL.sub(numbered, " ".join(text.split())), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise _wrong("is no condition") from None
-    _check(tree)
-    return Condition(tree)
+    _check(tree, names)
+    return Condition(tuple(names), tree)
 
 
-def _check(node):
+def _check(node, names):
     if isinstance(node, ast.BoolOp):
         for part in node.values:
-            _check(part)
+            _check(part, names)
         return
     compares = isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in COMPARE
-    if not compares or not _SIGNAL.fullmatch(name := _name(node)):
+    if not compares or not isinstance(node.left, ast.Name):
         raise _wrong("a part is no comparison of a signal with a number")
+    name = names[int(node.left.id[1:])]
     if _number(node.comparators[0]) is None:
         raise _wrong(f"{name} is not compared with a number")
     if name.startswith("fault.") and not OF_FAULT.fullmatch(name):
@@ -100,7 +102,7 @@ def _number(node):
         value = ast.literal_eval(node)
     except ValueError:
         return None
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+    return float(value) if isinstance(value, int | float) else None
 
 
 def other_fault(name: str) -> int | None:
