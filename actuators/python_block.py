@@ -23,6 +23,7 @@ class PythonBlock:
         self._lanes: list[Step] = []
         self.steps, self.seconds = 0, 0.0
         self.notes: list[str] = []  # what is to be said about the part
+        self.dropped: list[int] = []
 
     def __call__(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: np.ndarray | None = None) -> None:
         """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
@@ -37,15 +38,17 @@ class PythonBlock:
                 except KeyboardInterrupt:
                     raise
                 except BaseException as error:  # whatever user code raises
-                    self._lanes[i:] = [self._dropped(self._failed(i, t, error)), *self._lanes[i + 1 :]]
+                    self._lanes[i : i + 1] = [_quiet(self._failed(i, t, error))]
+                    self.dropped.append(i)
                     self._lanes[i](t, rows[i], given[i, k])
             if log is not None:
                 log[:, k] = x
             self.steps += 1
 
-    @staticmethod
-    def _dropped(state):
-        return lambda t, x, u: x.__setitem__(..., state)
+
+def _quiet(state):
+    """Return the step of a dropped lane."""
+    return lambda t, x, u: x.__setitem__(..., state)
 
 
 def of_rollout(rollout: Callable[..., Any], STATE: Any, INPUTS: Any, failed: Callable[..., Any]) -> PythonBlock:
