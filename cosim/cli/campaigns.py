@@ -135,17 +135,14 @@ def compare(
 
 
 def compared(found: dict) -> Group:
-    """Return the table of a comparison: `found` is the JSON of `cosim compare`."""
-    from cosim.compare.tables import by_level, detectors, pairs, predictive  # `--help` needs no pandas
+    """Return what a comparison says: `found` is the JSON of `cosim compare`."""
+    from cosim.compare.tables import detectors, pairs, predictive  # `--help` needs no pandas
 
     lost = f"; {found['failed']} could not be flown" if found["failed"] else ""
-    why = [f"{d['id']} not valid: {d['why_not_valid']}" for d in found["detectors"]
-           if d["not_valid"] and d["why_not_valid"]]  # fmt: skip
     parts: list[Any] = [Text(f"{found['runs']} flights, {found['source']}{lost}")]
-    parts += [pairs(found["pairs"])] if found.get("pairs") else []
-    parts += [detectors(found["detectors"]), *(Text(line, "dim") for line in why)]
-    parts += [by_level(found["levels"])] if any(d["level"] == "both" for d in found["detectors"]) else []
-    parts += [predictive(found["predictive"])] if found.get("predictive") else []
+    parts += [pairs(found["pairs"])] if found["pairs"] else []
+    parts += [detectors(found["detectors"]), Text(found["headline"])]
+    parts += [predictive(found["predictive"])] if found["predictive"] else []
     return Group(*parts, *(whole(f"{key:<7}{found[key]}") for key in ("report", "table") if found[key]))
 
 

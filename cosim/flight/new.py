@@ -70,7 +70,7 @@ def shadows(name: str) -> bool:
 
 def _aircraft(name, numbers):
     """Return the files of an aircraft that is estimated from its dimensions."""
-    from cosim.flight.plant.aero.estimate import build
+    from cosim.flight.plant.estimate import build
 
     record = load_record(str(numbers.parent)).model_copy(update={"name": name})
     made = build(record, numbers) | _records(numbers.parent) | {"numbers.toml": numbers.read_text("utf-8")}

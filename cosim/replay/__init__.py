@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from actuators.block import Entry
-from actuators.precompile import compile_ahead, cores
+from actuators.kernels import compile_ahead, cores
 from cosim.errors import told_at_call
 from cosim.judge.detection import JudgedLane, Said, outputs_read
 from cosim.judge.result import entry_of, judged, plain

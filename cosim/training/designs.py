@@ -22,7 +22,7 @@ from actuators.hydraulic import actuator as hydraulic
 from actuators.hydraulic import servo
 from cosim.files import replace_text
 from cosim.flight.detection import stored_designs
-from cosim.flight.plant.aero.functions import numbers_digest
+from cosim.flight.plant.aero_functions import numbers_digest
 from cosim.scenario.aircraft import load_aircraft
 from fdi.common import compact
 

@@ -40,7 +40,7 @@ def logs(flights, tmp_path_factory):
 def test_a_flight_that_ends_before_its_fault_counts_as_one_without(tmp_path):
     change = ["duration_s=3", "faults.0.start_s=5", CHOSEN]
     simulate(load_scenario("liquid-ofc", change), log=tmp_path / "short.mcap")
-    rows = compare_rows.tidy(*compare_rows.of_logs([tmp_path / "short.mcap"]))
+    rows = compare_rows.tidy(*compare_rows.of_logs([tmp_path / "short.mcap"])[:2])
     assert len(rows) == 3 and not rows["concerned"].any() and rows[["case", "outcome"]].isna().all(axis=None)
 
 
@@ -49,7 +49,7 @@ def test_logs_give_the_rows_of_a_campaign_of_the_same_flights(flights, logs):
     frame, tomls = result.frame, {run_id(s): s.expanded_toml() for s in flights}
     by = ["run", "id"]
     flown = compare_rows.tidy(frame, tomls).sort_values(by, ignore_index=True)
-    read = compare_rows.tidy(*compare_rows.of_logs(logs)).sort_values(by, ignore_index=True)
+    read = compare_rows.tidy(*compare_rows.of_logs(logs)[:2]).sort_values(by, ignore_index=True)
     keys = ["case", "id", "level", "lanes", "word", "concerned", "detected", "isolated_class", "outcome"]
     keys.append("false_alarms")
     pd.testing.assert_frame_equal(flown[keys], read[keys])
@@ -129,17 +129,6 @@ def test_a_campaigns_title_is_that_of_its_page(flights, tmp_path):
     assert found.title == "Rods of mine" and "<h1>Rods of mine</h1>" in render(found)
     run_many(flights[:1], workers=0, out=tmp_path / "d")
     assert "Aircraft-level" not in render(compare([tmp_path / "d"]))
-
-
-def test_a_users_detector_draws_on_its_inputs(tmp_path, flights):
-    (tmp_path / "own.py").write_text(
-        "import cosim\n@cosim.register\nclass Own:\n    id, level, inputs = 'own_parity', 'local', ('surface', 'rod')\n"
-        "    technologies = ('hydraulic',)\n    def __init__(self, dt): pass\n"
-        "    def update(self, t, y): return {'r': abs(y.rod), 'alarm': False}\n"
-    )
-    simulate(flights[2], log=tmp_path / "0.mcap")
-    rows = compare([tmp_path / "0.mcap"], guests=[tmp_path / "own.py"]).rows
-    assert stats.groups(rows)["rod, surface"] == ["own_parity"]
 
 
 def test_command_prints_one_json_object(logs, tmp_path, capsys):

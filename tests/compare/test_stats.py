@@ -9,6 +9,7 @@ import pytest
 from cosim.compare import CompareError, Comparison, stats
 from cosim.compare import rows as compare_rows
 from cosim.judge import coverage
+from cosim.judge.row import FIELDS
 from cosim.scenario import load_scenario
 
 
@@ -151,7 +152,8 @@ def lanes_of(*more, exposed=(4.0, 0.0, 7.0)):
              "valid_share": 1.0, "false_alarms": 0, "standing_s": 0.0}  # fmt: skip
     each = ({"lane": 0, "fault": 0, "concerned": True}, {"lane": 0, "fault": 1, "concerned": True},
             {"lane": 1, "fault": None, "concerned": False})  # fmt: skip
-    return pd.DataFrame([about | own | {"exposed_s": s} | dict(more) for own, s in zip(each, exposed)])
+    given = [about | own | {"exposed_s": s} | dict(more) for own, s in zip(each, exposed)]
+    return pd.DataFrame(given, columns=[f.name for f in FIELDS])
 
 
 def flown(*starts):

@@ -16,7 +16,7 @@ from cosim.flight.build import build
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect, fly, inputs
-from cosim.flight.plant.aero.functions import AeroFunctions, numbers_digest
+from cosim.flight.plant.aero_functions import AeroFunctions, numbers_digest
 from cosim.flight.plant.force_model import force_model
 from cosim.flight.plant.plant import POINTS, Plant
 from cosim.papers.mar10 import flights as mar10_flights

@@ -15,7 +15,7 @@ from actuators.constants import G0
 from cosim.cli import commands as cli
 from cosim.errors import ScenarioError, TrimError
 from cosim.flight.detection.detectors import left_out
-from cosim.flight.plant.aero import estimate
+from cosim.flight.plant import estimate
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint

@@ -9,7 +9,7 @@
 import math
 from typing import Any, NamedTuple
 
-from cosim.flight.plant.aero.xml import thrust_ratio
+from cosim.flight.plant.estimate import thrust_ratio
 
 W_LB, IYY, S_FT2, CBAR_FT, G = 636636.0, 33.1e6, 5500.0, 27.31, 32.174
 THRUST_ARM_FT, THRUST_TILT = 10.0, math.radians(2.5)

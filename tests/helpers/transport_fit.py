@@ -21,8 +21,7 @@ import numpy as np
 from transport_data import BYPASS, CONTROLS, FLIGHT_CONDITIONS, LATERAL, STABILIZER, STABILIZER_UNSURE, derivatives
 
 from actuators.constants import M_PER_FT
-from cosim.flight.plant.aero.estimate import ALPHA, ALPHA_COARSE, MACH_COARSE, stalled
-from cosim.flight.plant.aero.xml import Shape, aerodynamics_xml, engine_xml, multipliers_xml
+from cosim.flight.plant.estimate import ALPHA, ALPHA_COARSE, MACH_COARSE, aerodynamics, render, stalled, turbofan
 
 FOLDER = Path(__file__).resolve().parents[2] / "aircraft" / "transport"
 MACH = np.concatenate([np.arange(0.2, 0.4, 0.05), np.arange(0.4, 0.9501, 0.0125)])
@@ -30,23 +29,18 @@ QBAR = np.array([50.0, 100.0, 150.0, 200.0, 250.0, 300.0, 400.0, 500.0, 650.0, 8
 Q_REF = 200.0  # psf
 CL_STAB, CM_STAB = 0.70, -2.70  # per rad, [Roskam] C_L_ih, C_m_ih
 ASPECT = 195.68**2 / 5500.0
-TRANSPORT = Shape(
-    made_by="tests/helpers/transport_fit.py",
-    chord_ft=27.31,
-    span_ft=195.68,
-    tail_arm_ft=105.3,  # [Roskam] C_m_ih / C_L_ih = -2.70 / 0.70 chords behind the CG at 25 %
-    downwash=0.40,  # assumed (typical of transports)
-    segment_area_ft2=8.0 / M_PER_FT**2,
-    segment_chord_ft=1.4 / M_PER_FT,
-    segment_span_ft={"lo": -26.6, "li": -12.1, "ri": 12.1, "ro": 26.6},  # tail span 72.75 ft: assumed halves
-    Ch_alpha=-0.05,  # balanced elevator: assumed (README)
-    Ch_delta=-0.17,
-    CL_ds=CL_STAB,
-    Cm_ds=CM_STAB,
-    CD_beta=0.2,
-    Cl_dr=0.0070,  # stability axes, condition 9 of table IX-8
-    Cn_da=0.0002,
-)
+MADE_BY = "tests/helpers/transport_fit.py"
+CONSTANTS = {
+    "chord_ft": 27.31, "span_ft": 195.68,
+    "tail_arm_ft": 105.3,  # [Roskam] C_m_ih / C_L_ih = -2.70 / 0.70 chords behind the CG at 25 %
+    "downwash": 0.40,  # assumed (typical of transports)
+    "elevator_ft3": 8.0 / M_PER_FT**2 * (1.4 / M_PER_FT),  # area times chord of a segment
+    "segments": {"lo": -26.6, "li": -12.1, "ri": 12.1, "ro": 26.6},  # tail span 72.75 ft: assumed halves
+    "Ch_alpha": -0.05,  # balanced elevator: assumed (README)
+    "Ch_delta": -0.17, "CL_ds": CL_STAB, "Cm_ds": CM_STAB, "CD_beta": 0.2,
+    "Cl_dr": 0.0070,  # stability axes, condition 9 of table IX-8
+    "Cn_da": 0.0002,
+}  # fmt: skip
 
 _CENTRES = np.arange(0.2, 1.01, 0.1)  # of the bumps over Mach
 _LOCAL = [(a, m) for a in np.radians(np.arange(-4.0, 12.1, 2.5)) for m in np.arange(0.4, 1.0, 0.06)]
@@ -217,10 +211,9 @@ def derivative_tables() -> Any:
 def build() -> dict[Path, str]:
     """Return {path: text} of everything that is fitted."""
     return {
-        FOLDER / "aerodynamics.xml": aerodynamics_xml(ALPHA, MACH, Q_REF, tables(), MACH_COARSE, derivative_tables(),
-                                                      TRANSPORT),
-        FOLDER / "Engines" / "turbofan.xml": engine_xml(300e3, BYPASS, TRANSPORT),
-        FOLDER / "Systems" / "multipliers.xml": multipliers_xml(TRANSPORT),
+        FOLDER / "aerodynamics.xml": aerodynamics(MADE_BY, MACH, Q_REF, tables(), derivative_tables(), CONSTANTS),
+        FOLDER / "Engines" / "turbofan.xml": turbofan(MADE_BY, 300e3, BYPASS),
+        FOLDER / "Systems" / "multipliers.xml": render("multipliers.xml", made_by=MADE_BY),
     }
 
 

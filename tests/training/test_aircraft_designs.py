@@ -10,7 +10,7 @@ import cosim
 from cosim.errors import DesignError
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import left_out, placed, sources
-from cosim.flight.plant.aero import estimate
+from cosim.flight.plant import estimate
 from cosim.flight.plant.force_model import force_model
 from cosim.scenario.aircraft import load_aircraft, load_record
 from cosim.training import aircraft_designs, train_aircraft

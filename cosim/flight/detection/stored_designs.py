@@ -8,7 +8,7 @@ import hashlib
 import json
 from typing import Any
 
-from cosim.flight.plant.aero.functions import numbers_digest
+from cosim.flight.plant.aero_functions import numbers_digest
 from cosim.scenario.aircraft import FOLDER, Aircraft, of_folder
 
 FILE = "made.json"

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from actuators.constants import G0, KG_PER_SLUG, M_PER_FT, M_PER_IN, N_PER_LBF, PA_PER_PSF
-from cosim.flight.plant.aero.functions import AeroFunctions, _lookup, _table, find, number
+from cosim.flight.plant.aero_functions import AeroFunctions, _lookup, _table, find, number
 from cosim.scenario.aircraft import RECORD, load_aircraft, of_folder
 from fdi.control_redundancy.force_model import VARIABLES, ForceModel
 

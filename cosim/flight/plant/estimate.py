@@ -1,7 +1,7 @@
 """Estimate an aircraft's aerodynamics from its dimensions by handbook formulas, and write its JSBSim files.
 
 `cosim new aircraft NAME --numbers FILE` does it: numbers.toml, whose every number has its provenance, and aircraft.toml
-beside it.
+beside it; `templates/aircraft` has the files' form, which `aero_functions` reads again.
 Rigid body, coefficients about the CG reference, per rad; x_q = q c / 2V and so on.
 
     a          lift slope: 2 pi A / (2 + sqrt(A^2 (beta^2 + tan^2 Lambda_c/2) / k^2 + 4)), k = 0.95 [DATCOM]
@@ -15,18 +15,17 @@ Rigid body, coefficients about the CG reference, per rad; x_q = q c / 2V and so 
                revolution [DATCOM, Nelson]
 """
 
-import functools
 import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated, Any, Literal
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from pydantic import Field, ValidationError, create_model
 
 from actuators.constants import M_PER_FT
 from cosim.errors import ScenarioError, joined
-from cosim.flight.plant.aero.xml import Shape, aerodynamics_xml, engine_xml, multipliers_xml
 from cosim.scenario.aircraft import Aircraft
 from cosim.scenario.problem import Table
 from cosim.texts import read, toml
@@ -61,18 +60,14 @@ BOUNDS = {  # group -> number -> bounds within which the formulas are those of a
 
 
 def _number(low, high):
-    value = Annotated[float, Field(gt=low, le=high)]
     fields: dict[str, Any] = {"from": (Literal["published", "handbook", "assumption"], ...)}
-    return create_model("Number", __base__=Table, value=(value, ...), source=(str, ...), **fields)
+    value = Annotated[float, Field(gt=low, le=high)]
+    return create_model("Number", __base__=Table, value=(value, ...), source=(str, ...), **fields), ...
 
 
-@functools.cache
-def _record():
-    groups: dict[str, Any] = {}
-    for group, rows in BOUNDS.items():
-        fields: dict[str, Any] = {name: (_number(*bounds), ...) for name, bounds in rows.items()}
-        groups[group] = (create_model(group, __base__=Table, **fields), ...)
-    return create_model("Numbers", __base__=Table, **groups)
+def _group(name, rows):
+    fields: dict[str, Any] = {number: _number(*bounds) for number, bounds in rows.items()}
+    return create_model(name, __base__=Table, **fields), ...
 
 
 def numbers(path: Path) -> SimpleNamespace:
@@ -80,12 +75,13 @@ def numbers(path: Path) -> SimpleNamespace:
     missing, unknown, out of BOUNDS or without its provenance."""
     table = toml(read(path, error=ScenarioError), place=str(path), error=ScenarioError)
     try:
-        _record().model_validate(table)
+        groups: dict[str, Any] = {name: _group(name, rows) for name, rows in BOUNDS.items()}
+        create_model("Numbers", __base__=Table, **groups).model_validate(table)
     except ValidationError as error:
         places = ((f"{path}: {'.'.join(map(str, one['loc']))}", one["msg"]) for one in error.errors())
         raise joined([ScenarioError(said, place=place) for place, said in places]) from None
-    groups = {g: {name: number["value"] for name, number in rows.items()} for g, rows in table.items()}
-    return SimpleNamespace(**{g: SimpleNamespace(**values) for g, values in groups.items()})
+    values = {g: {name: number["value"] for name, number in rows.items()} for g, rows in table.items()}
+    return SimpleNamespace(**{group: SimpleNamespace(**own) for group, own in values.items()})
 
 
 def stalled(lift: Any, top: Any) -> Any:
@@ -175,7 +171,7 @@ def drag(n: Any, lift: Any, mach: Any) -> Any:
 
 
 def tables(n: Any) -> dict:
-    """Return {CL, CD, Cm: (grid (alpha, Mach), (0, 0))}, stall built in."""
+    """Return {CL, CD, Cm: (grid (alpha, Mach), flexibility)}, stall built in, of a rigid aircraft."""
     a, m = ALPHA[:, None], MACH[None, :]
     at = coefficients(n, MACH)
     top = np.interp(MACH, [0.4, 0.85], [n.wing.CL_max, n.wing.CL_max_transonic])[None, :]
@@ -199,152 +195,92 @@ def derivative_tables(n: Any) -> dict:
     return out
 
 
-def shape(n: Any, aircraft: Aircraft) -> Shape:
-    """Return what stands in the functions as a number."""
-    at = coefficients(n, MIDDLE)
+def constants(n: Any, aircraft: Aircraft) -> dict[str, Any]:
+    """Return what stands in aerodynamics.xml as a number, not as a table; derivatives per rad, stability axes."""
+    tail, at = n.tail, coefficients(n, MIDDLE)
+    area, chord = tail.elevator_area_m2 / M_PER_FT**2, tail.elevator_chord * tail.area_m2 / tail.span_m / M_PER_FT
     sides = {s: (-1.0 if name.startswith("left") else 1.0) for name, s in aircraft.short.items()}
-    return Shape(
-        made_by=f"cosim new aircraft {aircraft.name}",
-        chord_ft=n.wing.chord_m / M_PER_FT, span_ft=n.wing.span_m / M_PER_FT, tail_arm_ft=n.tail.arm_m / M_PER_FT,
-        downwash=downwash(n), segment_area_ft2=n.tail.elevator_area_m2 / M_PER_FT**2,
-        segment_chord_ft=n.tail.elevator_chord * n.tail.area_m2 / n.tail.span_m / M_PER_FT,
-        segment_span_ft={s: sign * n.tail.elevator_span_m / M_PER_FT for s, sign in sides.items()},
-        Ch_alpha=n.tail.Ch_alpha, Ch_delta=n.tail.Ch_delta, CL_ds=float(at["CL_ih"]), Cm_ds=float(at["Cm_ih"]),
-        CD_beta=n.drag.CD_beta, Cl_dr=float(at["Cl_dr"]), Cn_da=n.aileron.Cn_da,
-    )  # fmt: skip
+    return {
+        "chord_ft": n.wing.chord_m / M_PER_FT, "span_ft": n.wing.span_m / M_PER_FT, "downwash": downwash(n),
+        "tail_arm_ft": tail.arm_m / M_PER_FT, "elevator_ft3": area * chord, "Ch_alpha": tail.Ch_alpha,
+        "Ch_delta": tail.Ch_delta, "segments": {s: y * tail.elevator_span_m / M_PER_FT for s, y in sides.items()},
+        "CL_ds": at["CL_ih"], "Cm_ds": at["Cm_ih"], "CD_beta": n.drag.CD_beta, "Cl_dr": at["Cl_dr"],
+        "Cn_da": n.aileron.Cn_da,
+    }  # fmt: skip
 
 
 def build(aircraft: Aircraft, path: Path) -> dict[str, str]:
     """Return {file in the aircraft's folder: text} of its JSBSim files, from the numbers.toml at `path`; raises
     ScenarioError for numbers that are wrong."""
-    n = numbers(path)
+    n, made_by = numbers(path), f"cosim new aircraft {aircraft.name}"
     try:
         with np.errstate(divide="raise", invalid="raise", over="raise"):
-            own = shape(n, aircraft)
-            aero = aerodynamics_xml(ALPHA, MACH, 200.0, tables(n), MACH_COARSE, derivative_tables(n), own)
+            aero = aerodynamics(made_by, MACH, 200.0, tables(n), derivative_tables(n), constants(n, aircraft))
     except (ArithmeticError, ValueError) as error:  # a tail that is higher than the wing's span has no downwash
         said = f"the formulas have no value for these dimensions together: {error}"
         raise ScenarioError(said, place=str(path)) from None
+    empty, fuel, lightest = aircraft.mass.empty_t * 1e3, aircraft.mass.fuel_t * 1e3, aircraft.mass.mass_t[0] * 1e3
+    model = render("model.xml", made_by=made_by, aircraft=aircraft, engine=n.engine, empty_kg=empty, fuel_kg=fuel,
+                   load_kg=lightest - empty - fuel, engine_sides=np.linspace(-1.0, 1.0, aircraft.engines))  # fmt: skip
+    segments = aircraft.short.values()
     return {
-        f"{aircraft.name}.xml": model_xml(n, aircraft),
+        f"{aircraft.name}.xml": model,
         "aerodynamics.xml": aero,
-        "Engines/turbofan.xml": engine_xml(n.engine.thrust_N, n.engine.bypass, own),
+        "Engines/turbofan.xml": turbofan(made_by, n.engine.thrust_N, n.engine.bypass),
         "Engines/direct.xml": '<?xml version="1.0"?>\n<direct name="direct"/>\n',
-        "Systems/multipliers.xml": multipliers_xml(own),
-        "Systems/surfaces.xml": surfaces_xml(aircraft),
+        "Systems/multipliers.xml": render("multipliers.xml", made_by=made_by),
+        "Systems/surfaces.xml": render("surfaces.xml", segments=segments, travels=aircraft.travels),
     }
 
 
-def model_xml(n: Any, aircraft: Aircraft) -> str:
-    """Return <name>.xml: metrics, masses, engines and tank, from the `numbers` of the aircraft and its record."""
-    g, m, station = aircraft.geometry, aircraft.mass, aircraft.geometry.station_in
-    weight = m.empty_t * 1e3
-    inertia = "\n".join(f'    <i{k} unit="KG*M2"> {v * weight:.1f} </i{k}>' for k, v in m.gyration2_m2)
-    each = (m.mass_t[0] - m.empty_t - m.fuel_t) * 1e3 / 6
-    masses = "\n".join(
-        f'    <pointmass name="{name}"> <weight unit="KG"> {each:.1f} </weight>'
-        f' <location unit="IN"> <x> {station} </x> <y> 0.0 </y> <z> 0.0 </z> </location> </pointmass>'
-        for name in ("fore", "aft", "left", "right", "low", "high")
-    )
-    sides = np.linspace(-1.0, 1.0, aircraft.engines)
-    engines = "\n".join(
-        f"""    <engine file="turbofan">
-      <feed> 0 </feed>
-      <thruster file="direct">
-        <location unit="IN"> <x> {station} </x> <y> {s * n.engine.station_m / 0.0254:.2f} </y>
-          <z> {-n.engine.below_m / 0.0254:.2f} </z> </location>
-        <orient unit="DEG"> <roll> 0.0 </roll> <pitch> {n.engine.pitch_deg} </pitch> <yaw> 0.0 </yaw> </orient>
-      </thruster>
-    </engine>"""
-        for s in sides
-    )
-    point = f"<x> {station} </x> <y> 0.0 </y> <z> 0.0 </z>"
-    return f"""<?xml version="1.0"?>
-<!-- Written by cosim new aircraft {aircraft.name}: {aircraft.title} -->
-<fdm_config name="{aircraft.name}" version="2.0" release="BETA">
-
-  <fileheader>
-    <author> cosim </author>
-    <license licenseName="MIT" licenseURL="https://opensource.org/license/mit"/>
-    <description> {aircraft.title}; clean, airborne only (no landing gear, no flaps) </description>
-  </fileheader>
-
-  <metrics>
-    <wingarea unit="FT2"> {g.wing_area_ft2} </wingarea>
-    <wingspan unit="FT"> {g.span_ft} </wingspan>
-    <chord unit="FT"> {g.chord_ft} </chord>
-    <location name="AERORP" unit="IN"> {point} </location>
-    <location name="EYEPOINT" unit="IN"> {point} </location>
-    <location name="VRP" unit="IN"> {point} </location>
-  </metrics>
-
-  <!-- Six point masses and the tank carry what is not empty; cosim keeps the radii of gyration -->
-  <mass_balance negated_crossproduct_inertia="false">
-{inertia}
-    <emptywt unit="KG"> {weight} </emptywt>
-    <location name="CG" unit="IN"> {point} </location>
-{masses}
-  </mass_balance>
-
-  <propulsion>
-{engines}
-    <tank type="FUEL" number="0">
-      <location unit="IN"> {point} </location>
-      <capacity unit="KG"> {m.fuel_t * 1e3} </capacity>
-      <contents unit="KG"> {m.fuel_t * 1e3} </contents>
-    </tank>
-  </propulsion>
-
-  <ground_reactions/>
-
-  <system file="multipliers"/>
-  <system file="surfaces"/>
-
-  <aerodynamics file="aerodynamics"/>
-
-</fdm_config>
-"""
+def aerodynamics(made_by: str, mach: Any, q_ref: float, tables: dict, derivatives: dict, constants: dict) -> str:
+    """Return aerodynamics.xml from {CL, CD, Cm: (grid over ALPHA and `mach`, its change per psf of dynamic pressure
+    beyond `q_ref` at zero alpha and of its slope)}, the tables of `derivative_tables` and `constants`."""
+    zero, split = int(np.argmin(abs(ALPHA))), {}
+    for name, (grid, flexible) in tables.items():
+        grid = np.round(grid, 6)
+        split[name] = lines(mach, None, grid[zero]), lines(ALPHA, mach, grid - grid[zero]), flexible
+    column = {"alpha": "aero/alpha-rad", "qbar": "aero/qbar-psf"}
+    rates = {name: (column[second], lines(MACH_COARSE, grid, values))
+             for name, (second, grid, values) in derivatives.items()}  # fmt: skip
+    return render("aerodynamics.xml", made_by=made_by, q_ref=q_ref, coefficients=split, derivatives=rates, **constants)
 
 
-def surfaces_xml(aircraft: Aircraft) -> str:
-    """Return the system that takes surfaces from outside when ext/engaged is 1, else from JSBSim's own commands."""
-    segments, stops = tuple(aircraft.short.values()), aircraft.travels
-    outside = [*(f"elevator-{s}" for s in segments), "aileron-left", "aileron-right", "rudder", "stabilizer"]
-    inputs = [*(f"ext/{name}-rad" for name in outside), *(f"ext/gust-{rate}-rad_sec" for rate in "pqr")]
-    commands = (("elevator", "elevator", "elevator"), ("stabilizer", "pitch-trim", "stabiliser"),
-                ("aileron", "aileron", "aileron"), ("rudder", "rudder", "rudder"))  # fmt: skip
-    scales = "\n".join(
-        f"""    <aerosurface_scale name="fcs/{name}-cmd-rad">
-      <input> fcs/{source}-cmd-norm </input>
-      <range> <min> {stops[kind][0]:.5f} </min> <max> {stops[kind][1]:.5f} </max> </range>
-    </aerosurface_scale>"""
-        for name, source, kind in commands
-    )
-    positions = {f"elevator-{s}": (f"elevator-{s}-pos", "elevator") for s in segments}
-    positions |= {"aileron-left": ("aileron-left-pos", "aileron"), "aileron-right": ("aileron-right-pos", "aileron"),
-                  "rudder": ("rudder-applied", "rudder"), "stabilizer": ("stabilizer-pos", "stabilizer")}  # fmt: skip
-    switches = "\n".join(
-        f"""    <switch name="fcs/{name}-rad">
-      <default value="fcs/{command}-cmd-rad"/>
-      <test value="ext/{source}-rad"> ext/engaged eq 1 </test>
-    </switch>"""
-        for source, (name, command) in positions.items()
-    )
-    properties = "\n".join(f'  <property value="0"> {name} </property>' for name in ("ext/engaged", *inputs))
-    return f"""<?xml version="1.0"?>
-<!-- Surface positions: from outside when ext/engaged is 1, else from the plain JSBSim commands without lag.
-     Signs: elevator and stabiliser trailing edge down +; each aileron + rolls right; rudder + yaws left. -->
-<system name="surfaces">
+def turbofan(made_by: str, thrust: float, bypass: float) -> str:
+    """Return the engine of static `thrust` [N] and its `bypass` ratio, over Mach and static pressure."""
+    mach = np.arange(0.0, 1.01, 0.1)
+    x = np.array([0.05, 0.10, 0.15, 0.20, 0.25, 0.30, 0.40, 0.50, 0.60, 0.70, 0.80, 0.90, 1.0, 1.1])
+    M = mach[:, None]
+    ratios = {"IdleThrust": 0.05 * x * np.maximum(1.0 - 1.5 * M, 0.0), "MilThrust": thrust_ratio(M, x, bypass)}
+    values = {name: lines(mach, x * 2116.22, ratio) for name, ratio in ratios.items()}  # psf at sea level
+    return render("turbofan.xml", made_by=made_by, thrust_lbs=thrust / 4.4482216, bypass=bypass, thrust=values)
 
-{properties}
 
-  <channel name="commands">
-{scales}
-  </channel>
+def thrust_ratio(mach: Any, pressure_ratio: Any, b: float) -> Any:
+    """Return thrust over static sea-level thrust: take-off rating of Bartel and Young (2008) at bypass ratio `b`.
 
-  <channel name="positions">
-{switches}
-  </channel>
+    T/T0 = A - 0.377 (1 + b) / sqrt((1 + 0.82 b) G0) Z x M + (0.23 + 0.19 sqrt(b)) X x M^2, x = p/p0, A, Z, X
+    polynomials of x, G0 = 0.0606 b + 0.6337.
+    """
+    x = pressure_ratio
+    A = -0.4327 * x**2 + 1.3855 * x + 0.0472
+    Z = 0.9106 * x**3 - 1.7736 * x**2 + 1.8697 * x
+    X = 0.1377 * x**3 - 0.4374 * x**2 + 1.3003 * x
+    slope = 0.377 * (1 + b) / math.sqrt((1 + 0.82 * b) * (0.0606 * b + 0.6337))
+    return A - slope * Z * x * mach + (0.23 + 0.19 * math.sqrt(b)) * X * x * mach**2
 
-</system>
-"""
+
+def lines(rows: Any, columns: Any, values: Any) -> str:
+    """Return the lines of a JSBSim table, one-dimensional where `columns` is None."""
+    if columns is None:
+        return "\n".join(f"{r:10.6f}{v:14.6f}" for r, v in zip(rows, values))
+    head = " " * 10 + "".join(f"{c:12.5f}" for c in columns)
+    return "\n".join([head, *(f"{r:10.6f}" + "".join(f"{v:12.6f}" for v in row) for r, row in zip(rows, values))])
+
+
+def render(file: str, **values: Any) -> str:
+    """Return a JSBSim file made from its template in `templates/aircraft`."""
+    made = Environment(loader=PackageLoader("cosim", "templates/aircraft"), undefined=StrictUndefined,
+                       trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)  # fmt: skip
+    made.filters["digits"] = "{:.8g}".format
+    return made.get_template(file).render(values)
