@@ -103,7 +103,7 @@ def _trim(plant, x, t, **more):
     """Return the Trim of the unknowns x whose truth is `t`, and its residual."""
     alpha, stabilizer, throttle = (float(v) for v in x[:3])
     residual = float(max(abs(v) for v in (t.udot, t.vdot, t.wdot, t.pdot, t.qdot, t.rdot)))
-    level = {"theta": alpha, "surfaces": surfaces_at(plant.border, stabilizer, throttle)}
+    level: dict[str, Any] = {"theta": alpha, "surfaces": surfaces_at(plant.border, stabilizer, throttle)}
     return Trim(
         alpha=alpha, stabilizer=stabilizer, throttle=throttle, elevator=0.0, tas=plant.tas,
         altitude=plant.flight.altitude, q=float(t.q), nz=float(t.nz), residual=residual, **(level | more),
