@@ -7,7 +7,7 @@ import numpy as np
 
 from actuators.constants import DEG_PER_RAD, FT_PER_M, KT_PER_M_S
 from cosim.flight.loop import wiring
-from cosim.judge.alarms import faulty
+from cosim.judge.alarms import during
 from cosim.judge.detection import Word, name_at_end
 from cosim.judge.lanes import SHOWN
 from cosim.judge.result import concerns
@@ -378,4 +378,4 @@ def _real(flown, lane, step):
     if not flown.knows_faults:
         return np.ones(len(lane.fields["alarm"]), bool)
     own = [f for f in flown.faults if concerns(lane, f["targets"])]
-    return faulty(own, len(lane.fields["alarm"]), step, flown.t0)
+    return during(own, np.arange(len(lane.fields["alarm"])), step, flown.t0)

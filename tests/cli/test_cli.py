@@ -162,15 +162,6 @@ def test_the_first_sentence_says_who_noticed_and_the_last_line_shows_the_report(
     assert "overwritten" not in "\n".join(lines)
 
 
-def test_what_alarms_in_every_flight_as_published_stands_apart(flown):
-    loud = {**QUIET, "id": "ema_kalman", "alarm": True, "false_alarms": 2, "detected_at_s": 0.0}
-    flown.outcome.detectors.append(loud)
-    shown = cosim("run").stdout
-    assert "ema_kalman, as published: alarms always, it knows no load" in shown
-    assert shown.count("ema_kalman") == 1
-    assert "ema_kalman" in [d["id"] for d in json.loads(cosim("run", "--json").stdout)["detectors"]]
-
-
 def test_a_variant_has_a_log_of_its_own_and_overwriting_is_told(flown):
     cosim("run", "-s", "faults.0.frequency_hz=3")
     assert flown.calls[-1][1] == Path("logs/liquid-ofc+faults.0.frequency_hz=3.mcap")
