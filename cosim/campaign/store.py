@@ -27,7 +27,7 @@ import pyarrow as pa
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
-from actuators.source_hash import FLYING
+from actuators.kernels import FLYING
 from cosim.campaign.worker import FAILED, Flown
 from cosim.errors import CampaignError, OutputError
 from cosim.files import FULL, SPACE, beside, replace_text

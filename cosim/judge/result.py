@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from cosim.judge import coverage
 from cosim.judge.alarms import acts, during
-from cosim.judge.detection import ABLE, NO_FAULT, UNSEEN, Heard, JudgedLane, Runs, noticed
+from cosim.judge.detection import ABLE, NO_FAULT, UNSEEN, Heard, JudgedLane, Runs, Said, noticed
 from cosim.judge.store import release
 from cosim.scenario import Scenario
 
-__all__ = ["JudgedLane", "Result", "concerns", "errors", "judge", "judged", "plain"]
+__all__ = ["Errors", "JudgedLane", "Result", "concerns", "entry_of", "judge", "judged", "plain"]
 SETTLE_S = 8.0  # from when on every detector should be able to judge, or half of a flight that is shorter than 16 s
 OF_A_FAULT = ("fault", *UNSEEN, "masked", "not_excited", "valid_at_fault")  # what figures are about one fault
 
@@ -96,9 +96,19 @@ def concerns(lane: Any, fault_targets: Iterable[str]) -> bool:
 
 
 def judge(lane: JudgedLane, trace: NDArray, dt: float, faults: Sequence[Mapping]) -> dict:
+    """Return one detector's entry of the result, of a whole `trace` (ticks, columns), with the error of its estimate;
+    see `entry_of`."""
+    entry = entry_of(Said(lane, dt, faults).add(trace), dt, faults)
+    if lane.estimate:
+        entry |= Errors().add(lane.estimate.error(trace, dt)).entry(lane.estimate.unit)
+        release(trace)
+    return entry
+
+
+def entry_of(told: Said, dt: float, faults: Sequence[Mapping]) -> dict:
     """Return one detector's entry of the result.
 
-    `trace` is (ticks, columns); `faults` are those of `judged`: dicts with `fault` (its number), `case`, `kind`,
+    `faults` are those of `judged`: dicts with `fault` (its number), `case`, `kind`,
     `targets` (tuple), `start_s`, `end_s`, `period_s` (nan without one) and perhaps `moved_at_s`. `by_fault` has an
     entry (cosim/judge/detection.py) for each fault that concerns the lane and to which its detector is not blind (to
     all that concern it: for each), between its onset and the next one's; a fault that acts in no tick of the flight
@@ -106,23 +116,23 @@ def judge(lane: JudgedLane, trace: NDArray, dt: float, faults: Sequence[Mapping]
     onsets outside every fault that concerns the lane are false alarms, `standing_s` is how long its alarm stands there,
     `exposed_s` how long one would count. `valid_share` counts from SETTLE_S on.
     """
-    begun = (f for f in faults if acts(f, len(trace), dt))  # others are not there to be noticed
+    lane = told.lane
+    begun = (f for f in faults if acts(f, told.ticks, dt))  # others are not there to be noticed
     mine = sorted((f for f in begun if concerns(lane, f["targets"])), key=lambda f: f["start_s"])
-    runs = Runs(lane, trace, mine, dt)
+    runs = Runs(told, mine, dt)
     heard = Heard(runs, NO_FAULT, (), dt)
     healthy = ~during(mine, runs.first, dt)
+    before, after = (peak if math.isfinite(peak) else None for peak in told.peaks)
     share, why = runs.validity(min(round(SETTLE_S / dt), runs.ticks // 2), runs.ticks)
-    entry = {
+    entry: dict[str, Any] = {
         "id": lane.id, "level": lane.level, "target": lane.target, "concerned": bool(mine),
         "alarm": bool(len(heard.rises)), **dict.fromkeys(OF_A_FAULT), "by_fault": [],
         "false_alarms": int(np.count_nonzero(~during(mine, heard.rises, dt))),
         "standing_s": float(runs.count(heard.alarm & healthy) * dt),
         "exposed_s": float(runs.count(runs.valid & healthy) * dt), "able": share >= ABLE, "valid_share": share,
         "why_not_valid": why, "estimate_rmse": None, "estimate_bias": None, "step_us": lane.step_us,
-        "estimate_max": None, "estimate_unit": None, **_largest(lane, trace, dt, faults),
+        "estimate_max": None, "estimate_unit": None, "r_max_before": before, "r_max_after": after,
     }  # fmt: skip
-    if lane.estimate:
-        entry |= errors(lane.estimate.error(trace, dt), lane.estimate.unit)
     if mine:
         sighted = [f for f in mine if coverage.expected(lane.id, f.get("case", "")) != coverage.BLIND] or mine
         for f in sighted:
@@ -134,22 +144,29 @@ def judge(lane: JudgedLane, trace: NDArray, dt: float, faults: Sequence[Mapping]
         entry["detected_at_s"] = int(heard.rises[0]) * dt
         words = heard.given(0, runs.ticks)
         entry |= heard.verdicts(words) if words else {}
-    release(trace)
     return entry
 
 
-def _largest(lane, trace, dt, faults):
-    """Return the largest |r| before the first fault of the flight (all of it without one) and from its onset on. Each
-    is None where there is none."""
-    onset = min((round(f["start_s"] / dt) for f in faults), default=len(trace))
-    r = np.abs(trace[:, lane.at["r"]]) if "r" in lane.at else np.zeros(0)
-    peaks = [float(np.nanmax(part)) if np.isfinite(part).any() else None for part in (r[:onset], r[onset:])]
-    return dict(zip(("r_max_before", "r_max_after"), peaks))
+@dataclass
+class Errors:
+    """Sums over the errors of an estimate, in blocks that follow one another."""
 
+    n: int = 0
+    total: float = 0.0
+    squares: float = 0.0
+    largest: float = 0.0
 
-def errors(error: NDArray, unit: str) -> dict:
-    """Return RMSE, bias (mean) and largest magnitude of an estimation error (n,) [unit]; {} without a sample."""
-    if not len(error):
-        return {}
-    return {"estimate_rmse": math.sqrt(np.mean(error**2)), "estimate_bias": float(np.mean(error)),
-            "estimate_max": float(np.max(np.abs(error))), "estimate_unit": unit}  # fmt: skip
+    def add(self, error: NDArray) -> "Errors":
+        """Take more errors (n,); return itself."""
+        self.n += len(error)
+        self.total += float(np.sum(error))
+        self.squares += float(np.sum(error**2))
+        self.largest = max(self.largest, float(np.max(np.abs(error), initial=0.0)))
+        return self
+
+    def entry(self, unit: str) -> dict:
+        """Return RMSE, bias (mean) and largest magnitude [unit]; {} without a sample."""
+        if not self.n:
+            return {}
+        return {"estimate_rmse": math.sqrt(self.squares / self.n), "estimate_bias": self.total / self.n,
+                "estimate_max": self.largest, "estimate_unit": unit}  # fmt: skip

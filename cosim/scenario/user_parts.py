@@ -20,7 +20,6 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from actuators.exception_text import sentence
-from actuators.source_hash import forget
 from cosim.errors import CosimError, LogError, Mistakes, OutputError, ScenarioError
 from cosim.files import replace
 from cosim.scenario import toml
@@ -81,6 +80,8 @@ def load(path: str | os.PathLike, error: Callable[[str], Exception] | None = Non
     part = identity(path)
     if _loaded.get(path, ("",))[0] != part.sha256:
         if path in _loaded:
+            from actuators.kernels import forget  # it needs NumPy
+
             forget()  # compiled code of the part as it was
         _loaded[path] = part.sha256, _run(path, file, part, made)
     return _loaded[path][1], part

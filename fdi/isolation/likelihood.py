@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from actuators.block import kernel
-from actuators.disk_cache import kept
 from actuators.hydraulic import lu17
+from actuators.kernels import cached_array
 from fdi.hydraulic.two_stage_ekf import STEP_MOST
 from fdi.isolation import adaptation, decide, evidence, filter, parts, sums
 from fdi.isolation.filter import SENSORS
@@ -75,7 +75,7 @@ def respond(p: np.ndarray, dt: float) -> None:
     hz = p["hz"][0].ravel()
     given = [p[0][name].tolist() for name in ("arm", "h_q", "h_r", "h_P0", *lu17.NOMINAL)]
     shape = (len(HEARD), len(PLACES), 1 + len(hz), 2 * SENSORS)
-    H = kept((given, dt, hz.tolist()), float, lambda: _responses(p[0], dt, hz), __file__).reshape(shape)
+    H = cached_array((given, dt, hz.tolist()), float, lambda: _responses(p[0], dt, hz), __file__).reshape(shape)
     p["still"][0] = H[:, :, 0, 0::2]
     p["response"][0] = H[:, :, 1:].reshape(len(HEARD), len(PLACES), sums.OCTAVES, sums.LINES, 2 * SENSORS)
 

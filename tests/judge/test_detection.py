@@ -2,7 +2,7 @@
 
 import math
 import time
-from itertools import cycle
+from itertools import cycle, pairwise
 
 import numpy as np
 import pytest
@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.judge.alarms import GRACE_S, acts, during
-from cosim.judge.detection import JudgedLane
+from cosim.judge.detection import JudgedLane, Said
 from cosim.judge.lanes import entries
-from cosim.judge.result import Result, judge
+from cosim.judge.result import Result, entry_of, judge
 from fdi.common import verdict as v
 from fdi.common import why
 
@@ -339,3 +339,15 @@ def test_times_are_in_order_whatever_is_said(alarm, codes, start):
     assert right is None or (delay is not None and right >= delay - 1e-9)
     assert not e["right"] or right is not None
     assert e["alarm_share"] is None or 0.0 < e["alarm_share"] <= 1.0
+
+
+@given(st.lists(st.integers(0, 100), max_size=4))
+def test_what_comes_in_blocks_is_judged_as_the_whole_and_its_spans_are_half_open(cuts):
+    rows, faults = flown((3, 5), (23, 40, v.OFC_SOLID), (40, 100, v.OFC_LIQUID)), [OFC, JAM]
+    rows[:, 3] = np.linspace(-1, 0.5, 100)
+    told = Said(LANE, DT, faults)
+    for a, b in pairwise([0, *sorted(cuts), 100]):
+        told.add(rows[a:b])
+    same = {"step_us": pytest.approx(math.nan, nan_ok=True)}
+    assert entry_of(told, DT, faults) == judge(LANE, rows, DT, faults) | same
+    assert told.spans("alarm") == [(3, 5), (23, 100)] and len(told.first) == 5

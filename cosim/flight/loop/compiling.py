@@ -5,8 +5,7 @@ from contextlib import nullcontext
 from types import ModuleType
 
 from actuators.block import Entry
-from actuators.object_cache import Native
-from actuators.precompile import compile_ahead
+from actuators.kernels import Native, compile_ahead
 from actuators.registry import SHIPPED
 from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
 from cosim.flight.detection import detectors
