@@ -126,7 +126,8 @@ def test_what_cannot_be_flown_read_or_written_is_one_line_and_status_2(flown, tm
         (["run", "--set", "flight.mas_t=3"], "flight.mas_t", "Did you mean 'mass_t'?"),
         (["run", "-o", tmp_path / "file" / "x.mcap"], "folder is a file"), (["run", "-o", "."], "is a folder"),
         (["run", "-o", "/proc/x.mcap"], "/proc/x.mcap", "cannot be written"),
-        (["run", "-o", "/dev/null"], "/dev/null", "no regular file"), (["run", own, "-o", own], "is the scenario itself"),
+        (["run", "-o", "/dev/null"], "/dev/null", "no regular file"),
+        (["run", own, "-o", own], "is the scenario itself"),
         (["info", tmp_path / "no.mcap"], "no.mcap"), (["info", tmp_path], tmp_path),
         (["info", tmp_path / "x.mcap"], "x.mcap"), (["recover", "."], "is a folder"),
     ):  # fmt: skip
