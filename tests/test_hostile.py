@@ -205,7 +205,7 @@ def flown(tmp_path, table):
 
 
 def test_detectors_and_actuators_of_ones_own(tmp_path):
-    sources = [(DATA / name).read_bytes() for name in ("guests/counting.py", "template_detector.py")]
+    sources = [(DATA / name).read_bytes() for name in ("user_parts/counting.py", "template_detector.py")]
     given = st.sampled_from([*sources, b"\0" * 9, b"(" * 9000, b"-" * 90_000 + b"1", b""]).flatmap(strategies.spliced)
     doors = [load, lambda path: flown(tmp_path, {"file": str(path)})]
     through(given, 10, 0.1)(lambda data: [beside(tmp_path / "guest.py", door) for door in doors])
@@ -240,7 +240,7 @@ def flights(tmp_path_factory):
     """Return open logs of short flights: hydraulic, electric with detectors of the aircraft, and a user's detector."""
     home = tmp_path_factory.mktemp("doors")
     short = ["duration_s=0.5", "faults.0.start_s=0.2", "elevator.feedback=measured"]
-    own = DATA / "guests" / "counting.py"
+    own = DATA / "user_parts" / "counting.py"
     flown = [
         cosim.load_scenario("liquid-ofc", [*short, "detectors.enabled=['iotsekf']"]),
         cosim.load_scenario("cruise", [short[0], "detectors.enabled=['ema_kalman', 'kinematic', 'ofc_monitor']"]),

@@ -19,9 +19,8 @@ import numpy as np
 from actuators.block import Entry
 from actuators.kernels import compile_ahead, cores
 from cosim.errors import told_at_call
-from cosim.judge.detection import outputs_read
-from cosim.judge.result import judged, plain
-from cosim.judge.store import column_store, release
+from cosim.judge.detection import JudgedLane, Said, outputs_read
+from cosim.judge.result import entry_of, judged, plain
 from cosim.log import open_log
 from cosim.parts import loaded
 from cosim.parts.detector import SLOW
@@ -31,7 +30,7 @@ from cosim.replay.detector_replay import pieces, replay_lane, tick_of
 from cosim.replay.log_schema import LAID_OUT, ReplayError, check_start
 from cosim.replay.write import Overlay
 
-SPAN = 4000  # ticks that are replayed together
+SPAN = 2000  # ticks that are replayed together
 COUNTS = ("rows", "values", "skipped")
 __all__ = ["Difference", "Replay", "ReplayError", "compare", "pieces", "replay", "replay_lane"]
 
@@ -114,7 +113,9 @@ def replay(
     fresh = [g for g in given if g.DETECTOR.id not in flew]
     left_out: dict[str, str] = {}
     wired = lanes.describe(log, detectors, overrides, left_out) if flew or not fresh else []
-    members = [_Member(log, w) for w in wired]
+    scenario = log_schema.scenario(log)
+    faults = judged(scenario)
+    members = [_Member(log, w, faults) for w in wired]
     tick = max(0, round(start_s * 1e9 / log.dt_ns))
     spans, asked = list(_spans(log, wired, tick)), lanes.topics(log, wired) if output is None else log.topics
     _ready(wired)
@@ -143,9 +144,7 @@ def replay(
     result.differences = sorted((d for m in members for d in m.differences.values()), key=lambda d: d.first_tick)
     for d in entries:
         lanes.tell(d)
-    scenario = log_schema.scenario(log)
-    faults = judged(scenario)
-    result.detectors = [m.judge(faults) for m in members]
+    result.detectors = [m.judge() for m in members]
     for own in fresh:
         for lane, rows in lanes.guest_outputs(log, own, scenario.elevator.technology).items():
             names = dict(lanes.elements(own.STATE, own.OUTPUTS))
@@ -214,21 +213,23 @@ def _spans(log, wired, tick):
 class _Member:
     """Replay one lane span after span: carry its state, count, compare, and keep what a verdict needs."""
 
-    def __init__(self, log, w):
+    def __init__(self, log, w, faults):
         self.w, self.dt, self.differences = w, tick_of(log), {}
         self.fields = log.topics[w.topic].fields
         self.hidden = log.topics[w.hidden].fields if w.hidden in log.topics else ()
         self.names = outputs_read(w.module.CULPRITS, self.fields)
         self.columns = [self.fields.index(n) for n in self.names]
-        self.rows = self.values = self.skipped = self.taken = 0
+        self.rows = self.values = self.skipped = 0
+        at = {n: i for i, n in enumerate(self.names)}
+        own = JudgedLane(w.id, w.level, lanes.target_of(w.level, w.lane), w.module.CULPRITS, at)
+        self._faults = faults
         # zero where the log has no row; the same while nothing differs
-        self.logged = self.again = column_store(sum(log.spans[-1]) // w.every + 1, len(self.columns))
+        self.logged = self.again = Said(own, self.dt * w.every, faults)
 
     def replay(self, lane, tick):
         """Return the new outputs (rows, n) of a lane's span; NaN where it could not or should not be replayed."""
         w, out = self.w, None
-        begin = self.taken  # rows before this span
-        places = lane.ticks // w.every - begin
+        places = lane.ticks // w.every - self.logged.ticks
         old = np.zeros((int(places[-1]) + 1 if len(places) else 0, len(self.names)), np.float32)
         old[places] = np.take(lane.logged, self.columns, axis=1)
         new = None  # what differs from `old`
@@ -253,13 +254,10 @@ class _Member:
             held = lane.states[1][np.searchsorted(lane.states[0], at)]
             self._compare(w.hidden, self.hidden, at, held, states)
         if new is not None and self.again is self.logged:
-            self.again = column_store(*self.logged.shape)
-            self.again[:] = self.logged
-        self.taken = begin + len(old)
-        self.logged[begin : self.taken] = old
-        self.again[begin : self.taken] = old if new is None else new
-        release(self.logged)
-        release(self.again)
+            self.again = deepcopy(self.logged)
+        if self.again is not self.logged:
+            self.again.add(old if new is None else new)
+        self.logged.add(old)
         self.skipped += int(np.count_nonzero(lane.ticks >= tick)) - done
         return np.full(lane.logged.shape, np.nan) if out is None else out
 
@@ -280,10 +278,6 @@ class _Member:
             old.max_abs = float(np.fmax(old.max_abs, d.max_abs))
         return not found
 
-    def judge(self, faults):
+    def judge(self):
         """Return the lane's detection metrics, as logged and as replayed."""
-        about = self.w, self.w.lane, self.w.module.CULPRITS, self.names
-        old = lanes.judgement(*about, self.logged[: self.taken], self.dt, faults)
-        if self.again is self.logged:
-            return _both(old, deepcopy(old))
-        return _both(old, lanes.judgement(*about, self.again[: self.taken], self.dt, faults))
+        return _both(*(entry_of(told, self.dt * self.w.every, self._faults) for told in (self.logged, self.again)))

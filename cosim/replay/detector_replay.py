@@ -68,12 +68,16 @@ def unlogged(record: Any, lane: str, module: Any, u: np.ndarray, p: np.ndarray, 
     return Lane(record.id, lane, record.level, module, every, p, x, (), rollout, u=u[:, ::every], ticks=ticks)
 
 
+def target_of(level: str, lane: str) -> str:
+    """Return what a lane of a detector of that level watches."""
+    return f"elevator.{lane}" if level == "local" else "aircraft"
+
+
 def judgement(record: Any, lane: str, parts: tuple, names: Any, rows: Any, dt: float, faults: Sequence) -> dict:
     """Return the entry of a lane (`judge`) of its outputs `rows` (n, fields), fields by `names`, at ticks of `dt` [s];
     of `record` the id, the level and the ticks from step to step are read."""
-    target = f"elevator.{lane}" if record.level == "local" else "aircraft"
-    judged = JudgedLane(record.id, record.level, target, parts, {n: i for i, n in enumerate(names)})
-    return judge(judged, rows, dt * record.every, faults)
+    own = JudgedLane(record.id, record.level, target_of(record.level, lane), parts, {n: i for i, n in enumerate(names)})
+    return judge(own, rows, dt * record.every, faults)
 
 
 def manifest(log: Log) -> list:

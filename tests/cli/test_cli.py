@@ -155,15 +155,6 @@ def test_list_begins_with_its_topics_and_all_names_everything():
     refused(cosim("list", "tolerance"), "cosim list tolerance", "Did you mean 'tolerances'?")
 
 
-def test_what_alarms_in_every_flight_as_published_stands_apart(flown):
-    loud = {**QUIET, "id": "ema_kalman", "alarm": True, "false_alarms": 2, "detected_at_s": 0.0}
-    flown.outcome.detectors.append(loud)
-    shown = cosim("run").stdout
-    assert "ema_kalman, as published: alarms always, it knows no load" in shown
-    assert shown.count("ema_kalman") == 1
-    assert "ema_kalman" in [d["id"] for d in json.loads(cosim("run", "--json").stdout)["detectors"]]
-
-
 def test_linearize_shows_the_modes_and_writes_the_model(tmp_path):
     path = tmp_path / "model.npz"
     found = json.loads(cosim("linearize", "--json", "-o", path).stdout)
