@@ -74,8 +74,8 @@ def run_many(
     with store.opened(out):
         flies = {"title": title, **fingerprint(), "signals": wanted and [list(wanted.words), rate_hz],
                  "user_files": user_parts, "user_detectors": _told(packed)}  # fmt: skip
-        found = store.flown_before(out, flies, resume)
-        done = found[~found["status"].isin(store.AGAIN) & found["run"].isin(runs)].drop_duplicates("run")
+        found = store.flown_before(out, flies, runs, resume)
+        done = found[~found["status"].isin(store.AGAIN)].drop_duplicates("run")
         if wanted:
             done = done.loc[[s == "infeasible" or _signals_of(out, run).is_file() for run, s in done.to_numpy()]]
         replace_text(out / store.ABOUT, json.dumps(flies, indent=1))

@@ -16,7 +16,6 @@ from cosim.cli.app import (
     argument,
     command,
     flag,
-    notes,
     only_with,
     option,
     out,
@@ -61,7 +60,6 @@ def campaign(
             campaign, workers=workers, scheduler=scheduler, out=output, resume=resume, progress=tell,
             user_detectors=detector or (), signals=signals and [w for w in signals if w != "all"], rate_hz=rate or 50.0,
         )  # fmt: skip
-    notes(done.notes)
     failed = errors(done.frame)
     answer(json_, {**done.to_dict(), "errors": failed}, lambda _: flown(done, failed))
     none = sum(r["runs"] for r in failed) == done.frame["run"].nunique()

@@ -262,7 +262,7 @@ class _Member:
         return np.full(lane.logged.shape, np.nan) if out is None else out
 
     def _by_clock(self, piece):
-        """Return the rows up to which a lane can repeat itself: a user's that took too long was dropped by the clock."""
+        """Return the rows up to which a lane can repeat itself: a user's that took too long is dropped by the clock."""
         if self.w.rollout is None or "status" not in self.fields:
             return len(piece.ticks)
         slow = np.flatnonzero(piece.logged[:, self.fields.index("status")] == SLOW)
