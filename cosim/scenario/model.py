@@ -211,11 +211,6 @@ class Scenario(Table):
         return user_parts.named(self.model_dump(mode="python", exclude_none=True))
 
     @property
-    def code(self) -> tuple[UserPart, ...]:
-        """Return what of `user_parts` is code; an aircraft is data."""
-        return tuple(file for key, file in self.user_parts.items() if key != "flight.aircraft")
-
-    @property
     def aircraft(self) -> Aircraft:
         """Return the record of the aircraft that flies."""
         return load_aircraft(self.flight.aircraft, self.flight.aircraft_sha256)
