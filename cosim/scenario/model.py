@@ -14,7 +14,7 @@ from cosim.scenario.fault import Fault, check_together
 from cosim.scenario.flight import Flight
 from cosim.scenario.manoeuvre import Cruise, Manoeuvre
 from cosim.scenario.own_actuator import OwnActuator
-from cosim.scenario.problem import MULTIPLIER, Duration, Mistakes, Table, choice, problem
+from cosim.scenario.problem import MULTIPLIER, Duration, Problems, Table, choice, problem
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_parts import UserPart
 from cosim.table import Table as Drawn
@@ -43,7 +43,7 @@ class Sensors(Table, extra="allow"):
 
     @model_validator(mode="after")
     def _known(self):
-        units, wrong = {**c.SENSORS, **c.ACTUATOR_SENSORS}, Mistakes()
+        units, wrong = {**c.SENSORS, **c.ACTUATOR_SENSORS}, Problems()
         for name, table in (self.model_extra or {}).items():
             if name in units:
                 wrong.numbers(table, _sensor_keys(units[name]), f"key of sensor {name}", name)
@@ -84,14 +84,14 @@ class Tolerances(Table, extra="allow"):
         if not isinstance(raw, dict):
             return raw
         groups = [name for name, t in c.TECHNOLOGIES.items() if t.servo]
-        wrong = Mistakes()
+        wrong = Problems()
         wrong.unknown(raw, ("aero", *groups))
         wrong.check()
         return {"aero": {}, **{name: {} for name in groups if name not in c.USERS}, **raw}
 
     @model_validator(mode="after")
     def _known(self, info: ValidationInfo):
-        wrong = Mistakes()
+        wrong = Problems()
         for group, table in self:
             known = of(info).multipliers if group == "aero" else toleranced(group) if table else ()
             wrong.numbers(table, dict.fromkeys(known, MULTIPLIER), "parameter that has a tolerance", group)
@@ -141,7 +141,7 @@ class Detectors(Table, extra="allow"):
         if "enabled" not in raw:
             own = {n: {"file": g.file, "sha256": g.sha256} for n, g in GUESTS.items() if g.file and n not in raw}
             raw = {"enabled": [*DEFAULT, *dict.fromkeys((*GUESTS, *named))], **own, **raw}
-        known, wrong = (*SHIPPED, *GUESTS), Mistakes()
+        known, wrong = (*SHIPPED, *GUESTS), Problems()
         enabled = raw["enabled"] if isinstance(raw["enabled"], list | tuple) else ()
         for i, name in enumerate(enabled):
             if isinstance(name, str) and name not in (*known, *named):
