@@ -17,7 +17,6 @@ from cosim.scenario.own_actuator import OwnActuator
 from cosim.scenario.problem import MULTIPLIER, Duration, Problems, Table, choice, problem
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_parts import UserPart
-from cosim.table import Table as Drawn
 from fdi.registry import DEFAULT, GUESTS, SHIPPED
 
 
@@ -225,15 +224,11 @@ class Scenario(Table):
         """Return the number of ticks."""
         return round(self.duration_s * self.rate_hz)
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         lines = (f"  {name:<10} {said}" for name, said in self._about())
         return "\n".join([f"Scenario: {self.title or 'without a title'}", *lines])
 
-    def _repr_html_(self) -> str:
-        made = Drawn(f"Scenario: {self.title or 'without a title'}", "", "", kind="", heads=False)
-        for name, said in self._about():
-            made.add(name, said)
-        return made._repr_html_()
+    __str__ = __repr__
 
     def _about(self):
         """Return [(what, in words)] of what differs from flight to flight; `expanded_toml` has all of it."""
