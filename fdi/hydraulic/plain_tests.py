@@ -102,7 +102,8 @@ def pair(x, u, rod, surface, p, dt):
     bulk = x.x_hat[2] / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
     known, slack = x.lever_P[2] > 0.0, 0.0  # by the filter without a fault state, where it runs
     if known:
-        x.rigging, slack = decision.lever_at(x, x.h_hat[0])
+        q, step = x.h_hat[0], dt * x.h_hat[1]
+        x.rigging, slack = decision.lever_at(x, q, step), decision.lever_slack(x, q, step)
     v, x3 = x.u_old[int(p.delay)], x.x_hat[2]
     motion = (1.0 + x.fed[filter.GAIN]) * p.phi_n / p.A_p * opening(v, x3) * v - p.L * x3
     y_surface = p.arm * u.y_surface + bulk
