@@ -143,7 +143,8 @@ def lever_slack(x, q, step):
 def learn_lever(x, apart, q, step, r, dt):
     """Learn rigging, lever and lag from how far rod and surface are `apart`, with variance `r`: a Kalman filter.
 
-    `q` and `step` are predicted [m]: a reading would carry its noise into the lever. `apart` is of the readings [m].
+    `q` and `step` are predicted [m]: a reading would carry its noise into the lever, and a `step` that is not large
+    beside its own error would take the lag for smaller than it is. `apart` is of the readings [m].
     """
     P = x.lever_P
     if P[2] <= 0.0:

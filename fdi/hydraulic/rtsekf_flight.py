@@ -36,6 +36,7 @@ from fdi.hydraulic.two_stage_ekf import transition
 CULPRITS = ("", "rod", "surface")
 HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 TRAINED = 1.2 * 1.2  # variance of the noise in training flights over the specified one (`noise_scale` of the trainer)
+MOVES = 0.04  # rod velocity from which on the lag is learned: six deviations of its estimate [m/s]
 NOISE_LAG = 10.0  # lag of the noise that is seen [s]: longer than a fault takes to be found
 NOISE_MOST = 50.0  # of the specified variance that one sample counts for: the square of 3.5 sigma at noise x 2
 
@@ -278,7 +279,8 @@ def decide(x, u, rod, surface, q, step, p, dt):
     both, healthy = rod > 0.5 and surface > 0.5, x.r < 0.7 and x.sensor < 0.5
     learn_noise(x, u.y_rod - y_surface, both, healthy, p, dt)
     if both and healthy:
-        decision.learn_lever(x, u.y_rod - y_surface, q, step, p.r_rod + p.r_surface, dt)
+        moves = step if math.fabs(step) > MOVES * dt else 0.0
+        decision.learn_lever(x, u.y_rod - y_surface, q, moves, p.r_rod + p.r_surface, dt)
     x.alarm = x.sensor
     x.culprit = 0.0 if x.blame == 2.0 and x.backlash_suspected > 0.5 else x.blame
     x.verdict = NONE

@@ -56,7 +56,7 @@ PRIORS = {
     "slow_flow_sd": 0.01,  # 2 to 6 mm at 0.1 to 0.45 Hz
     "open_sd": 0.2, "bypass": 1.0,  # 9 deg/s to 45 deg/s within its sigma; that of actuators/hydraulic/actuator.py
     "occam": 6.0, "memory": 30.0,
-    "floor": (0.1,) * TIMING + (0.3,) * (N - TIMING),  # an age does not change with the manoeuvre
+    "floor": (0.03,) * TIMING + (0.3,) * (N - TIMING),  # an age does not change with the manoeuvre
 }  # fmt: skip
 STATE = [
     ("L", "f8", (PAIRS,)),  # Cholesky factor at hand, packed by rows

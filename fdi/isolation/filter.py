@@ -47,6 +47,7 @@ ROWS = (0, 0, 2)  # state that each sensor reads
 CORNER_HZ, CORNER_MOST = 25.0, 0.3  # an oscillation of up to 10 Hz stays below; share of the rate
 CREEP = 3e-3  # friction turns round within this velocity [m/s]
 TEACHES = 0.7  # of what rod and surface may be apart: beyond it nothing is learned of the lever
+MOVES = 0.02  # rod velocity from which on the lag is learned: many deviations of its estimate [m/s]
 SETTLES_S = 1.0  # the filter settles [s]
 FEED_TAU = 2.0  # slower than the filter forgets, so that a signature holds for the errors of some while ago, too [s]
 MODEL_TAU = 0.2  # within which friction and inertia of the model's pressure are forgotten [s]
@@ -85,6 +86,7 @@ STATE = [
     ("h_V", "f8", (4, N)),  # response of each state to each column
     ("h_S", "f8", (SENSORS, N)),  # signatures of this tick
     ("h_turn", "f8", (TIMING,), "m, -, -"),  # what a tick more or less of age makes of a reading
+    ("h_aged", "f8", (SENSORS,)),  # what the learned ages make of it
     ("h_rise", "f8", "-"),  # change of the pressure over the last tick
     ("h_push", "f8", "s/m"),  # change of the pressure per flow
     *LEVER_STATE,
@@ -152,7 +154,7 @@ def measure(x, j, y, mu, p):
     P, V, S = x.h_P, x.h_V, x.h_S[j]
     s = P[row, row] + p.h_r[j]
     limit = GATE * math.sqrt(s)
-    e = min(max(y - x.h_hat[row], -limit), limit)
+    e = min(max(y - x.h_aged[j] - x.h_hat[row], -limit), limit)
     x.h_lost[j] = 0.0
     for c in range(N):
         S[c] = V[row, c]
@@ -199,7 +201,10 @@ def turn(x, v, p, dt):
     q, w, z, F = x.h_hat[0], x.h_hat[1], x.h_hat[2], x.h_hat[3]
     net = p.phi_n / p.A_p * opening(v, z) * v - p.L * z - w
     x.h_turn[AGE], x.h_turn[OLDER] = -dt * w, -x.h_rise
-    x.h_turn[YOUNGER] = math.ceil(dt / STEP_MOST - 1e-6) * (x.h_Phi[2, 3] * (z + F) + x.h_push * net)
+    if p.delay > 0.0:  # no sample is of the future
+        x.h_turn[YOUNGER] = math.ceil(dt / STEP_MOST - 1e-6) * (x.h_Phi[2, 3] * (z + F) + x.h_push * net)
+    x.h_aged[ROD] = x.h_aged[SURFACE] = x.fed[AGE] * x.h_turn[AGE]
+    x.h_aged[PRESSURE] = x.fed[OLDER] * x.h_turn[OLDER] + x.fed[YOUNGER] * x.h_turn[YOUNGER]
 
 
 @kernel
@@ -218,7 +223,8 @@ def measurement_update(x, u, v, mu, p, dt):
         surface = not wild(x, SURFACE, y + lever_at(x, x.h_hat[0], step), p, dt)
     if surface:
         if rod and x.sensor < 0.5 and math.fabs(x.pair_d) < TEACHES * x.pair_limit:
-            learn_lever(x, u.y_rod - y, x.h_hat[0], step, p.h_r[ROD] + p.h_r[SURFACE], dt)
+            moves = step if math.fabs(step) > MOVES * dt else 0.0
+            learn_lever(x, u.y_rod - y, x.h_hat[0], moves, p.h_r[ROD] + p.h_r[SURFACE], dt)
         if x.lever_P[0] < RIGGING_SD * RIGGING_SD:
             measure(x, SURFACE, y + lever_at(x, x.h_hat[0], step), mu, p)
     if usable(u.y_dp, u.y_dp_valid) > 0.5 and not wild(x, PRESSURE, u.y_dp, p, dt):
@@ -244,7 +250,7 @@ def predict(x, u, v, mu, p, dt):
     rate = (model - x.load_last) / dt
     x.load_rate2 += min(dt / RATE_TAU, 1.0) * (rate * rate - x.load_rate2)
     feed = min(dt / FEED_TAU, 1.0)
-    for c in (SOFT, SUPPLY, FAST, GAIN):
+    for c in (AGE, OLDER, YOUNGER, SOFT, SUPPLY, FAST, GAIN):
         x.fed[c] += feed * (mu[c] - x.fed[c])
     n = max(math.ceil(dt / STEP_MOST - 1e-6), 1)
     x.h_rise = -x.h_hat[2]
