@@ -133,13 +133,12 @@ def jumped(x, rod, surface, dt):
 
 @kernel
 def by_model(x, bend, p, dt):
-    """Return what learned errors of gain, oil, supply and age leave in the input fault of [Lu17] (4), behind its lag:
+    """Return what learned errors of gain, oil, supply and its age leave in the input fault of [Lu17] (4), behind its lag:
     `bend` is the second derivative of the pressure [1/s^2]."""
     root, k = max(opening(x.drive, x.load_lag), lu17.ROOT_FLOOR), stiffness(x.x_hat[0], p)
     stiff = x.fed[filter.SOFT] - p.prior_mean[filter.SOFT]
     soft = stiff / (1.0 + stiff) * x.load_d / k
     late = (x.fed[filter.OLDER] - x.fed[filter.YOUNGER]) * (bend / k + p.L * x.load_d)
-    late += x.fed[filter.AGE] * (x.x_hat[2] + x.x_hat[3]) * p.A_p * p.P_s / p.M
     supply = 0.5 * x.fed[filter.SUPPLY] * x.drive / (root * root)
     return (soft - dt * late) * p.A_p / (p.phi_n * root) - supply + x.fed[filter.GAIN] * x.drive
 
