@@ -20,7 +20,6 @@ from cosim.training.flights import MODULES, fly_aircraft, manoeuvring, over_enve
 from cosim.training.trainer import FOLDER, Trained
 from fdi import registry
 from fdi.common import bank
-from fdi.monitors import ofc_monitor
 from fdi.rfafe.store import side_kinds
 
 
@@ -77,22 +76,6 @@ def test_what_is_trained_is_stored_beside_what_else_the_file_holds(tmp_path, mon
     assert json.loads((tmp_path / "position_monitor.json").read_text()) == after
 
 
-def test_rates_of_joint_are_one_set_that_is_its_file(tmp_path, monkeypatch):
-    file = tmp_path / "joint.json"
-    file.write_bytes((FOLDER / "joint.json").read_bytes())
-    monkeypatch.setattr(trainer, "FOLDER", tmp_path)
-    data = json.loads(file.read_text())
-    made = Trained("joint", "", {k: v for k, v in data.items() if k != "training"}, data["training"], rounded=dict)
-    training = load("joint")
-    assert [row[3] == row[4] for row in training.changes([made])] == [True]
-    training.store([made])
-    assert json.loads(file.read_text()) == data
-    cell = made.fields["seen"]["kinematic"]["sensor.q"]
-    token = max(cell, key=cell.get)
-    before, cell[token] = cell[token], 0.0
-    assert [row[1:] for row in training.changes([made]) if row[3] != row[4]] == [("", "seen", before, 0.0)]
-
-
 def test_the_command_stores_what_is_trained_and_check_only_compares(tmp_path, monkeypatch, capsys):
     for file in FOLDER.glob("*.json"):
         (tmp_path / file.name).write_bytes(file.read_bytes())
@@ -144,27 +127,6 @@ def test_a_monitor_flies_with_what_is_stored_beyond_what_the_training_saw(name, 
         assert np.allclose(p[field][0], data["flight"][field])
     assert (p["threshold"][0] >= least).all()
     assert (largest <= (p["threshold"][0] if least else 1.0)).all()
-
-
-def test_limits_scale_with_what_the_flights_show():
-    rng = np.random.default_rng(1)
-
-    def flown(size):
-        lag = rng.uniform(0.0, 0.1, (20, 1))
-        y = size * (0.002 + 0.3 * lag) * rng.uniform(0.2, 1.0, (20, 1))
-        found = size * rng.uniform(0.2, 1.0, (3, len(train_hydraulic.SHARES))) * 2e-3
-        return {"position_monitor": np.hstack([y, np.ones_like(lag), lag]).tolist(),
-                "ofc_monitor": {"threshold": found.tolist(), "motion": [1e-3] * 3,
-                                "response": (0.1 * rng.standard_normal((4, ofc_monitor.N))).tolist()}}  # fmt: skip
-
-    one, two = ([flown(size) for _ in range(60)] for size in (1.0, 2.0))
-    a, b = ({t.detector: t.fields for t in train_hydraulic.monitor_limits(flights)} for flights in (one, two))
-    for name in a:
-        assert np.mean(b[name]["threshold"]) > 1.5 * np.mean(a[name]["threshold"])
-    worst = max((np.array(f["position_monitor"]) @ [1.0, 0.0, 0.0]
-                 / (np.array(f["position_monitor"])[:, 1:] @ [a["position_monitor"][k] for k in ("threshold", "share")])
-                 ).max() for f in one)  # fmt: skip
-    assert worst <= 1.0
 
 
 def test_flights_of_training_are_nobody_elses():
