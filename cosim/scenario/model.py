@@ -87,8 +87,7 @@ class Tolerances(Table, extra="allow"):
         wrong = Mistakes()
         wrong.unknown(raw, ("aero", *groups))
         wrong.check()
-        own = [name for name in groups if name not in c.USERS]  # which have none, but for empty ones in older logs
-        return {"aero": {}, **{name: {} for name in own}, **{k: v for k, v in raw.items() if v or k in ("aero", *own)}}
+        return {"aero": {}, **{name: {} for name in groups if name not in c.USERS}, **raw}
 
     @model_validator(mode="after")
     def _known(self, info: ValidationInfo):

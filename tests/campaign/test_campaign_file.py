@@ -260,7 +260,7 @@ def test_runs_that_fail_are_told_and_decide_the_exit_status(flights, status, tol
 
 def test_interrupted_campaign_keeps_its_rows_and_can_go_on(written, tmp_path):
     path, out = written("runs = 150\n" + SMALL), tmp_path / "out"
-    words = [sys.executable, "-m", "cosim.cli", "campaign", str(path), "-o", str(out), "--workers", "1"]
+    words = [sys.executable, "-m", "cosim", "campaign", str(path), "-o", str(out), "--workers", "1"]
     process = subprocess.Popen(
         words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heeds_ctrl_c
     )

@@ -36,7 +36,7 @@ def test_an_edited_folder_is_read_again_in_the_same_process_and_a_wrong_one_refu
     assert load_aircraft(str(folder)).title == "Another" and force_model(folder) is not model
     text = record.read_text()
     record.write_text(text.replace("engines = 4", "engines = 40"))
-    with pytest.raises(ScenarioError, match=r"own/aircraft\.toml: engines"):
+    with pytest.raises(ScenarioError, match=r"own/aircraft\.toml:\d+: engines"):
         cosim.load_scenario("cruise", [f"flight.aircraft={folder}"])
     record.write_text(text)
     (folder / "own.xml").unlink()
