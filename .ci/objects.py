@@ -2,8 +2,7 @@
 
 import shutil
 
-from actuators.object_cache import SHIPPED, target
-from actuators.precompile import compile_ahead
+from actuators.kernels import SHIPPED, compile_ahead, target
 from cosim.flight.loop.compiling import every
 
 if not target().startswith("linux-"):
@@ -13,8 +12,8 @@ compile_ahead(wanted, lambda done, total: print(f"\rcompiled {done} of {total}",
 shutil.rmtree(SHIPPED, ignore_errors=True)
 (SHIPPED / target()).mkdir(parents=True)
 for native in wanted:
-    file = native.file()
-    if file is None or not native.ready():
-        raise SystemExit(f"{native.name} is not compiled")
+    file = native.files[-1]
+    if not file.is_file():
+        raise SystemExit(f"{native.place} is not compiled")
     (SHIPPED / target() / file.name).write_bytes(file.read_bytes())
 print(f"\n{len(wanted)} objects in {SHIPPED}")

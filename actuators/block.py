@@ -22,13 +22,12 @@ has one, is NOT_FINITE; its statistic stays as it came out. It is so for as long
 
 import ctypes
 import functools
-import hashlib
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from actuators.object_cache import Native
+from actuators.kernels import Native
 
 SAYS = ("r", "alarm", "verdict", "culprit", "valid")  # outputs of every detector
 NOT_FINITE = 11.0  # among the codes of fdi/common/why.py
@@ -130,46 +129,36 @@ class Entry:
         names = STATE.names or ()
         invalid = _mark_invalid_why if "why" in names else _mark_invalid
         self.mark_invalid: Any = invalid if set(SAYS) <= set(names) else None
-        said = "\n".join([step.__qualname__, *(repr(kind.descr) for kind in self.kinds)])
-        name = f"{step.__module__}.{hashlib.sha256(said.encode()).hexdigest()[:8]}"
         pointer, whole = ctypes.c_void_p, ctypes.c_int64
         given = pointer, pointer, pointer, ctypes.c_double, whole, whole, pointer
-        place = f"{step.__module__}:rollout.native"
-        roots = tuple(filter(None, (step, self.mark_invalid)))
-        self.native = Native(name, step.py_func.__code__.co_filename, given, self._make, place, roots)
+        roots = filter(None, (step, self.mark_invalid, *self.kinds))
+        self.native = Native(f"{step.__module__}:rollout.native", given, self._make, *roots)
 
     @property
     def address(self) -> int:
         """Return the address of the machine code, which `call_block` of a kernel calls."""
         return self.native.address
 
-    def __call__(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: np.ndarray | None = None) -> Any:
-        self._check(x, u, p, log)
-        if not x.flags.c_contiguous:
-            raise ValueError("the states of a block stand without gaps")
+    def __call__(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: np.ndarray | None = None) -> None:
         u, p = np.ascontiguousarray(u), np.ascontiguousarray(p)
         states = np.empty(log.shape, log.dtype) if log is not None and not log.flags.c_contiguous else log
-        call = self.native.free if u.shape[1] > 1 else self.native.call  # a long one lets other threads run meanwhile
-        call(_at(x), _at(u), _at(p), dt, *u.shape, None if states is None else _at(states))
+        self.bound(x, u, p, dt, states)()
         if log is not None and states is not log:  # a part of a longer array
             log[:] = states
-        return None
 
-    def bound(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float) -> Callable:
-        """Return a call without arguments on these arrays, without a log: a live tick pays only for its work."""
-        self._check(x, u, p, None)
-        if not all(array.flags.c_contiguous for array in (x, u, p)):
-            raise ValueError("bound arrays of a block stand without gaps")
-        call, given = self.native.call, (_at(x), _at(u), _at(p), dt, *u.shape, None)
-        return lambda kept=(x, u, p): call(*given)  # the arrays behind the addresses
-
-    def _check(self, x, u, p, log):
-        for given, kind in ((x, self.kinds[0]), (u, self.kinds[1]), (p, self.kinds[2]), (log, self.kinds[0])):
-            if given is not None and given.dtype is not kind and given.dtype != kind:
-                raise TypeError(f"a block's array is {given.dtype}; it takes {kind}")
+    def bound(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: np.ndarray | None = None) -> Callable:
+        """Return a call without arguments on these arrays: a live tick pays only for its work."""
+        arrays = [array for array in (x, u, p, log) if array is not None]
+        for array, kind in zip(arrays, (*self.kinds, self.kinds[0])):
+            if array.dtype is not kind and array.dtype != kind:
+                raise TypeError(f"a block's array is {array.dtype}; it takes {kind}")
         if u.ndim != 2 or x.shape != u.shape[:1] or p.shape != x.shape or (log is not None and log.shape != u.shape):
-            shapes = [None if a is None else a.shape for a in (x, u, p, log)]
+            shapes = [array.shape for array in arrays]
             raise ValueError(f"x, u, p, log of a block have shapes {shapes}; (lane,), (lane, tick), (lane,), u's")
+        if not all(array.flags.c_contiguous for array in arrays):
+            raise ValueError("the arrays of a block stand without gaps")
+        call, given = self.native.call, (_at(x), _at(u), _at(p), dt, *u.shape, None if log is None else _at(log))
+        return lambda kept=arrays: call(*given)  # the arrays behind the addresses
 
     def _make(self):
         """Return the function of pointers that Numba compiles, and its types."""

@@ -11,11 +11,13 @@ A fault that enters with the command acts before the FMU; inside it no fault of 
 author with the user's rights.
 """
 
+import functools
 import math
 import tempfile
 import weakref
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -24,6 +26,7 @@ import numpy as np
 
 from actuators.block import dtype
 from actuators.constants import TO_SI
+from actuators.python_block import PythonBlock
 
 PARAMS = dtype([("lane", "f8", "-")])  # which instance
 INPUTS = dtype([
@@ -43,6 +46,7 @@ STATE = dtype([
     ("status", "f8", "-"),  # 0 good, 1 an output was not finite: the last one is held
 ])
 OUTPUTS = ("delta", "q_rod", "x3", "status")
+KIND = SimpleNamespace(PARAMS=PARAMS, INPUTS=INPUTS, STATE=STATE, OUTPUTS=OUTPUTS, __name__="fmu")
 FATAL = 4  # status of a call, FMI 2 and 3
 STATES = {"surface": "delta", "rod": "q_rod", "pressure": "x3"}  # output -> field
 
@@ -64,67 +68,66 @@ class Slaves:
                  parameters: Mapping[str, float], dt: float, error: Callable[[str], Exception]):  # fmt: skip
         """Unpack `path` and make `lanes` instances, to be stepped by `dt` [s]. Raises error(text), text with the FMU's
         own messages, also for what its model description asks and the loop cannot do."""
-        self._error = error
         try:
             import fmpy
         except ImportError:
             raise error("FMUs need the library fmpy (pip install 'cosim-fdi[fmu]')") from None
-        self.__name__ = f"fmu {path.name}"
+        self.__name__, self._error = f"fmu {path.name}", error
         self._messages: deque[tuple[int, str]] = deque(maxlen=200)  # how bad, what
-        self._tick = 0
-        self._folder = tempfile.TemporaryDirectory(prefix="cosim-fmu-")
         self._fmus: list[Any] = []
+        self._folder = tempfile.TemporaryDirectory(prefix="cosim-fmu-")
+        self.rollout = PythonBlock(lambda p, dt: functools.partial(self._step, int(p["lane"]), dt), self._failed)
         try:
             self._about = fmpy.read_model_description(str(path))
-            self._check(lanes, dt)
+            self._refuse(lanes, dt)
+            self._real = "Float64" if self._about.fmiVersion.startswith("3") else "Real"
             self._names = {v.name: v for v in self._about.modelVariables}
-            for name in parameters:
-                self._known(name)
-            self._inputs = {word: self._scaled(v, "input") for word, v in inputs.items()}
-            self._outputs = {word: self._scaled(v, "output") for word, v in outputs.items()}
+            given = {self._reference(name): value for name, value in parameters.items()}
+            self._inputs = {word: self._mapped(v, ("input",)) for word, v in inputs.items()}
+            self._outputs = {word: self._mapped(v, ("output", "local", "")) for word, v in outputs.items()}
             fmpy.extract(str(path), self._folder.name)
             for _ in range(lanes):
                 self._fmus.append(self._instance())
-                self._set(self._fmus[-1], parameters)
+                self._set(self._fmus[-1], given)
         except Exception as said:  # fmpy raises what the operating system, the XML parser and the FMU raise
-            raise error(self._said(said)) from None
+            self._failed(0, 0.0, said)
         self._end = weakref.finalize(self, _end, self._fmus, self._folder)
 
     def start(self, first: Mapping[str, np.ndarray], begin: Mapping[str, Variable]) -> np.ndarray:
         """Initialise every instance with SI values {word: (lanes,)} and return STATE (lanes,)."""
         x = np.zeros(len(self._fmus), STATE)
         try:
+            variables = {**self._inputs, **{word: self._mapped(v) for word, v in begin.items()}}
             for i, fmu in enumerate(self._fmus):
-                if self._about.fmiVersion.startswith("2"):
+                if self._real == "Real":
                     fmu.setupExperiment(startTime=0.0)
-                variables = {**self._inputs, **{word: self._scaled(v) for word, v in begin.items()}}
-                self._set(fmu, {name: float(first[w][i]) / factor for w, (name, factor) in variables.items()})
+                self._set(fmu, {at: float(first[word][i]) / factor for word, (at, factor) in variables.items()})
                 fmu.enterInitializationMode()
                 fmu.exitInitializationMode()
                 self._get(fmu, x[i])
         except Exception as said:
-            raise self._error(self._said(said)) from None
+            self._failed(0, 0.0, said)
         return x
 
-    def rollout(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float) -> None:
-        """Advance every lane by one tick."""
-        for i, fmu in enumerate(self._fmus):
-            now = u[i, 0]
-            hm = now.hm0 + now.hmd * x[i].delta
-            given = {
-                "command": (1.0 - now.s_cmd) * now.command + now.f_cmd,
-                "valve_command": (1.0 - now.s_u) * now.u + now.f_u,
-                "hinge_0": now.hm0, "hinge_slope": now.hmd, "hinge_moment": hm,
-            }  # fmt: skip
-            try:
-                self._set(fmu, {name: float(given[w]) / factor for w, (name, factor) in self._inputs.items()})
-                self._step(fmu, self._tick * dt, dt)
-                self._get(fmu, x[i])
-            except Exception as said:
-                raise self._error(self._said(said)) from None
-        self._tick += 1
+    def _step(self, lane, dt, t, x, u):
+        """Advance an instance from t to t + dt [s]; one that does not get there raises ValueError."""
+        fmu, x, u = self._fmus[lane], x.view(STATE)[0], u.copy().view(INPUTS)[0]
+        given = {
+            "command": (1.0 - u.s_cmd) * u.command + u.f_cmd,
+            "valve_command": (1.0 - u.s_u) * u.u + u.f_u,
+            "hinge_0": u.hm0, "hinge_slope": u.hmd, "hinge_moment": u.hm0 + u.hmd * x.delta,
+        }  # fmt: skip
+        self._set(fmu, {at: float(given[word]) / factor for word, (at, factor) in self._inputs.items()})
+        said = fmu.doStep(currentCommunicationPoint=t, communicationStepSize=dt)
+        if said is not None:  # FMI 3; in FMI 2 the status, which fmpy checks, is all
+            _, ended, early, reached = said
+            if ended:
+                raise ValueError(f"ended the simulation at {t:.3f} s (terminateSimulation)")
+            if early or abs(reached - (t + dt)) > 1e-6 * dt:
+                raise ValueError(f"came to {reached:.6f} s in the step from {t:.3f} s to {t + dt:.3f} s (earlyReturn)")
+        self._get(fmu, x)
 
-    def _check(self, lanes, dt):
+    def _refuse(self, lanes, dt):
         """Raise ValueError for what the model description asks and the loop cannot do."""
         about = self._about.coSimulation
         if about is None or not self._about.fmiVersion.startswith(("2", "3")):
@@ -138,19 +141,8 @@ class Slaves:
         if inner > 0.0 and abs(dt / inner - round(dt / inner)) > 1e-9 * dt / inner:
             raise ValueError(f"fixedInternalStepSize = {inner:g} s does not divide the tick of {dt:g} s; set rate_hz")
 
-    def _step(self, fmu, t, dt):
-        """Advance an instance from t to t + dt [s]; one that does not get there raises ValueError."""
-        said = fmu.doStep(currentCommunicationPoint=t, communicationStepSize=dt)
-        if said is None:  # FMI 2: the status, which fmpy checks, is all
-            return
-        _, ended, early, reached = said
-        if ended:
-            raise ValueError(f"ended the simulation at {t:.3f} s (terminateSimulation)")
-        if early or abs(reached - (t + dt)) > 1e-6 * dt:
-            raise ValueError(f"came to {reached:.6f} s in the step from {t:.3f} s to {t + dt:.3f} s (earlyReturn)")
-
-    def _known(self, name):
-        """Return the FMU's variable of this name, one number."""
+    def _reference(self, name):
+        """Return the reference of the FMU's variable of this name, one number."""
         variable = self._names.get(name)
         if variable is None:
             raise ValueError(f"has no variable {name!r}; it has {', '.join(sorted(self._names))}")
@@ -159,49 +151,46 @@ class Slaves:
         if variable.type not in ("Real", "Float64") or variable.dimensions:
             kind = "an array" if variable.dimensions else f"of type {variable.type}"
             raise ValueError(f"its variable {name!r} is {kind}; allowed: one floating-point number of 64 bits")
-        return variable
+        return variable.valueReference
 
-    def _scaled(self, variable, causality=""):
-        """Return (name, factor to SI) of a mapped variable."""
-        about = self._known(variable.name)
-        if causality == "input" and about.causality != "input":
-            raise ValueError(f"its variable {variable.name!r} is no input but {about.causality or 'local'}")
-        if causality == "output" and about.causality in ("input", "parameter", "independent"):
-            raise ValueError(f"its variable {variable.name!r} is no output but {about.causality}")
-        factors, declared = TO_SI[variable.si], about.unit or (about.declaredType and about.declaredType.unit)
-        declared = str(declared or "").replace(".", " ").replace("*", " ")
+    def _mapped(self, variable, causalities=()):
+        """Return (reference, factor to SI) of a mapped variable."""
+        at, about, factors = self._reference(variable.name), self._names[variable.name], TO_SI[variable.si]
+        causality = about.causality or "local"
+        if causalities and causality not in causalities:
+            raise ValueError(f"its variable {variable.name!r} is no {causalities[0]} but {causality}")
+        declared = str(about.unit or (about.declaredType and about.declaredType.unit) or "")
+        declared = declared.replace(".", " ").replace("*", " ")
         said = variable.unit or (declared if declared in factors else variable.si)
         if declared in factors and factors[declared] != factors[said]:
             raise ValueError(f"its variable {variable.name!r} is in {declared}, not in {said}")
-        return variable.name, factors[said]
+        return at, factors[said]
 
     def _instance(self):
         from fmpy.simulation import instantiate_fmu
 
         messages = self._messages  # alone: a logger that held the instances would keep them for good
-        status, text = (1, 3) if self._about.fmiVersion.startswith("3") else (2, 4)  # places among its arguments
+        status, text = (2, 4) if self._real == "Real" else (1, 3)  # places among its arguments
 
         def logger(*given):
             messages.append((given[status], given[text].decode("utf-8", "replace")))
 
         return instantiate_fmu(self._folder.name, self._about, "CoSimulation", logger=logger, debug_logging=True)
 
-    def _said(self, error):
-        """Return the FMU's own messages, the worst ones, and what fmpy says."""
+    def _failed(self, lane, t, error):
+        """Raise an error with the FMU's own messages, the worst ones, and what fmpy says."""
         if getattr(error, "status", 0) == FATAL:
             self._fmus.clear()  # FMI: no function of any instance may be called any more
         worst = max((how for how, _ in self._messages), default=0)
-        last = [text for how, text in self._messages if how == worst][-3:]
-        return "; ".join([*dict.fromkeys(" ".join(text.split()) for text in last), " ".join(str(error).split())])
+        last = [" ".join(text.split()) for how, text in self._messages if how == worst][-3:]
+        raise self._error("; ".join([*dict.fromkeys(last), " ".join(str(error).split())])) from None
 
     def _set(self, fmu, values):
         if values:
-            references, numbers = [self._names[n].valueReference for n in values], list(values.values())
-            (fmu.setFloat64 if self._about.fmiVersion.startswith("3") else fmu.setReal)(references, numbers)
+            getattr(fmu, f"set{self._real}")(list(values), list(values.values()))
 
     def _get(self, fmu, x):
-        references = [self._names[name].valueReference for name, _ in self._outputs.values()]
-        found = (fmu.getFloat64 if self._about.fmiVersion.startswith("3") else fmu.getReal)(references)
+        found = getattr(fmu, f"get{self._real}")([at for at, _ in self._outputs.values()])
         x.status = 0.0
         for (word, (_, factor)), value in zip(self._outputs.items(), found):
             if math.isfinite(value):
@@ -212,12 +201,7 @@ class Slaves:
 
 def _end(fmus, folder):
     for fmu in fmus:
-        try:
+        with suppress(Exception):  # an FMU in an error state may refuse to end; the flight is over
             fmu.terminate()
             fmu.freeInstance()
-        except Exception:  # an FMU in an error state may refuse to end; the flight is over
-            continue
     folder.cleanup()
-
-
-KIND = SimpleNamespace(PARAMS=PARAMS, INPUTS=INPUTS, STATE=STATE, OUTPUTS=OUTPUTS, __name__="fmu")

@@ -15,13 +15,12 @@ class PythonBlock:
     dropped, and the others go on as if nothing had been.
     """
 
-    def __init__(self, make: Callable[[Any, float], Step], failed: Callable[..., Any], *, each: bool = True):
-        """`make(p, dt)` returns the `step(t, x, u)` of a lane: x (n,) and u (m,) are its state and inputs as float64;
-        unless `each` one step is that of all lanes: p (lanes,), x (lanes, n), u (lanes, m). `failed(lane, t, error)`
-        raises, or returns the state of a dropped lane, (n,) or a number.
+    def __init__(self, make: Callable[[Any, float], Step], failed: Callable[..., Any]):
+        """`make(p, dt)` returns the `step(t, x, u)` of a lane: x (n,) and u (m,) are its state and inputs as float64.
+        `failed(lane, t, error)` raises, or returns the state of a dropped lane, (n,) or a number.
         """
-        self._make, self._failed, self._each = make, failed, each
-        self._lanes: list[tuple[Any, Step]] = []
+        self._make, self._failed = make, failed
+        self._lanes: list[Step] = []
         self.steps, self.seconds = 0, 0.0
         self.notes: list[str] = []  # what is to be said about the part
         self.dropped: list[int] = []
@@ -29,46 +28,36 @@ class PythonBlock:
     def __call__(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: np.ndarray | None = None) -> None:
         """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
         rows, given = (a.view(np.float64).reshape(*a.shape, -1) for a in (x, u))
-        if not self._lanes:
-            self._begin(p, dt)
         for k in range(u.shape[1]):
             t = self.steps * dt
-            for i, (at, step) in enumerate(self._lanes):
+            for i in range(len(x)):
                 try:
-                    step(t, rows[at], given[at, k])
+                    if len(self._lanes) == i:
+                        self._lanes.append(self._make(p[i], dt))
+                    self._lanes[i](t, rows[i], given[i, k])
                 except KeyboardInterrupt:
                     raise
                 except BaseException as error:  # whatever user code raises
-                    self._lanes[i] = at, self._drop(i, t, error)
-                    self._lanes[i][1](t, rows[at], given[at, k])
+                    self._lanes[i : i + 1] = [_quiet(self._failed(i, t, error))]
+                    self.dropped.append(i)
+                    self._lanes[i](t, rows[i], given[i, k])
             if log is not None:
                 log[:, k] = x
             self.steps += 1
 
-    def _begin(self, p, dt):
-        for i, at in enumerate(range(len(p)) if self._each else [slice(None)]):
-            try:
-                self._lanes.append((at, self._make(p[at], dt)))
-            except KeyboardInterrupt:
-                raise
-            except BaseException as error:  # whatever user code raises
-                self._lanes.append((at, self._drop(i, 0.0, error)))
 
-    def _drop(self, i, t, error):
-        quiet = self._failed(i, t, error)
-        self.dropped.append(i)
-        return lambda t, x, u: x.__setitem__(..., quiet)
+def _quiet(state):
+    """Return the step of a dropped lane."""
+    return lambda t, x, u: x.__setitem__(..., state)
 
 
-def of_rollout(
-    rollout: Callable[..., Any], STATE: Any, INPUTS: Any, failed: Callable[..., Any], *, each: bool = True
-) -> PythonBlock:
-    """Return a `rollout` in plain Python as a PythonBlock: called lane by lane, or unless `each` with all at once."""
+def of_rollout(rollout: Callable[..., Any], STATE: Any, INPUTS: Any, failed: Callable[..., Any]) -> PythonBlock:
+    """Return a `rollout` in plain Python, called lane by lane, as a PythonBlock."""
 
     def make(p, dt):
         def step(t, x, u):
-            rollout(x.view(STATE).reshape(-1), u.copy().view(INPUTS).reshape(-1, 1), np.atleast_1d(p), dt)
+            rollout(x.view(STATE), u.copy().view(INPUTS).reshape(1, 1), np.atleast_1d(p), dt)
 
         return step
 
-    return PythonBlock(make, failed, each=each)
+    return PythonBlock(make, failed)

@@ -142,7 +142,6 @@ class Technology:
     parameters: Callable[[Own], dict[str, float]] = lambda own: {}  # name -> nominal value: what tolerances multiply
     fixed: tuple[str, ...] = ()  # parameters that have no tolerance: stops and steps, nothing that wears
     hinge_error: float = 0.0  # bound of the error of the detectors' hinge-moment model
-    most_delay: float = math.inf  # ticks over which the servo can predict
     # what makes actuator and servo linear, to measure gains
     smooth: tuple[dict[str, float], dict[str, float]] = field(default_factory=lambda: ({}, {}))
     gain_of: str = ""  # technology whose closed loop turns millimetres into u at the valve; "": its own

@@ -69,7 +69,7 @@ def _guarded(made, path, error):
         raise error(f"{path.name}: at {t:.3f} s {sentence(said, path)}") from None
 
     own = {word: getattr(made, word) for word in ("INPUTS", "STATE", "OUTPUTS")}
-    stepped = of_rollout(rollout, made.STATE, made.INPUTS, failed, each=False)
+    stepped = of_rollout(rollout, made.STATE, made.INPUTS, failed)
     return SimpleNamespace(__name__=made.__name__, rollout=stepped, **own)
 
 

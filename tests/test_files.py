@@ -19,13 +19,13 @@ ROOT = Path(__file__).resolve().parent.parent
 DIGESTS = """
 import json, sys
 from pathlib import Path
-from actuators import source_hash
+from actuators import kernels
 from cosim.campaign import store
 
 def digests():
-    for cached in (store.fingerprint, source_hash._source, source_hash.sources):
+    for cached in (store.fingerprint, kernels._source, kernels.sources):
         cached.cache_clear()
-    return store.fingerprint()["digest"], source_hash.sources()
+    return store.fingerprint()["digest"], kernels.sources()
 
 out = {"": digests()}
 for name in sys.argv[1:]:
@@ -71,20 +71,20 @@ def test_every_file_that_can_change_a_row_or_an_array_changes_its_digest(tmp_pat
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="owners are a matter of POSIX")
 def test_a_cache_that_others_can_write_to_is_not_used(tmp_path, monkeypatch):
-    from actuators import source_hash
+    from actuators import kernels
 
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "no" / "folder"))
     (tmp_path / "no").write_text("")
     monkeypatch.setenv("HOME", str(tmp_path / "no"))
-    source_hash.cache_root.cache_clear()
+    kernels.cache.cache_clear()
     own = tmp_path / "cosim-kernels"
-    assert source_hash.cache_root() == own and own.stat().st_mode & 0o777 == 0o700
+    assert kernels.cache() == own and own.stat().st_mode & 0o777 == 0o700
     for spoil in (lambda: own.chmod(0o777), lambda: (own.rmdir(), own.symlink_to(tmp_path))):
         spoil()
-        source_hash.cache_root.cache_clear()
-        assert source_hash.cache_root() is None
-    source_hash.cache_root.cache_clear()
+        kernels.cache.cache_clear()
+        assert kernels.cache() is None
+    kernels.cache.cache_clear()
 
 
 def test_a_file_that_cannot_be_written_whole_stays_as_it_was(tmp_path):

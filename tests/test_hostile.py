@@ -5,14 +5,20 @@ A few of each in every run; COSIM_CASES of each kind with new seeds:
 """
 
 import os
+import resource
+import shutil
+import signal
 import time
+import zipfile
+from contextlib import contextmanager, suppress
 from importlib.resources import files
 from pathlib import Path
 
 import hypothesis
 import pytest
 import strategies
-from hostile_doors import bounded
+import technologies
+from flight_point import POINT
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
@@ -22,15 +28,53 @@ from cosim.cli.commands import app
 from cosim.errors import CosimError
 from cosim.log import open_log, recover
 from cosim.log.overview import log_info
-from cosim.parts import with_detectors
+from cosim.parts import load, with_detectors
 from cosim.replay import replay
 from cosim.replay.map import diagnose
 from cosim.replay.map_draft import draft
 from cosim.replay.map_file import load_map
 from cosim.report import flight_report
+from cosim.scenario import aircraft
+from cosim.scenario.condition import condition
 
+DATA = Path(__file__).parent / "data"
 MANY = int(os.environ.get("COSIM_CASES", "0"))
 LONGEST_S, MOST = 20.0, 300 << 20  # of the processor, and memory above what the process holds [byte]
+
+
+class TooLongError(BaseException):
+    """What no reader catches."""
+
+
+def _too_long(*_):
+    raise TooLongError(f"takes longer than {LONGEST_S} s")
+
+
+def _peak():
+    """Return the largest memory of this process [byte]."""
+    with suppress(OSError):
+        return 1024 * int(Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0])
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+@contextmanager
+def bounded():
+    """Let what is done take no more time of the processor, and no more memory above what the process holds; yields a
+    list with the latter [byte]."""
+    for number in (signal.SIGALRM, signal.SIGPROF):
+        signal.signal(number, _too_long)
+    with suppress(OSError):  # what making the case took is not the readers'; where the system can (Linux)
+        Path("/proc/self/clear_refs").write_text("5")
+    before, used = _peak(), [0]
+    signal.setitimer(signal.ITIMER_PROF, LONGEST_S)  # of this process: others may keep the machine busy
+    signal.alarm(int(60 * LONGEST_S))  # for what waits
+    try:
+        yield used
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.alarm(0)
+        used[0] = _peak() - before
+    assert used[0] < MOST, f"{used[0] / 1e6:.0f} MB"
 
 
 def through(given, few, share=1.0):
@@ -45,7 +89,7 @@ def through(given, few, share=1.0):
         for door in doors(data):
             begun = time.process_time()
             try:
-                with bounded(LONGEST_S, MOST) as used:
+                with bounded() as used:
                     door(made)
                 told["taken"] += 1
             except CosimError as error:
@@ -111,7 +155,7 @@ def test_campaigns(tmp_path):
 
 
 def test_maps(tmp_path):
-    maps = [(Path(__file__).parent / "data" / "foreign_map.toml").read_text(), strategies.MAP.format("")]
+    maps = [(DATA / "foreign_map.toml").read_text(), strategies.MAP.format("")]
     strategies.write_whole(tmp_path / "whole.csv")
 
     def read(path):
@@ -122,12 +166,81 @@ def test_maps(tmp_path):
     through(strategies.texts(maps), 15, 0.25)(lambda data: [door])
 
 
+PIECES = ("n_z", "t", "left_inner.rod", "rod", "truth.aircraft.nz", "fault.0.active", "fault.1.since", "fault.99999.x",
+          "<", ">", "<=", ">=", "and", "or", "(", ")", "1", "-1e999", "1.2", "1_0", ".", "=", "==", "not", "nan", "é",
+          "AND", "x" * 500, "a.b.c.d", "[0]", "n_z[0]", "-", "+1", "٣", "\u2028", "fault.٣.active", "#", "'",
+          "(" * 100_000)  # fmt: skip
+
+
+def test_conditions():
+    likely = st.sampled_from(["n_z > 1.2", "left_inner.rod <= 0.01 and t > 1", "(t < 1 or t > 2)"])
+    given = st.lists(likely | st.sampled_from(PIECES), min_size=1, max_size=8).map(" ".join)
+    through(given, 60)(lambda data: [condition])
+
+
+def test_tables_of_inputs(tmp_path):
+    (tmp_path / "own.toml").write_text(POINT + '[manoeuvre]\nkind = "inputs"\nfile = "case.csv"\nbetween = "hold"\n')
+    table = "\n".join(["time_s,stick,bank_deg", *(f"{k / 2},0.1,{k % 3}" for k in range(20))]).encode()
+    cells = st.sampled_from([b"1e308", b"nan", b"", b"1e400", b"\x00", b"9" * 400, b"\xff", b'"', b"x" * 20_000, b";"])
+    given = st.builds(lambda raw, old, new: raw.replace(old, new), strategies.spliced(table),
+                      st.sampled_from([b"0.1", b"stick", b"1.5", b",2", b"\n"]), cells)  # fmt: skip
+    door = beside(tmp_path / "case.csv", lambda path: cosim.load_scenario(tmp_path / "own.toml"))
+    through(given, 30)(lambda data: [door])
+
+
+def test_aircraft_records(tmp_path):
+    whole, home = aircraft.load_aircraft().folder, tmp_path / "mine"
+    shutil.copytree(whole, home)
+    (home / f"{whole.name}.xml").rename(home / "mine.xml")
+    door = beside(home / aircraft.RECORD, lambda path: aircraft.load_aircraft(str(home)))
+    through(strategies.texts([(whole / aircraft.RECORD).read_text()]), 20, 0.25)(lambda data: [door])
+
+
+def flown(tmp_path, table):
+    """Fly an actuator of one's own in place of a segment's for a tenth of a second."""
+    technologies.forget()
+    told = [f"actuators.rig.{key}={strategies.toml(value)}" for key, value in table.items()]
+    how = ["duration_s=0.1", "elevator.feedback=measured", *told, "elevator.left_inner=rig"]
+    cosim.simulate(cosim.load_scenario("cruise", how), timed=False)
+
+
+def test_detectors_and_actuators_of_ones_own(tmp_path):
+    sources = [(DATA / name).read_bytes() for name in ("user_parts/counting.py", "template_detector.py")]
+    given = st.sampled_from([*sources, b"\0" * 9, b"(" * 9000, b"-" * 90_000 + b"1", b""]).flatmap(strategies.spliced)
+    doors = [load, lambda path: flown(tmp_path, {"file": str(path)})]
+    through(given, 10, 0.1)(lambda data: [beside(tmp_path / "own.py", door) for door in doors])
+    technologies.forget()
+
+
+def test_fmus(tmp_path):
+    pytest.importorskip("fmpy", reason="fmpy is an extra (fmu)")
+    import fmu_of_hydraulic as rig
+
+    if rig.COMPILER is None:
+        pytest.skip("no C compiler on this machine")
+    with zipfile.ZipFile(rig.build(tmp_path, 2)) as packed:
+        held = {name: packed.read(name) for name in packed.namelist()}
+
+    def door(case):
+        parts, path = {**held, "modelDescription.xml": case[0]}, tmp_path / "case.fmu"
+        parts[case[2]] = parts.pop(case[1])
+        with zipfile.ZipFile(path, "w") as packed:
+            for name, data in parts.items():
+                packed.writestr(name, data)
+        flown(tmp_path, {"fmu": str(path), **rig.MAP})
+
+    names = st.sampled_from(sorted(held))
+    xml = st.just(held["modelDescription.xml"]).flatmap(strategies.spliced)
+    through(st.tuples(xml, names, names | st.sampled_from(["../../x", "/x", "é"])), 6, 0.1)(lambda data: [door])
+    technologies.forget()
+
+
 @pytest.fixture(scope="module")
 def flights(tmp_path_factory):
     """Return open logs of short flights: hydraulic, electric with detectors of the aircraft, and a user's detector."""
     home = tmp_path_factory.mktemp("doors")
     short = ["duration_s=0.5", "faults.0.start_s=0.2", "elevator.feedback=measured"]
-    own = Path(__file__).parent / "data" / "guests" / "counting.py"
+    own = DATA / "user_parts" / "counting.py"
     flown = [
         cosim.load_scenario("liquid-ofc", [*short, "detectors.enabled=['iotsekf']"]),
         cosim.load_scenario("cruise", [short[0], "detectors.enabled=['ema_kalman', 'kinematic', 'ofc_monitor']"]),

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from actuators.deterministic_linalg import rounded
-from actuators.disk_cache import kept
+from actuators.kernels import cached_array
 
 # [Jay] section 4, T = 5 ms, as printed
 PHI = np.array([
@@ -41,7 +41,7 @@ PHI = np.array([
 G = np.array([8.223e-6, 0.006389, 0.04617, 16.21, 3.437, 0.002809])
 H = np.array([0, 0, 0, 0.05, 0, 0])
 PERIOD = 0.005  # [s]
-K_P, K_C, K_V = 400.0, 0.28, 0.05  # sensors: LVDT [V/m], current [V/A], velocity [V s/rad]; [Jay] section 2
+K_P, K_V = 400.0, 0.05  # sensors: LVDT [V/m], velocity [V s/rad]; [Jay] section 2
 
 
 class Continuous(NamedTuple):
@@ -140,7 +140,7 @@ def discretise(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[Any, ...]:
     B = np.asarray(B).reshape(n, -1)
     both = np.zeros((n + B.shape[1],) * 2)
     both[:n, :n], both[:n, n:] = A, B
-    e = kept((both.tolist(), dt), float, lambda: _exponential(both * dt), __file__).reshape(both.shape)
+    e = cached_array((both.tolist(), dt), float, lambda: _exponential(both * dt), __file__).reshape(both.shape)
     return e[:n, :n], e[:n, n:]
 
 

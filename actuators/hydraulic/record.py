@@ -108,7 +108,6 @@ TECHNOLOGY = Technology(
         "air_in_oil": Kind("bulk modulus falls by a share", LOSS, exclusive="bulk"),
     },
     hinge_error=0.2,
-    most_delay=1.0,
     smooth=({}, {"F_c": 0.0, "F_s": 0.0}),
     solid_gain=_solid_gain,
 )  # fmt: skip

@@ -30,10 +30,10 @@ from actuators.common import linkage, reference
 from actuators.common.ackermann import place
 from actuators.common.limits import clip
 from actuators.deterministic_linalg import rounded
-from actuators.disk_cache import kept
 from actuators.ema import jay
 from actuators.hydraulic import actuator as hydraulic
 from actuators.hydraulic import lu17
+from actuators.kernels import cached_array
 
 PARAMS = dtype([
     *reference.PARAM_FIELDS,  # unit: m of rod
@@ -236,7 +236,7 @@ def error_gains(model: Any, *, pole: Any, dt: float) -> dict[str, Any]:
 def observer_gains(model: Any, *, dt: float) -> list[Any]:
     """Return (K, K_rod), shapes (4, 2), (4,): steady Kalman gains of (q, q', x3, F), linear at rest and centre."""
     given = model.dtype.descr, model.tolist(), dt
-    both = kept(given, float, lambda: np.concatenate(_observer_gains(model, dt)), __file__)
+    both = cached_array(given, float, lambda: np.concatenate(_observer_gains(model, dt)), __file__)
     return [both[:8].reshape(4, 2), both[8:]]
 
 

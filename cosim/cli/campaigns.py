@@ -16,7 +16,6 @@ from cosim.cli.app import (
     argument,
     command,
     flag,
-    notes,
     only_with,
     option,
     out,
@@ -55,13 +54,12 @@ def campaign(
 
     only_with("--signals", signals, rate=rate)
     if again:
-        _rerun(campaign, again, json_, out=output, guests=detector or ())
+        _rerun(campaign, again, json_, out=output, user_detectors=detector or ())
     with progress(f"flying {Path(campaign).stem}", "runs", "preparing the workers") as tell:
         done = run_campaign(
             campaign, workers=workers, scheduler=scheduler, out=output, resume=resume, progress=tell,
-            guests=detector or (), signals=signals and [w for w in signals if w != "all"], rate_hz=rate or 50.0,
+            user_detectors=detector or (), signals=signals and [w for w in signals if w != "all"], rate_hz=rate or 50.0,
         )  # fmt: skip
-    notes(done.notes)
     failed = errors(done.frame)
     answer(json_, {**done.to_dict(), "errors": failed}, lambda _: flown(done, failed))
     none = sum(r["runs"] for r in failed) == done.frame["run"].nunique()
@@ -128,24 +126,21 @@ def compare(
         for name, sign in SIGNS.items():
             reserve(output / name, sign)
     with progress("reading", unit="flights", waiting="preparing") as tell:
-        made = work(sources, progress=tell, guests=detector or ())
+        made = work(sources, progress=tell, user_detectors=detector or ())
         if output:
             write_comparison(made, output)
     answer(json_, made.to_dict() | {"predictive": plain(made.predictive(fault_rate or ()))}, compared)
 
 
 def compared(found: dict) -> Group:
-    """Return the table of a comparison: `found` is the JSON of `cosim compare`."""
-    from cosim.compare.tables import by_level, detectors, pairs, predictive  # `--help` needs no pandas
+    """Return what a comparison says: `found` is the JSON of `cosim compare`."""
+    from cosim.compare.tables import detectors, pairs, predictive  # `--help` needs no pandas
 
     lost = f"; {found['failed']} could not be flown" if found["failed"] else ""
-    why = [f"{d['id']} not valid: {d['why_not_valid']}" for d in found["detectors"]
-           if d["not_valid"] and d["why_not_valid"]]  # fmt: skip
     parts: list[Any] = [Text(f"{found['runs']} flights, {found['source']}{lost}")]
-    parts += [pairs(found["pairs"])] if found.get("pairs") else []
-    parts += [detectors(found["detectors"]), *(Text(line, "dim") for line in why)]
-    parts += [by_level(found["levels"])] if any(d["level"] == "both" for d in found["detectors"]) else []
-    parts += [predictive(found["predictive"])] if found.get("predictive") else []
+    parts += [pairs(found["pairs"])] if found["pairs"] else []
+    parts += [detectors(found["detectors"]), Text(found["headline"])]
+    parts += [predictive(found["predictive"])] if found["predictive"] else []
     return Group(*parts, *(whole(f"{key:<7}{found[key]}") for key in ("report", "table") if found[key]))
 
 

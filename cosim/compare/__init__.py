@@ -11,15 +11,14 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from cosim.campaign.worker import FAILED
-from cosim.compare import figures, metrics, paired, tables
+from cosim.compare import metrics, paired, tables
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
-from cosim.errors import CosimError, told_at_call
+from cosim.errors import CosimError, did_you_mean, told_at_call
 from cosim.judge.result import plain
 from cosim.parts import loaded
 
@@ -39,7 +38,7 @@ class Comparison:
     source: str  # where the flights are from, in words
     two: bool = False  # campaigns side by side: each detector stands twice
     title: str = ""  # of the campaign
-    pairs: Sequence[dict] = ()  # cosim.compare.paired.Pair of each detector on the flights that both campaigns have
+    pairs: Sequence[dict] = ()  # cosim.compare.paired.pair of each detector on the flights that both campaigns have
     report: Path | None = None  # the page, if one was written
     table: Path | None = None  # the Parquet file of the rows, if one was written
 
@@ -48,7 +47,7 @@ class Comparison:
         return "\n".join([f"Comparison: {self.runs} flights, {self.source}", *rows])
 
     def _repr_html_(self) -> str:
-        return tables.detectors(self.detectors).upto(4)._repr_html_()
+        return tables.detectors(self.detectors)._repr_html_()
 
     @cached_property
     def families(self) -> list[dict]:
@@ -58,12 +57,26 @@ class Comparison:
     @cached_property
     def sizes(self) -> list[dict]:
         """Return how large an oscillation must be for each level (cosim.compare.stats.sizes)."""
-        return compare_stats.sizes(compare_stats.by_group(self.rows, self.detectors))
+        return [] if self.two else compare_stats.sizes(compare_stats.by_group(self.rows, self.detectors))
 
     @cached_property
     def levels(self) -> list[dict]:
         """Return which level saw how many faults of each kind (cosim.compare.stats.by_level)."""
-        return compare_stats.by_level(self.rows, self.detectors)
+        return [] if self.two else compare_stats.by_level(self.rows, self.detectors)
+
+    @property
+    def headline(self) -> str:
+        """Return what the flights say in a sentence: which level, or of two campaigns which of both, saw more."""
+        if self.two:
+            parted = [p for p in self.pairs if p["only_a"] or p["only_b"]]
+            said = "{a} alone in {only_a}, {b} alone in {only_b} of {n} faults"
+            return f"{'; '.join(said.format(**p) for p in parted) or 'every detector saw the same faults in both'}."
+        n = {key: sum(d[key] for d in self.levels) for key in ("faults", "local", "aircraft", "both", "nobody")}
+        loud = ", ".join(d["id"] for d in self.detectors if not d["credible"])
+        told = (f"Of {n['faults']} faults the local level alone saw {n['local']}, the aircraft level alone "
+                f"{n['aircraft']}, both {n['both']}, neither {n['nobody']}")  # fmt: skip
+        care = f"; left out, as it alarms in more than half of the fault-free flights: {loud}" if loud else ""
+        return f"{told if n['faults'] else 'No fault was flown'}{care}."
 
     def predictive(self, fault_rates: Sequence[float]) -> list[dict]:
         """Return {id, fault_rate, value, low, high}: the share of a detector's alarms behind which there is a fault,
@@ -75,50 +88,77 @@ class Comparison:
             raise CompareError(said, place="--fault-rate", allowed="above 0, at most 1000")
         out = []
         for d, rate in ((d, rate) for d in self.detectors for rate in fault_rates):
-            about = d["detected"], d["designed"], d["false_alarms"], d["hours"], rate
-            found = metrics.predictive_value(*about) if d["hours"] > 0.0 else metrics.UNKNOWN
-            out.append({"id": d["id"], "fault_rate": rate, **found._asdict()})
+            share = metrics.predictive_value(d["detected"], d["designed"], d["false_alarms"], d["hours"], rate)
+            out.append({"id": d["id"], "fault_rate": rate, **share._asdict()})
         return out
 
     def roc(self, detectors: Sequence[str] = ()) -> pd.DataFrame:
         """Return the operating points of `detectors` (default: all), a row per threshold, with exact 95 % intervals
-        (cosim.compare.figures.roc). Raises CosimError without fault-free flights or faults."""
-        return figures.roc(self.rows, detectors)
+        (cosim.compare.stats.operating_points). Raises CompareError without fault-free flights or faults: a ROC needs
+        both."""
+        found = compare_stats.operating_points(self._of(detectors or self._ids))
+        if found.empty:
+            told = "has no detector with both fault-free flights and faults that it was designed for"
+            raise CompareError(told, place="roc", remedy="Fly both: [[part]] in a campaign (cosim/campaign/README.md)")
+        return found
 
     def pod(self, detectors: Sequence[str] = ()) -> pd.DataFrame:
         """Return probability of detection over achieved amplitude [mm of rod] with bounds, by kind of oscillation and
-        frequency, of each level or of `detectors` (cosim.compare.figures.curves)."""
-        return figures.curves(self.rows, self.detectors, detectors)
+        frequency (cosim.compare.stats.curves), of each level or of `detectors`: there a flight in which it was not
+        valid counts as missed."""
+        own = self._of(detectors)
+        each = own.assign(group=own["id"], seen=own["detected"], able=own["concerned"])
+        return compare_stats.curves(each if detectors else compare_stats.by_group(self.rows, self.detectors))
 
-    def figure(self, kind: str, detectors: Sequence[str] = ()) -> Any:
-        """Return the matplotlib Figure "roc" or "pod" with its bounds, one column of a journal wide.
-        `figure("roc").savefig("roc.pdf")` writes vectors. Needs the extra `plot`; raises CosimError without it."""
-        return figures.figure(kind, self.rows, self.detectors, detectors)
+    @property
+    def _ids(self):
+        return [d["id"] for d in self.detectors]
+
+    def _of(self, detectors):
+        for name in (name for name in detectors if name not in self._ids):
+            raise CompareError("is no detector of these flights", place=name, allowed=", ".join(self._ids),
+                               remedy=did_you_mean(name, self._ids))  # fmt: skip
+        return self.rows[self.rows["id"].isin(detectors)]
 
     def to_dict(self) -> dict:
         """Return the JSON of `cosim compare`."""
         files = {key: str(path) if path else None for key, path in (("report", self.report), ("table", self.table))}
-        about = {"runs": self.runs, "failed": self.failed, "source": self.source, "detectors": self.detectors}
-        levels, sizes = ([], []) if self.two else (self.levels, self.sizes)
-        told = {"families": self.families, "levels": levels, "sizes": sizes, "pairs": self.pairs}
-        return plain({**files, **about, **told})
+        keys = ("runs", "failed", "source", "headline", "detectors", "families", "levels", "sizes", "pairs")
+        return plain(files | {key: getattr(self, key) for key in keys})
 
 
 @told_at_call
 def compare(
     sources: Iterable[str | Path], *, progress: Callable[[int, int], None] | None = None,
-    guests: Iterable[str | Path] = (),
+    user_detectors: Iterable[str | Path] = (),
 ) -> Comparison:  # fmt: skip
     """Return the Comparison of logs, of one campaign's folder or folder of logs, or of two campaigns side by side.
 
-    `progress(done, total)` counts flights. `guests` are files of further detectors (cosim/parts), run on logs
-    as they were flown. Raises CompareError, CampaignError, LogError, GuestError.
+    `progress(done, total)` counts flights. `user_detectors` are files of further detectors (cosim/parts), run on logs
+    as they were flown. Raises CompareError, CampaignError, LogError, PartError.
     """
     paths = [Path(s) for s in sources]
-    if len(paths) == 2 and all((p / "scenarios.parquet").is_file() for p in paths):
-        return _side_by_side(paths, guests)
-    frame, timing, tomls, source, title = read(paths, progress=progress, guests=guests)
-    return _made(_tidy(frame, tomls, source), timing, frame["run"].nunique(), [frame], source, title=title)
+    if len(paths) == 2 and all(map(_is_campaign, paths)):
+        return _side_by_side(paths)
+    if any(p.is_dir() for p in paths[1:]) or (len(paths) > 1 and paths[0].is_dir()):
+        remedy = "Give logs, one folder, or the folders of two campaigns"
+        raise CompareError("a folder stands beside other sources", place=" ".join(map(str, paths)), remedy=remedy)
+    logs = sorted(paths[0].glob("*.mcap")) if paths[0].is_dir() else paths
+    if not logs or _is_campaign(paths[0]):
+        if user_detectors:
+            raise CompareError("holds rows, no flights to run a detector on", place=str(paths[0]),
+                               remedy="Fly the campaign with --detector")  # fmt: skip
+        rows, timing, runs, failed, title, _ = _read(paths[0])
+        return Comparison(rows, compare_stats.detectors(rows, timing), runs, failed, str(paths[0]), title=title)
+    frame, tomls, again = compare_rows.of_logs(logs, progress, loaded(user_detectors))
+    source = f"{len(logs)} log{'s' * (len(logs) != 1)}"
+    source += f"; the same flight again, counted once: {', '.join(again)}" if again else ""
+    rows = _tidy(frame, tomls, source)
+    return Comparison(rows, compare_stats.detectors(rows), frame["run"].nunique(), 0, source)
+
+
+def _is_campaign(path):
+    return (path / "scenarios.parquet").is_file()
 
 
 def _tidy(frame, tomls, source):
@@ -128,48 +168,22 @@ def _tidy(frame, tomls, source):
     return rows
 
 
-def _made(rows, timing, runs, frames, source, **more):
-    each = compare_stats.detectors(rows, timing)
-    failed = sum(int(frame.drop_duplicates("run")["status"].isin(FAILED).sum()) for frame in frames)
-    return Comparison(rows, each, runs, failed, source, **more)
+def _read(folder):
+    """Return (rows, timing, flights, runs without one, title, {run: TOML}) of a campaign's folder."""
+    frame, timing, tomls, title = compare_rows.of_campaign(folder)
+    failed = int(frame.drop_duplicates("run")["status"].isin(FAILED).sum())
+    return _tidy(frame, tomls, str(folder)), timing, frame["run"].nunique(), failed, title, tomls
 
 
-def _side_by_side(folders, guests):
+def _side_by_side(folders):
     if folders[0].resolve() == folders[1].resolve():
         raise CompareError("is named twice", place=str(folders[0]), remedy="Give the folders of two campaigns")
-    names, each, times, frames = paired.labels(folders), [], [], []
+    names, each, times, failed = paired.labels(folders), [], [], 0
     for folder, name in zip(folders, names):
-        frame, timing, tomls, source, _ = read([folder], guests=guests)
-        each.append(paired.flights(_tidy(frame, tomls, source), tomls))  # while its records are the ones told
-        frames.append(frame)
-        if timing is not None:
-            known = timing[timing["id"].notna()]
-            times.append(known.assign(id=[f"{i} ({name})" for i in known["id"]]))
+        rows, timing, _, lost, _, tomls = _read(folder)
+        each.append(paired.flights(rows, tomls))
+        times.append(timing.dropna(subset=["id"]).assign(id=lambda t, name=name: t["id"] + f" ({name})"))
+        failed += lost
     rows, pairs, told = paired.joined(each, names)
-    source = f"{' and '.join(map(str, folders))}: {told}"
-    timing = pd.concat(times) if times else None
-    return _made(rows, timing, rows["run"].nunique(), frames, source, two=True, pairs=pairs)
-
-
-def read(
-    sources: Iterable[str | Path], *, progress: Callable[[int, int], None] | None = None, guests: Iterable = ()
-) -> tuple:
-    """Return (rows per lane, timing or None, {run: TOML}, name, title) of what is to be compared."""
-    paths = [Path(s) for s in sources]
-    folders, own = [s for s in paths if s.is_dir()], loaded(guests)
-    if len(folders) == 1 == len(paths):
-        logs = sorted(folders[0].glob("*.mcap"))
-        if (folders[0] / "scenarios.parquet").is_file() or not logs:
-            if own:
-                raise CompareError("holds rows, no flights to run a detector on", place=str(folders[0]),
-                                   remedy="Fly the campaign with --detector")  # fmt: skip
-            frame, timing, tomls, title = compare_rows.of_campaign(folders[0])
-            return frame, timing, tomls, str(folders[0]), title
-        paths = logs
-    elif folders:
-        remedy = "Give logs, one folder, or the folders of two campaigns"
-        raise CompareError("is a folder beside other sources", place=str(folders[0]), remedy=remedy)
-    frame, tomls = compare_rows.of_logs(paths, progress, own)
-    again = frame.attrs["again"]
-    told = f"; the same flight again, counted once: {', '.join(again)}" if again else ""
-    return frame, None, tomls, f"{len(paths)} log{'s' * (len(paths) != 1)}{told}", ""
+    source, stats = f"{' and '.join(map(str, folders))}: {told}", compare_stats.detectors(rows, pd.concat(times))
+    return Comparison(rows, stats, rows["run"].nunique(), failed, source, two=True, pairs=pairs)

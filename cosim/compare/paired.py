@@ -21,6 +21,11 @@ from cosim.errors import CosimError
 
 DRAWS = 2000  # of the bootstrap
 LEAST = 5  # flights
+AT = ["run", "fault", "id"]
+TOLD = (  # columns in which the rows of a detector that is the same in both campaigns are equal
+    *("detected", "delay_s", "isolated_class", "outcome", "time_to_right_s", "alarm_share", "false_alarms"),
+    "standing_s",
+)
 
 
 def pair(rows: pd.DataFrame, a: str, b: str) -> list[dict]:
@@ -28,32 +33,23 @@ def pair(rows: pd.DataFrame, a: str, b: str) -> list[dict]:
     blind: n flights, seen by one alone, McNemar's two-sided p, and the share of flights that a sees less that of b,
     with its 95 % interval; [] without such a fault. `rows` are those of cosim/compare/rows.py."""
     use = rows[rows["case"].notna() & rows["concerned"] & (rows["word"] != "blind")]
-    seen = [use[use["id"] == name].set_index(["run", "fault"])["detected"] for name in (a, b)]
-    one, other = (own.loc[seen[0].index.intersection(seen[1].index)].to_numpy(bool) for own in seen)
-    n, only_a, only_b = len(one), int(np.sum(one & ~other)), int(np.sum(other & ~one))
+    seen = use.pivot(index=["run", "fault"], columns="id", values="detected").reindex(columns=[a, b]).dropna()
+    more = seen[a].astype(float) - seen[b].astype(float)
+    n, only_a, only_b = len(more), int((more > 0).sum()), int((more < 0).sum())
     about: dict = {"a": a, "b": b, "n": n, "only_a": only_a, "only_b": only_b}
     about |= dict.fromkeys(("p", "difference", "low", "high"))
     if n >= LEAST:
-        about["p"] = float(binomtest(only_a, only_a + only_b).pvalue) if only_a + only_b else 1.0
-        about["difference"] = (only_a - only_b) / n
-        about["low"], about["high"] = bootstrap(one.astype(float) - other)
+        low, high = bootstrap(more.to_numpy())
+        p = float(binomtest(only_a, only_a + only_b).pvalue) if only_a + only_b else 1.0
+        about |= {"p": p, "difference": (only_a - only_b) / n, "low": low, "high": high}
     return [about] if n else []
 
 
 def bootstrap(difference: np.ndarray, confidence: float = 0.95) -> tuple[float, float]:
     """Return the percentile interval of the mean of `difference` (flights,), paired; the same draws every time."""
-    rng = np.random.default_rng(0)
-    drawn = rng.integers(0, len(difference), (DRAWS, len(difference)))
-    means = difference[drawn].mean(axis=1)
-    low, high = np.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2])
+    drawn = np.random.default_rng(0).integers(0, len(difference), (DRAWS, len(difference)))
+    low, high = np.quantile(difference[drawn].mean(axis=1), [(1 - confidence) / 2, (1 + confidence) / 2])
     return float(low), float(high)
-
-
-TOLD = (
-    *("detected", "delay_s", "isolated_class", "outcome", "time_to_right_s", "alarm_share", "false_alarms"),
-    "standing_s",
-)
-AT = ["run", "fault", "id"]
 
 
 def labels(folders: list[Path]) -> list[str]:
@@ -76,25 +72,26 @@ def joined(each: list[pd.DataFrame], names: list[str]) -> tuple[pd.DataFrame, li
     """Return (rows of both, `pair` of each detector, what was left out, in words). `each` are rows of
     `flights`, `names` what their campaigns are called."""
     common = set(each[0]["run"]) & set(each[1]["run"])
-    told, same = "no flight in both: nothing is paired", []
+    told = f"{len(common)} flights in both" if common else "no flight in both: nothing is paired"
     if common:
         alone = [own["run"].nunique() - len(common) for own in each]
         each = [own[own["run"].isin(common)] for own in each]
-        told, same = f"{len(common)} flights in both", _same(*each)
-        if not {*each[0]["id"], *each[1]["id"]} - {*same}:
-            told, same = f"{len(common)} flights in both, every detector the same in all of them", []
+        same, ids = _same(*each), set(each[0]["id"]) | set(each[1]["id"])
+        if ids <= {*same}:
+            told, same = f"{told}, every detector the same in all of them", []
         each = [own[~own["id"].isin(same)] for own in each]
         told += "".join(f", {n} only in {name} left out" for n, name in zip(alone, names) if n)
         told += f"; left out, as the same in all of them: {', '.join(same)}" if same else ""
-    both = pd.concat([own.assign(id=[f"{i} ({name})" for i in own["id"]]) for own, name in zip(each, names)])
-    order = {name: i for i, name in enumerate(dict.fromkeys([*each[0]["id"], *each[1]["id"]]))}
-    both = both.sort_values("id", key=lambda ids: ids.map(lambda i: order[i.partition(" ")[0]]), kind="stable")
+    order = list(pd.concat(each)["id"].unique())
+    both = pd.concat([own.assign(id=own["id"] + f" ({name})") for own, name in zip(each, names)])
+    both = both.sort_values("id", key=lambda ids: ids.str.partition(" ")[0].map(order.index), kind="stable")
     shared = [i for i in order if all((own["id"] == i).any() for own in each)] if common else []
-    made = [p for i in shared for p in pair(both, *(f"{i} ({name})" for name in names))]
-    return both.reset_index(drop=True), made, told
+    pairs = [p for i in shared for p in pair(both, *(f"{i} ({name})" for name in names))]
+    return both.reset_index(drop=True), pairs, told
 
 
-def _same(a, b):
-    one, other = (own.set_index(AT)[list(TOLD)].sort_index() for own in (a, b))
-    of = lambda rows, name: rows[rows.index.get_level_values("id") == name]  # noqa: E731
-    return [i for i in dict.fromkeys(a["id"]) if of(one, i).equals(of(other, i))]
+def _same(*each):
+    """Return the detectors whose rows are equal in both."""
+    one, other = (own.set_index(AT)[list(TOLD)].sort_index() for own in each)
+    alike = lambda name: (own[own.index.get_level_values("id") == name] for own in (one, other))  # noqa: E731
+    return [i for i in each[0]["id"].unique() if pd.DataFrame.equals(*alike(i))]

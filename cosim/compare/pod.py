@@ -40,15 +40,18 @@ class Pod:
     covariance: tuple[tuple[float, float], tuple[float, float]] | None = None
 
     def at(self, size: ArrayLike, confidence: float = 0.95) -> tuple[NDArray, NDArray, NDArray]:
-        """Return (POD, lower, upper bound), each (n,), at `size` (n,), above 0; each bound holds with `confidence`. The
-        bounds are those of the linear predictor (delta method), as of a90. Raises ValueError without a curve."""
+        """Return (POD, lower, upper bound), each (n,), at `size` (n,), above 0; each bound holds with `confidence`.
+        Raises ValueError without a curve."""
         if self.coefficients is None or self.covariance is None:
             raise ValueError(f"no curve: {self.note}")
-        x, (b0, b1), (row0, row1) = np.log(np.asarray(size, float)), self.coefficients, self.covariance
-        middle, spread = b0 + b1 * x, np.sqrt(row0[0] + 2.0 * x * row0[1] + x * x * row1[1])
-        z = float(stats.norm.ppf(confidence))
-        low, high = special.expit(middle - z * spread), special.expit(middle + z * spread)
-        return special.expit(middle), low, high
+        x, z = np.log(np.asarray(size, float)), float(stats.norm.ppf(confidence))
+        bounds = (predictor(x, self.coefficients, np.array(self.covariance), sign * z) for sign in (0.0, -1.0, 1.0))
+        return tuple(map(special.expit, bounds))  # type: ignore[return-value]
+
+
+def predictor(x: Any, b: Any, cov: NDArray, z: float) -> Any:
+    """Return b0 + b1 x and `z` of its standard deviations (delta method), at x = ln a."""
+    return b[0] + b[1] * x + z * np.sqrt(cov[0, 0] + 2.0 * x * cov[0, 1] + x * x * cov[1, 1])
 
 
 def fit(size: ArrayLike, seen: ArrayLike, share: float = 0.9, confidence: float = 0.95) -> Pod:
@@ -62,31 +65,26 @@ def fit(size: ArrayLike, seen: ArrayLike, share: float = 0.9, confidence: float 
     n, k = len(a), int(np.sum(y))
     if n < LEAST:
         return Pod(n, k, note="too few flights")
+    least, most = number(a.min(), 2), number(a.max(), 2)
     if k in (0, n):
-        told = f"none seen up to {number(a.max(), 2)}" if k == 0 else f"all seen from {number(a.min(), 2)}"
-        return Pod(n, k, note=told)
+        return Pod(n, k, note=f"all seen from {least}" if k else f"none seen up to {most}")
     if a[~y].max() <= a[y].min():  # also where both are found at one size alone: the likelihood has no maximum
         return Pod(n, k, note=f"between {number(a[~y].max(), 2)} and {number(a[y].min(), 2)}")
-    (b0, b1), cov = logistic(np.log(a), y)
-    if not (np.isfinite(cov).all() and b1 > 0.0):
+    b, cov = logistic(np.log(a), y)
+    if not (np.isfinite(cov).all() and b[1] > 0.0):
         return Pod(n, k, note="does not grow with size")
-    curve: dict[str, Any] = {"coefficients": (float(b0), float(b1)), "covariance": tuple(map(tuple, cov.tolist()))}
-    wanted, z = math.log(share / (1.0 - share)), float(stats.norm.ppf(confidence))
-    at = (wanted - b0) / b1
-    first, last = math.log(a.min()), math.log(a.max())
+    curve: dict[str, Any] = {"coefficients": tuple(b.tolist()), "covariance": tuple(map(tuple, cov.tolist()))}
+    wanted, z = special.logit(share), float(stats.norm.ppf(confidence))
+    at, first, last = (wanted - b[0]) / b[1], math.log(a.min()), math.log(a.max())
     if not first <= at <= last:
-        return Pod(n, k, note=f"beyond {number(a.max(), 2)}" if at > last else f"below {number(a.min(), 2)}", **curve)
+        return Pod(n, k, note=f"beyond {most}" if at > last else f"below {least}", **curve)
 
-    def bound(x: float, sign: float) -> float:
-        spread = math.sqrt(cov[0, 0] + 2.0 * x * cov[0, 1] + x * x * cov[1, 1])
-        return b0 + b1 * x + sign * z * spread - wanted
+    def bound(side: float, end: float) -> float | None:
+        off = lambda x: predictor(x, b, cov, side * z) - wanted  # noqa: E731
+        return None if side * off(end) >= 0.0 else math.exp(brentq(off, *sorted((at, end))))
 
-    high = brentq(bound, at, last, args=(-1.0,)) if bound(last, -1.0) > 0.0 else None
-    low = brentq(bound, first, at, args=(1.0,)) if bound(first, 1.0) < 0.0 else None
-    return Pod(
-        n, k, math.exp(at), None if low is None else math.exp(low), None if high is None else math.exp(high),
-        "" if high is not None else f"bound beyond {number(a.max(), 2)}", **curve,
-    )  # fmt: skip
+    low, high = bound(1.0, first), bound(-1.0, last)
+    return Pod(n, k, math.exp(at), low, high, "" if high is not None else f"bound beyond {most}", **curve)
 
 
 def logistic(x: NDArray, y: NDArray[np.bool_]) -> tuple[NDArray, NDArray]:

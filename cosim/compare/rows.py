@@ -1,7 +1,8 @@
 """Rows of a comparison: one per run, detector and fault, from a campaign's rows per lane, or from logs.
 
 run, fault                         the flight, and the number of a fault of it; null without one
-title, case, kind, target          the flight and a fault of it, case as in cosim/judge/coverage.py; null without one
+case, kind, target                 of the fault, case as in cosim/judge/coverage.py; null without one
+turbulence, manoeuvre              of the flight
 family                             the kind of fault in the tables: FAMILIES
 frequency_hz, amplitude_mm, rod_mm, surface_deg     of an oscillation; achieved, against the flight without it
 hours                              in which a false alarm would count (`exposed_s` of cosim/judge/row.py), mean over its
@@ -44,55 +45,103 @@ FAMILIES = (
     *("liquid OFC, one segment", "liquid OFC, several", "solid OFC, one segment", "solid OFC, several"),
     *("jam or runaway", "other actuator fault", "actuator's sensor", "aircraft's sensor", "engine or other surface"),
 )
-NUMBERS = (  # of the lane that noticed first
-    *("delay_s", "delay_periods", "time_to_right_s", "right_after_motion_s", "class_changes", "ambiguous_s"),
-    *("alarm_share", "withdrawn_after_s"),
-)
+LANE, KEY = ["run", "id"], ["run", "id", "fault"]
+NO_FAULT = -1  # as a number of a fault while rows are made: pandas groups by no null
+OF_FIRST = {  # column of the lane that noticed first -> what stands there where none did
+    **dict.fromkeys(("isolated_class", "first_verdict", "withdrawn", "delay_s", "delay_periods", "time_to_right_s",
+                     "right_after_motion_s", "class_changes", "ambiguous_s", "alarm_share", "withdrawn_after_s")),
+    **dict.fromkeys(("right", "first_right", "first_sure_wrong"), False),
+    **{"class_given": NOT_GIVEN, "place_given": NOT_GIVEN, "place_level": ""},
+}  # fmt: skip
 
 
 def family(kind: str, target: str, segments: tuple) -> str:
     """Return the word of FAMILIES for a fault as a scenario writes it; `segments` are the elevator's."""
     place, *rest = target.split(".")
-    if place == "sensor":
-        return "aircraft's sensor"
     if place != "elevator":
-        return "engine or other surface"
+        return "aircraft's sensor" if place == "sensor" else "engine or other surface"
     if len(rest) > 1 or kind == "jam_liquid":
         return "actuator's sensor"
     if kind.startswith("ofc"):
-        many = "one segment" if rest[0] in segments else "several"
-        return f"{kind.removeprefix('ofc_')} OFC, {many}"
+        return f"{kind.removeprefix('ofc_')} OFC, {'one segment' if rest[0] in segments else 'several'}"
     return "jam or runaway" if kind.startswith(("jam", "runaway")) else "other actuator fault"
 
 
 def tidy(frame: pd.DataFrame, tomls: Mapping[str, str]) -> pd.DataFrame:
     """Return the rows of `frame` (columns of cosim/campaign), `tomls` {run: scenario}; an empty frame without any."""
-    lanes: dict = {}
-    for lane in frame[frame["id"].notna()].to_dict("records"):
-        given = {k: v for k, v in lane.items() if v is not None and v == v}  # without cells that hold nothing
-        lanes.setdefault((lane["run"], lane["id"]), []).append({"able": "able" not in lane, **given})
-    about = {run: _about(tomls[run]) for run in dict.fromkeys(run for run, _ in lanes)}
-    out = []
-    for (run, detector), found in lanes.items():
-        met = sorted({int(lane["fault"]) for lane in found if "fault" in lane}) or [_earliest(about[run], found[0])]
-        for i, fault in enumerate(met):
-            own = [lane for lane in found if lane.get("fault", fault) == fault]
-            out.append(_row(run, detector, own, found if i == 0 else [], about[run], fault))
-    if not out:
+    lanes = frame.loc[frame["id"].notna(), [f.name for f in judged.FIELDS]]
+    if lanes.empty:
         return pd.DataFrame()
-    return with_alarms_anyway(pd.DataFrame(out).astype({"concerned": bool, "detected": bool, "not_valid": bool}))
+    flights = {run: flown(tomls[run]) for run in lanes["run"].unique()}
+    rows = _grouped(_with_each_fault(lanes, flights)).reset_index()
+    once = ~rows.duplicated(LANE)  # the row on which what is of a whole flight stands
+    whole, flight = lanes.groupby(LANE), rows[LANE].agg(tuple, axis=1)
+    rows["hours"] = flight.map(whole["exposed_s"].sum() / whole["lane"].nunique(dropna=False) / 3600.0).where(once)
+    for name in ("false_alarms", "standing_s"):
+        rows[name] = flight.map(whole[name].sum()).where(once, 0)
+    rows = rows.merge(_faults(flights), on=["run", "fault"])
+    rows["fault"] = rows["fault"].where(rows["case"].notna())
+    rows["r_fault_free"] = rows["r_fault_free"].where(rows["case"].isna())
+    pairs = list(zip(rows["id"], rows["case"]))
+    words = {pair: coverage.expected(*pair) for pair in {*pairs} if isinstance(pair[1], str)}
+    rows["word"] = [words.get(pair) for pair in pairs]
+    rows["outcome"] = [
+        outcome(r.id, r.case, seen=r.detected, class_=r.class_given, place=r.place_given, able=not r.not_valid,
+                masked=r.masked) if isinstance(r.case, str) else None for r in rows.itertuples()
+    ]  # fmt: skip
+    return with_alarms_anyway(rows.astype({"false_alarms": int}))
+
+
+def _with_each_fault(lanes, flights):
+    """Return the rows per lane, sorted by flight, detector and fault. A lane that no fault concerns stands beside each
+    that its detector could notice elsewhere, else beside the earliest that began, else beside NO_FAULT."""
+    lanes = lanes.assign(order=lanes.groupby(LANE, sort=False).ngroup())
+    concerned = lanes[lanes["fault"].notna()]
+    others = lanes[lanes["fault"].isna()].drop(columns="fault")
+    others = others.merge(concerned[KEY].drop_duplicates(), on=LANE, how="left")
+    time = lanes.groupby("run")["sim_time_s"].first()
+    earliest = others["run"].map({run: _earliest(s.faults, time[run]) for run, s in flights.items()})
+    others["fault"] = others["fault"].fillna(earliest)
+    both = pd.concat([concerned, others]) if len(concerned) else others
+    return both.sort_values(["order", "fault"], kind="stable").astype({"fault": int, "concerned": bool, "able": bool})
+
+
+def _earliest(faults, end):
+    """Return the number of the fault that began first before the `end` of a flight [s], NO_FAULT without one."""
+    begun = [i for i, f in enumerate(faults) if f.start_s < end]
+    return min(begun, key=lambda i: faults[i].start_s, default=NO_FAULT)
+
+
+def _grouped(lanes):
+    """Return a row per flight, detector and fault: what is of all of its lanes, of those that the fault concerns, and
+    of the one that noticed first."""
+    each, mine = lanes.groupby(KEY, sort=False), lanes[lanes["concerned"]]
+    asked = lanes[lanes["concerned"] | ~each["concerned"].transform("any")].groupby(KEY, sort=False)
+    rows = each[["status", *ACHIEVED, "level", "estimate_unit"]].first()
+    rows = rows.assign(lanes=each.size(), concerned=each["concerned"].any(), valid_share=each["valid_share"].mean())
+    rows[["r_fault_free", "estimate_rmse"]] = each[["r_max_before", "estimate_rmse"]].max()
+    rows["r_fault"] = mine.groupby(KEY)["r_max_after"].max()
+    first = mine.assign(late=mine["detected_at_s"].where(mine["delay_s"].notna()))
+    first = first.sort_values("late", kind="stable").drop_duplicates(KEY).set_index(KEY)
+    rows = rows.join(first[[*OF_FIRST, "masked", "not_excited"]])
+    rows["detected"] = rows["delay_s"].notna()
+    for name, otherwise in OF_FIRST.items():
+        rows[name] = rows[name].where(rows["detected"], otherwise)
+    flags = dict.fromkeys(("right", "first_right", "first_sure_wrong", "masked", "not_excited"), bool)
+    rows[[*flags]] = rows[[*flags]].astype(object).fillna(False).astype(flags)
+    rows["not_valid"] = ~rows["detected"] & ~asked["able"].any()
+    return rows.assign(why_not_valid=asked["why_not_valid"].first())
 
 
 def with_alarms_anyway(rows: pd.DataFrame) -> pd.DataFrame:
     """Return rows with the column `alarms_anyway`; null where no flight without a fault has the manoeuvre."""
     free = rows[rows["case"].isna()]
     share = (free["false_alarms"] > 0).groupby([free["id"], free["manoeuvre_key"]]).mean()
-    share = share.rename_axis(["id", "manoeuvre_key"]).rename("alarms_anyway").reset_index()
-    return rows.merge(share, on=["id", "manoeuvre_key"], how="left")
+    return rows.join(share.rename("alarms_anyway"), on=["id", "manoeuvre_key"])
 
 
 def flown(text: str) -> Scenario:
-    """Return the Scenario of a run's TOML, its detectors left out: guests need not be known to this process."""
+    """Return the Scenario of a run's TOML, its detectors left out: user detectors need not be known to this process."""
     tables = toml(text, place="scenario")
     return parse({k: v for k, v in tables.items() if k != "detectors"}, place="scenario")
 
@@ -102,89 +151,33 @@ def flight(text: str) -> str:
     return hashlib.sha256(flown(text).expanded_toml().encode()).hexdigest()[:16]
 
 
-def _about(text):
-    s = flown(text)
-    cases = coverage.cases(s)
-    return {
-        "title": s.title, "faults": len(s.faults),
-        "each": [_fault(f, case, s.aircraft.segments) for f, case in zip(s.faults, cases)],
-        "starts": [f.start_s for f in s.faults],
-        "turbulence": s.flight.turbulence, "manoeuvre": s.manoeuvre.kind,
-        "manoeuvre_key": s.manoeuvre.model_dump_json(), "seed": s.seed, "mass_t": s.flight.mass_t,
-    }  # fmt: skip
-
-
-def _earliest(about, lane):
-    """Return the number of the fault that began first before the flight of `lane` ended, None without one."""
-    begun = [i for i, start in enumerate(about["starts"]) if start < lane["sim_time_s"]]
-    return min(begun, key=lambda i: about["starts"][i], default=None)
-
-
-def _fault(f, case, segments):
-    if f is None:
-        return {"case": None, "kind": None, "target": None, "family": None, "frequency_hz": np.nan}
-    swings = f.kind.startswith("ofc")
-    about = {"case": case, "kind": f.kind, "target": f.target, "family": family(f.kind, f.target, segments)}
-    return about | {"frequency_hz": (f.model_extra or {})["frequency_hz"] if swings else np.nan}
-
-
-def _row(run, detector, lanes, whole, about, fault):
-    """Return the row of one detector, run and fault (its number, or None without one).
-
-    `lanes` are the rows per lane of that fault, {column: what it holds}; `whole` all rows of the detector in the run,
-    for what is counted once in a flight, empty on the rows of its further faults.
-    """
-    first, mine, n = lanes[0], [lane for lane in lanes if lane["concerned"]], len({lane.get("lane") for lane in whole})
-    seen = sorted((lane for lane in mine if "delay_s" in lane), key=lambda lane: _number(lane, "detected_at_s"))
-    best = seen[0] if seen else {}
-    told = best or next(iter(mine), {})
-    each = about["each"][fault] if fault is not None else _fault(None, None, ())
-    able = any(lane["able"] for lane in mine or lanes)
-    given = {k: best.get(k, NOT_GIVEN) for k in ("class_given", "place_given")}
-    how = None
-    if fault is not None:
-        how = outcome(detector, each["case"], seen=bool(seen), class_=given["class_given"],
-                      place=given["place_given"], able=able, masked=bool(told.get("masked")))  # fmt: skip
-    return {
-        "run": run, "fault": fault, **{k: v for k, v in about.items() if k not in ("each", "starts")}, **each,
-        "hours": sum(_number(lane, "exposed_s") for lane in whole) / n / 3600.0 if n else np.nan,
-        "status": first["status"], **{k: _number(first, k) for k in ACHIEVED}, "id": detector, "level": first["level"],
-        "lanes": len(lanes), "word": coverage.expected(detector, each["case"]) if fault is not None else None,
-        "concerned": bool(mine), "not_valid": not seen and not able,
-        "why_not_valid": next((lane["why_not_valid"] for lane in mine or lanes if "why_not_valid" in lane), None),
-        "valid_share": float(np.mean([_number(lane, "valid_share") for lane in lanes])), "detected": bool(seen),
-        "isolated_class": best.get("isolated_class"), "first_verdict": best.get("first_verdict"),
-        "right": bool(best.get("right")), **given, "place_level": best.get("place_level", ""),
-        "first_right": bool(best.get("first_right")), "first_sure_wrong": bool(best.get("first_sure_wrong")),
-        **{k: bool(told.get(k)) for k in ("not_excited", "masked")}, "withdrawn": best.get("withdrawn"),
-        **{k: _number(best, k) for k in NUMBERS}, "outcome": how,
-        "false_alarms": sum(int(lane["false_alarms"]) for lane in whole),
-        "standing_s": float(sum(_number(lane, "standing_s") for lane in whole)),
-        "r_fault_free": np.nan if fault is not None else _largest(lanes, "r_max_before"),
-        "r_fault": _largest(mine, "r_max_after") if fault is not None else np.nan,
-        "estimate_rmse": _largest(lanes, "estimate_rmse"),
-        "estimate_unit": next((lane.get("estimate_unit") for lane in lanes if "estimate_rmse" in lane), None),
-    }  # fmt: skip
-
-
-def _number(row, name):
-    return float(row.get(name, np.nan))
-
-
-def _largest(lanes, name):
-    return max((float(lane[name]) for lane in lanes if name in lane), default=np.nan)
+def _faults(flights):
+    """Return what a row says of each flight and fault, NO_FAULT among them."""
+    out = []
+    for run, s in flights.items():
+        about = {"run": run, "turbulence": s.flight.turbulence, "manoeuvre": s.manoeuvre.kind,
+                 "manoeuvre_key": s.manoeuvre.model_dump_json()}  # fmt: skip
+        out.append(about | {"fault": NO_FAULT})
+        out += [
+            about | {"fault": i, "case": case, "kind": f.kind, "target": f.target,
+                     "family": family(f.kind, f.target, s.aircraft.segments),
+                     "frequency_hz": f.model_extra["frequency_hz"] if f.kind.startswith("ofc") else np.nan}
+            for i, (f, case) in enumerate(zip(s.faults, coverage.cases(s)))
+        ]  # fmt: skip
+    types = dict.fromkeys(("case", "kind", "target", "family"), "str") | {"frequency_hz": float}
+    return pd.DataFrame(out).reindex(columns=[*out[0], *types]).astype(types)
 
 
 def of_logs(
-    paths: Sequence[str | Path], progress: Callable[[int, int], None] | None = None, guests: Iterable = ()
-) -> tuple[pd.DataFrame, dict[str, str]]:
-    """Return (rows per lane with the columns of a campaign, {run: TOML}) of logs written by `cosim run`.
+    paths: Sequence[str | Path], progress: Callable[[int, int], None] | None = None, user_detectors: Iterable = ()
+) -> tuple[pd.DataFrame, dict[str, str], list[str]]:
+    """Return (rows per lane with the columns of a campaign, {run: TOML}, repetitions) of logs written by `cosim run`.
 
     A flight that several logs hold, whatever detectors flew in it, is one run, and each detector in it counts once, by
-    the first of its logs; `attrs["again"]` of the rows names the others. The judgement is made again from what the
-    detectors put out; achieved amplitudes need the flight flown again, with and without its faults, where
-    one acts on an elevator, without the detectors; where user files flew they are what the log says. `guests` are made
-    guests, run on each flight. Raises LogError.
+    the first of its logs; `repetitions` names the others. The judgement is made again from what the detectors put
+    out; achieved amplitudes need the flight flown again, with and without its faults, where one acts on an elevator,
+    without the detectors; where user files flew they are what the log says. `user_detectors` are made ones, run on each
+    flight. Raises LogError.
     """
     from cosim.flight.faults.fault_free_reference import achieved, faulted, unwatched
     from cosim.replay.recording import LoggedFlight
@@ -194,30 +187,22 @@ def of_logs(
     first: dict[str, tuple[str, str, set]] = {}  # flight -> (run, its first log, detectors that are counted)
     again: list[str] = []
     for i, path in enumerate(paths):
-        flown = LoggedFlight(path, guests)
-        key, ids = flight(flown.toml), {lane.id for lane in flown.lanes}
-        run, name, counted = first.setdefault(key, (run_id(flown.scenario), Path(path).name, set()))
-        if run in tomls:
-            again.append(f"{Path(path).name} of {name}")
+        flown = LoggedFlight(path, user_detectors)
+        run, name, counted = first.setdefault(flight(flown.toml), (run_id(flown.scenario), Path(path).name, set()))
+        again += [f"{Path(path).name} of {name}"] if run in tomls else []
         tomls.setdefault(run, flown.toml)
         if all(key.startswith("detectors.") for key in flown.scenario.user_parts):  # a log never has any code run
             bare = unwatched(flown.scenario)  # detectors move nothing
             flown.achieved = achieved(bare) if faulted(bare) else None
-        result = {
-            "status": (flown.log.result or {}).get("status", "cut"),
-            "reason": "",
-            "sim_time_s": flown.end - flown.t0 + flown.dt,
-            "achieved": flown.achieved,
-            "detectors": [lane.entry for lane in flown.lanes if lane.id not in counted],
-        }
-        if ids - counted or not ids:
-            rows += judged.rows(run, result)
-        counted |= ids
+        new = [lane.entry for lane in flown.lanes if lane.id not in counted]
+        rows += judged.rows(run, {
+            "status": (flown.log.result or {}).get("status", "cut"), "reason": "", "achieved": flown.achieved,
+            "sim_time_s": flown.end - flown.t0 + flown.dt, "detectors": new,
+        })  # fmt: skip
+        counted |= {lane.id for lane in flown.lanes}
         if progress:
             progress(i + 1, len(paths))
-    frame = pd.DataFrame(rows)
-    frame.attrs["again"] = again
-    return frame, tomls
+    return pd.DataFrame(rows), tomls, again
 
 
 def of_campaign(folder: str | Path) -> tuple:
@@ -225,6 +210,6 @@ def of_campaign(folder: str | Path) -> tuple:
     from cosim.campaign.store import load
 
     frame, timing, tomls, about = load(folder)
-    for entry in log_schema.guests(json.dumps(about.get("guests", [])).encode(), str(folder)):
+    for entry in log_schema.user_detectors(json.dumps(about.get("user_detectors", [])).encode(), str(folder)):
         tell(entry)
     return frame, timing, tomls, str(about.get("title", ""))

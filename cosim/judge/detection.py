@@ -27,6 +27,7 @@ MOVES = ("jam_solid", "jam", "runaway")  # kinds that show only where the rod is
 SAID = ("verdict", "culprit", "alarm", "second", "verdict_2")  # `second`: the other part of a lane that names two
 OUTPUTS = (*SAID, "r", "valid", "why")
 NO_FAULT: Mapping = {"targets": (), "start_s": math.inf, "end_s": math.inf}
+BLOCK = 1 << 16  # ticks of a trace that are looked at together
 UNSEEN = {
     **dict.fromkeys(("detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "named_at_s",
                      "first_verdict", "time_to_right_s", "right_after_motion_s", "alarm_share", "withdrawn_after_s",
@@ -59,23 +60,67 @@ def outputs_read(parts: tuple, outputs: Sequence[str]) -> list[str]:
     return [n for n in OUTPUTS if n in outputs] + [*code.alarm_fields(parts, tuple(outputs)).values()]
 
 
+class Said:
+    """What a lane says from tick to tick, in blocks that follow one another: kept where it changes.
+
+    `first` are the ticks at which something of it changes, `rows` (changes, names) what it says from there on. `peaks`
+    are the largest |r| before the first of the flight's `faults` and from its onset on, NaN where there is none.
+    """
+
+    def __init__(self, lane: JudgedLane, dt: float, faults: Sequence[Mapping]):
+        self.lane, self.ticks, self.peaks = lane, 0, [math.nan, math.nan]
+        self.names = [n for n in (*SAID, *lane.alarms.values(), "valid", "why") if n in lane.at]
+        self._columns = [lane.at[n] for n in self.names]
+        self._onset = min((round(f["start_s"] / dt) for f in faults), default=None)
+        self._blocks: list[tuple[NDArray, NDArray]] = [(np.zeros(0, int), np.zeros((0, len(self.names))))]
+        self._last: NDArray | None = None
+
+    def add(self, trace: NDArray) -> "Said":
+        """Take the outputs (ticks, columns) of the next ticks; return itself."""
+        for a in range(0, len(trace), BLOCK):
+            rows = trace[a : a + BLOCK]
+            said = rows[:, self._columns]
+            new = np.append(self._last is None or (said[0] != self._last).any(), (said[1:] != said[:-1]).any(axis=1))
+            self._blocks.append((self.ticks + np.flatnonzero(new), said[new]))
+            if "r" in self.lane.at:
+                r, n = np.abs(rows[:, self.lane.at["r"]]), len(rows)
+                cut = n if self._onset is None else min(max(self._onset - self.ticks, 0), n)
+                halves = zip((r[:cut], r[cut:]), self.peaks)
+                self.peaks = [float(np.fmax.reduce(part, initial=peak)) for part, peak in halves]
+            self._last, self.ticks = said[-1], self.ticks + len(rows)
+            release(trace)
+        return self
+
+    @property
+    def first(self) -> NDArray:
+        """Return the ticks at which something changes (changes,)."""
+        return np.concatenate([first for first, _ in self._blocks])
+
+    @property
+    def rows(self) -> NDArray:
+        """Return what is said from each of them on (changes, names)."""
+        return np.concatenate([rows for _, rows in self._blocks])
+
+    def spans(self, name: str) -> list[tuple[int, int]]:
+        """Return [(first tick, tick after the last)] of the stretches in which an output is above one half."""
+        on = self.rows[:, self.names.index(name)] > 0.5
+        edges = np.append(self.first, self.ticks)[np.flatnonzero(np.diff(on, prepend=False, append=False))]
+        return list(zip(edges[::2].tolist(), edges[1::2].tolist()))
+
+
 class Runs:
     """Runs of a lane: run i holds the ticks first[i] <= k < stop[i], in which nothing changes that the lane says."""
 
-    def __init__(self, lane: JudgedLane, trace: NDArray, faults: Sequence[Mapping], dt: float):
-        """`trace` is (ticks, columns); a run begins at each bound of one of the `faults`, too."""
-        self.lane, self.ticks = lane, len(trace)
-        names = [n for n in (*SAID, *lane.alarms.values()) if n in lane.at]
-        begins = np.zeros(self.ticks, bool)
-        begins[[k for f in faults for k in span(f, dt) if k is not None and 0 <= k < self.ticks]] = True
-        begins[:1] = True
-        read = [*names, *(n for n in ("valid", "why") if n in lane.at)]
-        for column in (trace[:, lane.at[n]] for n in read):
-            begins[1:] |= column[1:] != column[:-1]
-        self.first = np.flatnonzero(begins)
+    def __init__(self, told: Said, faults: Sequence[Mapping], dt: float):
+        """A run begins at each bound of one of the `faults`, too."""
+        self.lane, self.ticks = told.lane, told.ticks
+        changes = told.first
+        bounds = [k for f in faults for k in span(f, dt) if k is not None and 0 <= k < self.ticks]
+        self.first = np.union1d(changes, np.array(bounds, int))
         self.stop = np.append(self.first[1:], self.ticks)
-        self.values = {n: trace[self.first, lane.at[n]] for n in read}
-        release(trace)
+        values = told.rows[np.searchsorted(changes, self.first, side="right") - 1]
+        self.values = dict(zip(told.names, values.T))
+        names = [n for n in told.names if n not in ("valid", "why")]
         said, self.which = np.unique(np.stack([self.values[n] for n in names]), axis=1, return_inverse=True)
         self.said = [dict(zip(names, column)) for column in said.T]  # the different things that the lane says
         self.which = self.which.ravel()  # index of that of each run

@@ -43,7 +43,7 @@ class Estimate:
 
     column: int
     columns: tuple
-    truth: Callable  # (trace columns as (n, ticks) float64 from the first tick on, dt) -> (ticks,)
+    truth: Callable  # (columns (n, ticks) float64 of the next ticks, dt, what it keeps between calls, {}) -> (ticks,)
     unit: str
     start: float  # [s], after settling
     end: float  # [s]
@@ -51,7 +51,7 @@ class Estimate:
     def error(self, trace: NDArray, dt: float) -> NDArray:
         """Return f_hat - f on the settled ticks, none when there are no such ticks."""
         first, stop = round(self.start / dt), round(min(self.end / dt, len(trace)))
-        f = self.truth(trace[:stop, list(self.columns)].T.astype(float), dt) if first < stop else np.zeros(0)
+        f = self.truth(trace[:stop, list(self.columns)].T.astype(float), dt, {}) if first < stop else np.zeros(0)
         return (trace[: len(f), self.column].astype(float) - f)[first:]
 
 
@@ -90,27 +90,32 @@ def _truth(e, lane, j, scenario):
     return [], None
 
 
-def _at_valve(v, dt):
-    f_u, s_u = (np.append(0.0, x[:-1]) for x in v[:2])
+def _at_valve(v, dt, kept):
+    last = np.concatenate([kept.get("last", np.zeros((2, 1))), v[:2]], axis=1)
+    kept["last"], (f_u, s_u) = last[:, -1:], last[:, :-1]
     return f_u - s_u * v[2]  # u is still the one held over the last tick, f_u and s_u were already the next ones
 
 
-def _mean_loss(v, dt):
+def _mean_loss(v, dt, kept):
     return -v.mean(axis=0)
 
 
-def _added(per_truth, per_reading, v, dt):
+def _added(per_truth, per_reading, v, dt, kept):
     f_add, g_add, f_scale, g_scale, s = v
     return per_reading * (f_add + g_add + (f_scale + g_scale) * per_truth * s)
 
 
-def _beyond_healthy(v, dt):
-    command, actual, p = v[0], v[1:].mean(axis=0), simple.params()
-    x, healthy = simple.init_at(p, actual[0]), np.full(len(actual), actual[0])
-    for a in range(0, len(actual) - 1, BLOCK):  # bounds the memory of the records
-        part = command[a : min(a + BLOCK, len(actual) - 1)]
+def _beyond_healthy(v, dt, kept):
+    actual, p = v[1:].mean(axis=0), simple.params()
+    if "x" not in kept:
+        kept |= {"x": simple.init_at(p, actual[0]), "healthy": actual[:1]}
+    healthy = [kept["healthy"]]  # before the first tick; a command acts from the next one on
+    for a in range(0, len(actual), BLOCK):  # bounds the memory of the records
+        part = v[0, a : a + BLOCK]
         u, log = np.zeros((1, len(part)), simple.INPUTS), np.zeros((1, len(part)), simple.STATE)
         u["command"] = part
-        simple.rollout(x, u, p, dt, log)
-        healthy[a + 1 : a + 1 + len(part)] = log["delta"][0]
-    return actual - healthy
+        simple.rollout(kept["x"], u, p, dt, log)
+        healthy.append(log["delta"][0])
+    found = np.concatenate(healthy)
+    kept["healthy"] = found[-1:]
+    return actual - found[:-1]

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from cosim.judge import coverage
 from cosim.judge.alarms import acts, during
-from cosim.judge.detection import ABLE, NO_FAULT, UNSEEN, Heard, JudgedLane, Runs, noticed
+from cosim.judge.detection import ABLE, NO_FAULT, UNSEEN, Heard, JudgedLane, Runs, Said, noticed
 from cosim.judge.store import release
 from cosim.scenario import Scenario
-from cosim.table import DASH, Table
 
-__all__ = ["JudgedLane", "Result", "concerns", "errors", "judge", "judged", "plain"]
+__all__ = ["Errors", "JudgedLane", "Result", "concerns", "entry_of", "judge", "judged", "plain"]
 SETTLE_S = 8.0  # from when on every detector should be able to judge, or half of a flight that is shorter than 16 s
 OF_A_FAULT = ("fault", *UNSEEN, "masked", "not_excited", "valid_at_fault")  # what figures are about one fault
 
@@ -34,22 +33,10 @@ class Result:
     extra: dict = field(default_factory=dict)  # of `cosim run --json`: consequences, notes
 
     def __repr__(self) -> str:
-        rows = [f"  {r['id']:20}{r['target']:24}{'; '.join(filter(None, _told(r)))}" for r in self._shown()]
-        quiet = len(self.detectors) - len(rows)
-        silent = f"  {quiet} detector lane{'s' * (quiet != 1)} without an alarm"
-        return "\n".join([self._head(), *rows, *([silent] if quiet else [])])
-
-    def _repr_html_(self) -> str:
-        shown = Table(self._head(), "detector", "watches", "alarm", "name", "false alarms", kind="")
-        for r in self._shown():
-            shown.add(r["id"], r["target"], *(text or DASH for text in _told(r)))
-        return shown._repr_html_()
-
-    def _head(self):
-        return f"Result: {self.status} after {self.sim_time_s:g} s, log {self.log or 'not written'}"
-
-    def _shown(self):
-        return [r for r in self.detectors if r["alarm"]]
+        loud = [f"  {r['id']:20}{r['target']:24}{_told(r)}" for r in self.detectors if r["alarm"]]
+        quiet = f"  {len(self.detectors) - len(loud)} of {len(self.detectors)} detector lanes without an alarm"
+        head = f"Result: {self.status} after {self.sim_time_s:g} s, log {self.log or 'not written'}"
+        return "\n".join([head, *loud, quiet])
 
     def to_dict(self) -> dict:
         """Return plain data for JSON; numbers that do not exist are None."""
@@ -60,14 +47,12 @@ class Result:
 
 def _told(row):
     """Return what a lane said, as words: its alarm, its name, each with its own time, and its false alarms."""
-    at, late, named = row["detected_at_s"], row["detection_delay_s"], row["named_at_s"]
-    fault = f"fault {row['fault']}" if len(row["by_fault"]) > 1 else "the fault"
-    alarm = name = ""
+    at, late, n, words = row["detected_at_s"], row["detection_delay_s"], row["false_alarms"], []
     if at is not None:
-        alarm = f"alarm at {at:.2f} s" + (f", {late:.2f} s after {fault}" if late is not None else "")
-        name = f"{row['isolated']['class']} at {named:.2f} s" if row["isolated"] else "no name given"
-    n = row["false_alarms"]
-    return alarm, name, f"{n} false alarm{'s' * (n > 1)}" if n else ""
+        after = "" if late is None else f", {late:.2f} s after fault {row['fault']}"
+        name = f"{row['isolated']['class']} at {row['named_at_s']:.2f} s" if row["isolated"] else "no name given"
+        words = [f"alarm at {at:.2f} s{after}", name]
+    return "; ".join(words + [f"{n} false alarm{'s' * (n > 1)}"] * bool(n))
 
 
 def plain(value: Any) -> Any:
@@ -111,9 +96,19 @@ def concerns(lane: Any, fault_targets: Iterable[str]) -> bool:
 
 
 def judge(lane: JudgedLane, trace: NDArray, dt: float, faults: Sequence[Mapping]) -> dict:
+    """Return one detector's entry of the result, of a whole `trace` (ticks, columns), with the error of its estimate;
+    see `entry_of`."""
+    entry = entry_of(Said(lane, dt, faults).add(trace), dt, faults)
+    if lane.estimate:
+        entry |= Errors().add(lane.estimate.error(trace, dt)).entry(lane.estimate.unit)
+        release(trace)
+    return entry
+
+
+def entry_of(told: Said, dt: float, faults: Sequence[Mapping]) -> dict:
     """Return one detector's entry of the result.
 
-    `trace` is (ticks, columns); `faults` are those of `judged`: dicts with `fault` (its number), `case`, `kind`,
+    `faults` are those of `judged`: dicts with `fault` (its number), `case`, `kind`,
     `targets` (tuple), `start_s`, `end_s`, `period_s` (nan without one) and perhaps `moved_at_s`. `by_fault` has an
     entry (cosim/judge/detection.py) for each fault that concerns the lane and to which its detector is not blind (to
     all that concern it: for each), between its onset and the next one's; a fault that acts in no tick of the flight
@@ -121,23 +116,23 @@ def judge(lane: JudgedLane, trace: NDArray, dt: float, faults: Sequence[Mapping]
     onsets outside every fault that concerns the lane are false alarms, `standing_s` is how long its alarm stands there,
     `exposed_s` how long one would count. `valid_share` counts from SETTLE_S on.
     """
-    begun = (f for f in faults if acts(f, len(trace), dt))  # others are not there to be noticed
+    lane = told.lane
+    begun = (f for f in faults if acts(f, told.ticks, dt))  # others are not there to be noticed
     mine = sorted((f for f in begun if concerns(lane, f["targets"])), key=lambda f: f["start_s"])
-    runs = Runs(lane, trace, mine, dt)
+    runs = Runs(told, mine, dt)
     heard = Heard(runs, NO_FAULT, (), dt)
     healthy = ~during(mine, runs.first, dt)
+    before, after = (peak if math.isfinite(peak) else None for peak in told.peaks)
     share, why = runs.validity(min(round(SETTLE_S / dt), runs.ticks // 2), runs.ticks)
-    entry = {
+    entry: dict[str, Any] = {
         "id": lane.id, "level": lane.level, "target": lane.target, "concerned": bool(mine),
         "alarm": bool(len(heard.rises)), **dict.fromkeys(OF_A_FAULT), "by_fault": [],
         "false_alarms": int(np.count_nonzero(~during(mine, heard.rises, dt))),
         "standing_s": float(runs.count(heard.alarm & healthy) * dt),
         "exposed_s": float(runs.count(runs.valid & healthy) * dt), "able": share >= ABLE, "valid_share": share,
         "why_not_valid": why, "estimate_rmse": None, "estimate_bias": None, "step_us": lane.step_us,
-        "estimate_max": None, "estimate_unit": None, **_largest(lane, trace, dt, faults),
+        "estimate_max": None, "estimate_unit": None, "r_max_before": before, "r_max_after": after,
     }  # fmt: skip
-    if lane.estimate:
-        entry |= errors(lane.estimate.error(trace, dt), lane.estimate.unit)
     if mine:
         sighted = [f for f in mine if coverage.expected(lane.id, f.get("case", "")) != coverage.BLIND] or mine
         for f in sighted:
@@ -149,22 +144,29 @@ def judge(lane: JudgedLane, trace: NDArray, dt: float, faults: Sequence[Mapping]
         entry["detected_at_s"] = int(heard.rises[0]) * dt
         words = heard.given(0, runs.ticks)
         entry |= heard.verdicts(words) if words else {}
-    release(trace)
     return entry
 
 
-def _largest(lane, trace, dt, faults):
-    """Return the largest |r| before the first fault of the flight (all of it without one) and from its onset on. Each
-    is None where there is none."""
-    onset = min((round(f["start_s"] / dt) for f in faults), default=len(trace))
-    r = np.abs(trace[:, lane.at["r"]]) if "r" in lane.at else np.zeros(0)
-    peaks = [float(np.nanmax(part)) if np.isfinite(part).any() else None for part in (r[:onset], r[onset:])]
-    return dict(zip(("r_max_before", "r_max_after"), peaks))
+@dataclass
+class Errors:
+    """Sums over the errors of an estimate, in blocks that follow one another."""
 
+    n: int = 0
+    total: float = 0.0
+    squares: float = 0.0
+    largest: float = 0.0
 
-def errors(error: NDArray, unit: str) -> dict:
-    """Return RMSE, bias (mean) and largest magnitude of an estimation error (n,) [unit]; {} without a sample."""
-    if not len(error):
-        return {}
-    return {"estimate_rmse": math.sqrt(np.mean(error**2)), "estimate_bias": float(np.mean(error)),
-            "estimate_max": float(np.max(np.abs(error))), "estimate_unit": unit}  # fmt: skip
+    def add(self, error: NDArray) -> "Errors":
+        """Take more errors (n,); return itself."""
+        self.n += len(error)
+        self.total += float(np.sum(error))
+        self.squares += float(np.sum(error**2))
+        self.largest = max(self.largest, float(np.max(np.abs(error), initial=0.0)))
+        return self
+
+    def entry(self, unit: str) -> dict:
+        """Return RMSE, bias (mean) and largest magnitude [unit]; {} without a sample."""
+        if not self.n:
+            return {}
+        return {"estimate_rmse": math.sqrt(self.squares / self.n), "estimate_bias": self.total / self.n,
+                "estimate_max": self.largest, "estimate_unit": unit}  # fmt: skip

@@ -2,7 +2,7 @@
 
 import threading
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from .compression import keep_memory
 from .format import Limits, log_error
 from .walker import load, scan, tail
 
-CACHE_BYTES = 64 << 20  # content of chunks that stays in memory: several topics of a short log are decompressed once
+CACHE_BYTES = 32 << 20  # content of chunks that stays in memory: several topics of a short log are decompressed once
 MOST_DRAWN = 4000  # samples of a curve
 
 
@@ -41,7 +41,7 @@ def open_log(path: str | Path, *, limits: Any = None, tolerant: bool = False) ->
 
 
 class Log:
-    """Give the content of one log; memory is what was asked for, and some 64 MB.
+    """Give the content of one log; memory is what was asked for, and some 32 MB.
 
     `topics` {name: Topic} are its parts, such as "/truth/aircraft" and "/sensors/left_inner"; what they have in
     common is a channel of the file, "/sensors", which names them all. `metadata` {name: {str: str}}, `attachments`
@@ -58,6 +58,7 @@ class Log:
         self.complete = found.closed and self.result is not None
         self.chunks, self.damage = found.chunks, found.damage
         self.spans = [found.ticks(c) for c in found.chunks]
+        self._starts = [k0 for k0, _ in self.spans]
         self.n_ticks = sum(n for _, n in self.spans)
         self._cache: dict[int, np.ndarray] = {}
         self._lock = threading.Lock()
@@ -115,14 +116,13 @@ class Log:
 
     def ticks(self, topic: str, start: int = 0, stop: int | None = None) -> np.ndarray:
         """Return the tick of each row of a topic (rows,) as int64, start <= k < stop."""
-        every = self.topics[self._parts(topic)[0]].every
-        spans = (_within(span, every, start, stop) for span in self.spans)
-        return np.concatenate([np.arange(0), *(np.arange(s.start, s.stop, every) for s in spans)])
+        spans = self._within(self.topics[self._parts(topic)[0]].every, start, stop).values()
+        return np.concatenate([np.arange(0), *(np.arange(s.start, s.stop, s.step) for s in spans)])
 
     def messages(self, topic: str) -> list[Any]:
         """Return the well-known messages of /events, /tf or /fix as a list of (tick, protobuf message)."""
         kind = foxglove.message(foxglove.TOPICS[topic][0].removeprefix("foxglove."))
-        tails = (tail(self._scan, self.chunks[i], content) for i, content in self._contents())
+        tails = (tail(self._scan, self.chunks[i], content) for i, content in self._contents(range(len(self.chunks))))
         try:
             return [(k, kind.FromString(data)) for found in tails for channel, k, _, data in found
                     if channel == self._scan.ids.get(topic)]  # fmt: skip
@@ -163,30 +163,37 @@ class Log:
             wanted.setdefault(part, ([], []))[0].append(column)
             wanted[part][1].append(at)
         every = self.topics[columns[0][1]].every if columns else 1
-        spans = [_within(span, every, start, stop) for span in self.spans]
+        spans = self._within(every, start, stop)
         try:
-            out = np.empty((sum(map(len, spans)), len(columns)))
+            out = np.empty((sum(map(len, spans.values())), len(columns)))
         except MemoryError as error:
             raise log_error("the topics do not fit into memory", self.path, remedy="Ask for fewer.") from error
         done = 0
-        for i, content in self._contents(start, stop):
-            k0, n = self.spans[i]
-            low = len(range(k0 + -k0 % every, spans[i].start, every))
+        for i, content in self._contents(spans):
+            (k0, n), ticks = self.spans[i], spans[i]
+            low = len(range(k0 + -k0 % every, ticks.start, every))
             for part, (into, at) in wanted.items():
                 whole = at == list(range(len(self.topics[part].fields)))
                 values = self._scan.layout.values(content, k0, n, part, None if whole else at)
                 into = slice(into[0], into[-1] + 1) if into[-1] - into[0] + 1 == len(into) else into
-                out[done : done + len(spans[i]), into] = values[low : low + len(spans[i])]
-            done += len(spans[i])
+                out[done : done + len(ticks), into] = values[low : low + len(ticks)]
+            done += len(ticks)
         return out
 
-    def _contents(self, start: int = 0, stop: int | None = None) -> Iterator[tuple[int, np.ndarray]]:
-        """Yield (number, content) of the chunks with ticks start <= k < stop, checked."""
-        starts = [k0 for k0, _ in self.spans]
-        low = max(0, bisect_right(starts, start) - 1)
+    def _within(self, every: int, start: int, stop: int | None) -> dict[int, range]:
+        """Return {number of a chunk: its ticks of one rate, start <= k < stop}."""
+        low = max(0, bisect_right(self._starts, start) - 1)
+        spans = self.spans[low : None if stop is None else bisect_left(self._starts, stop)]
+        begins = [max(k0, start) for k0, _ in spans]
+        ends = [k0 + n if stop is None else min(k0 + n, stop) for k0, n in spans]
+        ticks = (range(a + -a % every, max(a, b), every) for a, b in zip(begins, ends))
+        return dict(enumerate(ticks, low))
+
+    def _contents(self, chunks: Iterable[int]) -> Iterator[tuple[int, np.ndarray]]:
+        """Yield (number, content) of chunks, checked."""
         try:
             with open(self.path, "rb") as file:
-                for i in range(low, len(starts) if stop is None else bisect_left(starts, stop)):
+                for i in chunks:
                     content = self._cache.get(i)
                     if content is None:
                         content = load(self._scan, file, self.chunks[i])[1]
@@ -204,10 +211,3 @@ class _Unknown(KeyError):
 
     def __str__(self):
         return self.args[0]
-
-
-def _within(span, every, start, stop):
-    """Return the range of a chunk's ticks of one rate among start <= k < stop."""
-    k0, n = span
-    first = max(k0, start)
-    return range(first + -first % every, max(first, k0 + n if stop is None else min(k0 + n, stop)), every)

@@ -17,11 +17,10 @@ from typing import Any
 import numpy as np
 
 from actuators.block import Entry
-from actuators.precompile import compile_ahead, cores
+from actuators.kernels import compile_ahead, cores
 from cosim.errors import told_at_call
-from cosim.judge.detection import outputs_read
-from cosim.judge.result import judged, plain
-from cosim.judge.store import column_store, release
+from cosim.judge.detection import JudgedLane, Said, outputs_read
+from cosim.judge.result import entry_of, judged, plain
 from cosim.log import open_log
 from cosim.parts import loaded
 from cosim.parts.detector import SLOW
@@ -31,7 +30,7 @@ from cosim.replay.detector_replay import pieces, replay_lane, tick_of
 from cosim.replay.log_schema import LAID_OUT, ReplayError, check_start
 from cosim.replay.write import Overlay
 
-SPAN = 4000  # ticks that are replayed together
+SPAN = 2000  # ticks that are replayed together
 COUNTS = ("rows", "values", "skipped")
 __all__ = ["Difference", "Replay", "ReplayError", "compare", "pieces", "replay", "replay_lane"]
 
@@ -60,7 +59,7 @@ class Replay:
     detectors: list = field(default_factory=list)  # detection metrics, logged and replayed
     left_out: dict = field(default_factory=dict)  # {detector: why it cannot be replayed by this version}
     output: str | None = None  # the log that was written
-    notes: list = field(default_factory=list)  # sentences: guests that were not run, or are not the code that flew
+    notes: list = field(default_factory=list)  # sentences: user detectors not run, or not the code that flew
 
     @property
     def exact(self) -> bool:
@@ -92,18 +91,18 @@ def compare(name: str, fields: Any, ticks: np.ndarray, logged: np.ndarray, again
 @told_at_call
 def replay(
     path: str | Path, *, detectors: Any = None, overrides: Any = None, start_s: float = 0.0, output: Any = None,
-    progress: Callable[..., Any] | None = None, guests: Sequence[Any] = ()
+    progress: Callable[..., Any] | None = None, user_detectors: Sequence[Any] = ()
 ) -> Replay:  # fmt: skip
     """Replay the log at `path` and return a Replay.
 
     `detectors` chooses some; `overrides` {detector: {parameter: value}} asks what would have been; `start_s` begins
     at the last whole state before that time; `output` writes a log with the old topics and, under /replay, the new
-    ones. `guests` are files of detectors (cosim/parts): one that flew is run again, another one is run on the
+    ones. `user_detectors` are files of detectors (cosim/parts): one that flew is run again, another one is run on the
     flight as it was logged, and has no `logged` among its results. A detector whose parameters or states another
     version laid out differently is named in `left_out` and in a note, the others are replayed; where it is chosen, or
-    there is no other, it is an error. Raises LogError, ReplayError, GuestError.
+    there is no other, it is an error. Raises LogError, ReplayError, PartError.
     """
-    given = loaded(guests)
+    given = loaded(user_detectors)
     check_start(start_s)
     if str(path).lower().endswith((".csv", ".parquet")):
         remedy = f"`cosim map {path}` drafts the map of its columns that --map takes"
@@ -114,7 +113,9 @@ def replay(
     fresh = [g for g in given if g.DETECTOR.id not in flew]
     left_out: dict[str, str] = {}
     wired = lanes.describe(log, detectors, overrides, left_out) if flew or not fresh else []
-    members = [_Member(log, w) for w in wired]
+    scenario = log_schema.scenario(log)
+    faults = judged(scenario)
+    members = [_Member(log, w, faults) for w in wired]
     tick = max(0, round(start_s * 1e9 / log.dt_ns))
     spans, asked = list(_spans(log, wired, tick)), lanes.topics(log, wired) if output is None else log.topics
     _ready(wired)
@@ -143,11 +144,9 @@ def replay(
     result.differences = sorted((d for m in members for d in m.differences.values()), key=lambda d: d.first_tick)
     for d in entries:
         lanes.tell(d)
-    scenario = log_schema.scenario(log)
-    faults = judged(scenario)
-    result.detectors = [m.judge(faults) for m in members]
+    result.detectors = [m.judge() for m in members]
     for own in fresh:
-        for lane, rows in lanes.guest_outputs(log, own, scenario.elevator.technology).items():
+        for lane, rows in lanes.outputs_of_user(log, own, scenario.elevator.technology).items():
             names = dict(lanes.elements(own.STATE, own.OUTPUTS))
             new = lanes.judgement(own.DETECTOR, lane, own.CULPRITS, names, rows, tick_of(log), faults)
             result.detectors.append(_both(None, new))
@@ -187,7 +186,7 @@ def _span(log, members, stages, read, span, pool):
 
 
 def _each(members, call, pool):
-    """Return call(m) of each member: of compiled ones side by side, of guests with objects of their own one by one."""
+    """Return call(m) of each member: of compiled ones side by side, of users' with objects of their own one by one."""
     tasks = [pool.submit(call, m) if _compiled(m.w.module) else None for m in members]
     return [task.result() if task else call(m) for m, task in zip(members, tasks)]
 
@@ -214,21 +213,23 @@ def _spans(log, wired, tick):
 class _Member:
     """Replay one lane span after span: carry its state, count, compare, and keep what a verdict needs."""
 
-    def __init__(self, log, w):
+    def __init__(self, log, w, faults):
         self.w, self.dt, self.differences = w, tick_of(log), {}
         self.fields = log.topics[w.topic].fields
         self.hidden = log.topics[w.hidden].fields if w.hidden in log.topics else ()
         self.names = outputs_read(w.module.CULPRITS, self.fields)
         self.columns = [self.fields.index(n) for n in self.names]
-        self.rows = self.values = self.skipped = self.taken = 0
+        self.rows = self.values = self.skipped = 0
+        at = {n: i for i, n in enumerate(self.names)}
+        own = JudgedLane(w.id, w.level, lanes.target_of(w.level, w.lane), w.module.CULPRITS, at)
+        self._faults = faults
         # zero where the log has no row; the same while nothing differs
-        self.logged = self.again = column_store(sum(log.spans[-1]) // w.every + 1, len(self.columns))
+        self.logged = self.again = Said(own, self.dt * w.every, faults)
 
     def replay(self, lane, tick):
         """Return the new outputs (rows, n) of a lane's span; NaN where it could not or should not be replayed."""
         w, out = self.w, None
-        begin = self.taken  # rows before this span
-        places = lane.ticks // w.every - begin
+        places = lane.ticks // w.every - self.logged.ticks
         old = np.zeros((int(places[-1]) + 1 if len(places) else 0, len(self.names)), np.float32)
         old[places] = np.take(lane.logged, self.columns, axis=1)
         new = None  # what differs from `old`
@@ -253,18 +254,15 @@ class _Member:
             held = lane.states[1][np.searchsorted(lane.states[0], at)]
             self._compare(w.hidden, self.hidden, at, held, states)
         if new is not None and self.again is self.logged:
-            self.again = column_store(*self.logged.shape)
-            self.again[:] = self.logged
-        self.taken = begin + len(old)
-        self.logged[begin : self.taken] = old
-        self.again[begin : self.taken] = old if new is None else new
-        release(self.logged)
-        release(self.again)
+            self.again = deepcopy(self.logged)
+        if self.again is not self.logged:
+            self.again.add(old if new is None else new)
+        self.logged.add(old)
         self.skipped += int(np.count_nonzero(lane.ticks >= tick)) - done
         return np.full(lane.logged.shape, np.nan) if out is None else out
 
     def _by_clock(self, piece):
-        """Return the rows up to which a lane can repeat itself: a guest that took too long was dropped by the clock."""
+        """Return the rows up to which a lane can repeat itself: a user's that took too long is dropped by the clock."""
         if self.w.rollout is None or "status" not in self.fields:
             return len(piece.ticks)
         slow = np.flatnonzero(piece.logged[:, self.fields.index("status")] == SLOW)
@@ -280,10 +278,6 @@ class _Member:
             old.max_abs = float(np.fmax(old.max_abs, d.max_abs))
         return not found
 
-    def judge(self, faults):
+    def judge(self):
         """Return the lane's detection metrics, as logged and as replayed."""
-        about = self.w, self.w.lane, self.w.module.CULPRITS, self.names
-        old = lanes.judgement(*about, self.logged[: self.taken], self.dt, faults)
-        if self.again is self.logged:
-            return _both(old, deepcopy(old))
-        return _both(old, lanes.judgement(*about, self.again[: self.taken], self.dt, faults))
+        return _both(*(entry_of(told, self.dt * self.w.every, self._faults) for told in (self.logged, self.again)))

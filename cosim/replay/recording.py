@@ -1,10 +1,11 @@
-"""A flight as its log tells it: scenario, signals, detector lanes with their judgement, and what they estimate."""
+"""A flight as its log tells it: scenario, signals, detector lanes with their judgement, and what they estimate.
 
-import itertools
+A log may be hours long: it is read some chunks at a time, and of each column only what a page draws is kept.
+"""
+
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from functools import cached_property, partial
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,33 +17,71 @@ from cosim.flight.faults import inject
 from cosim.flight.loop import wiring
 from cosim.judge import coverage
 from cosim.judge import estimation as estimate
-from cosim.judge.result import errors, judged
-from cosim.judge.store import column_store, release
+from cosim.judge.detection import JudgedLane, Said
+from cosim.judge.result import Errors, entry_of, judged
 from cosim.log import open_log
 from cosim.replay import log_schema
-from cosim.replay.detector_replay import culprits_of, elements, guest_outputs, judgement, tell
+from cosim.replay.detector_replay import culprits_of, elements, outputs_of_user, target_of, tell, values
+from cosim.replay.thinned import envelope, peaks
 from cosim.scenario.catalog import ACTUATOR_SENSORS, SENSORS
 from cosim.scenario.vocabulary import place
 
-SMALL = 128 << 20  # [byte] signals of a log up to this are read at once
-NEEDED = tuple(f"/{top}/" for top in "truth surfaces sensors observers actuators faults detectors".split())
+BASE = "/truth/aircraft"  # has a row at every tick
+TOGETHER = 16  # chunks of a log that are read at once: some 20 MB
+DRAWN = ("/truth/", "/law", "/sensors/", "/faults/")  # topics whose fields a page draws
+PLACES = 400  # of the aircraft's path
+ESTIMATE = ("all", "valid", "not_valid", "low", "high")  # curves of an estimate: with its two-sigma band
 
 
-@dataclass
 class Lane:
-    """One detector lane: its outputs by field (rows,), its judgement, and which case it meets."""
+    """One detector lane: its judgement, what it said where that changes, its statistic and one estimate as drawn.
 
-    id: str
-    level: str
-    lane: str
-    target: str
-    culprits: tuple
-    every: int
-    fields: Mapping
-    entry: dict
-    units: dict  # of the fields, as the log has them
-    # (field, call that returns the truth (ticks,), unit, start, end) of the fault that it estimates
-    truth: tuple | None = None
+    `add` takes its outputs in blocks, `end` judges them; `at` is the column of each, `units` its unit. `main` is the
+    estimate that is drawn, "" for none, `truth` (curve, unit) of the fault that it estimates.
+    """
+
+    def __init__(
+        self, record: Any, lane: str, culprits: tuple, fields: Mapping[str, str], rows: int, main: str, dt: float,
+        faults: Sequence[Mapping] = (),
+    ):  # fmt: skip
+        """`record` has id, level and ticks `every` of the detector, `fields` {output: unit} are its outputs in order,
+        `rows` is their number, `dt` the flight's tick [s]."""
+        self.id, self.level, self.every = record.id, record.level, record.every
+        self.lane, self.culprits = lane, culprits
+        self.target, self.units, self.main = target_of(record.level, lane), dict(fields), main
+        self.entry: dict = {}
+        self.truth: tuple[tuple[np.ndarray, float], str] | None = None
+        self.at = {n: i for i, n in enumerate(fields)}
+        self._dt, self._faults = dt * record.every, faults
+        self.said = Said(JudgedLane(record.id, record.level, self.target, culprits, self.at), self._dt, faults)
+        (self._r, self._r_every), (self._f, self._f_every) = peaks(rows), envelope(rows)
+        estimates = [n for n in fields if n.startswith("f_hat")]
+        named = f"f_sigma{main.removeprefix('f_hat')}"
+        self._sigma = named if named in fields else "f_sigma" if main in ("f_hat", *estimates[:1]) else ""
+
+    def add(self, rows: np.ndarray) -> None:
+        """Take the outputs (rows, fields) of its next ticks."""
+        self.said.add(rows)
+        self._r.add(np.abs(rows[:, [self.at["r"]]]))
+        if self.main:
+            f, ok = rows[:, self.at[self.main]].astype(float), rows[:, self.at["valid"]] > 0.5
+            half = 2.0 * rows[:, self.at[self._sigma]] if self._sigma in self.at else np.nan
+            valid = np.where(ok, f, np.nan)
+            self._f.add(np.stack([f, valid, np.where(ok, np.nan, f), valid - half, valid + half], axis=1))
+
+    def end(self) -> "Lane":
+        """Judge what it said; return itself."""
+        self.entry = entry_of(self.said, self._dt, self._faults)
+        return self
+
+    @property
+    def r(self) -> tuple[np.ndarray, float]:
+        """Return (largest |r| of each of some intervals, rows per value)."""
+        return self._r.values()[:, 0], self._r_every
+
+    def estimate(self, curve: str) -> tuple[np.ndarray, float]:
+        """Return (values, rows per value) of one of the curves ESTIMATE."""
+        return self._f.values()[:, ESTIMATE.index(curve)], self._f_every
 
     @property
     def able(self) -> bool:
@@ -54,70 +93,77 @@ class Lane:
         """Return what it is called in figures: "iotsekf left inner"."""
         return self.id if self.level != "local" else f"{self.id} {words(self.lane)}"
 
+    def spans(self, output: str, t0: float) -> list[tuple[float, float]]:
+        """Return [(from, to)] [s] during which an output is above one half; `t0` is the time of the first tick."""
+        return [(t0 + a * self._dt, t0 + b * self._dt) for a, b in self.said.spans(output)]
+
 
 def words(name: str) -> str:
     """Return a name of a part without underscores."""
     return name.replace("_", " ")
 
 
-TOGETHER = 32  # chunks of a log that are read at once: a few megabytes
-
-
 class LoggedFlight:
-    """The content of one log. `values(topic, field)` is a column, NaN where there is none.
-
-    Signals are read at once where they are few. Of a long log memory is bounded: what detectors said is read once into
-    a store, in single precision as a run's result has it, any other field when it is asked for.
-    """
+    """The content of one log, read some chunks at a time: memory does not grow with its length."""
 
     knows_faults = True  # else alarms are neither right nor false
 
-    def __init__(self, path: str | Path, guests: Iterable[Any] = ()):
-        """Read the log at `path`, also one that was cut. Raises LogError for one that holds no scenario.
+    def __init__(self, path: str | Path, user_detectors: Iterable[Any] = ()):
+        """Open the log at `path`, also one that was cut. Raises LogError for one that holds no scenario.
 
-        `guests` are made guests (cosim/parts) that are run on the flight as well.
+        `user_detectors` are made ones (cosim/parts) that are run on the flight as well.
         """
-        self._guests = guests
+        self._user_detectors = user_detectors
         self.log = open_log(path, tolerant=True)
         self.scenario = log_schema.scenario(self.log)
         self.detectors = log_schema.detectors(self.log)
         self.toml = self.log.attachments["scenario.toml"].decode()
-        if "/truth/aircraft" not in self.log.topics:
+        if BASE not in self.log.topics:
             raise LogError("holds no truth, only what a replay reads", place=str(path), remedy="Fly the scenario again")
-        self._topics = [n for n in self.log.topics if n.startswith((*NEEDED, "/law"))]
-        infos = [self.log.topics[n] for n in self._topics]
-        small = sum(8 * t.rows * len(t.fields) for t in infos) <= SMALL
-        self._arrays = {n: self.log.array(n) for n in self._topics} if small else None
-        self.ticks = self.log.ticks("/truth/aircraft")
-        self.dt = self.log.dt_ns / 1e9
-        if not len(self.ticks):
+        self.dt, self.n = self.log.dt_ns / 1e9, self.log.n_ticks
+        if not self.n:
             raise LogError("holds no tick", place=str(path), remedy="Fly it again")
-        self.t0, self.end = float(self.ticks[0] * self.dt), float(self.ticks[-1] * self.dt)
+        self.t0, self.end = self.log.spans[0][0] * self.dt, (sum(self.log.spans[-1]) - 1) * self.dt
+
+    def _read(self, topics: Iterable[str]) -> Iterator[tuple[range, dict[str, np.ndarray]]]:
+        """Yield (ticks, {topic: its rows}) of stretches of the log, one after the other."""
+        names = list(dict.fromkeys(topics))
+        for a in range(0, len(self.log.spans), TOGETHER):
+            some = self.log.spans[a : a + TOGETHER]
+            ticks = range(some[0][0], sum(some[-1]))
+            yield ticks, values(self.log, names, ticks.start, ticks.stop)
 
     def has(self, topic: str, name: str) -> bool:
         """Tell whether the log has field `name` of `topic`."""
-        return topic in self._topics and name in self.log.topics[topic].fields
+        return topic in self.log.topics and name in self.log.topics[topic].fields
 
-    def values(self, topic: str, name: str) -> np.ndarray:
-        """Return one logged signal (rows,)."""
+    @cached_property
+    def _drawn(self):
+        """Return ({topic: (Thinned, rows per value)} of DRAWN, (PLACES, 4) of t [s], latitude, longitude [rad], height
+        [m] along the path)."""
+        made = {n: envelope(t.rows) for n, t in self.log.topics.items() if n.startswith(DRAWN)}
+        at = [self.log.topics[BASE].fields.index(n) for n in ("lat", "lon", "h")]
+        picks, done, path = np.unique(np.linspace(0, self.n - 1, PLACES).astype(int)), 0, []
+        for _, read in self._read(made):
+            for name, (thinned, _) in made.items():
+                thinned.add(read[name])
+            rows = read[BASE]
+            own = picks[(picks >= done) & (picks < done + len(rows))]
+            path.append(np.column_stack([self.t0 + self.dt * own, rows[own - done][:, at]]))
+            done += len(rows)
+        return made, np.concatenate(path)
+
+    @property
+    def path(self) -> np.ndarray:
+        """Return (places, 4): t [s], latitude, longitude [rad] and height [m] at even distances in time."""
+        return self._drawn[1]
+
+    def curve(self, topic: str, name: str) -> tuple[np.ndarray, float]:
+        """Return (values, ticks per value) of a logged signal as it is drawn; NaN where there is none."""
         if not self.has(topic, name):
-            return np.full(len(self.ticks), np.nan)
-        if self._arrays is None:
-            return self.log.array(topic, fields=[name])[:, 0]
-        return self._arrays[topic][:, self.log.topics[topic].fields.index(name)]
-
-    def _rows(self, topic):
-        """Return all fields of a detector's lane as `judge` takes them: (rows, fields)."""
-        if self._arrays is not None:
-            return self._arrays[topic]
-        info, at = self.log.topics[topic], 0
-        rows = column_store(info.rows, len(info.fields))
-        starts = [k for k, _ in self.log.spans[::TOGETHER]]
-        for first, end in itertools.zip_longest(starts, starts[1:]):
-            part = self.log.array(topic, start_s=first * self.dt, end_s=None if end is None else end * self.dt)
-            rows[at : (at := at + len(part))] = part
-            release(rows)
-        return rows
+            return np.full(2, np.nan), self.n / 2
+        thinned, every = self._drawn[0][topic]
+        return thinned.values()[:, self.log.topics[topic].fields.index(name)], every
 
     @cached_property
     def achieved(self) -> dict[str, dict[str, float | None]] | None:
@@ -143,83 +189,71 @@ class LoggedFlight:
     @cached_property
     def lanes(self) -> list[Lane]:
         """Return the Lanes: aircraft level first, in the order of the log."""
-        out = []
-        for d in self.detectors:
-            tell(d)
-            for lane in d["lanes"]:
-                topic = f"/detectors/{d['id']}/{lane}"
-                if topic in self._topics:
-                    units = dict(zip(self.log.topics[topic].fields, self.log.topics[topic].units))
-                    record = SimpleNamespace(id=d["id"], level=d["level"], every=d["every"])
-                    out.append(self._lane(record, lane, culprits_of(d), units, self._rows(topic)))
-        flew = {lane.id for lane in out}
-        for own in (g for g in self._guests if g.DETECTOR.id not in flew):
-            names = dict(elements(own.STATE, own.OUTPUTS))
-            for lane, told in guest_outputs(self.log, own, self.scenario.elevator.technology).items():
-                out.append(self._lane(own.DETECTOR, lane, own.CULPRITS, names, told))
+        watched = [(own, topic, truth) for d in self.detectors for own, topic, truth in self._watched(d)]
+        topics = [t for _, topic, truth in watched for t in (topic, *(truth.topics if truth else ()))]
+        for ticks, read in self._read(topics):
+            for own, topic, truth in watched:
+                if truth:
+                    truth.add(own, ticks, read, read[topic])
+                own.add(read[topic])
+        for own, _, truth in watched:
+            own.end()
+            if truth:
+                own.truth = truth.curve, truth.unit
+                own.entry |= truth.errors.entry(truth.unit)
+        out, flew = [own for own, *_ in watched], {own.id for own, *_ in watched}
+        for part in (g for g in self._user_detectors if g.DETECTOR.id not in flew):
+            fields = dict(elements(part.STATE, part.OUTPUTS))
+            for name, rows in outputs_of_user(self.log, part, self.scenario.elevator.technology).items():
+                own = Lane(part.DETECTOR, name, part.CULPRITS, fields, len(rows), "", self.dt, self.faults)
+                own.add(rows)
+                out.append(own.end())
         return sorted(out, key=lambda lane: lane.level == "local")
 
-    def _lane(self, record, lane, culprits, units, rows):
-        entry = judgement(record, lane, culprits, units, rows, self.dt, self.faults)
-        about = record.id, record.level, lane, entry["target"], culprits, record.every
-        made = Lane(*about, dict(zip(units, rows.T)), entry, units, self._truth(record.id, lane))
-        if made.truth:
-            made.entry |= self._errors(made)
-        return made
+    def _watched(self, d):
+        """Yield (Lane, its topic, _Truth or None) of the lanes of a detector."""
+        tell(d)
+        topics = {lane: f"/detectors/{d['id']}/{lane}" for lane in d["lanes"]}
+        truths = {lane: self._truth(d["id"], lane) for lane, topic in topics.items() if topic in self.log.topics}
+        record, main = SimpleNamespace(**d), next((t.output for t in truths.values() if t), "")
+        for lane, truth in truths.items():
+            info = self.log.topics[topics[lane]]
+            own = main or next((n for n in info.fields if n.startswith("f_hat")), "")
+            fields = dict(zip(info.fields, info.units))
+            yield Lane(record, lane, culprits_of(d), fields, info.rows, own, self.dt, self.faults), info.name, truth
 
     def _truth(self, detector, lane):
-        """Return `truth` of a Lane, None where it estimates no fault of the flight."""
+        """Return the _Truth of a lane, None where it estimates no fault of the flight."""
         names: dict[str, int] = {}
         plan = estimate.plan(self.scenario, detector, lane, lambda name: names.setdefault(name, len(names)))
-        if plan is None or plan.unit is None:
-            return None
-        named = list(names)
+        return None if plan is None or plan.unit is None else _Truth(self, plan, list(names))
 
-        def truth():
-            return plan.truth(np.stack([self.signal(named[c]) for c in plan.columns]), self.dt)
-
-        return named[plan.column].rpartition(".")[2], truth, plan.unit, plan.start, plan.end
-
-    def _errors(self, lane):
-        """Return RMSE, bias and maximum of a lane's estimate after settling, as a run's result has them."""
-        name, truth, unit, start, end = lane.truth
-        e = lane.fields[name] - truth()[:: lane.every][: len(lane.fields[name])]
-        step = self.dt * lane.every
-        late = slice(round((start - self.t0) / step), round((min(end, self.end + self.dt) - self.t0) / step))
-        return errors(e[late], unit)
-
-    def signal(self, name: str) -> np.ndarray:
-        """Return the bus signal `name` (section.lane.field) at every tick, as far as the log tells it.
+    def sources(self, name: str) -> list[tuple[str, str, float]]:
+        """Return [(topic, field, sign)] whose sum is the bus signal `name` (section.lane.field), as the log tells it.
 
         An input that nobody logs is what the faults add to it; a sensor's truth is what it is wired to.
         """
         topic, field = place(name)
         if self.has(topic, field):
-            return self.values(topic, field)
+            return [(topic, field, 1.0)]
         if field == "truth":
-            wired = dict(wiring.sensor_wires(self.scenario))
-            return self.signal(wired[name])
-        sources = [(f.name, source) for f in self._injected for to, source in f.places if to == name]
-        return sum((self._fault(lane, source) for lane, source in sources), np.zeros(len(self.ticks)))
+            return self.sources(dict(wiring.sensor_wires(self.scenario))[name])
+        return [_fault(f.name, source) for f in self._injected for to, source in f.places if to == name]
 
     @cached_property
     def _injected(self):
         return inject.lanes(self.scenario)
 
-    def _fault(self, lane, source):
-        topic = f"/faults/f{lane}"
-        return -self.values(topic, "f_inj") if source == "f_neg" else self.values(topic, source)
-
     @cached_property
     def injected(self) -> Any:
-        """Return [(label, unit, call that returns the signal (ticks,))] of every fault lane."""
+        """Return [(label, unit, (values, ticks per value))] of every fault lane."""
         out = []
         for f in self._injected:
             kind, place = self.scenario.faults[f.fault].kind, f.places[0][0]
             switched = all(source == "g" for _, source in f.places)
             label, unit = f"{words(kind)}, {words(f.name.split('_', 1)[1])}", unit_of(place, kind)
-            signal = partial(self._fault, f.name, "g" if switched else "f_inj")
-            out.append((label, "active" if switched else unit, signal))
+            curve = self.curve(f"/faults/f{f.name}", "g" if switched else "f_inj")
+            out.append((label, "active" if switched else unit, curve))
         return out
 
     @cached_property
@@ -234,6 +268,41 @@ class LoggedFlight:
         if "sha256" in self.log.metadata.get("preamble", {}):
             out["hash of the preamble"] = self.log.metadata["preamble"]["sha256"]
         return out
+
+
+class _Truth:
+    """What a lane's estimate should be, and its errors after settling, stretch by stretch."""
+
+    def __init__(self, flown: LoggedFlight, plan: Any, names: list[str]):
+        self.output, self.unit, self.errors = names[plan.column].rpartition(".")[2], plan.unit, Errors()
+        self._plan, self._flown = plan, flown
+        self._kept: dict[str, Any] = {}
+        self._sources = [flown.sources(names[c]) for c in plan.columns]
+        self._drawn, self._every = envelope(flown.n)
+        self.topics = [BASE, *(topic for own in self._sources for topic, *_ in own)]
+
+    def add(self, lane: Lane, ticks: range, read: Mapping, rows: np.ndarray) -> None:
+        """Take a stretch, with the outputs `rows` of the lane, which has not taken them yet."""
+        log, step = self._flown.log, self._flown.dt * lane.every
+        columns = [sum((sign * read[topic][:, log.topics[topic].fields.index(field)] for topic, field, sign in own),
+                       np.zeros(len(read[BASE]))) for own in self._sources]  # fmt: skip
+        truth = self._plan.truth(np.stack(columns), self._flown.dt, self._kept)
+        self._drawn.add(truth[:, None])
+        own = log.ticks(f"/detectors/{lane.id}/{lane.lane}", ticks.start, ticks.stop)
+        at = np.searchsorted(log.ticks(BASE, ticks.start, ticks.stop), own)
+        ends = self._plan.start, min(self._plan.end, self._flown.end + self._flown.dt)
+        first, stop = (max(0, round((t - self._flown.t0) / step) - lane.said.ticks) for t in ends)
+        self.errors.add((rows[:, lane.at[self.output]] - truth[at])[first:stop])
+
+    @property
+    def curve(self) -> tuple[np.ndarray, float]:
+        """Return (values, ticks per value)."""
+        return self._drawn.values()[:, 0], self._every
+
+
+def _fault(lane, source):
+    """Return (topic, field, sign) of what a fault lane adds."""
+    return (f"/faults/f{lane}", "f_inj", -1.0) if source == "f_neg" else (f"/faults/f{lane}", source, 1.0)
 
 
 def unit_of(place: str, kind: Any) -> Any:
@@ -254,12 +323,6 @@ def unit_of(place: str, kind: Any) -> Any:
     if kind == "friction":
         return "N m at the motor" if section == "ema_in" else "share of the brake's force"
     return "share"
-
-
-def spans(mask: np.ndarray, t0: float, dt: float) -> list[Any]:
-    """Return [(from, to)] during which `mask` holds; a span ends where the next sample no longer holds."""
-    edges = np.flatnonzero(np.diff(np.asarray(mask, bool), prepend=False, append=False))
-    return [(t0 + a * dt, t0 + b * dt) for a, b in zip(edges[::2], edges[1::2])]
 
 
 def joined(spans: Iterable[tuple[float, float]], gap: float = 0.0) -> list[tuple[float, float]]:

@@ -36,11 +36,11 @@ def render(found: Comparison) -> str:
     rows, each = found.rows, found.detectors
     free = rows[rows["case"].isna()]["run"].nunique()
     lost = f"; {found.failed} could not be flown" if found.failed else ""
-    fitted = not found.two and any(d["a90"] is not None for d in found.sizes)  # else no curve says how large
+    fitted = any(d["a90"] is not None for d in found.sizes)  # else no curve says how large
     of_size = [item for pair in tables.sizes(found.sizes if fitted else []).items() for item in pair]
     matrix_, confused = matrix(rows), confusions(rows)
     sections: list[tuple[str, list]] = [
-        ("Which level sees what", [None if found.two else tables.by_level(found.levels)]),
+        ("Which level sees what", [tables.by_level(found.levels)]),
         ("Flight by flight", [tables.pairs(found.pairs)]),
         ("The detectors", [tables.detectors(each)]),
         ("After the alarm", [tables.after(each)]),
@@ -49,31 +49,16 @@ def render(found: Comparison) -> str:
         ("Coverage: fault kind by detector", [KEY, matrix_] if matrix_ else []),
         ("Oscillations over achieved amplitude and frequency", [compared.maps(rows)]),
         ("How soon", [compared.delays(rows)]),
-        ("Names, over every fault alarmed on", [tables.names(each)]),
         ("Without a fault", [tables.quiet(each)]),
         ("What they called it", [CALLED, NAMES_KEY, *confused] if confused else []),
         ("Faults against false alarms", [compared.roc(rows, each)]),
         ("The flights", [{"title": f"{found.runs} flights, and who noticed", "content": tables.flights(rows)}]),
     ]
     return page(
-        title=found.title or TITLES[found.two], summary=[("In short", headline(found))], sections=sections,
+        title=found.title or TITLES[found.two], summary=[("In short", [found.headline])], sections=sections,
         subtitle=f"{found.runs} flights, {found.source}; {free} of them fault-free{lost}",
         chips=[(d["id"], d["level"], d["detected"] > 0) for d in each],
     )  # fmt: skip
-
-
-def headline(found: Comparison) -> list[str]:
-    """Return what the flights say in a sentence or two: which level, or of two campaigns which of both, saw more."""
-    mute = [d["id"] for d in found.detectors if not d["credible"]]
-    care = f"{', '.join(mute)}: alarms in more than half of the fault-free flights, left out of the levels"
-    if found.two:
-        parted = [p for p in found.pairs if p["only_a"] or p["only_b"]]
-        told = [f"{p['a']} alone in {p['only_a']}, {p['b']} alone in {p['only_b']} of {p['n']} faults" for p in parted]
-        return told or ["every detector saw the same faults in both"]
-    n = {key: sum(d[key] for d in found.levels) for key in ("faults", "local", "aircraft", "both", "nobody")}
-    told = [f"of {n['faults']} faults the local level alone saw {n['local']}, the aircraft level alone "
-            f"{n['aircraft']}, both {n['both']}, neither {n['nobody']}"]  # fmt: skip
-    return (told if n["faults"] else ["no fault was flown"]) + [care] * bool(mute)
 
 
 OUTCOMES = {  # outcome -> symbol, class, meaning

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from cosim.compare import metrics, stats
+from cosim.compare import stats
 from cosim.judge.coverage import DESIGNED
 from cosim.report.figure import (
     COLOURS,
@@ -77,13 +77,10 @@ def roc(rows: pd.DataFrame, each: list[dict]) -> Figure | None:
     figure.layout["xaxis"] = style_axis("share of fault-free flights with an alarm", **shown)
     figure.layout["yaxis"] = style_axis("share of designed-for faults seen", **shown)
     shipped = {d["id"]: (d["false_alarm_probability"], d["detection_probability"]) for d in each}
-    for j, (name, (healthy, faulty)) in enumerate(stats.maxima(rows).items()):
-        if not len(healthy) or not len(faulty):
-            continue
-        curve = metrics.roc(healthy, faulty)
+    for j, (name, curve) in enumerate(stats.operating_points(rows).groupby("detector", sort=False)):
         figure.points(
-            1, mode="lines", x=packed(curve.false_alarm), y=packed(curve.detection), detector=name,
-            hover=f"{name}<br>%{{y:.0%}} of faults at %{{x:.0%}}<extra></extra>", **_curve(j, name),
+            1, mode="lines", x=packed(curve["false_alarm"].to_numpy()), y=packed(curve["detection"].to_numpy()),
+            detector=name, hover=f"{name}<br>%{{y:.0%}} of faults at %{{x:.0%}}<extra></extra>", **_curve(j, name),
         )  # fmt: skip
         figure.points(
             1, x=[shipped[name][0]], y=[shipped[name][1]], detector=name,

@@ -56,13 +56,16 @@ class Watched:
 
     def _lane(self, topic: str) -> Lane:
         name, _, lane = topic.removeprefix(REPLAYED).partition("/")
-        module, info = registry.find(name), self.log.topics[topic]
+        info, rows = self.log.topics[topic], self._arrays[topic]
         level = "aircraft" if lane == "aircraft" else "local"
-        target = "aircraft" if level == "aircraft" else f"elevator.{lane}"
-        told = self.verdicts.get((name, target), {})
-        entry = {"concerned": bool(told.get("alarm")), "able": True, "alarm": bool(told.get("alarm"))}
-        fields, units = dict(zip(info.fields, self._arrays[topic].T)), dict(zip(info.fields, info.units))
-        return Lane(name, level, lane, target, getattr(module, "culprits", ()), info.every, fields, entry, units)
+        record = SimpleNamespace(id=name, level=level, every=info.every)
+        main = next((n for n in info.fields if n.startswith("f_hat")), "")
+        culprits = getattr(registry.find(name), "culprits", ())
+        own = Lane(record, lane, culprits, dict(zip(info.fields, info.units)), len(rows), main, self.dt)
+        own.add(rows)
+        alarm = bool(self.verdicts.get((name, own.target), {}).get("alarm"))
+        own.entry = {"concerned": alarm, "able": True, "alarm": alarm}
+        return own
 
     def inputs(self) -> dict[str, tuple[str, np.ndarray]]:
         """Return {signal, by its name in a map: (unit, samples)} of what was read, each once."""

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from cosim.replay import thinned
+
 COLOURS = ("--blue", "--red", "--green", "--purple", "--orange", "--sky", "--gold", "--muted")
 DASHES = ("solid", "dash", "dot", "dashdot")
-POINTS = 2000  # of a curve; two per interval
-BLOCK = 1 << 16  # samples that are reduced at once
 
 
 @dataclass
@@ -128,42 +128,10 @@ def packed(values: Any) -> dict[str, str]:
     return {"dtype": "f4", "bdata": base64.b64encode(np.asarray(values, "<f4").tobytes()).decode()}
 
 
-def envelope(y: np.ndarray, points: int = POINTS) -> tuple[Any, ...]:
-    """Return (values, samples per value): `y` itself, or min and max of each of points/2 intervals in order of time. An
-    interval that holds only NaN gives NaN; the last interval may be shorter."""
-    step = -(-2 * len(y) // points)  # samples per interval, rounded up
-    if len(y) <= points or step < 3:
-        return np.asarray(y, float), 1.0
-    size = step * max(1, BLOCK // step)  # samples at once: a long flight is drawn in little memory
-    parts = [_ends(np.asarray(y[a : a + size], float), step) for a in range(0, len(y), size)]
-    return np.concatenate(parts), step / 2.0
-
-
-def _ends(y, step):
-    """Return `envelope`'s values of some whole intervals, of which the last may be shorter."""
-    rows = np.concatenate([y, np.full(-len(y) % step, y[-1])]).reshape(-1, step)
-    gone = np.isnan(rows).all(axis=1)
-    filled = np.where(gone[:, None], 0.0, rows)
-    low, high = np.nanargmin(filled, axis=1), np.nanargmax(filled, axis=1)
-    first, last = np.minimum(low, high), np.maximum(low, high)
-    out = np.stack([np.take_along_axis(filled, i[:, None], 1)[:, 0] for i in (first, last)], axis=1)
-    out[gone] = np.nan
-    return out.ravel()
-
-
-def peaks(y: np.ndarray, points: int = 600) -> tuple[Any, ...]:
-    """Return (largest value of each interval, samples per interval); NaN where an interval has none."""
-    step = max(1, -(-len(y) // points))
-    size = step * max(1, BLOCK // step)
-    parts = [_largest(np.asarray(y[a : a + size], float), step) for a in range(0, len(y) or 1, size)]
-    return np.concatenate(parts), step
-
-
-def _largest(y, step):
-    """Return `peaks`' values of some whole intervals, of which the last may be shorter."""
-    rows = np.concatenate([y, np.full(-len(y) % step, np.nan)]).reshape(-1, step)
-    out = np.max(np.where(np.isnan(rows), -np.inf, rows), axis=1)
-    return np.where(np.isinf(out), np.nan, out)
+def envelope(y: np.ndarray, points: int = thinned.POINTS) -> tuple[np.ndarray, float]:
+    """Return (values, samples per value) of a curve as it is drawn (cosim/replay/thinned.py)."""
+    made, every = thinned.envelope(len(y), points)
+    return made.add(np.asarray(y)[:, None]).values()[:, 0], every
 
 
 def place(panel: Any) -> dict[str, str]:

@@ -7,24 +7,13 @@ import numpy as np
 
 from actuators.constants import DEG_PER_RAD, FT_PER_M, KT_PER_M_S
 from cosim.flight.loop import wiring
-from cosim.judge.alarms import faulty
-from cosim.judge.detection import Word, name_at_end
+from cosim.judge.alarms import during
+from cosim.judge.detection import Runs, Word, name_at_end
 from cosim.judge.lanes import SHOWN
 from cosim.judge.result import concerns
-from cosim.replay.recording import Lane, LoggedFlight, joined, spans, words
-from cosim.report.figure import (
-    COLOURS,
-    POINTS,
-    Figure,
-    axis,
-    base,
-    envelope,
-    packed,
-    peaks,
-    place,
-    still,
-    style_axis,
-)
+from cosim.replay.recording import Lane, LoggedFlight, joined, words
+from cosim.replay.thinned import POINTS
+from cosim.report.figure import COLOURS, Figure, axis, base, packed, place, still, style_axis
 from fdi import registry
 from fdi.common.verdict import class_name
 
@@ -49,8 +38,8 @@ def panels(
 
 
 def drawn(flown: LoggedFlight, topic: str, field: str, factor: float = 1.0, add: float = 0.0) -> tuple[Any, float]:
-    """Return (samples of a logged signal, seconds between two) as its curve needs them; the signal is not kept."""
-    y, every = envelope(flown.values(topic, field))
+    """Return (values, seconds between two) of a logged signal as it is drawn."""
+    y, every = flown.curve(topic, field)
     return factor * y + add, flown.dt * every
 
 
@@ -89,11 +78,9 @@ def _inline_legend(figure, panel):
 
 def track(flown: LoggedFlight) -> Figure:
     """Return the path over ground and in height; the part flown with a fault is drawn in its colour."""
-    pick = np.unique(np.linspace(0, len(flown.ticks) - 1, 400).astype(int))
-    lat, lon, h = (flown.values("/truth/aircraft", n)[pick] for n in ("lat", "lon", "h"))
+    t, lat, lon, h = flown.path.T
     north, east = EARTH * (lat - lat[0]) / 1e3, EARTH * np.cos(lat[0]) * (lon - lon[0]) / 1e3
     along, height = np.hypot(north, east), FT_PER_M * h
-    t = flown.t0 + flown.dt * pick
     broken = np.zeros(len(t), bool)
     for a, b in flown.intervals:
         broken |= (t >= a) & (t <= b)
@@ -155,8 +142,8 @@ def injected(flown: LoggedFlight) -> Figure | None:
     told = "What was injected, in the unit of the place where it enters: the truth that the detectors do not know."
     height, names, units = 66 + 150 * -(-len(lanes) // columns), [n for n, _, _ in lanes], [u for _, u, _ in lanes]
     figure = panels(flown, "faults", told, height, names, units, columns)
-    for i, (name, _, signal) in enumerate(lanes, 1):
-        figure.curve(flown.t0, flown.dt, signal(), name=name, colour="--fault", panel=i, legend=False)
+    for i, (name, _, (y, every)) in enumerate(lanes, 1):
+        figure.curve(flown.t0, flown.dt * every, y, name=name, colour="--fault", panel=i, legend=False)
     return figure
 
 
@@ -167,16 +154,13 @@ def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure:
     """Return the figure of one detector: statistic of every lane over its threshold; estimate with band and truth. It
     has no curve where the detector never judged."""
     heading = f"{lanes[0].id}: {getattr(registry.find(lanes[0].id), 'summary', '')}"
-    if not any((np.abs(lane.fields["r"]) > 0.0).any() for lane in lanes):
+    if not any((lane.r[0] > 0.0).any() for lane in lanes):
         told = "It never judged: its validity flag stayed down throughout."
         return Figure(f"d-{lanes[0].id}", told, heading=heading, detector=lanes[0].id)
-    estimates = [n for n in lanes[0].fields if n.startswith("f_hat")]
-    name = lanes[0].id
-    main = next((lane.truth[0] for lane in lanes if lane.truth), estimates[0] if estimates else None)
-    mine = [lane for lane in lanes if lane.truth] or lanes
-    untold = "It gives no fault estimate." if not estimates else "Its estimate declared no fault in this flight."
-    if not (main and any(((n.fields[main] != 0.0) & (n.fields["valid"] > 0.5)).any() for n in mine)):
-        main = None  # an estimate that is zero throughout has no panel
+    name, main = lanes[0].id, lanes[0].main
+    untold = "It gives no fault estimate." if not main else "Its estimate declared no fault in this flight."
+    if not any(np.nan_to_num(n.estimate("valid")[0]).any() for n in _estimating(lanes)):
+        main = ""  # an estimate that is zero throughout has no panel
     unit, factor = _unit(lanes, main)
     caption = _of_what(name, main) if main else untold
     titles = ["Statistic |r|"] + ([f"Estimate {main}"] if main else [])
@@ -187,8 +171,13 @@ def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure:
     figure.layout["legend"]["y"] = 1.12  # above the titles: on paper they are as long as it is
     _statistic(figure, flown, lanes)
     if main:
-        _estimate(figure, flown, lanes, main, factor)
+        _estimate(figure, flown, lanes, factor)
     return figure
+
+
+def _estimating(lanes):
+    """Return those that estimate a fault of this flight, all when none does."""
+    return [lane for lane in lanes if lane.truth] or (lanes if lanes[0].main else [])
 
 
 def detectors(flown: LoggedFlight) -> tuple[list[Figure], list[tuple[str, str, bool]]]:
@@ -217,13 +206,13 @@ def _unit(lanes, main):
     """Return (unit to show, factor) of an estimate: that of the truth, else the one that the log has."""
     if not main:
         return "", 1.0
-    known = next((lane.truth[2] for lane in lanes if lane.truth), lanes[0].units.get(main, ""))
+    known = next((lane.truth[1] for lane in lanes if lane.truth), lanes[0].units.get(main, ""))
     return SHOWN.get(known, ("share" if known == "-" else known, 1.0))
 
 
 def _statistic(figure, flown, lanes):
     figure.level(1, 1.0)
-    sizes = [peaks(np.abs(lane.fields["r"])) for lane in lanes]
+    sizes = [lane.r for lane in lanes]
     top = max([2.0, *(float(np.nanmax(r)) for r, _ in sizes if np.isfinite(r).any())])
     figure.layout["yaxis"] |= {
         "type": "log",
@@ -238,40 +227,35 @@ def _statistic(figure, flown, lanes):
         )  # fmt: skip
 
 
-def _estimate(figure, flown, lanes, main, factor):
-    """Draw the estimate of the lanes that estimate a fault of this flight, of all when none does."""
-    mine = [lane for lane in lanes if lane.truth] or lanes
-    sigma_name = f"f_sigma{main.removeprefix('f_hat')}"
-    first = next(n for n in lanes[0].fields if n.startswith("f_hat"))
-    for i, lane in enumerate(lanes):
-        if lane not in mine:
-            continue
-        step, f, ok = flown.dt * lane.every, lane.fields[main] * factor, lane.fields["valid"] > 0.5
-        sigma = lane.fields.get(sigma_name, lane.fields.get("f_sigma") if main in ("f_hat", first) else None)
-        if sigma is not None and ok.any():
-            _band(figure, flown.t0, step, np.where(ok, f, np.nan), 2.0 * factor * sigma, COLOURS[i % 8])
-        for part, colour, width in ((~ok, "--line", 1.0), (ok, COLOURS[i % 8], 1.4)):
-            if part.any():
+def _estimate(figure, flown, lanes, factor):
+    """Draw the estimates, their bands, and the truth."""
+    mine = _estimating(lanes)
+    for lane in mine:
+        (valid, every), colour = lane.estimate("valid"), COLOURS[lanes.index(lane) % 8]
+        step = flown.dt * lane.every * every
+        low, high = (factor * lane.estimate(end)[0] for end in ("low", "high"))
+        if np.isfinite(low).any():
+            _band(figure, flown.t0, step, low, high, colour)
+        for y, shade, width in ((lane.estimate("not_valid")[0], "--line", 1.0), (valid, colour, 1.4)):
+            if np.isfinite(y).any():
                 figure.curve(
-                    flown.t0, step, np.where(part, f, np.nan), name=f"estimate {words(lane.lane)}", colour=colour,
-                    width=width, panel=2, showlegend=False,
+                    flown.t0, step, factor * y, name=f"estimate {words(lane.lane)}", colour=shade, width=width, panel=2,
+                    showlegend=False,
                 )  # fmt: skip
-    seen = [envelope(lane.fields[main])[0] * factor for lane in [n for n in mine if n.able] or mine]
-    truth = next((lane.truth[1] for lane in mine if lane.truth), None)
+    seen = [factor * lane.estimate("all")[0] for lane in [n for n in mine if n.able] or mine]
+    truth = next((lane.truth[0] for lane in mine if lane.truth), None)
     if truth is not None:
-        y, every = envelope(truth())
-        seen.append(y * factor)
+        seen.append(factor * truth[0])
         look: dict = {"colour": "--ink", "dash": "dot", "width": 1.6}
-        figure.curve(flown.t0, flown.dt * every, seen[-1], name="injected truth", panel=2, **look)
+        figure.curve(flown.t0, flown.dt * truth[1], seen[-1], name="injected truth", panel=2, **look)
     figure.least(2, seen, 1e-6)
 
 
-def _band(figure, t0, step, f, half, colour):
-    """Shade f +- half: the band must not be narrower than its samples, so its edges are the envelopes' extremes."""
-    for y, fill in ((f - half, None), (f + half, "tonexty")):
-        values, every = envelope(y)
+def _band(figure, t0, step, low, high, colour):
+    """Shade from `low` to `high`: the band must not be narrower than its samples, so its edges are extremes."""
+    for y, fill in ((low, None), (high, "tonexty")):
         shade = {"fill": fill, "fillcolor": f"{colour}/0.22"} if fill else {}
-        line, of = {"width": 0, "color": colour}, {"x0": t0, "dx": step * every, "y": packed(values)}
+        line, of = {"width": 0, "color": colour}, {"x0": t0, "dx": step, "y": packed(y)}
         figure.points(2, mode="lines", line=line, hoverinfo="skip", **of, **shade)
 
 
@@ -320,15 +304,13 @@ def _bar(figure, row, a, b, colour, width, told, who=None):
 def _row(figure, flown, lane):
     """Draw one lane; return its alarms for the cursor's line."""
     step, out = flown.dt * lane.every, []
-    on, verdict, culprit = (lane.fields[n] for n in ("alarm", "verdict", "culprit"))
-    for a, b in joined(spans(lane.fields["valid"] > 0.5, flown.t0, step), (flown.end - flown.t0) / POINTS):
+    for a, b in joined(lane.spans("valid", flown.t0), (flown.end - flown.t0) / POINTS):
         _bar(figure, lane.name, a, b, "--line", 1.5, f"{lane.name}: watching", lane.id)
     real, labels = _real(flown, lane, step), []
-    found = spans(on > 0.5, flown.t0, step)
-    for a, b in found:
-        k = slice(round((a - flown.t0) / step), round((b - flown.t0) / step))
-        said = _said(lane, verdict[k], culprit[k], a, step)
-        true = real[k.start] if k.start < len(real) else False
+    for first, stop in lane.said.spans("alarm"):
+        a, b = flown.t0 + first * step, flown.t0 + stop * step
+        said = _said(lane, first, stop, a, step)
+        true = bool(real[first])
         out.append(
             {"from": a, "to": b, "text": f"{lane.name} ({said}{'' if true else ', false'})", "detector": lane.id}
         )
@@ -341,18 +323,21 @@ def _row(figure, flown, lane):
     return out
 
 
-def _said(lane, verdict, culprit, start, step):
-    """Return the name at the end of an alarm that begins at `start` [s] and, where it came later, since when."""
-    given = np.flatnonzero(verdict > 0.5)
-    if not len(given):
+def _said(lane, first, stop, start, step):
+    """Return the name at the end of an alarm of the ticks first <= k < stop, which begins at `start` [s], and, where it
+    came later, since when."""
+    runs = Runs(lane.said, (), step)
+    words_in = zip(*runs.inside(first, stop))
+    named = [Word(int(a) - first, int(b) - first, runs.values["verdict"][i], runs.values["culprit"][i])
+             for i, a, b in words_in if runs.values["verdict"][i] > 0.5]  # fmt: skip
+    if not named:
         return "alarm, no name"
-    named = [Word(int(k), int(k) + 1, verdict[k], culprit[k]) for k in given]
     if (last := name_at_end(named, step)) is None:
         return "alarm, names in turn"
-    first = next(w.first for w in named if w.said == last.said)
+    since = next(w.first for w in named if w.said == last.said)
     part = lane.culprits[int(last.part)] if 0 <= last.part < len(lane.culprits) else ""
-    since = f" from {start + first * step:.2f} s" if first else ""
-    return f"{words(class_name(last.verdict))} {words(part)}".strip() + since
+    told = f" from {start + since * step:.2f} s" if since else ""
+    return f"{words(class_name(last.verdict))} {words(part)}".strip() + told
 
 
 def _labels(figure, flown, lane, alarms):
@@ -376,6 +361,6 @@ def _labels(figure, flown, lane, alarms):
 def _real(flown, lane, step):
     """Return the rows (bool) at which an alarm of the lane would be a true one."""
     if not flown.knows_faults:
-        return np.ones(len(lane.fields["alarm"]), bool)
+        return np.ones(lane.said.ticks, bool)
     own = [f for f in flown.faults if concerns(lane, f["targets"])]
-    return faulty(own, len(lane.fields["alarm"]), step, flown.t0)
+    return during(own, np.arange(lane.said.ticks), step, flown.t0)

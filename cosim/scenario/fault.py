@@ -76,7 +76,12 @@ class Fault(Table, extra="allow"):
         if not isinstance(raw, dict) or not all(isinstance(raw.get(k), str) for k in ("target", "kind")):
             return raw  # pydantic says what is missing or of the wrong type
         target = parse_target(raw["target"], of(info))
-        kind = _kind(target, raw)
+        if raw["kind"] not in c.ALL_KINDS:
+            raise choice(raw["kind"], target.kinds, "kind of fault", key="kind")
+        if raw["kind"] not in target.kinds:
+            said = f"{raw['kind']!r} is no fault of {raw['target']}"
+            raise problem(said, key="kind", allowed=", ".join(target.kinds))
+        kind = target.kinds[raw["kind"]]
         defaults = {k.name: k.default for k in kind.keys if k.default is not None and k.name not in raw}
         whole = {k: float(v) for k, v in raw.items() if type(v) is int and k not in cls.model_fields}
         return {**raw, **_place(target, kind, raw), **whole, **defaults}
@@ -113,6 +118,7 @@ class Fault(Table, extra="allow"):
             wrong.add(f"a chirp needs {sweep}", key=sweep, allowed=c.SWEEP.range)
         elif self.shape != "chirp" and sweep in known and sweep in own:
             wrong.add("is for a chirp", key=sweep, remedy="Say shape = 'chirp'")
+        self._times(wrong)
         wrong.check()
         return self
 
@@ -136,9 +142,8 @@ class Fault(Table, extra="allow"):
         seen = (other_fault(name) for name in condition(self.when).signals()) if self.when is not None else ()
         return [number for number in seen if number is not None]
 
-    @model_validator(mode="after")
-    def _times(self):
-        wrong = Mistakes()
+    def _times(self, wrong):
+        """Check onset, end and ramp, and the condition in place of an onset."""
         if self.when is not None:
             try:
                 condition(self.when)
@@ -155,8 +160,6 @@ class Fault(Table, extra="allow"):
             wrong.add("the ramp is longer than the fault", key="ramp_s", allowed=f"0 to {self.end - self.start_s:g}")
         if self.ramp_s and self.spec.switched:
             wrong.add(f"{self.kind} does not support ramp_s", key="ramp_s", allowed="0", remedy="Remove ramp_s")
-        wrong.check()
-        return self
 
     @property
     def parsed(self) -> Any:
@@ -208,15 +211,6 @@ class Fault(Table, extra="allow"):
                 sensor = c.LOOP_SENSOR[technology[name]]
             out.append(Injection(place=target.place, name=name, sensor=sensor, **common))
         return out
-
-
-def _kind(target, raw):
-    kinds = target.kinds
-    if raw["kind"] in kinds:
-        return kinds[raw["kind"]]
-    if raw["kind"] not in c.ALL_KINDS:
-        raise choice(raw["kind"], kinds, "kind of fault", key="kind")
-    raise problem(f"{raw['kind']!r} is no fault of {raw['target']}", key="kind", allowed=", ".join(kinds))
 
 
 def _place(target, kind, raw):

@@ -18,7 +18,7 @@ from cosim.scenario.problem import MULTIPLIER, Duration, Mistakes, Table, choice
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_parts import UserPart
 from cosim.table import Table as Drawn
-from fdi.registry import DEFAULT, GUESTS, SHIPPED
+from fdi.registry import DEFAULT, SHIPPED, USER_DETECTORS
 
 
 @dataclass(frozen=True)
@@ -87,8 +87,7 @@ class Tolerances(Table, extra="allow"):
         wrong = Mistakes()
         wrong.unknown(raw, ("aero", *groups))
         wrong.check()
-        own = [name for name in groups if name not in c.USERS]  # which have none, but for empty ones in older logs
-        return {"aero": {}, **{name: {} for name in own}, **{k: v for k, v in raw.items() if v or k in ("aero", *own)}}
+        return {"aero": {}, **{name: {} for name in groups if name not in c.USERS}, **raw}
 
     @model_validator(mode="after")
     def _known(self, info: ValidationInfo):
@@ -140,9 +139,10 @@ class Detectors(Table, extra="allow"):
             return raw
         named = [name for name, own in raw.items() if isinstance(own, dict) and "file" in own]
         if "enabled" not in raw:
-            own = {n: {"file": g.file, "sha256": g.sha256} for n, g in GUESTS.items() if g.file and n not in raw}
-            raw = {"enabled": [*DEFAULT, *dict.fromkeys((*GUESTS, *named))], **own, **raw}
-        known, wrong = (*SHIPPED, *GUESTS), Mistakes()
+            users = {n: part for n, part in USER_DETECTORS.items() if part.file and n not in raw}
+            own = {n: {"file": part.file, "sha256": part.sha256} for n, part in users.items()}
+            raw = {"enabled": [*DEFAULT, *dict.fromkeys((*USER_DETECTORS, *named))], **own, **raw}
+        known, wrong = (*SHIPPED, *USER_DETECTORS), Mistakes()
         enabled = raw["enabled"] if isinstance(raw["enabled"], list | tuple) else ()
         for i, name in enumerate(enabled):
             if isinstance(name, str) and name not in (*known, *named):
@@ -155,7 +155,7 @@ class Detectors(Table, extra="allow"):
         return raw
 
     def table(self, name: str) -> dict:
-        """Return {parameter: value} of detector `name` as written; of a guest its file and digest are among them."""
+        """Return {parameter: value} of detector `name` as written; of a user detector its file and digest, too."""
         return dict((self.model_extra or {}).get(name, {}))
 
 
@@ -181,7 +181,7 @@ class Scenario(Table):
     sensors: Sensors = Sensors.model_validate({})
     tolerances: Tolerances = Tolerances.model_validate({})
     faults: Annotated[tuple[Fault, ...], Field(strict=False)] = ()
-    detectors: Detectors = Field(default_factory=lambda: Detectors.model_validate({}))  # guests may have come since
+    detectors: Detectors = Field(default_factory=lambda: Detectors.model_validate({}))  # users' may have come since
 
     @model_validator(mode="after")
     def _whole(self):

@@ -20,12 +20,11 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from actuators.exception_text import sentence
-from actuators.source_hash import forget
 from cosim.errors import CosimError, LogError, Mistakes, OutputError, ScenarioError
 from cosim.files import replace
 from cosim.scenario import toml
 from cosim.scenario.aircraft import placed, ships
-from fdi.registry import GUESTS
+from fdi.registry import USER_DETECTORS
 
 SHA256 = "sha256"
 CHANGED, AGREE = "is not the file that the scenario means: its digest differs", "Read it, then remove or renew sha256"
@@ -81,6 +80,8 @@ def load(path: str | os.PathLike, error: Callable[[str], Exception] | None = Non
     part = identity(path)
     if _loaded.get(path, ("",))[0] != part.sha256:
         if path in _loaded:
+            from actuators.kernels import forget  # it needs NumPy
+
             forget()  # compiled code of the part as it was
         _loaded[path] = part.sha256, _run(path, file, part, made)
     return _loaded[path][1], part
@@ -202,8 +203,8 @@ def _detector(at):
 
 def _known(at):
     """Tell whether a detector is loaded already, from what the scenario means."""
-    guest = GUESTS.get(_detector(at))
-    return guest is not None and guest.sha256 == at.table.get(at.digest)
+    part = USER_DETECTORS.get(_detector(at))
+    return part is not None and part.sha256 == at.table.get(at.digest)
 
 
 def named(tables: dict[str, Any]) -> dict[str, UserPart]:

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from actuators.block import kernel
-from actuators.disk_cache import kept
 from actuators.hydraulic import lu17
+from actuators.kernels import cached_array
 from fdi.hydraulic.two_stage_ekf import STEP_MOST
 from fdi.isolation import adaptation, decide, evidence, filter, parts, sums
 from fdi.isolation.filter import SENSORS
@@ -75,7 +75,7 @@ def respond(p: np.ndarray, dt: float) -> None:
         return
     hz = p["hz"][0].ravel()
     given = [p[0][name].tolist() for name in ("arm", "h_q", "h_r", "h_P0", *lu17.NOMINAL)]
-    H = kept((given, dt, hz.tolist()), float, lambda: _responses(p[0], dt, hz), __file__)
+    H = cached_array((given, dt, hz.tolist()), float, lambda: _responses(p[0], dt, hz), __file__)
     H = H.view(complex).reshape(len(HEARD), len(PLACES), 1 + len(hz), SENSORS)
     p["still"][0] = H[:, :, 0].real
     waves = np.stack([np.stack([H.real, -H.imag], -1), np.stack([H.imag, H.real], -1)], 3)  # ..., line, wave, sensor, 2

@@ -29,7 +29,8 @@ DETECTOR = {
     **FIGURES,
     "level": "local",
 }  # fmt: skip
-COMPARED = {"detectors": [DETECTOR], "runs": 2025, "source": "x", "failed": 0, "report": None, "table": None}
+COMPARED = {"detectors": [DETECTOR], "runs": 2025, "source": "x", "failed": 0, "report": None, "table": None,
+            "headline": "No fault was flown.", "pairs": [], "predictive": []}  # fmt: skip
 
 
 def printed(shown, width):

@@ -8,9 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cosim.campaign.engine import run_campaign, run_many
+from cosim.campaign.engine import run_many
 from cosim.campaign.worker import run_id
-from cosim.cli.commands import app
 from cosim.compare import CompareError, compare, stats
 from cosim.compare import rows as compare_rows
 from cosim.flight.simulate import simulate
@@ -40,7 +39,7 @@ def logs(flights, tmp_path_factory):
 def test_a_flight_that_ends_before_its_fault_counts_as_one_without(tmp_path):
     change = ["duration_s=3", "faults.0.start_s=5", CHOSEN]
     simulate(load_scenario("liquid-ofc", change), log=tmp_path / "short.mcap")
-    rows = compare_rows.tidy(*compare_rows.of_logs([tmp_path / "short.mcap"]))
+    rows = compare_rows.tidy(*compare_rows.of_logs([tmp_path / "short.mcap"])[:2])
     assert len(rows) == 3 and not rows["concerned"].any() and rows[["case", "outcome"]].isna().all(axis=None)
 
 
@@ -49,7 +48,7 @@ def test_logs_give_the_rows_of_a_campaign_of_the_same_flights(flights, logs):
     frame, tomls = result.frame, {run_id(s): s.expanded_toml() for s in flights}
     by = ["run", "id"]
     flown = compare_rows.tidy(frame, tomls).sort_values(by, ignore_index=True)
-    read = compare_rows.tidy(*compare_rows.of_logs(logs)).sort_values(by, ignore_index=True)
+    read = compare_rows.tidy(*compare_rows.of_logs(logs)[:2]).sort_values(by, ignore_index=True)
     keys = ["case", "id", "level", "lanes", "word", "concerned", "detected", "isolated_class", "outcome"]
     keys.append("false_alarms")
     pd.testing.assert_frame_equal(flown[keys], read[keys])
@@ -89,14 +88,6 @@ def test_compare_of_a_folder_of_logs_writes_table_and_report(logs, tmp_path):
     assert found.report.read_text("utf-8").startswith("<!doctype html>")
 
 
-def test_compare_of_a_campaign_folder_is_that_of_its_rows(flights, tmp_path):
-    run_many(flights, workers=0, out=tmp_path / "c")
-    found = compare([tmp_path / "c"])
-    frame, _, tomls, _ = compare_rows.of_campaign(tmp_path / "c")
-    pd.testing.assert_frame_equal(found.rows, compare_rows.tidy(frame, tomls))
-    assert found.runs == 3 and all(d["step_us"] is None or d["step_us"] > 0 for d in found.detectors)
-
-
 def test_two_campaigns_stand_side_by_side_on_the_flights_of_both(flights, tmp_path):
     """One detector is changed between them, one flight is in the second alone."""
     run_many(flights, workers=0, out=tmp_path / "before")
@@ -119,35 +110,6 @@ def test_two_campaigns_stand_side_by_side_on_the_flights_of_both(flights, tmp_pa
     assert "every detector the same" in compare([tmp_path / "before", tmp_path / "again"]).source
     with pytest.raises(CompareError, match="named twice"):
         compare([tmp_path / "before", tmp_path / "after" / ".." / "before"])
-
-
-def test_a_campaigns_title_is_that_of_its_page(flights, tmp_path):
-    text = 'title = "Rods of mine"\nbase = "cruise"\n[set]\nduration_s = 2.0\ndetectors.enabled = ["iotsekf"]\n'
-    (tmp_path / "mine.toml").write_text(text)
-    run_campaign(tmp_path / "mine.toml", out=tmp_path / "c", workers=1)
-    found = compare([tmp_path / "c"])
-    assert found.title == "Rods of mine" and "<h1>Rods of mine</h1>" in render(found)
-    run_many(flights[:1], workers=0, out=tmp_path / "d")
-    assert "Aircraft-level" not in render(compare([tmp_path / "d"]))
-
-
-def test_a_users_detector_draws_on_its_inputs(tmp_path, flights):
-    (tmp_path / "own.py").write_text(
-        "import cosim\n@cosim.register\nclass Own:\n    id, level, inputs = 'own_parity', 'local', ('surface', 'rod')\n"
-        "    technologies = ('hydraulic',)\n    def __init__(self, dt): pass\n"
-        "    def update(self, t, y): return {'r': abs(y.rod), 'alarm': False}\n"
-    )
-    simulate(flights[2], log=tmp_path / "0.mcap")
-    rows = compare([tmp_path / "0.mcap"], guests=[tmp_path / "own.py"]).rows
-    assert stats.groups(rows)["rod, surface"] == ["own_parity"]
-
-
-def test_command_prints_one_json_object(logs, tmp_path, capsys):
-    with pytest.raises(SystemExit) as end:
-        app(["compare", *map(str, logs), "-o", str(tmp_path / "o"), "--json"])
-    assert end.value.code == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["runs"] == 3 and told["report"].endswith("compare.html")
 
 
 def test_folder_without_flights_gets_a_clear_error(tmp_path, logs):

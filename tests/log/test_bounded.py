@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 import cosim
-from cosim.judge import store
 from cosim.log import LogWriter, Topic, open_log
-from cosim.replay import recording
 from cosim.report import flight_report
 
 TICKS = 8000
@@ -38,11 +36,9 @@ def test_a_part_of_a_topic_has_the_bits_of_the_whole(path):
         log.frame("/a", fields=["v"])
 
 
-def test_a_page_holds_few_numbers_per_tick(tmp_path, monkeypatch):
-    """Of what a flight logs at a tick (some 500 numbers) its page holds a few columns at a time."""
-    monkeypatch.setattr(recording, "SMALL", 0)
+def test_the_memory_of_a_page_does_not_grow_with_the_flight(tmp_path, monkeypatch):
     monkeypatch.setattr("cosim.log.reader.CACHE_BYTES", 1 << 20)
-    monkeypatch.setattr(store, "LARGE", 0)
+    monkeypatch.setattr("cosim.replay.recording.TOGETHER", 4)
 
     def peak(seconds):
         asked = [f"duration_s={seconds}", "detectors.enabled=['iotsekf', 'lpv_smo']", "elevator.feedback=measured"]
@@ -56,4 +52,4 @@ def test_a_page_holds_few_numbers_per_tick(tmp_path, monkeypatch):
         finally:
             tracemalloc.stop()
 
-    assert (peak(60) - peak(20)) / (40 * 200) < 160  # bytes per tick
+    assert (peak(60) - peak(20)) / (40 * 200) < 32  # bytes per tick, of some 500 numbers

@@ -26,11 +26,11 @@ def found(tmp_path_factory):
 
 def test_the_first_sentence_counts_faults_by_level_as_the_table_does(found):
     (told,) = found.levels
-    said = f"of 2 faults the local level alone saw {told['local']}, the aircraft level alone {told['aircraft']}"
+    said = f"Of 2 faults the local level alone saw {told['local']}, the aircraft level alone {told['aircraft']}"
     assert said in render(found)
     alarming = [found.detectors[0] | {"credible": False}, *found.detectors[1:]]
     loud = type(found)(found.rows, alarming, found.runs, 0, "")
-    assert f"{alarming[0]['id']}: alarms in more than half of the fault-free flights" in render(loud)
+    assert f"alarms in more than half of the fault-free flights: {alarming[0]['id']}" in render(loud)
 
 
 def test_a_comparison_without_a_designed_for_fault_has_no_empty_figure(found):

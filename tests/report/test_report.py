@@ -11,9 +11,10 @@ from report_browser import CHROMIUM, use
 from cosim.errors import LogError, OutputError
 from cosim.flight.simulate import simulate
 from cosim.judge.lanes import part
-from cosim.replay.recording import LoggedFlight, joined, spans
+from cosim.replay.recording import LoggedFlight, joined
+from cosim.replay.thinned import POINTS, peaks
 from cosim.report import flight_report
-from cosim.report.figure import POINTS, envelope, peaks
+from cosim.report.figure import envelope
 from cosim.report.flight_page import render
 from cosim.scenario import load_scenario
 
@@ -135,9 +136,10 @@ def test_sensor_fault_on_the_aircraft_has_its_truth_beside_the_estimate(tmp_path
     log = tmp_path / "alpha.mcap"
     told = load_scenario("alpha-bias", ["duration_s=6", "faults.0.start_s=2", "detectors.enabled=['lpv_smo']"])
     simulate(told, log=log)
-    name, truth, unit, *_ = LoggedFlight(log).lanes[0].truth
-    assert (name, unit) == ("f_hat_alpha", "rad") and truth()[100] == 0.0
-    assert truth()[-1] == pytest.approx(math.radians(told.faults[0].model_extra["bias_deg"]))
+    lane = LoggedFlight(log).lanes[0]
+    (truth, every), unit = lane.truth
+    assert (lane.main, unit, every) == ("f_hat_alpha", "rad", 1.0) and truth[100] == 0.0
+    assert truth[-1] == pytest.approx(math.radians(told.faults[0].model_extra["bias_deg"]))
 
 
 @pytest.mark.parametrize("extra", [["detectors.enabled=['position_monitor']"],
@@ -168,12 +170,12 @@ def test_reduced_curves_keep_every_peak_and_every_gap():
     assert len(values) <= POINTS + 2 and np.isnan(values).any()
     assert np.nanmax(values) == 7.0 and np.nanmin(values) == -9.0
     assert abs(int(np.nanargmax(values)) * every - 12_345) <= 2 * every
-    largest, every = peaks(np.array([1.0, 5.0, 2.0, np.nan, np.nan, np.nan, 3.0]), points=3)
+    thinned, every = peaks(7, points=3)
+    largest = thinned.add(np.array([[1.0], [5.0]])).add(np.array([[2.0], *[[np.nan]] * 3, [3.0]])).values()[:, 0]
     assert every == 3 and largest[0] == 5.0 and np.isnan(largest[1]) and largest[2] == 3.0
 
 
-def test_spans_are_half_open_reach_the_end_and_are_joined_where_a_gap_cannot_be_drawn():
-    assert spans([0, 1, 1, 0, 1], 10.0, 0.5) == [(10.5, 11.5), (12.0, 12.5)] and spans([0, 0], 0.0, 1.0) == []
+def test_spans_are_joined_where_a_gap_cannot_be_drawn():
     assert joined([(0.0, 1.0), (1.1, 2.0), (2.5, 3.0), (3.01, 4.0)], 0.2) == [(0.0, 2.0), (2.5, 4.0)]
 
 

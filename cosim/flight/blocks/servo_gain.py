@@ -7,7 +7,7 @@ import numpy as np
 
 from actuators.common import linkage
 from actuators.deterministic_linalg import rounded
-from actuators.disk_cache import kept
+from actuators.kernels import cached_array
 from actuators.technology import Own
 from cosim.scenario.catalog import TECHNOLOGIES
 
@@ -24,7 +24,7 @@ def liquid_gain(technology: str, omega: float, dt: float, own: Own = ()) -> floa
     """Return position amplitude [m] per unit added at the valve [1] or drive [A], servo closed, no load, no friction:
     by flying it at `omega` [rad/s]. `own` is what an aircraft's actuators differ in."""
     given = technology, float(omega), float(dt), tuple(own)
-    return float(kept(given, float, lambda: np.array([_flown(*given)]), __file__)[0])
+    return float(cached_array(given, float, lambda: np.array([_flown(*given)]), __file__)[0])
 
 
 def _flown(technology, omega, dt, own):

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import fdi
-from actuators.disk_cache import contents, kept
+from actuators.kernels import cached_array
 from cosim import parts
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.blocks.sensors import installed
@@ -27,6 +27,7 @@ from cosim.flight.detection.parameters import assign, wrong_parameter
 from cosim.scenario import Scenario, vocabulary
 from cosim.scenario.aircraft import Aircraft, load_aircraft, stamps
 from cosim.scenario.catalog import SEGMENTS
+from cosim.scenario.user_parts import identity
 from fdi import registry
 from fdi.common.record import Detector
 
@@ -98,9 +99,9 @@ def _fit(detector, site, own, words, stored):
     if key not in _FITS:
         if len(_FITS) >= MOST_FITS:
             _FITS.clear()
-        about = detector.id, place, contents(own.folder, stamps(own.folder)), *sorted(words.items()), stored
+        about = detector.id, place, identity(own.folder).sha256, *sorted(words.items()), stored
         made = functools.partial(detector.record.fit, site, **words)
-        _FITS[key] = kept(about, detector.module.PARAMS, made, str(detector.module.__file__))
+        _FITS[key] = cached_array(about, detector.module.PARAMS, made, str(detector.module.__file__))
     return _FITS[key]
 
 
@@ -358,9 +359,9 @@ def manifest(setup: Any, topics: Sequence[Any]) -> list:
             if bus.index(source) not in place:  # both copies of a sensor are the same bits, and one is logged
                 source = source.removesuffix("_obs")
             inputs[lane].append([field, *place[bus.index(source)]])
-        guest = {} if d.id in registry.SHIPPED else {"guest": parts.about(d.module)}
+        part = {} if d.id in registry.SHIPPED else {"user_detector": parts.about(d.module)}
         lanes = list(d.lanes)
-        out.append({"id": d.id, "level": d.level, "lanes": lanes, "every": d.every, "inputs": inputs, **guest})
+        out.append({"id": d.id, "level": d.level, "lanes": lanes, "every": d.every, "inputs": inputs, **part})
     return out
 
 

@@ -5,8 +5,7 @@ from contextlib import nullcontext
 from types import ModuleType
 
 from actuators.block import Entry
-from actuators.object_cache import Native
-from actuators.precompile import compile_ahead
+from actuators.kernels import Native, compile_ahead
 from actuators.registry import SHIPPED
 from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
 from cosim.flight.detection import detectors
@@ -42,7 +41,7 @@ def functions(scenario: Scenario) -> dict[str, Native]:
     """Return {module: its compiled function} of every block that a flight of `scenario` steps, and of its tape."""
     used = dict.fromkeys((*scenario.elevator.technology.values(), "simple"))
     own = [d.module for d in detectors.chosen(scenario)]
-    modules = [m for m in own if isinstance(m, ModuleType)]  # what takes longest comes first; guests elsewhere
+    modules = [m for m in own if isinstance(m, ModuleType)]  # what takes longest comes first; users' elsewhere
     blocks = _blocks([*modules, *_actuators(used), *LOOP])
     return {**{name: m.rollout.native for name, m in blocks.items()}, schedule.__name__: schedule.WALK}
 

@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 
 from actuators.block import Entry
-from actuators.object_cache import Native
+from actuators.kernels import Native
 from cosim.flight.loop.operations import ADD, CLOCK, COPY, GET, KEEP, NOISE, PUT, SCALE, SCATTER, STEP, TRUTH, WIDTH
 
-KERNEL = Path(__file__).with_name("schedule_kernel.py")
-READS = ("cosim/flight/loop/schedule_kernel.py", "cosim/flight/loop/operations.py",
-         "cosim/flight/plant/jsbsim_signals.py")  # fmt: skip
+LOOP = Path(__file__).parent
+SOURCES = LOOP / "schedule_kernel.py", LOOP / "operations.py", LOOP.parent / "plant/jsbsim_signals.py"
 
 
 def _walk():
@@ -30,8 +29,7 @@ def _walk():
     return walk, (types.int64,) * 5
 
 
-WALK = Native("cosim.flight.loop.schedule_kernel", KERNEL, (ctypes.c_int64,) * 5, _walk, f"{__name__}:WALK",
-              reads=READS)  # fmt: skip
+WALK = Native(f"{__name__}:WALK", (ctypes.c_int64,) * 5, _walk, *SOURCES)
 
 
 class Block:

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from actuators import subprocess_env
-from actuators.source_hash import cache_root
+from actuators.kernels import cache
 from cosim.errors import CosimError
 from cosim.files import replace_text
 
@@ -72,7 +72,7 @@ def jsbsim_library() -> Path | None:
 
 def _verdict_file():
     """Return the file of the verdict about this wheel, None where nothing can be kept."""
-    root, library = cache_root(), jsbsim_library()
+    root, library = cache(), jsbsim_library()
     if root is None or library is None:
         return None
     about = library.stat()

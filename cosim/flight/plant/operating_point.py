@@ -8,13 +8,14 @@ from collections import OrderedDict
 
 import numpy as np
 
-from actuators.disk_cache import contents, kept
+from actuators.kernels import cached_array
 from cosim.flight.blocks import hinge_model, law
 from cosim.flight.blocks.law import design as law_design
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import Trim
+from cosim.scenario.user_parts import identity
 
 POINTS = 16  # that are remembered
 _known: OrderedDict[tuple, np.ndarray] = OrderedDict()
@@ -38,8 +39,8 @@ def _both(point, trim, dt):
         if point.multipliers:  # hardly a second time
             _known[key] = _made(point, trim, dt)
         else:
-            about = *key, contents(point.record.folder)
-            _known[key] = kept(about, float, lambda: _made(point, trim, dt), __file__)
+            about = *key, identity(point.record.folder).sha256
+            _known[key] = cached_array(about, float, lambda: _made(point, trim, dt), __file__)
         if len(_known) > POINTS:
             _known.popitem(last=False)
     return _known[key]

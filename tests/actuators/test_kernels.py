@@ -1,13 +1,95 @@
-"""What names stored machine code: every function and constant that a kernel reaches, and nothing else."""
+"""Compiled kernels and computed arrays on disk: found again by what they depend on, never where they are damaged."""
 
 import importlib.util
+import json
+import os
+import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from actuators.source_hash import _reads, forget, reached
+from actuators import kernels
+from actuators.kernels import _reads, cached_array, forget, reached
 from cosim.flight.loop import compiling
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = """
+import json, sys
+from pathlib import Path
+import numpy as np
+from actuators import kernels
+from cosim.flight.blocks import hinge_model, manoeuvre
+kernels.SHIPPED = Path(sys.argv[1])
+told = []
+asked = [m.rollout.native for m in (hinge_model, manoeuvre)]
+told.append(kernels.compile_ahead(asked, lambda done, total: told.append([done, total])))
+p = np.zeros(2, manoeuvre.PARAMS)
+u, log = np.zeros((2, 3), manoeuvre.INPUTS), np.zeros((2, 3), manoeuvre.STATE)
+manoeuvre.rollout(manoeuvre.init(p), u, p, 0.005, log)
+files = [*map(str, asked[1].files)]
+print(json.dumps([told, kernels.counts, "numba" in sys.modules, log.view("f8").ravel().tolist(), files]))
+"""
+
+
+@pytest.mark.skipif(kernels.cores() < 2, reason="one core compiles as it goes")
+def test_a_kernel_is_compiled_once_and_loaded_from_the_release_or_the_cache_unless_a_bit_is_wrong(tmp_path):
+    """A process that loads machine code never imports Numba; LLVM would end the process for half a file."""
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
+
+    def run():
+        command = [sys.executable, "-c", SCRIPT, str(tmp_path / "objects")]
+        return json.loads(subprocess.run(command, env=env, capture_output=True, text=True, check=True).stdout)
+
+    first, second = run(), run()
+    assert first[0] == [[0, 2], [1, 2], [2, 2], 2] and second[0] == [0]
+    assert first[1:4] == second[1:4] and second[1:3] == [{"compiled": 0, "loaded": 1}, False]
+    shipped, own = map(Path, first[4])
+    shipped.parent.mkdir(parents=True)
+    own.rename(shipped)
+    assert run()[1:4] == first[1:4]
+    held = bytearray(shipped.read_bytes())
+    held[len(held) // 2] ^= 1
+    shipped.write_bytes(held)
+    damaged = run()
+    assert damaged[1] == {"compiled": 1, "loaded": 0} and damaged[3] == first[3]
+
+
+def test_what_is_not_as_written_is_not_read(tmp_path):
+    file = tmp_path / "x.code"
+    kernels.write_whole(file, b"code")
+    whole = file.read_bytes()
+    assert kernels.read_whole(file) == b"code"
+    for held in (b"", whole[:-1], whole + b"x", whole.replace(b"c", b"d"), bytes(len(whole))):
+        file.write_bytes(held)
+        assert kernels.read_whole(file) is None
+
+
+def test_a_computed_array_is_found_again_bit_for_bit_and_computed_anew_where_anything_differs(tmp_path, monkeypatch):
+    monkeypatch.setattr(kernels, "cache", lambda name: tmp_path)
+    calls = []
+
+    def ask(key):
+        return cached_array(key, float, lambda: calls.append(key) or np.array([0.1, np.nan, -0.0]), __file__)
+
+    first, again = ask("a"), ask("a")
+    assert first.tobytes() == again.tobytes() and calls == ["a"]
+    again[0] = 9.0  # nobody else's
+    assert ask("a")[0] == 0.1
+    (file,) = tmp_path.glob("*.kept")
+    file.write_bytes(file.read_bytes()[:-1])
+    assert ask("a")[0] == 0.1 and calls == ["a", "a"]
+    ask("b")
+    monkeypatch.setattr(kernels, "_processor", lambda: "another")
+    ask("b")
+    monkeypatch.setattr(kernels, "ARRAYS", 4)  # a study over many points leaves no more
+    for key in range(5):
+        ask(key)
+    assert len(list(tmp_path.glob("*.kept"))) == 4
+    monkeypatch.setattr(kernels, "cache", lambda name: None)
+    assert ask("b")[0] == 0.1 and calls == ["a", "a", "b", "b", *range(5), "b"]
+
 
 OWN = """
 import math
@@ -87,8 +169,8 @@ def test_what_a_kernel_does_not_reach_does_not_compile_it_again(old, new, tmp_pa
 @pytest.mark.parametrize("name", compiling.shipped())
 def test_every_constant_of_a_shipped_kernel_is_in_its_digest(name, monkeypatch):
     """Of each function that it reaches one constant is changed, and one callee is taken for another."""
-    roots = compiling.shipped()[name].rollout.native._roots
-    before, todo, seen = reached(*roots), [root.py_func for root in roots], set()
+    roots = compiling.shipped()[name].rollout.native.roots
+    before, todo, seen = reached(*roots), [root.py_func for root in roots if hasattr(root, "py_func")], set()
     while todo:
         function = todo.pop()
         if function in seen:

@@ -1,0 +1,376 @@
+"""Compiled kernels and computed arrays: made once, kept on disk, found by what they depend on.
+
+Numba compiles a function of pointers and numbers; what it made is stripped to the one function and stored as an object
+file behind the digest of its contents. A process that finds the file loads it with LLVM alone, in a millisecond and
+without Numba: the same machine code, so the same bits. The functions follow Numba's convention in C:
+
+    int f(void **nothing, void **nothing, arguments ...)
+
+Machine code is named by the functions and constants that its kernel reaches, an array by the sources of all that flies,
+the versions of the libraries, the processor and the arguments.
+"""
+
+import ctypes
+import functools
+import hashlib
+import os
+import stat
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from importlib import metadata
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+
+from actuators import subprocess_env
+
+ROOT = Path(__file__).resolve().parent.parent
+# folders whose sources decide what a flight comes to: what is computed from them is worked out anew with any change
+FLYING = ("actuators", "fdi", *(f"cosim/{room}" for room in ("flight", "judge", "log", "parts", "scenario")))
+LIBRARIES = ("numpy", "scipy", "numba", "llvmlite")
+INTRINSICS = ROOT / "actuators/numba_intrinsics.py"
+SHIPPED = Path(__file__).with_name("objects")  # machine code that a release brings, in a folder per target
+BASE = "x86-64-v3"  # of x86-64 since 2013, where a tick costs 2 % more than compiled for this processor; with v2, 12 %
+NEEDED = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")  # of a processor that does BASE
+ARRAYS = 100  # of one file's computations on disk: a study over thousands of points leaves no more
+ALGEBRA = "OMP_", "OPENBLAS_", "MKL_", "BLIS_", "NPY_"  # variables on which the last bit of a sum depends
+version = functools.cache(metadata.version)
+counts = {"compiled": 0, "loaded": 0}
+
+_ENTRY = "entry"
+_nothing = ctypes.create_string_buffer(16)  # where a function would put its result and its exception: it has neither
+NOTHING = ctypes.addressof(_nothing), ctypes.addressof(_nothing) + 8
+_FREE = "NRT_MemInfo_call_dtor"  # frees an array of Numba's own: kernels make none, what refers to it is never run
+_never = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(lambda array: None)
+_loaded: list[Any] = []
+
+
+class Native:
+    """A compiled function: `address`, and `call`, which takes its arguments as ctypes does.
+
+    `make()` returns (Python function, Numba types of its arguments); it is called only when nothing is stored. `place`
+    is where another process finds this object, "module:name", `kinds` the ctypes of its arguments. What is stored is
+    named by what `make` and `roots` reach: functions, dtypes, files.
+    """
+
+    def __init__(self, place: str, kinds: tuple, make: Callable, *roots: Any):
+        self.place, self.roots, self._kinds, self._make = place, roots, kinds, make
+
+    @functools.cached_property
+    def address(self) -> int:
+        """Return the address of the machine code; compiles when there is none for these sources and this machine."""
+        code = next(filter(None, map(read_whole, self.files)), None)
+        counts["loaded" if code else "compiled"] += 1
+        if code is None:
+            code = _compile(*self._make())
+            for file in self.files[1:]:
+                write_whole(file, code)
+        return _load(code)
+
+    @functools.cached_property
+    def call(self) -> Callable:
+        """Return the function; other threads of Python run on meanwhile."""
+        kinds = ctypes.c_void_p, ctypes.c_void_p, *self._kinds
+        return functools.partial(ctypes.CFUNCTYPE(ctypes.c_int, *kinds)(self.address), *NOTHING)
+
+    def ready(self) -> bool:
+        """Tell whether the machine code is loaded or stored."""
+        return "address" in vars(self) or any(file.is_file() for file in self.files)
+
+    @functools.cached_property
+    def files(self) -> list[Path]:
+        """Return where the machine code may be: in the package, then in the user's cache where there is one."""
+        own = cache(f"code-{target()}-numba-{version('numba')}")
+        made_of = reached(self._make, _compile, INTRINSICS, *self.roots)
+        name = f"{self.place.partition(':')[0]}-{made_of[:16]}.code"
+        return [SHIPPED / target() / name, *([own / name] if own else [])]
+
+
+def cores() -> int:
+    """Return how many processes this process may keep busy."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+_WORK = """
+import functools, importlib, sys
+module, _, path = sys.argv[1].partition(":")
+functools.reduce(getattr, path.split("."), importlib.import_module(module)).address
+"""
+
+
+def compile_ahead(wanted: Iterable[Native], progress: Callable[[int, int], None] | None = None) -> int:
+    """Compile those of `wanted` that are not stored yet, each in a process of its own, as many at a time as there are
+    cores; return how many there were.
+
+    `progress(done, total)` counts them. One alone, or all on a machine of one core, are left to their first use. What
+    a process cannot compile is left too: the error then stands where it belongs.
+    """
+    missing = [native for native in dict.fromkeys(wanted) if not native.ready()]
+    workers = min(cores(), len(missing))
+    if workers < 2 or not missing[0].files[1:]:
+        return 0
+    env, running, tell = subprocess_env.surroundings(), [], progress or (lambda done, total: None)
+    quiet: Any = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+
+    def compiled(native):
+        with suppress(OSError):
+            running.append(subprocess.Popen([*subprocess_env.command(_WORK), native.place], env=env, **quiet))
+            running[-1].wait()
+
+    tell(0, len(missing))
+    with ThreadPoolExecutor(workers) as pool:
+        try:
+            for done, _ in enumerate(pool.map(compiled, missing), 1):
+                tell(done, len(missing))
+        except BaseException:  # interrupted: nobody waits for the rest
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in running:
+                process.kill()
+            raise
+    return len(missing)
+
+
+@functools.cache
+def target() -> str:
+    """Return for what machine code is compiled: the base of x86-64 under Linux, elsewhere this very processor."""
+    import llvmlite.binding as llvm
+
+    linux = llvm.get_process_triple().startswith("x86_64") and sys.platform == "linux"
+    return f"linux-{BASE}" if linux and all(map(llvm.get_host_cpu_features().get, NEEDED)) else _processor()
+
+
+@functools.cache
+def _processor():
+    """Return a digest of what machine code depends on beside its sources: processor, system, compiler."""
+    import llvmlite.binding as llvm
+
+    features = llvm.get_host_cpu_features().flatten()
+    about = llvm.get_process_triple(), llvm.get_host_cpu_name(), features, version("llvmlite")
+    return hashlib.sha256("\n".join(about).encode()).hexdigest()[:12]
+
+
+def _machine(own):
+    """Return LLVM's target machine for `target()`; `own` is Numba's, of this very processor."""
+    import llvmlite.binding as llvm
+
+    if target() != f"linux-{BASE}":
+        return own
+    how: Any = {"opt": 3, "reloc": "static", "codemodel": "jitdefault", "jit": True}
+    return llvm.Target.from_default_triple().create_target_machine(cpu=BASE, features="", **how)
+
+
+def _compile(function, kinds):
+    """Return the object code of `function` for arguments of Numba types `kinds`: a list of what it calls, then ELF."""
+    import llvmlite.binding as llvm
+    import numba
+
+    only: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    made = numba.njit(error_model="numpy", **only)(function)
+    made.compile(numba.types.void(*kinds))
+    (found,) = made.overloads.values()
+    name = found.fndesc.llvm_func_name
+    module = llvm.parse_assembly(str(found.library._final_module))
+    for i, each in enumerate((*module.functions, *module.global_variables)):
+        if each.name == name:
+            each.name = _ENTRY
+        elif not each.is_declaration:
+            each.linkage = llvm.Linkage.internal
+            each.name = f"_{i}"  # Numba's names count what a process has compiled before
+    machine = _machine(found.library.codegen._tm)
+    options = llvm.create_pipeline_tuning_options(speed_level=3)  # what nobody else calls is inlined: a tenth less time
+    options.loop_vectorization = options.loop_unrolling = True
+    builder = llvm.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+    passes = llvm.create_new_module_pass_manager()
+    passes.add_strip_dead_prototype_pass()
+    passes.run(module, builder)
+    called = [f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.")]
+    return "\n".join(called).encode() + b"\0" + machine.emit_object(module)
+
+
+def _load(code):
+    """Return the address of the entry in object code."""
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    machine = llvm.Target.from_default_triple().create_target_machine()
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)  # from here on LLVM knows the C library
+    called, _, data = code.partition(b"\0")
+    missing = [s.decode() for s in called.split() if llvm.address_of_symbol(s.decode()) is None]
+    if missing == [_FREE]:
+        llvm.add_symbol(_FREE, ctypes.cast(_never, ctypes.c_void_p).value)
+    elif missing:
+        from numba.core.registry import cpu_target
+
+        _ = cpu_target.target_context  # Numba's helpers are known by name once it is there
+    engine.add_object_file(llvm.ObjectFileRef.from_data(data))
+    engine.finalize_object()
+    _loaded.append(engine)  # the code lives as long as its engine
+    return engine.get_function_address(_ENTRY)
+
+
+# -- what they depend on
+
+
+@functools.cache
+def _source(path):
+    return path.read_bytes()
+
+
+def digest_of(paths: Iterable[Path]) -> str:
+    """Return a digest of the contents of files."""
+    return hashlib.sha256(b"".join(hashlib.sha256(_source(path)).digest() for path in paths)).hexdigest()
+
+
+@functools.cache
+def sources() -> str:
+    """Return a digest of all sources of FLYING."""
+    return digest_of(sorted(path for name in FLYING for path in (ROOT / name).rglob("*.py")))
+
+
+def forget() -> None:
+    """Read the sources again where they are asked for next: one of a user's has changed."""
+    _source.cache_clear()
+    sources.cache_clear()
+
+
+def reached(*roots: Any) -> str:
+    """Return a digest of `roots`, functions, dtypes and files, of every function that these call, directly or not, and
+    of the constants that they read: the lines of a function, the value of a constant, the contents of a file.
+
+    Its code says which names a function reads; its lines are the same in every version of Python.
+    """
+    told, seen, todo = set(), set(), [("", root) for root in roots]
+    while todo:
+        name, value = todo.pop()
+        value = getattr(value, "py_func", getattr(value, "__func__", value))
+        if not isinstance(value, FunctionType) or value.__module__.partition(".")[0] in LIBRARIES:
+            told.add(f"{name} {_value(value)}")
+        elif value not in seen:
+            seen.add(value)
+            told.add(_lines(value))
+            todo += [(f"{value.__module__}.{value.__qualname__} {name}", read) for name, read in _reads(value)]
+    return hashlib.sha256("\0".join(sorted(told)).encode()).hexdigest()
+
+
+def _codes(code):
+    yield code
+    for each in code.co_consts:
+        if isinstance(each, CodeType):
+            yield from _codes(each)
+
+
+def _lines(function):
+    """Return the module, the name and the source lines of a function."""
+    codes = list(_codes(function.__code__))
+    last = max(line or 0 for code in codes for position in code.co_positions() for line in position[:2])
+    path = Path(codes[0].co_filename)
+    if path.is_file():
+        text = _source(path).decode("utf-8", "replace").splitlines()[codes[0].co_firstlineno - 1 : last]
+    else:  # typed in, not in a file
+        text = [code.co_code.hex() + repr([c for c in code.co_consts if not isinstance(c, CodeType)]) for code in codes]
+    return "\n".join([f"{function.__module__}.{function.__qualname__}", *text])
+
+
+def _reads(function):
+    """Yield (name, value) of what a function reads from its module, from modules there, and from around it."""
+    names = sorted({name for code in _codes(function.__code__) for name in code.co_names})
+    spaces, seen = [("", function.__globals__)], set()
+    while spaces:
+        at, space = spaces.pop()
+        for name in filter(space.__contains__, names):
+            if not isinstance(value := space[name], ModuleType):
+                yield at + name, value
+            elif value not in seen:
+                seen.add(value)
+                spaces.append((f"{at}{name}.", vars(value)))
+    around = zip(function.__code__.co_freevars, function.__closure__ or ())
+    yield from ((name, cell.cell_contents) for name, cell in around)
+
+
+def _value(value):
+    """Return a text that is another for another value; of what a library brings its name."""
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype.descr} {value.shape} {value.tobytes().hex()}"
+    if isinstance(value, np.dtype):
+        return repr(value.descr)
+    if isinstance(value, Path):
+        return digest_of([value])
+    if isinstance(value, (int, float, str, bytes, tuple, np.generic, type(None))):
+        return repr(value)
+    return f"{type(value).__name__} {getattr(value, '__name__', '')}"
+
+
+# -- on disk
+
+
+def cached_array(key: object, kind: Any, compute: Callable[[], np.ndarray], file: str) -> np.ndarray:
+    """Return `compute()`, an array (n,) of dtype `kind`, from disk where it is there.
+
+    `file` is the source file that computes it, `key` the arguments, equal when their repr is.
+    """
+    folder, stem = cache(sources()[:16]), Path(file).stem
+    if folder is None:
+        return compute()
+    algebra = sorted(f"{name}={value}" for name, value in os.environ.items() if name.startswith(ALGEBRA))
+    about = key, np.dtype(kind).descr, _processor(), *map(version, ("numpy", "scipy", "jsbsim")), *algebra
+    digest = hashlib.sha256(repr(about).encode("utf-8", "surrogateescape")).hexdigest()
+    path = folder / f"{stem}-{digest[:24]}.kept"
+    numbers = read_whole(path)
+    if numbers is not None and len(numbers) % np.dtype(kind).itemsize == 0:
+        return np.frombuffer(numbers, kind).copy()
+    made = np.ascontiguousarray(compute(), kind)
+    if len(list(folder.glob(f"{stem}-*.kept"))) < ARRAYS:
+        write_whole(path, made.tobytes())
+    return made
+
+
+_DIGEST = 32  # bytes before what is stored: its SHA-256, for LLVM would crash on half a file
+
+
+def read_whole(file: Path) -> bytes | None:
+    """Return what `write_whole` put into a file, None where there is none or it is not what was written."""
+    try:
+        held = file.read_bytes()
+    except OSError:
+        return None
+    return held[_DIGEST:] if held[:_DIGEST] == hashlib.sha256(held[_DIGEST:]).digest() else None
+
+
+def write_whole(file: Path, data: bytes) -> None:
+    """Put `data` behind its digest there, whole or not at all; a folder that takes no file costs only time."""
+    with suppress(OSError):
+        handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
+        with os.fdopen(handle, "wb") as out:
+            out.write(hashlib.sha256(data).digest() + data)
+        os.replace(beside, file)
+
+
+@functools.cache
+def cache(name: str = "") -> Path | None:
+    """Return the folder `name` of the cache, made where it is missing, in NUMBA_CACHE_DIR, XDG_CACHE_HOME or the user's
+    cache; None where no folder is this user's alone: whoever can write there runs code as us."""
+    given = (os.environ[name] for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME") if os.environ.get(name))
+    roots = [*map(Path, given), Path(os.path.expanduser("~/.cache"))]
+    found = (root / "cosim-kernels" for root in roots if root.is_absolute())
+    root = next((root for root in found if _private(root) and os.access(root, os.W_OK)), None)
+    return root / name if root and _private(root / name) else None
+
+
+def _private(folder):
+    """Tell whether `folder`, made when it is missing, is a directory of this user's that nobody else may write to."""
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        about = folder.lstat()
+    except (OSError, RuntimeError):
+        return False
+    if not hasattr(os, "getuid"):  # Windows: a user's own profile is closed to others by default
+        return True
+    return stat.S_ISDIR(about.st_mode) and about.st_uid == os.getuid() and not about.st_mode & 0o022
