@@ -13,9 +13,20 @@ import math
 from actuators.block import kernel
 from fdi.common.decision import lever_variance
 from fdi.isolation.filter import (
-    FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SCALE, SENSORS, SOFT, SUPPLY, TIMING, N,
+    FAST,
+    FLOW,
+    FRICTION,
+    GAIN,
+    LEAK,
+    OFFSET,
+    SCALE,
+    SENSORS,
+    SOFT,
+    SUPPLY,
+    TIMING,
+    N,
 )  # fmt: skip
-from fdi.isolation.sums import B, ENERGY, LINES, MEAN, NEXT, NUMBER, OCTAVES, PAIRS, PARTED, WAVES, gather
+from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, OCTAVES, PAIRS, PARTED, WAVES, B, gather
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
 LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, FREE = range(6, 13)

@@ -198,7 +198,7 @@ def wild(x, j, y, p, dt):
 @kernel
 def turn(x, v, p, dt):
     """Write what a tick more or less of age makes of the readings, with valve command `v` over the next one."""
-    q, w, z, F = x.h_hat[0], x.h_hat[1], x.h_hat[2], x.h_hat[3]
+    w, z, F = x.h_hat[1], x.h_hat[2], x.h_hat[3]
     net = p.phi_n / p.A_p * opening(v, z) * v - p.L * z - w
     x.h_turn[AGE], x.h_turn[OLDER] = -dt * w, -x.h_rise
     if p.delay > 0.0:  # no sample is of the future
