@@ -88,11 +88,7 @@ DETECTOR = Detector(
     summary="iterated optimal two-stage EKF: input fault of a hydraulic actuator [Lu17]",
     technologies=("hydraulic",),
     inputs={
-        "u": "valve_command",
-        "y_rod": "rod",
-        "y_surface": "surface",
-        "y_dp": "pressure",
-        "hm0_model": "hm0",
+        "u": "valve_command", "y_rod": "rod", "y_surface": "surface", "y_dp": "pressure", "hm0_model": "hm0",
         "hmd_model": "hmd",
     },
     group="actuator filters",
@@ -101,24 +97,13 @@ DETECTOR = Detector(
         "hydraulic.ofc_solid": ("ofc_solid",),
         "hydraulic.jam_solid": ("jam_solid",),
         "hydraulic.runaway": ("runaway",),
-        **dict.fromkeys(
-            (
-                "hydraulic.jam_liquid",
-                "hydraulic.rod",
-                "hydraulic.surface",
-                "hydraulic.pressure",
-                "hydraulic.ofc_liquid@sensor",
-            ),
-            ("sensor",),
-        ),
-        **dict.fromkeys(
-            (
-                "hydraulic.loss_of_effectiveness",
-                "hydraulic.supply_pressure_drop",
-                "hydraulic.internal_leakage",
-            ),
-            ("effectiveness",),
-        ),
+        **dict.fromkeys((
+            "hydraulic.jam_liquid", "hydraulic.rod", "hydraulic.surface", "hydraulic.pressure",
+            "hydraulic.ofc_liquid@sensor",
+        ), ("sensor",)),
+        **dict.fromkeys((
+            "hydraulic.loss_of_effectiveness", "hydraulic.supply_pressure_drop", "hydraulic.internal_leakage",
+        ), ("effectiveness",)),
     },
     may_see={
         **dict.fromkeys(("hydraulic.air_in_oil", "hydraulic.free_float"), ("effectiveness", "ambiguous")),
@@ -127,24 +112,17 @@ DETECTOR = Detector(
     },
     blind="compares one hydraulic rod with its own valve command: a fault before the valve command moves both alike",
     estimates=(Estimate("valve", "f_hat", "u"),),
-    finer={
-        "kind": {
-            by_evidence.WEAK: ("loss_of_effectiveness", "supply_pressure_drop", "internal_leakage", "air_in_oil"),
-            by_evidence.OF_LOAD: ("friction",),
-            by_evidence.APART: ("backlash",),
-            by_evidence.FREE_FLOAT: ("free_float",),
-        }
-    },
+    finer={"kind": {
+        by_evidence.WEAK: ("loss_of_effectiveness", "supply_pressure_drop", "internal_leakage", "air_in_oil"),
+        by_evidence.OF_LOAD: ("friction",), by_evidence.APART: ("backlash",), by_evidence.FREE_FLOAT: ("free_float",),
+    }},
     looks_back={"delay": "u_old", "lag_ticks": "u_old"},
     places={"likely_octave": ("own_class", 0), "likely_fault": ("ev", 0)},
     options={"form": tuple(FORMS)},  # the first is the default
     belongs={"load": "form"},
     slow={"asks": 0.0},  # evidence rests on what each tick's command leaves in the pressure
     fit=lambda site, form="pressure": params(
-        **FORMS[form],
-        dt=site.dt,
-        own=site.own,
-        **({"travel": site.travel} if site.travel else {}),
+        **FORMS[form], dt=site.dt, own=site.own, **({"travel": site.travel} if site.travel else {}),
         **site.known(PARAMS.names),
     ),
 )

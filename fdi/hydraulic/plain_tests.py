@@ -133,7 +133,7 @@ def jumped(x, rod, surface, dt):
 
 @kernel
 def by_model(x, bend, p, dt):
-    """Return what learned errors of gain, oil, supply and its age leave in the input fault of [Lu17] (4), behind its lag:
+    """Return what learned errors of gain, oil, supply and age leave in the input fault of [Lu17] (4), behind its lag;
     `bend` is the second derivative of the pressure [1/s^2]."""
     root, k = max(opening(x.drive, x.load_lag), lu17.ROOT_FLOOR), stiffness(x.x_hat[0], p)
     stiff = x.fed[filter.SOFT] - p.prior_mean[filter.SOFT]

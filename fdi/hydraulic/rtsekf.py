@@ -133,17 +133,10 @@ DETECTOR = Detector(
         "hydraulic.runaway": ("runaway",),
     },
     may_see={  # an input fault integrates into the rod, and so does everything else that its model lacks
-        **dict.fromkeys(
-            (
-                "hydraulic.ofc_*",
-                "hydraulic.loss_of_effectiveness",
-                "hydraulic.free_float",
-                "hydraulic.supply_pressure_drop",
-                "hydraulic.internal_leakage",
-                "hydraulic.air_in_oil",
-            ),
-            (),
-        ),
+        **dict.fromkeys((
+            "hydraulic.ofc_*", "hydraulic.loss_of_effectiveness", "hydraulic.free_float",
+            "hydraulic.supply_pressure_drop", "hydraulic.internal_leakage", "hydraulic.air_in_oil",
+        ), ()),
         "hydraulic.friction": ("jam_solid",),
         "hydraulic.backlash": (),
     },

@@ -110,15 +110,9 @@ DETECTOR = Detector(
     inputs={"u": "valve_command", "y_rod": "rod", "y_surface": "surface", "y_dp": "pressure"},
     group="actuator filters",
     designed_for={
-        **dict.fromkeys(
-            (
-                "hydraulic.jam_liquid",
-                "hydraulic.rod",
-                "hydraulic.surface",
-                "hydraulic.ofc_liquid@sensor",
-            ),
-            ("sensor",),
-        ),
+        **dict.fromkeys((
+            "hydraulic.jam_liquid", "hydraulic.rod", "hydraulic.surface", "hydraulic.ofc_liquid@sensor",
+        ), ("sensor",)),
     },
     may_see={
         "hydraulic.backlash": ("sensor", "ambiguous"),

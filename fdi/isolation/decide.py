@@ -1,12 +1,12 @@
 """The decision: alarm where the evidence of a fault passes its threshold, name what leads in the longest window.
 
-threshold   evidence beyond its limit in any window is an alarm, which stands down to CALM of it and RELEASE_S more
-longest     of the windows that show a fault the longest has the most degrees of freedom: only its best hypothesis
-            may have a name, as in a short window much explains everything
-lead        there, or in a shorter window of the same class, it leads every other class by SURE, and leaves what
-            noise does or a small share of what health leaves
-hold        it has done so for HELD_S, an oscillation for PART of its period
-end         windows that showed the fault are silent: all begin anew, and the alarm runs out
+    threshold   evidence beyond its limit in any window is an alarm, which stands down to CALM of it and RELEASE_S more
+    longest     of the windows that show a fault the longest has the most degrees of freedom: only its best hypothesis
+                may have a name, as in a short window much explains everything
+    lead        there, or in a shorter window of the same class, it leads every other class by SURE, and leaves what
+                noise does or a small share of what health leaves
+    hold        it has done so for HELD_S, an oscillation for PART of its period
+    end         windows that showed the fault are silent: all begin anew, and the alarm runs out
 """
 
 import math
