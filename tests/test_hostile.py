@@ -192,7 +192,7 @@ def test_detectors_and_actuators_of_ones_own(tmp_path):
     sources = [(DATA / name).read_bytes() for name in ("user_parts/counting.py", "template_detector.py")]
     given = st.sampled_from([*sources, b"\0" * 9, b"(" * 9000, b"-" * 90_000 + b"1", b""]).flatmap(strategies.spliced)
     doors = [load, lambda path: flown(tmp_path, {"file": str(path)})]
-    through(given, 10, 0.1)(lambda data: [beside(tmp_path / "guest.py", door) for door in doors])
+    through(given, 10, 0.1)(lambda data: [beside(tmp_path / "own.py", door) for door in doors])
     technologies.forget()
 
 

@@ -70,7 +70,7 @@ def replay(
     overwritten = {"overwritten": output is not None and output.is_file()}
     chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
     how: dict[str, Any] = {"detectors": chosen, "overrides": overrides(set_ or ()), "start_s": start,
-                           "guests": detector or (), "output": output}  # fmt: skip
+                           "user_detectors": detector or (), "output": output}  # fmt: skip
     if map_:
         from cosim.replay.map import diagnose
 

@@ -35,7 +35,7 @@ _Three = Annotated[list[str], Field(min_length=3, max_length=3)]
 
 
 class _Record(BaseModel, strict=True, extra="forbid"):
-    """What a log tells of a guest (cosim/parts), so that it is judged without its code."""
+    """What a log tells of a user detector (cosim/parts), so that it is judged without its code."""
 
     summary: _Word
     technologies: list[_Name]
@@ -49,8 +49,8 @@ class _Record(BaseModel, strict=True, extra="forbid"):
     estimates: Annotated[list[_Three], Field(max_length=4)]
 
 
-class _Guest(BaseModel, strict=True):
-    """Where a guest came from, what it can blame, its record."""
+class _UserDetector(BaseModel, strict=True):
+    """Where a user detector came from, what it can blame, its record."""
 
     form: Literal["python", "block"]
     file: Annotated[str, Field(max_length=200)]
@@ -60,12 +60,12 @@ class _Guest(BaseModel, strict=True):
 
 
 class _Flew(BaseModel, strict=True):
-    """A detector, and what is told of it where it is a guest."""
+    """A detector, and what is told of it where it is a user detector."""
 
     id: _Name
     level: Literal["local", "aircraft", "both"]
     every: Annotated[int, Field(ge=1, le=1_000_000)]
-    guest: _Guest | None = None
+    user_detector: _UserDetector | None = None
 
 
 class _Detector(_Flew):
@@ -94,13 +94,13 @@ def detectors(log: Log) -> list[dict[str, Any]]:
             own = log.topics.get(f"/detectors/{d.id}/{lane}")
             if own is not None and own.every != d.every:
                 raise LogError(f"is damaged: {d.id} runs every {d.every} ticks, its topic {own.every}", place=place)
-            if d.guest and own is not None and (lacking := _JUDGED - set(own.fields)):
+            if d.user_detector and own is not None and (lacking := _JUDGED - set(own.fields)):
                 raise LogError(f"is damaged: {own.name} lacks {', '.join(sorted(lacking))}", place=place)
     return found
 
 
-def guests(text: bytes, place: str) -> list[dict[str, Any]]:
-    """Return what a campaign's guests.json says, {id, level, every, guest} per detector, or raise."""
+def user_detectors(text: bytes, place: str) -> list[dict[str, Any]]:
+    """Return what a campaign's user_detectors.json says, {id, level, every, user_detector} per detector, or raise."""
     found = from_json(text, place=place, error=LogError)
     _checked(found, _Flew, place)
     return found

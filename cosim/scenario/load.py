@@ -65,7 +65,7 @@ def retitled(scenario: Scenario) -> Scenario:
 
 
 def located(table: dict[str, Any], name: str | os.PathLike) -> dict[str, Any]:
-    """Return the tables of scenario `name` with the files of its guests found, beside it or from here, and that of
+    """Return the tables of scenario `name` with the files of its user parts found, beside it or from here, and that of
     its inputs read."""
     path = Path(str(name))
     folder = path.parent if os.path.isfile(path) else None

@@ -17,7 +17,7 @@ from cosim.scenario.own_actuator import OwnActuator
 from cosim.scenario.problem import MULTIPLIER, Duration, Problems, Table, choice, problem
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_parts import UserPart
-from fdi.registry import DEFAULT, GUESTS, SHIPPED
+from fdi.registry import DEFAULT, SHIPPED, USER_DETECTORS
 
 
 @dataclass(frozen=True)
@@ -138,9 +138,10 @@ class Detectors(Table, extra="allow"):
             return raw
         named = [name for name, own in raw.items() if isinstance(own, dict) and "file" in own]
         if "enabled" not in raw:
-            own = {n: {"file": g.file, "sha256": g.sha256} for n, g in GUESTS.items() if g.file and n not in raw}
-            raw = {"enabled": [*DEFAULT, *dict.fromkeys((*GUESTS, *named))], **own, **raw}
-        known, wrong = (*SHIPPED, *GUESTS), Problems()
+            users = {n: part for n, part in USER_DETECTORS.items() if part.file and n not in raw}
+            own = {n: {"file": part.file, "sha256": part.sha256} for n, part in users.items()}
+            raw = {"enabled": [*DEFAULT, *dict.fromkeys((*USER_DETECTORS, *named))], **own, **raw}
+        known, wrong = (*SHIPPED, *USER_DETECTORS), Problems()
         enabled = raw["enabled"] if isinstance(raw["enabled"], list | tuple) else ()
         for i, name in enumerate(enabled):
             if isinstance(name, str) and name not in (*known, *named):
@@ -153,7 +154,7 @@ class Detectors(Table, extra="allow"):
         return raw
 
     def table(self, name: str) -> dict:
-        """Return {parameter: value} of detector `name` as written; of a guest its file and digest are among them."""
+        """Return {parameter: value} of detector `name` as written; of a user detector its file and digest, too."""
         return dict((self.model_extra or {}).get(name, {}))
 
 
@@ -179,7 +180,7 @@ class Scenario(Table):
     sensors: Sensors = Sensors.model_validate({})
     tolerances: Tolerances = Tolerances.model_validate({})
     faults: Annotated[tuple[Fault, ...], Field(strict=False)] = ()
-    detectors: Detectors = Field(default_factory=lambda: Detectors.model_validate({}))  # guests may have come since
+    detectors: Detectors = Field(default_factory=lambda: Detectors.model_validate({}))  # users' may have come since
 
     @model_validator(mode="after")
     def _whole(self):

@@ -24,7 +24,7 @@ from cosim.errors import CosimError, LogError, Mistakes, OutputError, ScenarioEr
 from cosim.files import replace
 from cosim.scenario import toml
 from cosim.scenario.aircraft import placed, ships
-from fdi.registry import GUESTS
+from fdi.registry import USER_DETECTORS
 
 SHA256 = "sha256"
 CHANGED, AGREE = "is not the file that the scenario means: its digest differs", "Read it, then remove or renew sha256"
@@ -193,8 +193,8 @@ def _detector(at):
 
 def _known(at):
     """Tell whether a detector is loaded already, from what the scenario means."""
-    guest = GUESTS.get(_detector(at))
-    return guest is not None and guest.sha256 == at.table.get(at.digest)
+    part = USER_DETECTORS.get(_detector(at))
+    return part is not None and part.sha256 == at.table.get(at.digest)
 
 
 def named(tables: dict[str, Any]) -> dict[str, UserPart]:

@@ -152,14 +152,14 @@ class Chatty:
 """
 
 
-def test_ctrl_c_ends_it_with_a_whole_log_and_what_a_guest_prints_stays_apart(tmp_path, capsys):
+def test_ctrl_c_ends_it_with_a_whole_log_and_what_a_user_detector_prints_stays_apart(tmp_path, capsys):
     from cosim.parts import with_detectors
     from fdi import registry
 
     (tmp_path / "chatty.py").write_text(CHATTY)
     s = with_detectors(cosim.load_scenario("cruise", [*KEYS, "duration_s=2"]), [tmp_path / "chatty.py"])
     result, flown = fly_live(s, port=0, log=tmp_path / "cut.mcap", speed=1000.0)
-    registry.GUESTS.clear()
+    registry.USER_DETECTORS.clear()
     assert result.status == "interrupted" and flown.ticks == 61
     assert open_log(tmp_path / "cut.mcap").complete and open_log(tmp_path / "cut.mcap").n_ticks == 61
     out, err = capsys.readouterr()

@@ -34,7 +34,7 @@ def flight(parity):
     """Return the log of a flight with a class and a block of a user's, and its result; neither is known after it."""
     path = parity.parent / "flight.mcap"
     result = cosim.simulate(with_detectors(cosim.load_scenario("cruise", [*SHORT, ROD]), [parity, BLOCK]), log=path)
-    registry.GUESTS.clear()
+    registry.USER_DETECTORS.clear()
     return path, result.to_dict()
 
 
@@ -63,7 +63,7 @@ def test_a_log_runs_no_code_and_its_other_detectors_replay(flight):
     assert "parity" in flight_report(flight[0], flight[0].with_suffix(".html")).read_text()
     rows = compare([flight[0]]).rows
     assert outcome(rows) == ["named"] and rows[rows["id"] == "parity"]["word"].item() == "designed"
-    assert "parity" not in registry.GUESTS
+    assert "parity" not in registry.USER_DETECTORS
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_a_log_runs_no_code_and_its_other_detectors_replay(flight):
 def test_what_a_log_tells_of_a_user_detector_is_checked_at_the_door(flight, change, said):
     log = open_log(flight[0])
     entries = json.loads(log.attachments["detectors.json"])
-    told = next(d for d in entries if d["id"] == "parity")["guest"]
+    told = next(d for d in entries if d["id"] == "parity")["user_detector"]
     told |= {k: {**told[k], **v} if isinstance(v, dict) else v for k, v in change.items()}
     log.attachments["detectors.json"] = json.dumps(entries).encode()
     with pytest.raises(CosimError, match=said):
@@ -82,20 +82,20 @@ def test_what_a_log_tells_of_a_user_detector_is_checked_at_the_door(flight, chan
 
 
 def test_given_their_files_they_replay_bit_for_bit_and_other_code_is_told(flight, parity, tmp_path):
-    found = replay(flight[0], guests=[parity, BLOCK])
+    found = replay(flight[0], user_detectors=[parity, BLOCK])
     assert found.exact and {d["id"] for d in found.detectors} == {"ofc_monitor", "parity", "template"}
     other = tmp_path / "parity.py"
     other.write_text(parity.read_text().replace("abs(now[0] - now[1])", "0.5 * abs(now[0] - now[1])"))
-    found = replay(flight[0], guests=[other], detectors=["parity"])
+    found = replay(flight[0], user_detectors=[other], detectors=["parity"])
     assert not found.exact and found.notes[0].startswith("parity is not the code that flew: digest ")
 
 
 def test_one_is_run_on_a_flight_that_it_was_not_part_of(flight, parity, tmp_path):
     bare = tmp_path / "bare.mcap"
     cosim.simulate(cosim.load_scenario("cruise", [*SHORT, ROD]), log=bare, timed=False)
-    own = lane({"detectors": replay(bare, guests=[parity]).detectors}, "parity")
+    own = lane({"detectors": replay(bare, user_detectors=[parity]).detectors}, "parity")
     assert own["logged"] is None and own["replayed"]["isolated"] == lane(flight[1], "parity")["isolated"]
-    assert outcome(compare([bare], guests=[parity]).rows) == ["named"]
+    assert outcome(compare([bare], user_detectors=[parity]).rows) == ["named"]
 
 
 def test_a_scenario_names_a_file_beside_it_its_digest_and_parameters(parity, tmp_path):
@@ -113,7 +113,7 @@ def test_a_scenario_names_a_file_beside_it_its_digest_and_parameters(parity, tmp
     with pytest.raises(ScenarioError, match=r"detectors.parity.thresh = 1.0: no such parameter; allowed: limit_s, arm"):
         cosim.simulate(cosim.load_scenario(own, ["duration_s=0.2", "detectors.parity.thresh=1"]))
     parity.write_text(parity.read_text() + "# changed\n")
-    registry.GUESTS.clear()
+    registry.USER_DETECTORS.clear()
     with pytest.raises(CosimError, match="its digest differs"):
         cosim.simulate(scenario, timed=False)
     parity.write_text(parity.read_text().removesuffix("# changed\n"))
@@ -125,7 +125,7 @@ def test_the_command_line_flies_replays_and_says_so(parity, tmp_path, monkeypatc
     found = json.loads(runner.invoke(cli.app, ["run", "own.toml", "--detector", str(parity), "--json"]).stdout)
     assert lane(found, "parity")["alarm"] is False and lane(found, "lpv_smo")
     assert Path(found["log"]).name == "own+detector=parity.mcap"
-    registry.GUESTS.clear()
+    registry.USER_DETECTORS.clear()
     without = runner.invoke(cli.app, ["replay", found["log"]])
     assert without.exit_code == 0 and "its code is not here" in without.stderr and "runs code" not in without.stderr
     again = runner.invoke(cli.app, ["replay", found["log"], "--detector", str(parity), "--json"])
@@ -139,14 +139,14 @@ def test_campaign_workers_fly_it_and_its_rows_are_judged_without_its_code(parity
     (tmp_path / "base.toml").write_text(scenario.expanded_toml())
     (tmp_path / "own.toml").write_text('base = "base.toml"\n[grid]\nseed = [1000001, 1000002]\n')
     out = tmp_path / "rows"
-    done = run_campaign(tmp_path / "own.toml", workers=1, out=out, guests=[parity])
+    done = run_campaign(tmp_path / "own.toml", workers=1, out=out, user_detectors=[parity])
     assert done.failed == 0 and done.frame[done.frame["id"] == "parity"]["alarm"].sum() == 2
-    registry.GUESTS.clear()
-    assert outcome(compare([out]).rows) == ["named"] and "parity" not in registry.GUESTS
-    assert run_campaign(tmp_path / "own.toml", workers=1, out=out, guests=[parity], resume=True).resumed == 2
+    registry.USER_DETECTORS.clear()
+    assert outcome(compare([out]).rows) == ["named"] and "parity" not in registry.USER_DETECTORS
+    assert run_campaign(tmp_path / "own.toml", workers=1, out=out, user_detectors=[parity], resume=True).resumed == 2
     other = tmp_path / "parity.py"
     other.write_text(parity.read_text() + "\n# other code\n")
-    fresh = run_campaign(tmp_path / "own.toml", workers=0, out=tmp_path / "other", guests=[other])
+    fresh = run_campaign(tmp_path / "own.toml", workers=0, out=tmp_path / "other", user_detectors=[other])
     assert set(fresh.frame["run"]).isdisjoint(done.frame["run"])  # other code is another run
 
 

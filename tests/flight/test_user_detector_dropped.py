@@ -63,7 +63,7 @@ def test_what_misbehaves_is_dropped_with_a_line_and_touches_nothing(how, behaved
     assert f"misbehaving is dropped on left_outer at 1.000 s: {said}" in notes[0]
     own = log.frame("/detectors/misbehaving/left_inner")
     assert own["status"].iloc[198] == 0.0 and own["status"].iloc[-1] == status and own["valid"].iloc[-1] == 0.0
-    again = replay(tmp_path / f"{how}.mcap", guests=[BAD])
+    again = replay(tmp_path / f"{how}.mcap", user_detectors=[BAD])
     assert again.exact and bool(again.skipped) == (status == SLOW)
     for topic in ("/detectors/ofc_monitor/left_inner", "/truth/aircraft", "/sensors/left_inner", "/law"):
         assert (behaved.array(topic).view(np.int64) == log.array(topic).view(np.int64)).all(), topic
@@ -103,7 +103,7 @@ def test_a_block_in_plain_python_that_raises_is_dropped(tmp_path):
     said = f"template is dropped on left_outer at 0.000 s: RuntimeError: on purpose (own.py:{line})"
     assert result.extra["notes"] == [said, said.replace("outer", "inner")]
     assert log.complete and not log.array("/detectors/template/left_inner").any()
-    assert replay(tmp_path / "a.mcap", guests=[tmp_path / "own.py"]).exact
+    assert replay(tmp_path / "a.mcap", user_detectors=[tmp_path / "own.py"]).exact
 
 
 def test_a_compiled_block_that_answers_nonsense_ends_no_flight(tmp_path):
