@@ -9,10 +9,6 @@ import cosim
 import fdi
 
 
-def test_every_public_function_says_what_it_does():
-    assert structure.undocumented() == []
-
-
 def test_every_public_function_has_type_hints():
     assert structure.unhinted() == []
 

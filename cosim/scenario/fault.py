@@ -11,7 +11,7 @@ from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario import catalog as c
 from cosim.scenario.aircraft import Aircraft, load_aircraft, of
 from cosim.scenario.condition import condition, other_fault
-from cosim.scenario.problem import Duration, Mistakes, Seconds, Table, choice, problem
+from cosim.scenario.problem import Duration, Problems, Seconds, Table, choice, problem
 
 COMMON = ("target", "kind", "start_s", "when", "lasts_s", "end_s", "ramp_s")
 NEVER_S = 36000.0  # the onset of a fault that waits for its condition
@@ -89,7 +89,7 @@ class Fault(Table, extra="allow"):
     @model_validator(mode="after")
     def _numbers(self):
         """Check the kind's own numbers: one of `one_of`, all `keys`, nothing else."""
-        kind, own, wrong = self.spec, self.model_extra or {}, Mistakes()
+        kind, own, wrong = self.spec, self.model_extra or {}, Problems()
         optional = c.optional_keys(self.kind, self.target, self._aircraft)
         here = c.AMPLITUDES_AT[self.at or ""] if self.kind.startswith("ofc_") else [k.name for k in kind.one_of]
         one_of = [k for k in kind.one_of if k.name in here]
@@ -286,7 +286,7 @@ def parse_target(text: str, aircraft: Aircraft) -> Target:
 def check_together(faults: Sequence[Fault], technology: dict[str, str]) -> None:
     """Raise for every fault that its actuator cannot have, that waits for one that there is not, or that overlaps
     another in what it takes over; when one that waits for its condition will do so is not known yet."""
-    wrong = Mistakes()
+    wrong = Problems()
     taken: list[tuple[Fault, tuple, int]] = []
     for i, fault in enumerate(faults):
         _possible(i, fault, technology, wrong)

@@ -1,7 +1,7 @@
 """What is wrong with a file of a user's: each mistake with where it was written.
 
 Pydantic collects what is wrong with the fields of every `Table`, which says it in our words. What no field can say, a
-table's validator says with `problem`, or with `Mistakes` where several can be wrong; `Origin` knows the line or the
+table's validator says with `problem`, or with `Problems` where several can be wrong; `Origin` knows the line or the
 override that a key stands in; `explained` makes one error of them.
 """
 
@@ -39,7 +39,7 @@ def choice(value: Any, choices: Iterable[str], what: str, *, key: str = "") -> P
     return problem(f"{value!r} is no {what}", key=key, allowed=", ".join(choices), remedy=did_you_mean(value, choices))
 
 
-class Mistakes(list[PydanticCustomError]):
+class Problems(list[PydanticCustomError]):
     """What is wrong with one table: a `problem` each."""
 
     def add(self, text: str, **where: str) -> None:

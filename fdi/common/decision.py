@@ -57,13 +57,14 @@ PAIR_STATE = [
     ("backlash_suspected", "f8", "-"),  # 1 where the surface may be loose rather than its sensor wrong
     ("t_settling", "f8", "s"),  # time for which the input-fault estimate is still disturbed by it
 ]
-RIGGING_SD, LEVER_SD = 5e-3, 6e-3  # of the rigging [m] and of the length of a machined lever [1]
-RIGGING_WALK, LEVER_WALK = 2.6e-13, 1e-12  # random walks of the two [m^2/s], [1/s]
+RIGGING_SD, LEVER_SD, LAG_SD = 5e-3, 6e-3, 1.0  # of rigging [m], of the length of a machined lever [1], of a tick [1]
+RIGGING_WALK, LEVER_WALK = 2.6e-13, 1e-12  # random walks of the first two [m^2/s], [1/s]
 LEVER_KNOWN = 2.5  # standard deviations that what is not known of the lever may put the two sensors apart by
 LEVER_STATE = [
     ("lever_offset", "f8", "m"),  # learned rod - arm surface at the rod's zero
     ("lever", "f8", "-"),  # learned error of the lever's length
-    ("lever_P", "f8", (3,), "m^2, m, 1"),  # covariance of the two: 00, 01, 11
+    ("lever_lag", "f8", "-"),  # ticks by which the surface sensor's samples are older than the rod's
+    ("lever_P", "f8", (6,), "m^2, m, 1, m, 1, 1"),  # covariance of the three: 00, 01, 11, 02, 12, 22
 ]
 
 
@@ -106,42 +107,61 @@ def confirm(timer, alarm, beyond, dt, t_confirm, t_release):
 
 @kernel
 def forget_lever(x):
-    """Take back what is known of rigging and lever."""
-    x.lever_offset = x.lever = x.lever_P[1] = 0.0
-    x.lever_P[0], x.lever_P[2] = RIGGING_SD * RIGGING_SD, LEVER_SD * LEVER_SD
+    """Take back what is known of rigging, lever and lag."""
+    x.lever_offset = x.lever = x.lever_lag = x.lever_P[1] = x.lever_P[3] = x.lever_P[4] = 0.0
+    x.lever_P[0], x.lever_P[2], x.lever_P[5] = RIGGING_SD * RIGGING_SD, LEVER_SD * LEVER_SD, LAG_SD * LAG_SD
 
 
 @kernel
-def lever_variance(x, q):
-    """Return the variance of what rigging and lever make of rod less surface at the rod position `q` [m^2]."""
+def lever_gain(x, q, step):
+    """Return the products of the covariance with (1, `q`, `step`)."""
     P = x.lever_P
-    return max(P[0] + q * (2.0 * P[1] + q * P[2]), 0.0)
+    return P[0] + q * P[1] + step * P[3], P[1] + q * P[2] + step * P[4], P[3] + q * P[4] + step * P[5]
 
 
 @kernel
-def lever_at(x, q):
-    """Return how far rigging and lever put rod and surface apart at the rod position `q` [m], and how sure that is."""
-    return x.lever_offset + q * x.lever, LEVER_KNOWN * math.sqrt(lever_variance(x, q))
+def lever_variance(x, q, step):
+    """Return the variance of `lever_at` [m^2]."""
+    a, b, c = lever_gain(x, q, step)
+    return max(a + q * b + step * c, 0.0)
 
 
 @kernel
-def learn_lever(x, apart, q, r, dt):
-    """Learn rigging and lever from how far rod and surface are `apart` at `q`, with variance `r`: a Kalman filter.
+def lever_at(x, q, step):
+    """Return how far rigging, lever and lag put rod and surface apart at the rod position `q` [m], while the rod moves
+    by `step` [m] in a tick."""
+    return x.lever_offset + q * x.lever + step * x.lever_lag
 
-    `q` is a predicted rod position [m]: a reading would carry its noise into the lever. `apart` is of the readings [m].
+
+@kernel
+def lever_slack(x, q, step):
+    """Return how far they may put them apart beyond that [m]."""
+    return LEVER_KNOWN * math.sqrt(lever_variance(x, q, step))
+
+
+@kernel
+def learn_lever(x, apart, q, step, r, dt):
+    """Learn rigging, lever and lag from how far rod and surface are `apart`, with variance `r`: a Kalman filter.
+
+    `q` and `step` are predicted [m]: a reading would carry its noise into the lever, and a `step` that is not large
+    beside its own error would take the lag for smaller than it is. `apart` is of the readings [m].
     """
     P = x.lever_P
     if P[2] <= 0.0:
         forget_lever(x)
-    a, b = P[0] + q * P[1], P[1] + q * P[2]
-    s = a + q * b + r
-    e = apart - x.lever_offset - q * x.lever
+    a, b, c = lever_gain(x, q, step)
+    s = a + q * b + step * c + r
+    e = apart - lever_at(x, q, step)
     if e * e < FOREIGN * FOREIGN * s:  # beyond it is of a fault
         x.lever_offset += a * e / s
         x.lever += b * e / s
+        x.lever_lag += c * e / s
         P[0] += RIGGING_WALK * dt - a * a / s
         P[1] -= a * b / s
         P[2] += LEVER_WALK * dt - b * b / s
+        P[3] -= a * c / s
+        P[4] -= b * c / s
+        P[5] -= c * c / s
 
 
 @kernel
@@ -155,30 +175,53 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, slack,
     """
     x.model_q += ((1.0 + x.model_gain) * model_v + x.model_bias) * dt
     x.model_slow += dt / p.pair_wash * (x.model_q - x.model_slow)
-    a = 1.0 - math.exp(-dt / p.pair_tau)
     x.pair_limit = p.pair_threshold + slack
     suspicious = math.fabs(x.pair_d) > 0.7 * x.pair_limit
     x.t_settling = max(x.t_settling - dt, 0.0)
     if rod_good > 0.5 and surface_good > 0.5:
-        d = y_rod - y_surface - x.rigging
-        if x.pair_time < p.pair_settle:
-            x.pair_time += dt
-            if not known:
-                x.rigging += d * dt / x.pair_time
-            if x.pair_time <= 1.5 * dt:
-                x.base_rod = y_rod - x.model_q
-                x.base_surface = y_surface - x.model_q
-        else:
-            x.pair_d += a * clipped(d - x.pair_d, p.pair_clip)
-            if not suspicious and not known:
-                x.rigging += clipped(x.pair_d, p.pair_clip) * dt / p.pair_learn
-    w = dt / p.pair_wash
-    if rod_good > 0.5 and x.pair_time > 0.0:
+        _disagreement(x, y_rod, y_surface, suspicious, known, p, dt)
+    if x.pair_time > 0.0:
+        _distances(x, y_rod, rod_good, y_surface, surface_good, suspicious, p, dt)
+    before = x.sensor
+    beyond = math.fabs(x.pair_d) >= x.pair_limit
+    x.pair_timer, x.sensor = confirm(x.pair_timer, x.sensor, beyond, dt, p.pair_confirm, p.pair_release)
+    if beyond and x.sensor > 0.5:  # an oscillation is beyond it for a part of its period only
+        x.pair_timer = p.pair_confirm + p.pair_release
+    _blame(x, load, suspicious, p, dt)
+    if x.sensor < 0.5 and before > 0.5:  # healed: learn anew where both stand
+        x.base_rod += x.e_rod
+        x.base_surface += x.e_surface
+        x.e_rod = 0.0
+        x.e_surface = 0.0
+
+
+@kernel
+def _disagreement(x, y_rod, y_surface, suspicious, known, p, dt):
+    """Learn the rigging for pair_settle, then advance the filtered disagreement."""
+    d = y_rod - y_surface - x.rigging
+    if x.pair_time < p.pair_settle:
+        x.pair_time += dt
+        if not known:
+            x.rigging += d * dt / x.pair_time
+        if x.pair_time <= 1.5 * dt:
+            x.base_rod = y_rod - x.model_q
+            x.base_surface = y_surface - x.model_q
+    else:
+        x.pair_d += (1.0 - math.exp(-dt / p.pair_tau)) * clipped(d - x.pair_d, p.pair_clip)
+        if not suspicious and not known:
+            x.rigging += clipped(x.pair_d, p.pair_clip) * dt / p.pair_learn
+
+
+@kernel
+def _distances(x, y_rod, rod_good, y_surface, surface_good, suspicious, p, dt):
+    """Advance how far each sensor is from the model, and what the model learns of its bias and gain."""
+    a, w = 1.0 - math.exp(-dt / p.pair_tau), dt / p.pair_wash
+    if rod_good > 0.5:
         e = y_rod - x.model_q - x.base_rod
         x.e_rod += a * clipped(e - x.e_rod, p.pair_clip)
         if not suspicious:
             x.base_rod += w * x.e_rod
-    if surface_good > 0.5 and x.pair_time > 0.0:
+    if surface_good > 0.5:
         e = y_surface - x.model_q - x.base_surface
         x.e_surface += a * clipped(e - x.e_surface, p.pair_clip)
         if not suspicious:
@@ -188,11 +231,11 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, slack,
             moved = x.model_q - x.model_slow
             lesson = p.pair_teach * dt * e * moved / (moved * moved + GAIN_MOTION * GAIN_MOTION)
             x.model_gain = clipped(x.model_gain + lesson, GAIN_LIMIT)
-    before = x.sensor
-    beyond = math.fabs(x.pair_d) >= x.pair_limit
-    x.pair_timer, x.sensor = confirm(x.pair_timer, x.sensor, beyond, dt, p.pair_confirm, p.pair_release)
-    if beyond and x.sensor > 0.5:  # an oscillation is beyond it for a part of its period only
-        x.pair_timer = p.pair_confirm + p.pair_release
+
+
+@kernel
+def _blame(x, load, suspicious, p, dt):
+    """Set which sensor has left the model, and whether the surface may be loose instead."""
     x.pair_age = x.pair_age + dt if x.sensor > 0.5 else 0.0
     if x.sensor > 0.5 and x.blame < 0.5 and x.pair_age <= p.pair_judge:
         far, near = math.fabs(x.e_rod), math.fabs(x.e_surface)
@@ -204,14 +247,8 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, slack,
         x.t_settling = T_DISTURBED
     elif suspicious and x.sensor < 0.5:
         x.t_settling = max(x.t_settling, 3.0 * p.pair_confirm)
+    driven = T_LOOSE < x.pair_age <= T_LOOSE + 1.5 * dt and math.fabs(load) > LOAD_LEAST and x.pair_d * load > 0.0
     if x.blame != 2.0:
         x.backlash_suspected = 1.0  # until it has been told apart
-    elif math.fabs(x.pair_d) >= PLAY:
+    elif math.fabs(x.pair_d) >= PLAY or driven:
         x.backlash_suspected = 0.0
-    elif T_LOOSE < x.pair_age <= T_LOOSE + 1.5 * dt and math.fabs(load) > LOAD_LEAST and x.pair_d * load > 0.0:
-        x.backlash_suspected = 0.0
-    if x.sensor < 0.5 and before > 0.5:  # healed: learn anew where both stand
-        x.base_rod += x.e_rod
-        x.base_surface += x.e_surface
-        x.e_rod = 0.0
-        x.e_surface = 0.0

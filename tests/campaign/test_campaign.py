@@ -13,12 +13,11 @@ import pytest
 import worker_calls
 from worker_calls import flights, square
 
-from cosim.campaign import engine, pool, store, worker
+from cosim.campaign import engine, store, worker
 from cosim.campaign.engine import run_many
 from cosim.campaign.jobs import work
 from cosim.campaign.store import flatten, load
 from cosim.errors import CampaignError, OutputError
-from cosim.flight.faults import fault_free_reference
 from cosim.scenario import load_scenario
 
 
@@ -216,14 +215,6 @@ def test_workers_of_a_killed_campaign_end_at_once(tmp_path):
     while any(map(_alive, workers)) and time.monotonic() < end:
         time.sleep(0.05)
     assert not any(map(_alive, workers))
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="copies of processes")
-def test_a_worker_copies_itself_and_imports_nothing_from_the_current_folder(tmp_path, monkeypatch):
-    (tmp_path / "json.py").write_text("raise SystemExit(1)")
-    monkeypatch.chdir(tmp_path)
-    with pool.pool(1) as workers:
-        assert workers.submit(fault_free_reference._copies).result()
 
 
 def test_a_folder_says_what_was_flown_with_what_and_what_it_took(flown, tmp_path):

@@ -76,22 +76,6 @@ def test_what_is_trained_is_stored_beside_what_else_the_file_holds(tmp_path, mon
     assert json.loads((tmp_path / "position_monitor.json").read_text()) == after
 
 
-def test_rates_of_joint_are_one_set_that_is_its_file(tmp_path, monkeypatch):
-    file = tmp_path / "joint.json"
-    file.write_bytes((FOLDER / "joint.json").read_bytes())
-    monkeypatch.setattr(trainer, "FOLDER", tmp_path)
-    data = json.loads(file.read_text())
-    made = Trained("joint", "", {k: v for k, v in data.items() if k != "training"}, data["training"], rounded=dict)
-    training = load("joint")
-    assert [row[3] == row[4] for row in training.changes([made])] == [True]
-    training.store([made])
-    assert json.loads(file.read_text()) == data
-    cell = made.fields["seen"]["kinematic"]["sensor.q"]
-    token = max(cell, key=cell.get)
-    before, cell[token] = cell[token], 0.0
-    assert [row[1:] for row in training.changes([made]) if row[3] != row[4]] == [("", "seen", before, 0.0)]
-
-
 def test_the_command_stores_what_is_trained_and_check_only_compares(tmp_path, monkeypatch, capsys):
     for file in FOLDER.glob("*.json"):
         (tmp_path / file.name).write_bytes(file.read_bytes())
@@ -142,21 +126,6 @@ def test_a_monitor_flies_with_what_is_stored_beyond_what_the_training_saw(name, 
     data, p = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8")), registry.module(name).params()
     assert (p["threshold"][0] >= least - 1e-6).all()
     assert (np.array(data["training"]["found"][largest]) <= p[field][0]).all()
-
-
-def test_limits_scale_with_what_the_flights_show():
-    rng = np.random.default_rng(1)
-
-    def flown(size):
-        found = size * rng.uniform(0.2, 1.0, (3, len(train_hydraulic.SHARES))) * 2e-3
-        return {"position_monitor": size * rng.uniform(0.0, 0.3),
-                "ofc_monitor": {"threshold": found.tolist(), "motion": [1e-3] * 3}}  # fmt: skip
-
-    one, two = ([flown(size) for _ in range(60)] for size in (1.0, 2.0))
-    a, b = ({t.detector: t.fields for t in train_hydraulic.monitor_limits(flights)} for flights in (one, two))
-    for name, field in (("ofc_monitor", "threshold"), ("position_monitor", "share")):
-        assert np.mean(b[name][field]) > 1.5 * np.mean(a[name][field])
-    assert max(f["position_monitor"] for f in one) <= a["position_monitor"]["share"]
 
 
 def test_flights_of_training_are_nobody_elses():
