@@ -27,7 +27,7 @@ from cosim.parts.detector import SLOW
 from cosim.replay import detector_replay as lanes
 from cosim.replay import log_schema
 from cosim.replay.detector_replay import pieces, replay_lane, tick_of
-from cosim.replay.log_schema import LAID_OUT, ReplayError, check_start
+from cosim.replay.log_schema import ReplayError, check_start
 from cosim.replay.write import Overlay
 
 SPAN = 2000  # ticks that are replayed together
@@ -57,7 +57,6 @@ class Replay:
     changed: dict = field(default_factory=dict)  # {detector: {parameter: value}}: then differences are expected
     differences: list = field(default_factory=list)  # a dict per field: count, first tick, largest
     detectors: list = field(default_factory=list)  # detection metrics, logged and replayed
-    left_out: dict = field(default_factory=dict)  # {detector: why it cannot be replayed by this version}
     output: str | None = None  # the log that was written
     notes: list = field(default_factory=list)  # sentences: guests that were not run, or are not the code that flew
 
@@ -98,9 +97,7 @@ def replay(
     `detectors` chooses some; `overrides` {detector: {parameter: value}} asks what would have been; `start_s` begins
     at the last whole state before that time; `output` writes a log with the old topics and, under /replay, the new
     ones. `guests` are files of detectors (cosim/parts): one that flew is run again, another one is run on the
-    flight as it was logged, and has no `logged` among its results. A detector whose parameters or states another
-    version laid out differently is named in `left_out` and in a note, the others are replayed; where it is chosen, or
-    there is no other, it is an error. Raises LogError, ReplayError, GuestError.
+    flight as it was logged, and has no `logged` among its results. Raises LogError, ReplayError, GuestError.
     """
     given = loaded(guests)
     check_start(start_s)
@@ -111,15 +108,14 @@ def replay(
     entries = lanes.manifest(log)
     flew = {d["id"] for d in entries}
     fresh = [g for g in given if g.DETECTOR.id not in flew]
-    left_out: dict[str, str] = {}
-    wired = lanes.describe(log, detectors, overrides, left_out) if flew or not fresh else []
+    wired = lanes.describe(log, detectors, overrides) if flew or not fresh else []
     scenario = log_schema.scenario(log)
     faults = judged(scenario)
     members = [_Member(log, w, faults) for w in wired]
     tick = max(0, round(start_s * 1e9 / log.dt_ns))
     spans, asked = list(_spans(log, wired, tick)), lanes.topics(log, wired) if output is None else log.topics
     _ready(wired)
-    stages = lanes.in_stages(wired, str(log.path))
+    stages = lanes.in_stages(wired)
     with ExitStack() as stack, ThreadPoolExecutor(cores()) as pool:
         overlay = stack.enter_context(Overlay(log, wired, output)) if output else None
         coming = [pool.submit(lanes.values, log, asked, *span) for span in spans[:1]]
@@ -134,11 +130,6 @@ def replay(
     result = Replay(str(path), dt=tick_of(log), changed=overrides or {}, output=str(output) if output else None)
     result.rows, result.values, result.skipped = (sum(getattr(m, n) for m in members) for n in COUNTS)
     result.notes = [line for d in entries for line in (lanes.missing(d), lanes.other_code(d)) if line]
-    if left_out:
-        what = ", ".join(why.removesuffix(LAID_OUT) for why in left_out.values())
-        software = log.metadata.get("run", {}).get("software", "another version")
-        result.notes.append(f"not replayed, as {software}, which wrote the log, laid them out differently: {what}")
-    result.left_out = left_out
     if not result.values and not fresh:
         raise _nothing(log, path, tick)
     result.differences = sorted((d for m in members for d in m.differences.values()), key=lambda d: d.first_tick)

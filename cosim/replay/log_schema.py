@@ -17,15 +17,10 @@ from cosim.texts import from_json, toml
 
 SOUGHT = ("id", "level", "every", "lanes", "inputs")  # of a detector
 LATEST_S = 2**63 / 1e9  # a log's time is 64 bits of nanoseconds
-LAID_OUT = " is of another layout than this version's"
 
 
 class ReplayError(CosimError):
     """A replay that cannot be made, or would compare nothing."""
-
-
-class LayoutError(LogError):
-    """A detector of a log whose parameters, states or outputs are not those of this version."""
 
 
 def detectors(log: Log) -> list[dict[str, Any]]:
@@ -65,11 +60,11 @@ def of_result(log: Log, name: str) -> Any:
     return from_json((log.result or {}).get(name, "null"), place=f"{log.path}: result, {name}", error=LogError)
 
 
-def older(log: Log, what: str) -> LayoutError:
-    """Return the LayoutError for `what` in a log that another version wrote."""
+def older(log: Log, what: str) -> LogError:
+    """Return the LogError for `what` of a detector in a log that another version wrote."""
     software = log.metadata.get("run", {}).get("software", "another version")
-    remedy = f"The log was written by {software}, which replays it"
-    return LayoutError(f"{what}{LAID_OUT}", place=str(log.path), remedy=remedy)
+    remedy = f"The log was written by {software}, which replays it; --detectors chooses others of it"
+    return LogError(f"{what} is of another layout than this version's", place=str(log.path), remedy=remedy)
 
 
 def attached(log: Log, name: str, kind: Any, lanes: int) -> np.ndarray:
