@@ -97,6 +97,7 @@ class Kernel:
         return self._inner._numba_type_
 
     def __call__(self, *args: Any) -> Any:
+        """Run it as plain Python."""
         return self.py_func(*args)
 
 
@@ -140,6 +141,7 @@ class Entry:
         return self.native.address
 
     def __call__(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: np.ndarray | None = None) -> None:
+        """Advance every lane of x (lane,) by the inputs u (lane, tick), into log (lane, tick) where there is one."""
         u, p = np.ascontiguousarray(u), np.ascontiguousarray(p)
         states = np.empty(log.shape, log.dtype) if log is not None and not log.flags.c_contiguous else log
         self.bound(x, u, p, dt, states)()

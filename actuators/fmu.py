@@ -18,9 +18,8 @@ import weakref
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -51,41 +50,37 @@ FATAL = 4  # status of a call, FMI 2 and 3
 STATES = {"surface": "delta", "rod": "q_rod", "pressure": "x3"}  # output -> field
 
 
-class Variable(NamedTuple):
-    """A variable of an FMU: its name, the unit that the scenario gives it ("": none), the SI unit of the word."""
-
-    name: str
-    unit: str
-    si: str
-
-
 class Slaves:
     """The FMU's instances of one flight, a block: a lane is an instance."""
 
     PARAMS, INPUTS, STATE, OUTPUTS = PARAMS, INPUTS, STATE, OUTPUTS
 
-    def __init__(self, path: Path, lanes: int, inputs: Mapping[str, Variable], outputs: Mapping[str, Variable],
-                 parameters: Mapping[str, float], dt: float, error: Callable[[str], Exception]):  # fmt: skip
-        """Unpack `path` and make `lanes` instances, to be stepped by `dt` [s]. Raises error(text), text with the FMU's
-        own messages, also for what its model description asks and the loop cannot do."""
+    def __init__(self, own: Any, units: Mapping[str, str], lanes: int, dt: float, error: Callable[[str], Exception]):
+        """Unpack the file at `own.path` and make `lanes` instances, to be stepped by `dt` [s].
+
+        `own` has inputs, outputs, start {word: a `variable` and its `unit`, "" for none} and parameters {name: value},
+        `units` {word: SI unit}. Raises error(text), text with the FMU's own messages, also for what its model
+        description asks and the loop cannot do.
+        """
         try:
             import fmpy
         except ImportError:
             raise error("FMUs need the library fmpy (pip install 'cosim-fdi[fmu]')") from None
-        self.__name__, self._error = f"fmu {path.name}", error
+        self.__name__, self._units, self._error = f"fmu {own.path.name}", units, error
         self._messages: deque[tuple[int, str]] = deque(maxlen=200)  # how bad, what
         self._fmus: list[Any] = []
         self._folder = tempfile.TemporaryDirectory(prefix="cosim-fmu-")
         self.rollout = PythonBlock(lambda p, dt: functools.partial(self._step, int(p["lane"]), dt), self._failed)
         try:
-            self._about = fmpy.read_model_description(str(path))
+            self._about = fmpy.read_model_description(str(own.path))
             self._refuse(lanes, dt)
             self._real = "Float64" if self._about.fmiVersion.startswith("3") else "Real"
             self._names = {v.name: v for v in self._about.modelVariables}
-            given = {self._reference(name): value for name, value in parameters.items()}
-            self._inputs = {word: self._mapped(v, ("input",)) for word, v in inputs.items()}
-            self._outputs = {word: self._mapped(v, ("output", "local", "")) for word, v in outputs.items()}
-            fmpy.extract(str(path), self._folder.name)
+            given = {self._reference(name): value for name, value in own.parameters.items()}
+            self._inputs = self._mapped(own.inputs, "input")
+            self._outputs = self._mapped(own.outputs, "output", "local")
+            self._begin = self._inputs | self._mapped(own.start)
+            fmpy.extract(str(own.path), self._folder.name)
             for _ in range(lanes):
                 self._fmus.append(self._instance())
                 self._set(self._fmus[-1], given)
@@ -93,15 +88,14 @@ class Slaves:
             self._failed(0, 0.0, said)
         self._end = weakref.finalize(self, _end, self._fmus, self._folder)
 
-    def start(self, first: Mapping[str, np.ndarray], begin: Mapping[str, Variable]) -> np.ndarray:
+    def start(self, first: Mapping[str, np.ndarray]) -> np.ndarray:
         """Initialise every instance with SI values {word: (lanes,)} and return STATE (lanes,)."""
         x = np.zeros(len(self._fmus), STATE)
         try:
-            variables = {**self._inputs, **{word: self._mapped(v) for word, v in begin.items()}}
             for i, fmu in enumerate(self._fmus):
                 if self._real == "Real":
                     fmu.setupExperiment(startTime=0.0)
-                self._set(fmu, {at: float(first[word][i]) / factor for word, (at, factor) in variables.items()})
+                self._set(fmu, {at: float(first[word][i]) / factor for word, (at, factor) in self._begin.items()})
                 fmu.enterInitializationMode()
                 fmu.exitInitializationMode()
                 self._get(fmu, x[i])
@@ -153,18 +147,21 @@ class Slaves:
             raise ValueError(f"its variable {name!r} is {kind}; allowed: one floating-point number of 64 bits")
         return variable.valueReference
 
-    def _mapped(self, variable, causalities=()):
-        """Return (reference, factor to SI) of a mapped variable."""
-        at, about, factors = self._reference(variable.name), self._names[variable.name], TO_SI[variable.si]
-        causality = about.causality or "local"
-        if causalities and causality not in causalities:
-            raise ValueError(f"its variable {variable.name!r} is no {causalities[0]} but {causality}")
-        declared = str(about.unit or (about.declaredType and about.declaredType.unit) or "")
-        declared = declared.replace(".", " ").replace("*", " ")
-        said = variable.unit or (declared if declared in factors else variable.si)
-        if declared in factors and factors[declared] != factors[said]:
-            raise ValueError(f"its variable {variable.name!r} is in {declared}, not in {said}")
-        return at, factors[said]
+    def _mapped(self, variables, *causalities):
+        """Return {word: (reference, factor to SI)} of mapped variables, whose causality must be one of these."""
+        out = {}
+        for word, own in variables.items():
+            at, about, factors = self._reference(own.variable), self._names[own.variable], TO_SI[self._units[word]]
+            causality = about.causality or "local"
+            if causalities and causality not in causalities:
+                raise ValueError(f"its variable {own.variable!r} is no {causalities[0]} but {causality}")
+            declared = str(about.unit or (about.declaredType and about.declaredType.unit) or "")
+            declared = declared.replace(".", " ").replace("*", " ")
+            said = own.unit or (declared if declared in factors else self._units[word])
+            if declared in factors and factors[declared] != factors[said]:
+                raise ValueError(f"its variable {own.variable!r} is in {declared}, not in {said}")
+            out[word] = at, factors[said]
+        return out
 
     def _instance(self):
         from fmpy.simulation import instantiate_fmu

@@ -7,9 +7,10 @@ A file with a `TECHNOLOGY` of its own (actuators/technology.py) is taken as it i
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -73,11 +74,13 @@ def _guarded(made, path, error):
     return SimpleNamespace(__name__=made.__name__, rollout=stepped, **own)
 
 
-def from_fmu(name: str, path: Path, servo: str, tables: dict, error: Callable[[str], Exception]) -> Technology:
-    """Return the technology of an FMU; `tables` has inputs, outputs and start as {word: fmu.Variable}, parameters."""
+def from_fmu(name: str, part: Any, units: Mapping[str, str], error: Callable[[str], Exception]) -> Technology:
+    """Return the technology of an FMU, `part` and `units` as the first arguments of `fmu.Slaves`; its servo is
+    `part.servo`."""
+    servo = part.servo
 
     def build(own, truth, believed, trim, travel, dt, age):
-        slaves = fmu.Slaves(path, len(truth), tables["inputs"], tables["outputs"], tables["parameters"], dt, error)
+        slaves = fmu.Slaves(part, units, len(truth), dt, error)
         delta, hm0, hmd = trim
         served = _served(name, servo, own, believed, trim, travel, dt, age)
         told = served[0][3]["u"] if served else np.zeros_like(delta)
@@ -85,9 +88,9 @@ def from_fmu(name: str, path: Path, servo: str, tables: dict, error: Callable[[s
                  "hinge_moment": hm0 + hmd * delta}  # fmt: skip
         p = np.zeros(len(truth), fmu.PARAMS)
         p["lane"] = np.arange(len(truth))
-        return [*served, (name, slaves, p, slaves.start(first, tables["start"]))]
+        return [*served, (name, slaves, p, slaves.start(first))]
 
-    outputs = tuple(word for word in fmu.STATES if word in tables["outputs"])
+    outputs = tuple(word for word in fmu.STATES if word in part.outputs)
     return _technology(name, servo, lambda: (_servo(servo), fmu.KIND), build, outputs)
 
 

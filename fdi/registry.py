@@ -1,7 +1,7 @@
-"""The detectors that ship, one line each, and the guests that this process has been given.
+"""The detectors that ship, one line each, and the user detectors that this process has been given.
 
-A record is read from its module when it is first asked for. A guest is a module, or an object with the same names, that
-a user wrote (cosim/parts); of a guest that only a log tells about there is the record alone.
+A record is read from its module when it is first asked for. A user detector (cosim/parts) is a module, or an object
+with the same names; of one that only a log tells about there is the record alone.
 """
 
 import functools
@@ -27,8 +27,8 @@ SHIPPED = {  # id -> module
 }
 ON_REQUEST = ("rfafe_airframe", "rtsekf", "ema_kalman")  # as published: fly only where a scenario enables them
 DEFAULT = tuple(name for name in SHIPPED if name not in ON_REQUEST)  # fly where a scenario names no detectors
-GUESTS: dict[str, Any] = {}  # id -> module, or an object with the same names
-_TOLD: dict[str, Detector] = {}  # id -> record of a guest whose code is not here
+USER_DETECTORS: dict[str, Any] = {}  # id -> module, or an object with the same names
+_TOLD: dict[str, Detector] = {}  # id -> record of a user detector whose code is not here
 
 
 @functools.cache
@@ -38,7 +38,7 @@ def _shipped(name):
 
 def module(name: str) -> Any:
     """Return the module of detector `name`. KeyError for an unknown one."""
-    return GUESTS[name] if name in GUESTS else _shipped(name)
+    return USER_DETECTORS[name] if name in USER_DETECTORS else _shipped(name)
 
 
 def record(name: str) -> Detector:
@@ -48,19 +48,19 @@ def record(name: str) -> Detector:
 
 def known(name: str) -> bool:
     """Tell whether detector `name` can run in this process."""
-    return name in SHIPPED or name in GUESTS
+    return name in SHIPPED or name in USER_DETECTORS
 
 
 def find(name: str) -> Detector | None:
-    """Return the record of detector `name`, also of a guest that only a log tells about; None for an unknown one."""
+    """Return the record of detector `name`, also of a user's that only a log tells about; None for an unknown one."""
     return record(name) if known(name) else _TOLD.get(name)
 
 
 def tell(own: Detector) -> None:
-    """Take the record of a guest from a log, without its code."""
+    """Take the record of a user detector from a log, without its code."""
     _TOLD[own.id] = own
 
 
 def records() -> dict[str, Detector]:
     """Return {id: record} of all detectors that can run, in their order."""
-    return {name: record(name) for name in (*SHIPPED, *GUESTS)}
+    return {name: record(name) for name in (*SHIPPED, *USER_DETECTORS)}

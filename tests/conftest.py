@@ -36,10 +36,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 @pytest.fixture(autouse=True)
-def no_guests() -> Iterator[None]:
+def no_user_detectors() -> Iterator[None]:
     """Forget the detectors that a test registers: they are the process's, and would fly in the next test."""
     yield
-    registry.GUESTS.clear()
+    registry.USER_DETECTORS.clear()
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Parser of the source for test_structure.py: imports, cycles, public functions without docstring or type hints."""
+"""Parser of the source for test_structure.py: imports, cycles, public functions without type hints."""
 
 import ast
 import functools
@@ -88,22 +88,8 @@ def bare_arguments(node: ast.FunctionDef) -> list[str]:
     return bare + (["return"] if node.returns is None and node.name != "__init__" else [])
 
 
-def hinted() -> list[Path]:
-    """Return the source files whose public functions have type hints: all but the programs that users start from."""
-    return [p for p in sources(*PACKAGES) if p.parent.name not in ("examples", "templates")]
-
-
-def without(check, paths: list[Path]) -> list[str]:
-    """Return the public functions of the files for which `check(definition)` is true."""
-    return [name for path in paths for name, node in public_functions(path) if check(node)]
-
-
-def undocumented() -> list[str]:
-    """Return the public functions without a docstring."""
-    dunder = ("__init__", "__call__")
-    return without(lambda node: not ast.get_docstring(node) and node.name not in dunder, sources(*PACKAGES))
-
-
 def unhinted() -> list[str]:
-    """Return the public functions with an argument, or a result, without a type hint."""
-    return without(lambda node: bool(bare_arguments(node)), hinted())
+    """Return the public functions with an argument, or a result, without a type hint; programs that users start from
+    are left out."""
+    paths = [p for p in sources(*PACKAGES) if p.parent.name not in ("examples", "templates")]
+    return [name for path in paths for name, node in public_functions(path) if bare_arguments(node)]

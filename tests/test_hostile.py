@@ -1,14 +1,13 @@
 """Hostile files at every door that reads them: a result or one line of an error, in bounded time and memory.
 
 A few of each in every run; COSIM_CASES of each kind with new seeds:
-`COSIM_CASES=2000 pytest -n 0 -s tests/test_hostile.py` prints what came of them.
+`COSIM_CASES=2000 pytest -n 0 tests/test_hostile.py`.
 """
 
 import os
 import resource
 import shutil
 import signal
-import time
 import zipfile
 from contextlib import contextmanager, suppress
 from importlib.resources import files
@@ -20,20 +19,14 @@ import strategies
 import technologies
 from flight_point import POINT
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
 import cosim
 from cosim.campaign.spec import load_campaign
-from cosim.cli.commands import app
 from cosim.errors import CosimError
-from cosim.log import open_log, recover
-from cosim.log.overview import log_info
-from cosim.parts import load, with_detectors
-from cosim.replay import replay
+from cosim.parts import load
 from cosim.replay.map import diagnose
 from cosim.replay.map_draft import draft
 from cosim.replay.map_file import load_map
-from cosim.report import flight_report
 from cosim.scenario import aircraft
 from cosim.scenario.condition import condition
 
@@ -59,44 +52,33 @@ def _peak():
 
 @contextmanager
 def bounded():
-    """Let what is done take no more time of the processor, and no more memory above what the process holds; yields a
-    list with the latter [byte]."""
+    """Let what is done take no more time of the processor, and no more memory above what the process holds."""
     for number in (signal.SIGALRM, signal.SIGPROF):
         signal.signal(number, _too_long)
     with suppress(OSError):  # what making the case took is not the readers'; where the system can (Linux)
         Path("/proc/self/clear_refs").write_text("5")
-    before, used = _peak(), [0]
+    before = _peak()
     signal.setitimer(signal.ITIMER_PROF, LONGEST_S)  # of this process: others may keep the machine busy
     signal.alarm(int(60 * LONGEST_S))  # for what waits
     try:
-        yield used
+        yield
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)
         signal.alarm(0)
-        used[0] = _peak() - before
-    assert used[0] < MOST, f"{used[0] / 1e6:.0f} MB"
+    assert _peak() - before < MOST
 
 
 def through(given, few, share=1.0):
-    """Return what sends `few` cases, or COSIM_CASES x `share`, through doors(data), and prints what came of them."""
-    told = {"cases": 0, "taken": 0, "refused": 0, "slowest": 0.0, "largest": 0}
+    """Return what sends `few` cases, or COSIM_CASES x `share`, through doors(data)."""
 
     def case(data, doors):
         made = data.draw(given)
-        told["cases"] += 1
-        if MANY and told["cases"] % 100 == 0:
-            print(told, flush=True)
         for door in doors(data):
-            begun = time.process_time()
-            try:
-                with bounded() as used:
+            with bounded():
+                try:
                     door(made)
-                told["taken"] += 1
-            except CosimError as error:
-                told["refused"] += 1
-                assert all(len(line) < 4100 for line in str(error).split("\n"))
-            told["slowest"] = max(told["slowest"], time.process_time() - begun)
-            told["largest"] = max(told["largest"], used[0])
+                except CosimError as error:
+                    assert all(len(line) < 4100 for line in str(error).split("\n"))
 
     def run(doors):
         settings = hypothesis.settings(
@@ -104,8 +86,6 @@ def through(given, few, share=1.0):
             suppress_health_check=list(hypothesis.HealthCheck), phases=[hypothesis.Phase.generate],
             report_multiple_bugs=bool(MANY))  # fmt: skip
         settings(hypothesis.given(data=st.data())(lambda data: case(data, doors)))()
-        print(f"\n{told['cases']} cases: {told['taken']} taken, {told['refused']} refused, "
-              f"slowest {told['slowest']:.1f} s, largest {told['largest'] / 1e6:.0f} MB above the process")  # fmt: skip
 
     return run
 
@@ -205,10 +185,10 @@ def flown(tmp_path, table):
 
 
 def test_detectors_and_actuators_of_ones_own(tmp_path):
-    sources = [(DATA / name).read_bytes() for name in ("guests/counting.py", "template_detector.py")]
+    sources = [(DATA / name).read_bytes() for name in ("user_parts/counting.py", "template_detector.py")]
     given = st.sampled_from([*sources, b"\0" * 9, b"(" * 9000, b"-" * 90_000 + b"1", b""]).flatmap(strategies.spliced)
     doors = [load, lambda path: flown(tmp_path, {"file": str(path)})]
-    through(given, 10, 0.1)(lambda data: [beside(tmp_path / "guest.py", door) for door in doors])
+    through(given, 10, 0.1)(lambda data: [beside(tmp_path / "own.py", door) for door in doors])
     technologies.forget()
 
 
@@ -235,30 +215,6 @@ def test_fmus(tmp_path):
     technologies.forget()
 
 
-@pytest.fixture(scope="module")
-def flights(tmp_path_factory):
-    """Return open logs of short flights: hydraulic, electric with detectors of the aircraft, and a user's detector."""
-    home = tmp_path_factory.mktemp("doors")
-    short = ["duration_s=0.5", "faults.0.start_s=0.2", "elevator.feedback=measured"]
-    own = DATA / "guests" / "counting.py"
-    flown = [
-        cosim.load_scenario("liquid-ofc", [*short, "detectors.enabled=['iotsekf']"]),
-        cosim.load_scenario("cruise", [short[0], "detectors.enabled=['ema_kalman', 'kinematic', 'ofc_monitor']"]),
-        with_detectors(cosim.load_scenario("liquid-ofc", [*short, "detectors.enabled=['position_monitor']"]), [own]),
-    ]
-    for k, scenario in enumerate(flown):
-        cosim.simulate(scenario, log=home / f"{k}.mcap", timed=False)
-    return [open_log(home / f"{k}.mcap") for k in range(len(flown))]
-
-
-def test_logs(flights, tmp_path):
-    doors = [log_info, replay, lambda p: flight_report(p, tmp_path / "page.html"),
-             lambda p: recover(p, tmp_path / "recovered.mcap"),
-             lambda p: replay(p, output=tmp_path / "again.mcap")]  # fmt: skip
-    through(strategies.logs(flights, tmp_path / "case.mcap"), 20)(
-        lambda data: data.draw(st.permutations(doors))[:2])  # fmt: skip
-
-
 def test_recordings(tmp_path):
     strategies.write_maps(tmp_path)
 
@@ -267,23 +223,3 @@ def test_recordings(tmp_path):
         diagnose(path, tmp_path / map_, output=tmp_path / "out.mcap")
 
     through(strategies.recordings(tmp_path), 12, 0.25)(lambda data: [read, lambda case: draft(case[0])])
-
-
-def test_through_the_command(flights, tmp_path):
-    """The same as a command: exit status 0, 1 or 2, and no traceback."""
-
-    def door(words):
-        def called(path):
-            done = CliRunner().invoke(app, [str(path) if word == "LOG" else str(word) for word in words])
-            assert done.exit_code in (0, 1, 2) and "Traceback" not in done.output, (words, done.output)
-            assert done.exception is None or isinstance(done.exception, SystemExit), (words, done.exception)
-            if done.exit_code == 2:
-                raise CosimError(done.stderr.strip() or "error")
-
-        return called
-
-    page, out = tmp_path / "page.html", tmp_path / "out.mcap"
-    words = [["info", "LOG"], ["info", "LOG", "--json"], ["report", "LOG", "-o", page], ["replay", "LOG"],
-             ["recover", "LOG", "-o", out], ["replay", "LOG", "-o", out]]  # fmt: skip
-    through(strategies.logs(flights, tmp_path / "case.mcap"), 8, 0.1)(
-        lambda data: [door(data.draw(st.sampled_from(words)))])  # fmt: skip

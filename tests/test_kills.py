@@ -56,7 +56,7 @@ def work(tmp_path_factory):
 
     def command(words, number=None, after=0.0):
         how = {"cwd": home, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "preexec_fn": heeds_ctrl_c}
-        with subprocess.Popen([sys.executable, "-m", "cosim.cli", *words], **how) as process:
+        with subprocess.Popen([sys.executable, "-m", "cosim", *words], **how) as process:
             if number:
                 time.sleep(after)
                 process.send_signal(number)

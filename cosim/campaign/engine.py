@@ -73,9 +73,9 @@ def run_many(
     out = Path(out)
     with store.opened(out):
         flies = {"title": title, **fingerprint(), "signals": wanted and [list(wanted.words), rate_hz],
-                 "user_files": user_parts, "guests": _guests(packed)}  # fmt: skip
-        found = store.flown_before(out, flies, resume)
-        done = found[~found["status"].isin(store.AGAIN) & found["run"].isin(runs)].drop_duplicates("run")
+                 "user_files": user_parts, "user_detectors": _told(packed)}  # fmt: skip
+        found = store.flown_before(out, flies, runs, resume)
+        done = found[~found["status"].isin(store.AGAIN)].drop_duplicates("run")
         if wanted:
             done = done.loc[[s == "infeasible" or _signals_of(out, run).is_file() for run, s in done.to_numpy()]]
         replace_text(out / store.ABOUT, json.dumps(flies, indent=1))
@@ -95,26 +95,28 @@ def run_many(
 @told_at_call
 def run_campaign(
     campaign: str | Path, *, workers: int | None = None, scheduler: str | None = None, out: str | Path | None = None,
-    resume: bool = False, progress: Callable[[int, int], None] | None = None, guests: Iterable[str | Path] = (),
+    resume: bool = False, progress: Callable[[int, int], None] | None = None, user_detectors: Iterable[str | Path] = (),
     signals: Iterable[str] | None = None, rate_hz: float = 50.0,
 ) -> CampaignResult:  # fmt: skip
     """Fly the campaign of a built-in name or file and return a CampaignResult; `out` defaults to logs/<name>.
 
-    `scheduler` is the address of a Dask scheduler ("tcp://127.0.0.1:8786"). `guests` are files of further detectors
-    (cosim/parts), which every worker finds under the same name. With `resume` it goes on in its folder. The
+    `scheduler` is the address of a Dask scheduler ("tcp://127.0.0.1:8786"). `user_detectors` are files of further
+    detectors (cosim/parts), which every worker finds under the same name. With `resume` it goes on in its folder. The
     rest as in `run_many`. Raises CampaignError, ScenarioError.
     """
     made = load_campaign(campaign)
     scenarios, labels = made.scenarios()
     with nullcontext((None, workers)) if scheduler is None else cluster(scheduler) as (executor, threads):
         return run_many(
-            _with(scenarios, guests), workers=threads if workers is None else workers, executor=executor,
+            _with(scenarios, user_detectors), workers=threads if workers is None else workers, executor=executor,
             out=out or folder(campaign), resume=resume, progress=progress, labels=labels, signals=signals,
             rate_hz=rate_hz, title=made.title,
         )  # fmt: skip
 
 
-def rerun(campaign: str | Path, run: str, *, out: str | Path | None = None, guests: Iterable[str | Path] = ()) -> tuple:
+def rerun(
+    campaign: str | Path, run: str, *, out: str | Path | None = None, user_detectors: Iterable[str | Path] = ()
+) -> tuple:  # fmt: skip
     """Fly run `run` of a campaign again with a log; return (scenario, Result, repeats, same_code).
 
     `repeats` tells whether every detector's row in the campaign's folder is the same again, `same_code` whether the
@@ -123,7 +125,7 @@ def rerun(campaign: str | Path, run: str, *, out: str | Path | None = None, gues
     """
     from cosim.flight.simulate import simulate
 
-    runs = {run_id(s): s for s in _with(load_campaign(campaign).scenarios()[0], guests)}
+    runs = {run_id(s): s for s in _with(load_campaign(campaign).scenarios()[0], user_detectors)}
     if run not in runs:
         near = did_you_mean(run, runs)
         raise CampaignError("no run of this campaign has this id", place=f"--rerun {run}", remedy=near)
@@ -164,13 +166,13 @@ def _runs(scenarios, labels):
     return list(runs), packed, named, [list(part) for part in user_parts]
 
 
-def _with(scenarios, guests):
-    """Return the scenarios with guests, by files that every process finds."""
-    files = [Path(g).resolve() if os.path.isfile(g) else g for g in guests]
+def _with(scenarios, user_detectors):
+    """Return the scenarios with user detectors, by files that every process finds."""
+    files = [Path(g).resolve() if os.path.isfile(g) else g for g in user_detectors]
     return (identified(with_detectors(s, files)) for s in scenarios)
 
 
-def _guests(scenarios):
+def _told(scenarios):
     """Return what is to be told of a user's detectors, so that they are judged without their code."""
     from cosim import parts
     from fdi import registry
@@ -180,8 +182,8 @@ def _guests(scenarios):
         for name in set(scenario.running) - set(registry.SHIPPED) - set(told):
             parts.use(scenario)
             own = registry.record(name)
-            guest = parts.about(registry.module(name))
-            told[name] = {"id": name, "level": own.level, "every": own.every, "guest": guest}
+            part = parts.about(registry.module(name))
+            told[name] = {"id": name, "level": own.level, "every": own.every, "user_detector": part}
     return list(told.values())
 
 

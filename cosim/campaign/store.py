@@ -14,7 +14,6 @@ A run is done when runs.parquet or a part holds it.
 import functools
 import hashlib
 import json
-import subprocess
 import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator
@@ -38,7 +37,6 @@ from cosim.texts import from_json, read
 
 ROOT = Path(__file__).resolve().parents[2]
 ABOUT = "campaign.json"
-FILES = (ABOUT, "scenarios.parquet", "runs.parquet", "timing.parquet")
 FOLDERS = (*FLYING, "cosim/campaign", "aircraft")  # what decides about a row
 DECIDING = (".py", ".json", ".npz", ".toml", ".xml")
 CORE = (
@@ -75,15 +73,11 @@ class CampaignResult:
     timing      a row per run, and per detector: how long it took [s], a step [us]
     parquet     the file of the rows, None without a folder
     done        runs with a row; `failed` of these without a flight; `resumed` of these found in the folder
-    notes       what is worth knowing and no error
     """
 
-    def __init__(
-        self, frame: pd.DataFrame, timing: pd.DataFrame, resumed: int = 0, parquet: Path | None = None,
-        notes: tuple[str, ...] = (),
-    ):  # fmt: skip
+    def __init__(self, frame: pd.DataFrame, timing: pd.DataFrame, resumed: int = 0, parquet: Path | None = None):
         """Count the runs of `frame`."""
-        self.frame, self.timing, self.resumed, self.parquet, self.notes = frame, timing, resumed, parquet, notes
+        self.frame, self.timing, self.resumed, self.parquet = frame, timing, resumed, parquet
         self._status = frame.drop_duplicates("run")["status"]
         self.done, self.failed = len(self._status), int(self._status.isin(FAILED).sum())
 
@@ -119,22 +113,6 @@ def fingerprint() -> dict:
         digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
     versions = {name: version(name) for name in ("jsbsim", "numpy", "scipy", "numba")}
     return {"digest": digest.hexdigest()[:16], "versions": versions}
-
-
-def _provenance():
-    """Return {software, commit, changed}; commit is None outside a checkout, `changed` tells of a source that differs
-    from it."""
-
-    def git(*words):
-        try:
-            told = subprocess.run(["git", "-C", ROOT, *words], capture_output=True, text=True, timeout=20, check=True)
-        except (OSError, subprocess.SubprocessError):
-            return None
-        return told.stdout.strip()
-
-    here = (ROOT / ".git").exists()
-    commit, changed = (git("rev-parse", "HEAD"), git("status", "--porcelain", "-uno")) if here else (None, None)
-    return {"software": f"cosim {version('cosim-fdi')}", "commit": commit, "changed": changed and bool(changed)}
 
 
 def table(runs: Iterable[str], scenarios: Iterable[Scenario], labels: Iterable[dict] = ()) -> pd.DataFrame:
@@ -182,13 +160,11 @@ def _typed(values):
 @contextmanager
 def opened(out: Path) -> Iterator[None]:
     """Make the folder of a campaign. Raises OutputError, with what to do, when it cannot be written, now or later, or
-    holds a foreign file that would be overwritten."""
+    holds files that no campaign wrote."""
+    if foreign := [] if manifest(out) else [p for name in (ABOUT, "*.parquet", "parts/*") for p in out.glob(name)]:
+        said = f"holds a {foreign[0].relative_to(out)} that no campaign wrote"
+        raise OutputError(said, place=str(out), remedy="Choose another place with -o")
     try:
-        foreign = [] if manifest(out) else [name for name in FILES if (out / name).exists()]
-        foreign = foreign or [f"parts/{p.name}" for p in (out / "parts").glob("*") if not manifest(out)]
-        if foreign:
-            said = f"holds a {foreign[0]} that no campaign wrote"
-            raise OutputError(said, place=str(out), remedy="Choose another place with -o")
         (out / "parts").mkdir(parents=True, exist_ok=True)
         yield
     except OutputError as error:
@@ -206,20 +182,22 @@ def manifest(out: Path) -> dict:
     return told if isinstance(told, dict) and "digest" in told else {}
 
 
-def flown_before(out: Path, flies: dict, resume: bool) -> pd.DataFrame:
-    """Return run and status of every row in a folder. Raises CampaignError where they do not belong to what `flies`."""
+def flown_before(out: Path, flies: dict, runs: Iterable[str], resume: bool) -> pd.DataFrame:
+    """Return run and status of every row in a folder. Raises CampaignError where they do not belong to what `flies`,
+    which are `runs`."""
     told, found = manifest(out), rows_of(out, "runs").select(["run", "status"]).to_pandas()
     if found.empty:
         return found
     if not resume:
         remedy = "Add --resume, or choose another place with -o"
         raise CampaignError(f"holds {found['run'].nunique()} runs already", place=str(out), remedy=remedy)
-    other = "code, designs or libraries" if any(told.get(k) != v for k, v in fingerprint().items()) else ""
-    if not other and told["signals"] and told["signals"] != flies["signals"]:
-        other = "--signals and --rate"
-    if other:
-        remedy = "Choose another place with -o"
-        raise CampaignError(f"its rows were flown with other {other}", place=str(out), remedy=remedy)
+    differ = {
+        "other code, designs or libraries": any(told.get(k) != v for k, v in fingerprint().items()),
+        "other --signals or --rate": told.get("signals") not in (None, flies["signals"]),
+        "another campaign, or an earlier version of it": not set(found["run"]) <= set(runs),
+    }
+    for word in (word for word, differs in differ.items() if differs):
+        raise CampaignError(f"its rows are of {word}", place=str(out), remedy="Choose another place with -o")
     return found
 
 
@@ -255,11 +233,7 @@ def consolidated(out: Path, about: pd.DataFrame, flies: dict, resumed: int) -> C
     """Make of all that lies in a folder runs.parquet and timing.parquet, then remove the parts; return the result."""
     before = [p for kind in KINDS for p in (out / "parts").glob(f"{kind}-*.parquet")]
     rows, timing = (rows_of(out, kind).to_pandas() for kind in KINDS)
-    others = rows[~rows["run"].isin(about["run"])].drop_duplicates(KEY)
-    frame, timing = joined(about, rows), _once(timing[timing["run"].isin(about["run"])], ["run", "id"])
-    if len(others):  # of another version of the campaign
-        kept = pa.Table.from_pandas(others, ROWS, preserve_index=False)
-        write(out / "parts" / f"runs-{uuid.uuid4().hex}.parquet", kept)
+    frame, timing = joined(about, rows), _once(timing, ["run", "id"])
     made = pa.Table.from_pandas(frame, preserve_index=False)
     typed = [ROWS.field(f.name) if f.name in ROWS.names else f for f in made.schema]
     made = made.cast(pa.schema(typed, made.schema.metadata))
@@ -269,13 +243,11 @@ def consolidated(out: Path, about: pd.DataFrame, flies: dict, resumed: int) -> C
         path.unlink()
     seeds, took = about["seed"], timing["core_s"].dropna()
     told = {"runs": len(seeds), "rows": len(frame), "seeds": [int(seeds.min()), int(seeds.max())],
-            "flights_per_core_s": len(took) / float(took.sum()) if took.sum() > 0.0 else None, **_provenance(),
+            "flights_per_core_s": len(took) / float(took.sum()) if took.sum() > 0.0 else None,
+            "software": f"cosim {version('cosim-fdi')}",
             "sha256": {name: _sha256(out / name) for name in ("scenarios.parquet", "runs.parquet")}}  # fmt: skip
     replace_text(out / ABOUT, json.dumps({**flies, **told}, indent=1))
-    notes: tuple[str, ...] = ()
-    if n := others["run"].nunique():
-        notes = (f"{n} runs of an earlier version of this campaign left out; they stay in {out / 'parts'}",)
-    return CampaignResult(pd.read_parquet(out / "runs.parquet"), timing, resumed, out / "runs.parquet", notes)
+    return CampaignResult(pd.read_parquet(out / "runs.parquet"), timing, resumed, out / "runs.parquet")
 
 
 def joined(scenarios: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:

@@ -1,6 +1,5 @@
 """The command line: `cosim` and its commands."""
 
-import os
 import signal
 import sys
 
@@ -11,13 +10,11 @@ def main() -> None:
         for number in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
             if signal.getsignal(number) != signal.SIG_IGN:  # under nohup a terminal that goes away is ignored
                 signal.signal(number, _interrupt)
-        for name in ("stdout", "stderr"):
-            if getattr(sys, name) is None:  # closed
-                setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
-            getattr(sys, name).reconfigure(errors="replace")
-        from cosim.cli.commands import main as run
+        for stream in (sys.stdout, sys.stderr):
+            stream.reconfigure(errors="replace")  # type: ignore[union-attr]
+        from cosim.cli.commands import app
 
-        run()
+        app(prog_name="cosim")
     except KeyboardInterrupt:
         sys.exit(130)
 

@@ -16,7 +16,6 @@ from cosim.cli.app import (
     argument,
     command,
     flag,
-    notes,
     only_with,
     option,
     out,
@@ -55,13 +54,12 @@ def campaign(
 
     only_with("--signals", signals, rate=rate)
     if again:
-        _rerun(campaign, again, json_, out=output, guests=detector or ())
+        _rerun(campaign, again, json_, out=output, user_detectors=detector or ())
     with progress(f"flying {Path(campaign).stem}", "runs", "preparing the workers") as tell:
         done = run_campaign(
             campaign, workers=workers, scheduler=scheduler, out=output, resume=resume, progress=tell,
-            guests=detector or (), signals=signals and [w for w in signals if w != "all"], rate_hz=rate or 50.0,
+            user_detectors=detector or (), signals=signals and [w for w in signals if w != "all"], rate_hz=rate or 50.0,
         )  # fmt: skip
-    notes(done.notes)
     failed = errors(done.frame)
     answer(json_, {**done.to_dict(), "errors": failed}, lambda _: flown(done, failed))
     none = sum(r["runs"] for r in failed) == done.frame["run"].nunique()
@@ -128,7 +126,7 @@ def compare(
         for name, sign in SIGNS.items():
             reserve(output / name, sign)
     with progress("reading", unit="flights", waiting="preparing") as tell:
-        made = work(sources, progress=tell, guests=detector or ())
+        made = work(sources, progress=tell, user_detectors=detector or ())
         if output:
             write_comparison(made, output)
     answer(json_, made.to_dict() | {"predictive": plain(made.predictive(fault_rate or ()))}, compared)

@@ -4,7 +4,6 @@ functions that a notebook can call."""
 import hashlib
 import importlib
 import re
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,7 +15,7 @@ from cosim.cli.app import (
     LAYOUT,
     LIVE_PORT,
     answer,
-    app,
+    app,  # noqa: F401 - with the commands below
     argument,
     command,
     err,
@@ -60,10 +59,10 @@ def run(
     flown = loaded(scenario, set_ or (), detector or ())
     variant = [*(set_ or ()), *(f"detector={file.stem}" for file in detector or ())]
     path = output or Path("logs") / f"{log_name(scenario, variant)}.mcap"
-    page, layout = path.with_suffix(".html"), path.with_suffix(".foxglove.json")
     from cosim.log.format import OURS
 
     reserve(path, OURS, log=True)
+    page, layout = path.with_suffix(".html"), path.with_suffix(".foxglove.json")
     if report:
         from cosim.report.page import PAGE
 
@@ -243,12 +242,3 @@ def linearize(
 
 for part in ("replay", "user_files", "campaigns"):  # the modules of the other commands
     importlib.import_module(f"cosim.cli.{part}")
-
-
-def main() -> Any:
-    """Run the command line."""
-    app(prog_name="cosim")
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -25,13 +25,13 @@ def shown(found: dict[str, Any], scenario: "Scenario", details: bool = False) ->
 
     of = cases(scenario)
     made = lambda d: any(e["case"] and expected(d["id"], e["case"]) == DESIGNED for e in lanes.entries([d], of))  # noqa: E731
-    told = [d for d in found["detectors"] if details or d["id"] not in narrator.APART]
+    told = found["detectors"]
     rows = [d for d in told if details or d["alarm"] or made(d)]
     parts: list[Any] = [Text(text, style="bold") for text in narrator.sentences(found, scenario)]
     parts += [lanes.table(rows, of).upto(lanes.ALL if details else 0)] if rows else []
-    beside = narrator.false({"detectors": told}) if told else ["no detector ran"]
+    beside = narrator.false(found) if told else ["no detector ran"]
     beside[0] = f"{len(told) - len(rows)} other lanes: no alarm; " * (len(told) > len(rows)) + beside[0]
-    beside += [*(narrator.silent(found, scenario) if details else ()), *narrator.apart(found)]
+    beside += narrator.silent(found, scenario) if details else []
     parts += [Text(text, style="dim") for text in beside]
     return Group(*parts, Text(narrator.point(scenario)), *_injected(found, scenario, details), _footer(found))
 

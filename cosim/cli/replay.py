@@ -70,7 +70,7 @@ def replay(
     overwritten = {"overwritten": output is not None and output.is_file()}
     chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
     how: dict[str, Any] = {"detectors": chosen, "overrides": overrides(set_ or ()), "start_s": start,
-                           "guests": detector or (), "output": output}  # fmt: skip
+                           "user_detectors": detector or (), "output": output}  # fmt: skip
     if map_:
         from cosim.replay.map import diagnose
 
@@ -104,7 +104,7 @@ def recover(
     if not source.exists() and changed.is_file():
         remedy = f"`cosim run {changed} -o {log}` flies it again"
         raise CosimError("the flight was killed before it wrote its log", place=str(log), remedy=remedy)
-    path = output or (log.with_suffix(f".recovered{log.suffix}") if log.exists() else log)
+    path = output or (log.parent / f"{log.stem}.recovered{log.suffix}" if log.exists() else log)
     reserve(path, OURS)
     found = work(source, path)
     if source == part and found["cut"]:  # all but its open end is in the new log

@@ -130,12 +130,12 @@ class Comparison:
 @told_at_call
 def compare(
     sources: Iterable[str | Path], *, progress: Callable[[int, int], None] | None = None,
-    guests: Iterable[str | Path] = (),
+    user_detectors: Iterable[str | Path] = (),
 ) -> Comparison:  # fmt: skip
     """Return the Comparison of logs, of one campaign's folder or folder of logs, or of two campaigns side by side.
 
-    `progress(done, total)` counts flights. `guests` are files of further detectors (cosim/parts), run on logs
-    as they were flown. Raises CompareError, CampaignError, LogError, GuestError.
+    `progress(done, total)` counts flights. `user_detectors` are files of further detectors (cosim/parts), run on logs
+    as they were flown. Raises CompareError, CampaignError, LogError, PartError.
     """
     paths = [Path(s) for s in sources]
     if len(paths) == 2 and all(map(_is_campaign, paths)):
@@ -145,12 +145,12 @@ def compare(
         raise CompareError("a folder stands beside other sources", place=" ".join(map(str, paths)), remedy=remedy)
     logs = sorted(paths[0].glob("*.mcap")) if paths[0].is_dir() else paths
     if not logs or _is_campaign(paths[0]):
-        if guests:
+        if user_detectors:
             raise CompareError("holds rows, no flights to run a detector on", place=str(paths[0]),
                                remedy="Fly the campaign with --detector")  # fmt: skip
         rows, timing, runs, failed, title, _ = _read(paths[0])
         return Comparison(rows, compare_stats.detectors(rows, timing), runs, failed, str(paths[0]), title=title)
-    frame, tomls, again = compare_rows.of_logs(logs, progress, loaded(guests))
+    frame, tomls, again = compare_rows.of_logs(logs, progress, loaded(user_detectors))
     source = f"{len(logs)} log{'s' * (len(logs) != 1)}"
     source += f"; the same flight again, counted once: {', '.join(again)}" if again else ""
     rows = _tidy(frame, tomls, source)

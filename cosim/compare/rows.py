@@ -139,7 +139,7 @@ def with_alarms_anyway(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def flown(text: str) -> Scenario:
-    """Return the Scenario of a run's TOML, its detectors left out: guests need not be known to this process."""
+    """Return the Scenario of a run's TOML, its detectors left out: user detectors need not be known to this process."""
     tables = toml(text, place="scenario")
     return parse({k: v for k, v in tables.items() if k != "detectors"}, place="scenario")
 
@@ -167,14 +167,14 @@ def _faults(flights):
 
 
 def of_logs(
-    paths: Sequence[str | Path], progress: Callable[[int, int], None] | None = None, guests: Iterable = ()
+    paths: Sequence[str | Path], progress: Callable[[int, int], None] | None = None, user_detectors: Iterable = ()
 ) -> tuple[pd.DataFrame, dict[str, str], list[str]]:
     """Return (rows per lane with the columns of a campaign, {run: TOML}, repetitions) of logs written by `cosim run`.
 
     A flight that several logs hold, whatever detectors flew in it, is one run, and each detector in it counts once, by
     the first of its logs; `repetitions` names the others. The judgement is made again from what the detectors put
     out; achieved amplitudes need the flight flown again, with and without its faults, where one acts on an elevator,
-    without the detectors; where user files flew they are what the log says. `guests` are made guests, run on each
+    without the detectors; where user files flew they are what the log says. `user_detectors` are made ones, run on each
     flight. Raises LogError.
     """
     from cosim.flight.faults.fault_free_reference import achieved, faulted, unwatched
@@ -185,7 +185,7 @@ def of_logs(
     first: dict[str, tuple[str, str, set]] = {}  # flight -> (run, its first log, detectors that are counted)
     again: list[str] = []
     for i, path in enumerate(paths):
-        flown = LoggedFlight(path, guests)
+        flown = LoggedFlight(path, user_detectors)
         run, name, counted = first.setdefault(flight(flown.toml), (run_id(flown.scenario), Path(path).name, set()))
         again += [f"{Path(path).name} of {name}"] if run in tomls else []
         tomls.setdefault(run, flown.toml)
@@ -208,6 +208,6 @@ def of_campaign(folder: str | Path) -> tuple:
     from cosim.campaign.store import load
 
     frame, timing, tomls, about = load(folder)
-    for entry in about.get("guests", []):
+    for entry in about.get("user_detectors", []):
         tell(entry)
     return frame, timing, tomls, str(about.get("title", ""))

@@ -58,7 +58,7 @@ class Setup:
         return [line for block in (self.loop.law, *self.loop.detectors) for line in getattr(block.rollout, "notes", ())]
 
     @property
-    def guests(self) -> list[Block]:
+    def in_python(self) -> list[Block]:
         """Return the detectors that are steps in Python."""
         return [d for d in self.loop.detectors if isinstance(d.rollout, PythonBlock)]
 
@@ -69,7 +69,7 @@ class Setup:
     def time_detectors(self, repeats: int = 200) -> None:
         """Measure each detector's cost per step and lane, on copies: a flight's own numbers stay untouched."""
         for d in self.loop.detectors:
-            if d in self.guests:  # its objects are the flight's own: what its steps took in the loop
+            if d in self.in_python:  # its objects are the flight's own: what its steps took in the loop
                 self.step_us[d.name] = d.rollout.seconds / max(1, d.rollout.steps * len(d.x)) * 1e6
                 continue
             self.step_us[d.name] = cost(d.module, d.x, d.u, d.p, self.loop.dt * d.every, repeats)

@@ -16,7 +16,7 @@ from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import wires, with_sources
 from cosim.flight.loop.signals import fly, inputs
 from cosim.flight.user_law import SENSORS, SURFACES
-from cosim.parts import GuestError, load, rollout_of
+from cosim.parts import PartError, load, rollout_of
 from cosim.scenario import Scenario, load_scenario, user_parts
 from cosim.scenario.catalog import SEGMENTS
 
@@ -35,9 +35,9 @@ SEEN = (*(f"law.law.{field}" for field, *_ in SURFACES.values()), "truth.aircraf
 
 def check(file: str | os.PathLike, *, progress: Callable[[float, float], None] | None = None) -> dict[str, Any]:
     """Return {id, file, keeps, checks: [{question, result, answer}]} of a detector's file or a control law's; result is
-    good, bad or note. Raises GuestError for a file that is neither."""
+    good, bad or note. Raises PartError for a file that is neither."""
     path = Path(os.path.expanduser(file))
-    law = path.exists() and _is_law(user_parts.load(path, lambda text: GuestError(text, place=str(file)))[0])
+    law = path.exists() and _is_law(user_parts.load(path, lambda text: PartError(text, place=str(file)))[0])
     name, questions = _of_law(path.resolve()) if law else _of_detector(load(file))
     rows = []
     for i, (question, ask) in enumerate(questions):
@@ -60,15 +60,15 @@ def _said(wrong, good, otherwise="bad"):
     return (otherwise, wrong) if wrong else ("good", good)
 
 
-def _of_detector(guest):
+def _of_detector(part):
     """Return (id, questions) of a detector: each a name and a function that asks it."""
-    u, p, dt = _signals(guest)
-    names = list(guest.OUTPUTS)
-    r = [n for n in names for _ in range(guest.STATE[n].itemsize // 8)].index("r")
+    u, p, dt = _signals(part)
+    names = list(part.OUTPUTS)
+    r = [n for n in names for _ in range(part.STATE[n].itemsize // 8)].index("r")
 
     def run(given, pieces=()):
         """Return (outputs (ticks, n), why it was dropped or is not finite, notes) of a fresh lane, in pieces."""
-        rollout, x, log = rollout_of(guest), guest.init(p), np.zeros(given.shape, guest.STATE)
+        rollout, x, log = rollout_of(part), part.init(p), np.zeros(given.shape, part.STATE)
         for a, b in zip((0, *pieces), (*pieces, given.shape[1])):
             rollout(x, given[:, a:b], p, dt, log[:, a:b])
         out = np.concatenate([log[0][n].reshape(log.shape[1], -1) for n in names], axis=1)
@@ -111,7 +111,7 @@ def _of_detector(guest):
 
     asked = zip(("runs", "deterministic", "causal", "live as in replay", "lost samples"),
                 (runs, deterministic, causal, live, loses))  # fmt: skip
-    return guest.DETECTOR.id, list(asked)
+    return part.DETECTOR.id, list(asked)
 
 
 def _differ(a, b):
@@ -134,16 +134,16 @@ def _lossy(u, ticks):
         yield "every input" if len(gone) > 1 else gone[0], other
 
 
-def _signals(guest):
+def _signals(part):
     """Return (INPUTS (1, ticks) of a short flight with an oscillation, PARAMS, dt) for one lane of a detector."""
-    own = guest.DETECTOR
+    own = part.DETECTOR
     scenario = _scenario(own.technologies[0] if own.technologies else "hydraulic")
     lane = "left_inner" if own.level == "local" else ""
-    read = {w.field: w.source for w in wires(own, lane, guest)}
+    read = {w.field: w.source for w in wires(own, lane, part)}
     if above := with_sources([own.id])[:-1]:  # detectors that it reads
         own_detectors = scenario.detectors.model_copy(update={"enabled": tuple(above)})
         scenario = scenario.model_copy(update={"detectors": own_detectors})
-    u = inputs(fly(scenario, [*read.values()]), guest, read)
+    u = inputs(fly(scenario, [*read.values()]), part, read)
     dt = scenario.dt * own.every
     return np.ascontiguousarray(u[:, :: own.every]), own.fit(site(dt, lane, scenario.elevator.technology)), dt
 

@@ -8,7 +8,7 @@ import sys
 from importlib import resources
 from pathlib import Path
 
-from cosim.parts import GuestError
+from cosim.parts import PartError
 from cosim.scenario.aircraft import bundled, load_record
 from cosim.scenario.catalog import TECHNOLOGIES
 from fdi import registry
@@ -32,17 +32,17 @@ def texts(name: str, kind: str = "detector", numbers: Path | None = None) -> dic
     Of an aircraft without `numbers` the two files to fill in; with `numbers`, a numbers.toml that has aircraft.toml
     beside it, its whole folder.
 
-    Raises GuestError for an unknown kind, a name that cannot be its id, that ships, or that shadows a module: Python
+    Raises PartError for an unknown kind, a name that cannot be its id, that ships, or that shadows a module: Python
     would import the user's file in place of numpy or os.
     """
     if kind not in KINDS:
-        raise GuestError("is nothing to write", place=f"cosim new {kind}", allowed=", ".join(KINDS))
+        raise PartError("is nothing to write", place=f"cosim new {kind}", allowed=", ".join(KINDS))
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name):
-        raise GuestError(f"cannot be the name of {_one(kind)}", place=name, allowed=ALLOWED)
+        raise PartError(f"cannot be the name of {_one(kind)}", place=name, allowed=ALLOWED)
     if name in TAKEN.get(kind, ()):
-        raise GuestError(f"is {_one(kind)} that ships", place=name, remedy="Choose another name")
+        raise PartError(f"is {_one(kind)} that ships", place=name, remedy="Choose another name")
     if shadows(name):
-        raise GuestError("is the name of a module that Python would no longer find", place=name,
+        raise PartError("is the name of a module that Python would no longer find", place=name,
                          remedy=f"Choose another name, for example my_{name}")  # fmt: skip
     if kind == "aircraft" and numbers is None:
         return {f"{name}/{file}": f"{TEMPLATE}{text}" for file, text in _records(load_record(SAMPLE).folder).items()}

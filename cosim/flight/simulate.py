@@ -45,7 +45,7 @@ def simulate(
     ):
         sinks = [writer] if writer else []
         flown = time.perf_counter()
-        with stdout_to_stderr() if setup.guests else nullcontext():
+        with stdout_to_stderr() if setup.in_python else nullcontext():
             trace, status, reason = fly(setup, *sinks, progress=progress, pause=fault_free and fault_free.pause)
         wall = time.perf_counter() - flown
         result = Result(

@@ -1,7 +1,6 @@
-"""What an alarm counts for: onset, detection, false alarm and the time in which there can be one, each defined once.
+"""The time in which an alarm is that of a fault, defined once.
 
-Arrays are over the ticks of one detector lane, `dt` [s] apart; a fault is a dict with `start_s` and `end_s` [s], the
-latter inf for one that stays.
+Ticks are `dt` [s] apart; a fault is a dict with `start_s` and `end_s` [s], the latter inf for one that stays.
 """
 
 import functools
@@ -12,28 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 GRACE_S = 2.0  # an alarm that rises up to this after a fault has healed is still that fault's
-
-
-def onsets(alarm: ArrayLike) -> NDArray[np.int64]:
-    """Return the ticks at which `alarm` (ticks,), 0 or 1, rises; one that stands at the first tick rises there."""
-    return np.flatnonzero(np.diff(np.asarray(alarm) > 0.5, prepend=False) & (np.asarray(alarm) > 0.5))
-
-
-def detection(alarm: ArrayLike, first: int, end: int | None = None) -> int | None:
-    """Return the first tick in [first, end) at which `alarm` rises, None without one. An alarm that stands since before
-    `first` is no detection of what begins there."""
-    rises = onsets(alarm)
-    new = rises[(rises >= first) & (rises < (math.inf if end is None else end))]
-    return int(new[0]) if len(new) else None
-
-
-def faulty(faults: Iterable[Mapping], ticks: int, dt: float, t0: float = 0.0) -> NDArray[np.bool_]:
-    """Return (ticks,): whether an alarm that rises then is that of a fault, GRACE_S after its end included. An onset
-    where this is false is a false alarm. `t0` is the time of the first tick [s]."""
-    out = np.zeros(ticks, bool)
-    for first, end in (span(f, dt, t0) for f in faults):
-        out[max(0, first) : max(0, ticks if end is None else end)] = True
-    return out
 
 
 def span(fault: Mapping, dt: float, t0: float = 0.0) -> tuple[int, int | None]:
@@ -54,8 +31,9 @@ def acts(fault: Mapping, ticks: int, dt: float) -> bool:
     return first < ticks and first < fault["end_s"] / dt - 0.5
 
 
-def during(faults: Iterable[Mapping], ticks: ArrayLike, dt: float) -> NDArray[np.bool_]:
-    """Return whether each of `ticks` (n,) is one of a fault, as `faulty` does for all of a flight."""
-    spans = [(first, math.inf if end is None else end) for first, end in (span(f, dt) for f in faults)]
+def during(faults: Iterable[Mapping], ticks: ArrayLike, dt: float, t0: float = 0.0) -> NDArray[np.bool_]:
+    """Return (n,): whether an alarm that rises at each of `ticks` (n,) is that of a fault, GRACE_S after its end
+    included. An alarm that rises where this is false is a false one. `t0` is the time of the first tick [s]."""
+    spans = [(first, math.inf if end is None else end) for first, end in (span(f, dt, t0) for f in faults)]
     begun, over = np.sort(np.array(spans, float).reshape(-1, 2), axis=0).T
     return np.searchsorted(begun, ticks, side="right") > np.searchsorted(over, ticks, side="right")

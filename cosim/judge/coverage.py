@@ -92,11 +92,6 @@ def level(detector: str) -> str:
     return getattr(_record(detector), "level", "")
 
 
-def remark(detector: str) -> str:
-    """Return what has to be said whenever results of a detector are shown, or an empty text."""
-    return getattr(_record(detector), "remark", "")
-
-
 def _record(detector):
     """Return the record of a detector, also of "name (campaign)" where two campaigns stand side by side."""
     return registry.find(detector.partition(" ")[0])

@@ -11,8 +11,6 @@ from cosim.judge import coverage
 from cosim.judge.lanes import part, seconds
 from cosim.scenario import Scenario
 
-# As published these alarm in every flight: they stay in log, JSON and tables, and no sentence counts them.
-APART = {"ema_kalman": "alarms always, it knows no load"}
 LEVELS = {"local": "actuator", "aircraft": "aircraft", "both": "joint"}
 RISE = 1.05  # a residual that grew by less than this factor is said not to have risen
 OTHERS = ", with the other faults"
@@ -30,7 +28,7 @@ def sentences(found: Mapping[str, Any], scenario: Scenario) -> list[str]:
     It tells what broke, when and how large, the first alarm and its level, the right name, the first alarm at the other
     level.
     """
-    lanes, began = _lanes(found), _began(found, scenario)
+    lanes, began = found["detectors"], _began(found, scenario)
     if not lanes:
         return []
     if not began:
@@ -44,7 +42,7 @@ def sentences(found: Mapping[str, Any], scenario: Scenario) -> list[str]:
 
 def silent(found: Mapping[str, Any], scenario: Scenario) -> list[str]:
     """Return a line per fault about the detectors designed for it that did not alarm, and why."""
-    lanes, cases, out = _lanes(found), coverage.cases(scenario), []
+    lanes, cases, out = found["detectors"], coverage.cases(scenario), []
     lead = "fault {}: " if len(scenario.faults) > 1 else ""
     for i in _began(found, scenario) if lanes else ():
         designed = list(dict.fromkeys(d["id"] for d in lanes if coverage.expected(d["id"], cases[i]) == "designed"))
@@ -100,20 +98,10 @@ def false(found: Mapping[str, Any]) -> list[str]:
             f"no false alarm of {len(found['detectors'])} detector lanes"]  # fmt: skip
 
 
-def apart(found: Mapping[str, Any]) -> list[str]:
-    """Return a line per detector that flew and stands apart."""
-    flew = {d["id"] for d in found["detectors"]}
-    return [f"{name}, as published: {text}" for name, text in APART.items() if name in flew]
-
-
 def listed(items: Iterable[str]) -> str:
     """Return "a, b and c"."""
     *most, last = items
     return f"{', '.join(most)} and {last}" if most else last
-
-
-def _lanes(found):
-    return [d for d in found["detectors"] if d["id"] not in APART]
 
 
 def _began(found, scenario):

@@ -13,7 +13,6 @@ from cosim.judge.alarms import acts, during
 from cosim.judge.detection import ABLE, NO_FAULT, UNSEEN, Heard, JudgedLane, Runs, Said, noticed
 from cosim.judge.store import release
 from cosim.scenario import Scenario
-from cosim.table import DASH, Table
 
 __all__ = ["Errors", "JudgedLane", "Result", "concerns", "entry_of", "judge", "judged", "plain"]
 SETTLE_S = 8.0  # from when on every detector should be able to judge, or half of a flight that is shorter than 16 s
@@ -34,22 +33,10 @@ class Result:
     extra: dict = field(default_factory=dict)  # of `cosim run --json`: consequences, notes
 
     def __repr__(self) -> str:
-        rows = [f"  {r['id']:20}{r['target']:24}{'; '.join(filter(None, _told(r)))}" for r in self._shown()]
-        quiet = len(self.detectors) - len(rows)
-        silent = f"  {quiet} detector lane{'s' * (quiet != 1)} without an alarm"
-        return "\n".join([self._head(), *rows, *([silent] if quiet else [])])
-
-    def _repr_html_(self) -> str:
-        shown = Table(self._head(), "detector", "watches", "alarm", "name", "false alarms", kind="")
-        for r in self._shown():
-            shown.add(r["id"], r["target"], *(text or DASH for text in _told(r)))
-        return shown._repr_html_()
-
-    def _head(self):
-        return f"Result: {self.status} after {self.sim_time_s:g} s, log {self.log or 'not written'}"
-
-    def _shown(self):
-        return [r for r in self.detectors if r["alarm"]]
+        loud = [f"  {r['id']:20}{r['target']:24}{_told(r)}" for r in self.detectors if r["alarm"]]
+        quiet = f"  {len(self.detectors) - len(loud)} of {len(self.detectors)} detector lanes without an alarm"
+        head = f"Result: {self.status} after {self.sim_time_s:g} s, log {self.log or 'not written'}"
+        return "\n".join([head, *loud, quiet])
 
     def to_dict(self) -> dict:
         """Return plain data for JSON; numbers that do not exist are None."""
@@ -60,14 +47,12 @@ class Result:
 
 def _told(row):
     """Return what a lane said, as words: its alarm, its name, each with its own time, and its false alarms."""
-    at, late, named = row["detected_at_s"], row["detection_delay_s"], row["named_at_s"]
-    fault = f"fault {row['fault']}" if len(row["by_fault"]) > 1 else "the fault"
-    alarm = name = ""
+    at, late, n, words = row["detected_at_s"], row["detection_delay_s"], row["false_alarms"], []
     if at is not None:
-        alarm = f"alarm at {at:.2f} s" + (f", {late:.2f} s after {fault}" if late is not None else "")
-        name = f"{row['isolated']['class']} at {named:.2f} s" if row["isolated"] else "no name given"
-    n = row["false_alarms"]
-    return alarm, name, f"{n} false alarm{'s' * (n > 1)}" if n else ""
+        after = "" if late is None else f", {late:.2f} s after fault {row['fault']}"
+        name = f"{row['isolated']['class']} at {row['named_at_s']:.2f} s" if row["isolated"] else "no name given"
+        words = [f"alarm at {at:.2f} s{after}", name]
+    return "; ".join(words + [f"{n} false alarm{'s' * (n > 1)}"] * bool(n))
 
 
 def plain(value: Any) -> Any:

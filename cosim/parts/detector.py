@@ -50,16 +50,20 @@ _CODES = {name: float(code) for code, name in enumerate(NAMES)}
 _KEYS = {"r", "alarm", "verdict", "culprit", "estimate", "valid"}
 
 
-class GuestError(CosimError):
+class PartError(CosimError):
     """A class or module that keeps no detector's contract, or a file whose digest differs from the logged one."""
 
 
-class Nonsense(Exception):
-    """An answer that cannot be used."""
+class _Drop(Exception):
+    """Why a lane is dropped that raised nothing itself: its status, and a sentence."""
+
+    def __init__(self, status: float, said: str):
+        super().__init__(said)
+        self.status = status
 
 
-class Slow(Exception):
-    """A step that took longer than its limit."""
+def _nonsense(said):
+    return _Drop(NONSENSE, said)
 
 
 def is_block(module: Any) -> bool:
@@ -67,7 +71,7 @@ def is_block(module: Any) -> bool:
     return all(hasattr(module, name) for name in BLOCK)
 
 
-def is_guest(value: Any) -> bool:
+def is_detector_class(value: Any) -> bool:
     """Tell whether `value` is a class that means to be a detector."""
     return inspect.isclass(value) and callable(getattr(value, "update", None)) and hasattr(value, "id")
 
@@ -78,7 +82,7 @@ class PlainDetector:
     OUTPUTS = OUTPUTS
 
     def __init__(self, cls: type, file: str, sha256: str):
-        """`cls` is a class by the contract; raises GuestError where it is not."""
+        """`cls` is a class by the contract; raises PartError where it is not."""
         self.cls, self.file, self.sha256 = cls, file, sha256
         own, self._defaults = record_of(cls), parameters(cls)
         self.CULPRITS = ("", *getattr(cls, "culprits", ()))
@@ -114,23 +118,21 @@ class PlainDetector:
                 if said is not None:
                     x[:] = self._answer(said, t, made.notes)
                 if took > limit and (t > 0.0 or took > FIRST * limit):
-                    raise Slow(f"a step took {took:.2f} s, and limit_s is {limit:g}")
+                    raise _Drop(SLOW, f"a step took {took:.2f} s, and limit_s is {limit:g}")
 
             return step
 
         def failed(i, t, error):
-            said = str(error) if isinstance(error, Nonsense | Slow) else sentence(error, self.file)
-            made.notes.append(f"{_dropped(self, lanes, i, t)}: {said}")
-            status = {Nonsense: NONSENSE, Slow: SLOW}.get(type(error), RAISED)
-            return [status if name == "status" else 0.0 for name in OUTPUTS]
+            made.notes.append(_dropped(self, lanes, i, t, error))
+            return [getattr(error, "status", RAISED) if name == "status" else 0.0 for name in OUTPUTS]
 
         made = PythonBlock(make, failed)
         return made
 
     def _answer(self, said, t, notes):
-        """Return the outputs of an answer; raises Nonsense."""
+        """Return the outputs of an answer; raises _Drop for nonsense."""
         if not isinstance(said, Mapping) or not said.keys() <= _KEYS:
-            raise Nonsense(f"update returned {said!r:.80}; allowed: a dict of {', '.join(sorted(_KEYS))}, or None")
+            raise _nonsense(f"update returned {said!r:.80}; allowed: a dict of {', '.join(sorted(_KEYS))}, or None")
         r, alarm, valid, estimate = (
             _number(said.get(name, other), name)
             for name, other in (("r", 0.0), ("alarm", False), ("valid", True), ("estimate", 0.0))
@@ -138,7 +140,7 @@ class PlainDetector:
         verdict, probability = _verdict(said.get("verdict"), alarm > 0.5)
         culprit = said.get("culprit", "")
         if culprit not in self.CULPRITS:
-            raise Nonsense(f"culprit {culprit!r} is not one of its culprits: {', '.join(self.CULPRITS[1:])}")
+            raise _nonsense(f"culprit {culprit!r} is not one of its culprits: {', '.join(self.CULPRITS[1:])}")
         if not math.isfinite(r):
             if not notes:
                 notes.append(f"{self.DETECTOR.id}: r = {r} at {t:.3f} s; it counts as not valid while so")
@@ -147,16 +149,17 @@ class PlainDetector:
         return r, on, verdict, code, float(valid > 0.5), estimate, probability, GOOD
 
 
-def _dropped(guest, lanes, i, t):
+def _dropped(own, lanes, i, t, error):
     where = f" on {lanes[i]}" if i < len(lanes) else ""
-    return f"{guest.DETECTOR.id} is dropped{where} at {t:.3f} s"
+    said = str(error) if isinstance(error, _Drop) else sentence(error, own.file)
+    return f"{own.DETECTOR.id} is dropped{where} at {t:.3f} s: {said}"
 
 
 def _number(value, name):
     try:
         return float(value)
     except (TypeError, ValueError):
-        raise Nonsense(f"{name} = {value!r:.60} is no number") from None
+        raise _nonsense(f"{name} = {value!r:.60} is no number") from None
 
 
 def _verdict(verdict, alarm):
@@ -165,11 +168,11 @@ def _verdict(verdict, alarm):
         return (AMBIGUOUS if alarm else NONE), 1.0
     given = {verdict: 1.0} if isinstance(verdict, str) else verdict
     if not isinstance(given, Mapping) or not given or not given.keys() <= _CODES.keys():
-        raise Nonsense(f"verdict {verdict!r:.60}; allowed: {', '.join(NAMES)}")
+        raise _nonsense(f"verdict {verdict!r:.60}; allowed: {', '.join(NAMES)}")
     best = max(given, key=lambda name: _number(given[name], f"probability of {name}"))
     p = _number(given[best], "probability")
     if not 0.0 <= p <= 1.0 + 1e-6:
-        raise Nonsense(f"probability {p} of {best}; allowed: 0 to 1")
+        raise _nonsense(f"probability {p} of {best}; allowed: 0 to 1")
     return _CODES[best], p
 
 
@@ -177,17 +180,14 @@ class BlockDetector:
     """A module that is a block with a detector's record, and where it came from."""
 
     def __init__(self, module: ModuleType, file: str, sha256: str):
-        """Raises GuestError where it is none, or does not compile."""
+        """Raises PartError where it is none, or does not compile."""
         self._module, self.file, self.sha256 = module, file, sha256
         if not isinstance(module.DETECTOR, Detector):
-            raise GuestError("DETECTOR is no fdi.common.record.Detector", place=file)
+            raise PartError("DETECTOR is no fdi.common.record.Detector", place=file)
         for word in module.DETECTOR.inputs.values():
-            try:
-                vocabulary.find(word)
-            except KeyError as error:
-                raise GuestError(str(error.args[0]), place=f"{file}: inputs", remedy="`cosim list signals`") from None
+            _signal(word, f"{file}: inputs")
         if lacking := {"r", "alarm", "verdict", "culprit", "valid"} - set(module.OUTPUTS):
-            raise GuestError(f"OUTPUTS lacks {', '.join(sorted(lacking))}", place=file)
+            raise PartError(f"OUTPUTS lacks {', '.join(sorted(lacking))}", place=file)
         if not isinstance(module.rollout, Entry):
             self.runner = self._python
         else:
@@ -195,13 +195,13 @@ class BlockDetector:
                 _ = module.rollout.native.address
             except Exception as error:  # the compiler has dozens of kinds
                 said = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-                raise GuestError(f"does not compile: {said}", place=file) from None
+                raise PartError(f"does not compile: {said}", place=file) from None
 
     def _python(self, lanes=(), *, limited=False):
         """Return a rollout in plain Python, of one flight; a lane in which it raises is dropped."""
 
         def failed(i, t, error):
-            made.notes.append(f"{_dropped(self, lanes, i, t)}: {sentence(error, self.file)}")
+            made.notes.append(_dropped(self, lanes, i, t, error))
             return 0.0
 
         made = of_rollout(self._module.rollout, self.STATE, self.INPUTS, failed)
@@ -217,23 +217,23 @@ def rollout_of(module: Any, lanes: tuple = (), *, limited: bool = False) -> Any:
 
 
 def parameters(cls: type) -> dict[str, float]:
-    """Return {parameter: default} of a guest's __init__ beside `dt`; raises GuestError for a signature that lacks dt or
-    has a parameter without a default."""
+    """Return {parameter: default} of a detector's __init__ beside `dt`; raises PartError for a signature that lacks dt
+    or has a parameter without a default."""
     own = list(inspect.signature(cls).parameters.values())
     free = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL)
     if not own or (own[0].name != "dt" and own[0].kind not in free):
-        raise GuestError("__init__ does not take dt", place=cls.__name__, remedy="def __init__(self, dt): ...")
+        raise PartError("__init__ does not take dt", place=cls.__name__, remedy="def __init__(self, dt): ...")
     rest = [p for p in own[1:] if p.kind not in free]
     if bare := [p.name for p in rest if p.default is p.empty]:
-        raise GuestError(f"__init__ has no default for {bare[0]}", place=cls.__name__)
+        raise PartError(f"__init__ has no default for {bare[0]}", place=cls.__name__)
     return {p.name: float(p.default) for p in rest if isinstance(p.default, int | float)}
 
 
 def record_of(cls: type) -> Detector:
-    """Return the record of a plain class; raises GuestError with what is wrong and what is allowed."""
+    """Return the record of a plain class; raises PartError with what is wrong and what is allowed."""
 
     def wrong(what, **more):
-        return GuestError(what, place=cls.__name__, **more)
+        return PartError(what, place=cls.__name__, **more)
 
     name, level = getattr(cls, "id", None), getattr(cls, "level", None)
     if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", name) or name == "enabled":
@@ -247,26 +247,21 @@ def record_of(cls: type) -> Detector:
     if not inputs:
         raise wrong("inputs is empty", allowed="words of `cosim list signals`")
     for word in inputs:
-        try:
-            signal = vocabulary.find(word)
-        except KeyError as error:
-            raise wrong(str(error.args[0]), remedy="`cosim list signals` has them") from None
-        if signal.kind == "detector" and signal.technologies and level == "aircraft":
-            where = ".left_inner.".join(word.split("."))
+        signal = _signal(word, cls.__name__)
+        of_actuator = signal.kind == "detector" or "." not in word  # where it has technologies
+        if signal.technologies and level == "aircraft" and of_actuator:
+            where = ".left_inner.".join(word.split(".")) if signal.kind == "detector" else f"left_inner.{word}"
             raise wrong(f"inputs: {word!r} is of an actuator", remedy=f'Name the segment: "{where}"')
-        if signal.technologies and level == "aircraft" and "." not in word:
-            raise wrong(f"inputs: {word!r} is of an actuator", remedy=f'Name the segment: "left_inner.{word}"')
         if signal.technologies and level == "local" and not set(technologies) <= set(signal.technologies):
             raise wrong(f"inputs: {word!r} is of {', '.join(signal.technologies)} only", remedy="Change technologies")
-    blind = getattr(cls, "blind", ())
-    every = getattr(cls, "every", 1)
+    blind, every = getattr(cls, "blind", ()), getattr(cls, "every", 1)
     if not isinstance(every, int) or isinstance(every, bool) or every < 1:
         raise wrong(f"every = {every!r}", allowed="a whole number of ticks, 1 or more")
     doc = (inspect.getdoc(cls) or "").strip().splitlines()
     return Detector(
         id=name,
         level=level,
-        summary=doc[0].rstrip(".") if doc else "a guest",
+        summary=doc[0].rstrip(".") if doc else "a user's detector",
         inputs={re.sub(r"\W+", "_", word).strip("_"): word for word in inputs},
         technologies=technologies,
         group=str(getattr(cls, "group", "")),
@@ -279,11 +274,18 @@ def record_of(cls: type) -> Detector:
     )
 
 
+def _signal(word, place):
+    try:
+        return vocabulary.find(word)
+    except KeyError as error:
+        raise PartError(str(error.args[0]), place=place, remedy="`cosim list signals` has them") from None
+
+
 def _words(cls, name):
     given = getattr(cls, name, ())
     out = (given,) if isinstance(given, str) else tuple(given)
     if not all(isinstance(word, str) for word in out):
-        raise GuestError(f"{name} = {given!r}", place=cls.__name__, allowed="words")
+        raise PartError(f"{name} = {given!r}", place=cls.__name__, allowed="words")
     return out
 
 
@@ -296,10 +298,10 @@ def _cases(cls, name, technologies):
         classes = given[entry] if isinstance(given, dict) else None
         classes = (classes,) if isinstance(classes, str) else classes
         if classes and (unknown := set(classes) - set(NAMES)):
-            raise GuestError(f"{name}: {unknown.pop()!r} is no class", place=cls.__name__, allowed=", ".join(NAMES[1:]))
+            raise PartError(f"{name}: {unknown.pop()!r} is no class", place=cls.__name__, allowed=", ".join(NAMES[1:]))
         known = (*catalog.ALL_KINDS, *catalog.ACTUATOR_SENSORS)
         if not (set(entry) & set(".*@") or entry in OTHER or entry in known):
-            raise GuestError(f"{name}: {entry!r} is no kind of fault", place=cls.__name__, allowed=", ".join(known))
+            raise PartError(f"{name}: {entry!r} is no kind of fault", place=cls.__name__, allowed=", ".join(known))
         plain = set(entry) & set(".*") or entry in OTHER
         patterns = [entry] if plain else [f"{t}.{entry}{at}" for t in technologies or ("*",) for at in ("", "@*")]
         for pattern in patterns:
@@ -315,6 +317,6 @@ def _estimates(cls):
     try:
         unit = units[of] if of in units else vocabulary.find(of).unit
     except (KeyError, TypeError):
-        raise GuestError(f"estimates = {of!r}", place=cls.__name__,
+        raise PartError(f"estimates = {of!r}", place=cls.__name__,
                          allowed=f"{', '.join(units)}, or a word of `cosim list signals`") from None  # fmt: skip
     return (Estimate(of, "estimate", unit),)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.parts.detector import GuestError
+from cosim.parts.detector import PartError
 
 
 def window_model(
@@ -33,7 +33,7 @@ def window_model(
     """
     words = tuple(classes)
     if not words or words[0] != "none":
-        raise GuestError(f"classes = {words!r}", place=id, allowed='"none" first, then classes of verdicts')
+        raise PartError(f"classes = {words!r}", place=id, allowed='"none" first, then classes of verdicts')
     kinds, parts = zip(*((kind, part) for kind, _, part in (word.partition(".") for word in words)))
     ask = _asked(model, Path(near).parent if Path(near).is_file() else Path(near), id)
     names = tuple(name.replace(".", "_") for name in inputs)
@@ -86,19 +86,19 @@ def _asked(model, folder, place):
 
 def _checked(p, n, place):
     if len(p) != n:
-        raise GuestError(f"the model gives {len(p)} classes", place=place, allowed=f"{n}")
+        raise PartError(f"the model gives {len(p)} classes", place=place, allowed=f"{n}")
     return p
 
 
 def _onnx(path, place):
     if path.suffix != ".onnx" or not path.is_file():
-        raise GuestError("no such file" if path.suffix == ".onnx" else "is no model", place=f"{place}: {path}",
+        raise PartError("no such file" if path.suffix == ".onnx" else "is no model", place=f"{place}: {path}",
                          allowed="a file that ends in .onnx")  # fmt: skip
     try:
         import onnxruntime
     except ImportError:
         remedy = "Install the extra: pip install 'cosim-fdi[learn]'"
-        raise GuestError("onnxruntime is not installed", place=str(path), remedy=remedy) from None
+        raise PartError("onnxruntime is not installed", place=str(path), remedy=remedy) from None
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1  # a window is small, and one thread has one result
     session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])

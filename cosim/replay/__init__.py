@@ -58,7 +58,7 @@ class Replay:
     differences: list = field(default_factory=list)  # a dict per field: count, first tick, largest
     detectors: list = field(default_factory=list)  # detection metrics, logged and replayed
     output: str | None = None  # the log that was written
-    notes: list = field(default_factory=list)  # sentences: guests that were not run, or are not the code that flew
+    notes: list = field(default_factory=list)  # sentences: user detectors not run, or not the code that flew
 
     @property
     def exact(self) -> bool:
@@ -90,16 +90,16 @@ def compare(name: str, fields: Any, ticks: np.ndarray, logged: np.ndarray, again
 @told_at_call
 def replay(
     path: str | Path, *, detectors: Any = None, overrides: Any = None, start_s: float = 0.0, output: Any = None,
-    progress: Callable[..., Any] | None = None, guests: Sequence[Any] = ()
+    progress: Callable[..., Any] | None = None, user_detectors: Sequence[Any] = ()
 ) -> Replay:  # fmt: skip
     """Replay the log at `path` and return a Replay.
 
     `detectors` chooses some; `overrides` {detector: {parameter: value}} asks what would have been; `start_s` begins
     at the last whole state before that time; `output` writes a log with the old topics and, under /replay, the new
-    ones. `guests` are files of detectors (cosim/parts): one that flew is run again, another one is run on the
-    flight as it was logged, and has no `logged` among its results. Raises LogError, ReplayError, GuestError.
+    ones. `user_detectors` are files of detectors (cosim/parts): one that flew is run again, another one is run on the
+    flight as it was logged, and has no `logged` among its results. Raises LogError, ReplayError, PartError.
     """
-    given = loaded(guests)
+    given = loaded(user_detectors)
     check_start(start_s)
     if str(path).lower().endswith((".csv", ".parquet")):
         remedy = f"`cosim map {path}` drafts the map of its columns that --map takes"
@@ -137,7 +137,7 @@ def replay(
         lanes.tell(d)
     result.detectors = [m.judge() for m in members]
     for own in fresh:
-        for lane, rows in lanes.guest_outputs(log, own, scenario.elevator.technology).items():
+        for lane, rows in lanes.outputs_of_user(log, own, scenario.elevator.technology).items():
             names = dict(lanes.elements(own.STATE, own.OUTPUTS))
             new = lanes.judgement(own.DETECTOR, lane, own.CULPRITS, names, rows, tick_of(log), faults)
             result.detectors.append(_both(None, new))
@@ -177,7 +177,7 @@ def _span(log, members, stages, read, span, pool):
 
 
 def _each(members, call, pool):
-    """Return call(m) of each member: of compiled ones side by side, of guests with objects of their own one by one."""
+    """Return call(m) of each member: of compiled ones side by side, of users' with objects of their own one by one."""
     tasks = [pool.submit(call, m) if _compiled(m.w.module) else None for m in members]
     return [task.result() if task else call(m) for m, task in zip(members, tasks)]
 
@@ -253,7 +253,7 @@ class _Member:
         return np.full(lane.logged.shape, np.nan) if out is None else out
 
     def _by_clock(self, piece):
-        """Return the rows up to which a lane can repeat itself: a guest that took too long was dropped by the clock."""
+        """Return the rows up to which a lane can repeat itself: a user's that took too long is dropped by the clock."""
         if self.w.rollout is None or "status" not in self.fields:
             return len(piece.ticks)
         slow = np.flatnonzero(piece.logged[:, self.fields.index("status")] == SLOW)

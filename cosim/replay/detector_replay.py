@@ -42,7 +42,7 @@ class Lane:
     p: np.ndarray
     x: np.ndarray
     inputs: Sequence = ()  # in a log: (input field, topic, field of the topic)
-    rollout: object = None  # of a guest with objects of its own
+    rollout: object = None  # of a user detector with objects of its own
     at: int = 0
     u: Any = None  # (1, rows)
     ticks: Any = None  # of the rows
@@ -82,7 +82,7 @@ def judgement(record: Any, lane: str, parts: tuple, names: Any, rows: Any, dt: f
 def manifest(log: Log) -> list:
     """Return the list of detectors that a log describes."""
     found = schema.detectors(log)
-    strange = [d["id"] for d in found if d["id"] not in registry.SHIPPED and "guest" not in d]
+    strange = [d["id"] for d in found if d["id"] not in registry.SHIPPED and "user_detector" not in d]
     if strange:
         raise schema.older(log, f"detector {strange[0]!r}")
     return found
@@ -283,8 +283,8 @@ def replay_lane(lane: Any, dt: float) -> Any:
 
 
 def tell(entry: dict) -> None:
-    """Take from a log's entry of a detector the record of a guest, for judgement and pages."""
-    about = entry.get("guest")
+    """Take from a log's entry of a detector the record of a user detector, for judgement and pages."""
+    about = entry.get("user_detector")
     if about and entry["id"] not in registry.SHIPPED:
         own = dict(about["record"])
         own["estimates"] = tuple(Estimate(*e) for e in own["estimates"])
@@ -295,7 +295,7 @@ def tell(entry: dict) -> None:
 
 def culprits_of(entry: dict) -> tuple:
     """Return what a detector of a log can blame."""
-    about = entry.get("guest")
+    about = entry.get("user_detector")
     if about and entry["id"] not in registry.SHIPPED:
         return tuple(about["culprits"])
     return registry.module(entry["id"]).CULPRITS if registry.known(entry["id"]) else ("",)
@@ -303,29 +303,29 @@ def culprits_of(entry: dict) -> tuple:
 
 def missing(entry: dict) -> str:
     """Return why a detector of a log cannot be run again, "" when it can."""
-    name, about = entry["id"], entry.get("guest") or {}
+    name, about = entry["id"], entry.get("user_detector") or {}
     if registry.known(name):
         return ""
-    return f"{name} is a guest, and its code is not here: give it by --detector {about.get('file') or name}"
+    return f"{name} is a user detector, and its code is not here: give it by --detector {about.get('file') or name}"
 
 
 def other_code(entry: dict) -> str:
-    """Return a sentence when the guest that is here is not the one that flew, else ""."""
-    name, about = entry["id"], entry.get("guest")
-    if not about or name not in registry.GUESTS or registry.GUESTS[name].sha256 == about["sha256"]:
+    """Return a sentence when the user detector that is here is not the one that flew, else ""."""
+    name, about = entry["id"], entry.get("user_detector")
+    if not about or name not in registry.USER_DETECTORS or registry.USER_DETECTORS[name].sha256 == about["sha256"]:
         return ""
-    here = registry.GUESTS[name].sha256
+    here = registry.USER_DETECTORS[name].sha256
     return f"{name} is not the code that flew: digest {here[:12]} here, {about['sha256'][:12]} in the log"
 
 
-def guest_outputs(log: Log, guest: Any, technologies: dict[str, str]) -> dict[str, np.ndarray]:
-    """Return {lane: outputs (rows, n)} of a guest run on an open log in which it did not fly, from the first tick on.
+def outputs_of_user(log: Log, part: Any, technologies: dict[str, str]) -> dict[str, np.ndarray]:
+    """Return {lane: outputs (rows, n)} of a user detector on an open log in which it did not fly, from its first tick.
 
     Raises ReplayError for a signal that the log lacks, or for a log with gaps.
     """
-    own = guest.DETECTOR
+    own = part.DETECTOR
     if not log.spans or log.spans[0][0] or sum(log.spans[-1]) != log.n_ticks:
-        raise schema.ReplayError("ticks are missing, and a guest begins with the flight", place=str(log.path))
+        raise schema.ReplayError("ticks are missing, and a user detector begins with the flight", place=str(log.path))
     local = own.level == "local"
     out = {}
     for lane in [s for s, t in technologies.items() if t in own.technologies] if local else ["aircraft"]:
@@ -333,8 +333,8 @@ def guest_outputs(log: Log, guest: Any, technologies: dict[str, str]) -> dict[st
         read = wires(own, place)
         columns = ((w.field, _column(log, w.signal.topic, w.signal.field + "_valid" * w.flag)) for w in read)
         p = own.fit(site(tick_of(log), place, technologies))
-        u = inputs(guest, log.n_ticks, columns)
-        out[lane] = replay_lane(unlogged(own, lane, guest, u, p), tick_of(log))[0]
+        u = inputs(part, log.n_ticks, columns)
+        out[lane] = replay_lane(unlogged(own, lane, part, u, p), tick_of(log))[0]
     return out
 
 

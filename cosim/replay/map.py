@@ -70,12 +70,12 @@ class Prepared:
 
 
 def prepare(path: str | Path, map_path: Any, *, detectors: Any = None, start_s: float = 0.0,
-            guests: Sequence[Any] = ()) -> Prepared:  # fmt: skip
+            user_detectors: Sequence[Any] = ()) -> Prepared:  # fmt: skip
     """Return the recording at `path` as the map at `map_path` has it; arguments and errors as of `diagnose`."""
-    made = [load(g).DETECTOR.id for g in guests]
+    made = [load(g).DETECTOR.id for g in user_detectors]
     check_start(start_s)
     m, text = load_map(map_path)
-    scenario = with_detectors(_scenario(m, detectors, map_path), guests)
+    scenario = with_detectors(_scenario(m, detectors, map_path), user_detectors)
     detectors = [*detectors, *made] if detectors else detectors
     m, dt = signals_of.with_hinge(m), 1.0 / m.rate_hz
     factors = signals_of.factors(m, map_path, scenario)
@@ -125,16 +125,16 @@ def _on_ticks(signal, source, factor, t, y, at, dt):
 
 def diagnose(
     path: str | Path, map_path: Any, *, detectors: Any = None, overrides: Mapping[str, Any] | None = None,
-    start_s: float = 0.0, output: str | Path | None = None, guests: Sequence[Any] = ()
+    start_s: float = 0.0, output: str | Path | None = None, user_detectors: Sequence[Any] = ()
 ) -> Diagnosis:  # fmt: skip
     """Run the detectors on the recording at `path` by the map at `map_path`; return a Diagnosis.
 
     `detectors` chooses some (default: all), `overrides` {detector: {parameter: value}} changes parameters, `start_s`
-    is a time of the recording, `output` the log to write: inputs under /input, outputs under /replay; `guests` are
-    files of further detectors (cosim/parts). Raises ReplayError, LogError, ScenarioError, GuestError.
+    is a time of the recording, `output` the log to write: inputs under /input, outputs under /replay; `user_detectors`
+    are files of further detectors (cosim/parts). Raises ReplayError, LogError, ScenarioError, PartError.
     """
     chosen_overrides(detectors, overrides)
-    made = prepare(path, map_path, detectors=detectors, start_s=start_s, guests=guests)
+    made = prepare(path, map_path, detectors=detectors, start_s=start_s, user_detectors=user_detectors)
     m, n = made.map, len(made.at)
     about = str(path), str(map_path), made.clock, m.rate_hz, float(made.at[0]), n * made.dt
     out = Diagnosis(*about, output=str(output) if output else None)

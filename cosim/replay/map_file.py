@@ -13,15 +13,14 @@ A channel is a column of the table, or `/topic.field` of an MCAP file.
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from cosim.replay.log_schema import ReplayError
-from cosim.scenario.load import explained
-from cosim.scenario.problem import Origin
+from cosim.scenario.problem import Origin, Table, explained
 from cosim.texts import read, toml
 
 
-class Signal(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+class Signal(Table, strict=False):
     """One signal of the map: a channel and how its numbers become SI, or a constant in SI."""
 
     channel: str | None = None
@@ -44,7 +43,7 @@ class Signal(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
         return self
 
 
-class Map(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+class Map(Table, strict=False):
     """A map file; `flight`, `elevator` and `detectors` are a scenario's tables and checked as such."""
 
     title: str = ""
@@ -68,4 +67,4 @@ def load_map(path: str | Path) -> tuple[Map, str]:
     try:
         return Map.model_validate(table), text
     except ValidationError as error:
-        raise explained(error, table, Origin.of_toml(text, place), Map, ReplayError) from None
+        raise explained(error, table, Origin.of_toml(text, place), ReplayError) from None

@@ -21,7 +21,7 @@ from cosim.judge.detection import JudgedLane, Said
 from cosim.judge.result import Errors, entry_of, judged
 from cosim.log import open_log
 from cosim.replay import log_schema
-from cosim.replay.detector_replay import culprits_of, elements, guest_outputs, target_of, tell, values
+from cosim.replay.detector_replay import culprits_of, elements, outputs_of_user, target_of, tell, values
 from cosim.replay.thinned import envelope, peaks
 from cosim.scenario.catalog import ACTUATOR_SENSORS, SENSORS
 from cosim.scenario.vocabulary import place
@@ -108,12 +108,12 @@ class LoggedFlight:
 
     knows_faults = True  # else alarms are neither right nor false
 
-    def __init__(self, path: str | Path, guests: Iterable[Any] = ()):
+    def __init__(self, path: str | Path, user_detectors: Iterable[Any] = ()):
         """Open the log at `path`, also one that was cut. Raises LogError for one that holds no scenario.
 
-        `guests` are made guests (cosim/parts) that are run on the flight as well.
+        `user_detectors` are made ones (cosim/parts) that are run on the flight as well.
         """
-        self._guests = guests
+        self._user_detectors = user_detectors
         self.log = open_log(path, tolerant=True)
         self.scenario = log_schema.scenario(self.log)
         self.detectors = log_schema.detectors(self.log)
@@ -202,10 +202,10 @@ class LoggedFlight:
                 own.truth = truth.curve, truth.unit
                 own.entry |= truth.errors.entry(truth.unit)
         out, flew = [own for own, *_ in watched], {own.id for own, *_ in watched}
-        for guest in (g for g in self._guests if g.DETECTOR.id not in flew):
-            fields = dict(elements(guest.STATE, guest.OUTPUTS))
-            for name, rows in guest_outputs(self.log, guest, self.scenario.elevator.technology).items():
-                own = Lane(guest.DETECTOR, name, guest.CULPRITS, fields, len(rows), "", self.dt, self.faults)
+        for part in (g for g in self._user_detectors if g.DETECTOR.id not in flew):
+            fields = dict(elements(part.STATE, part.OUTPUTS))
+            for name, rows in outputs_of_user(self.log, part, self.scenario.elevator.technology).items():
+                own = Lane(part.DETECTOR, name, part.CULPRITS, fields, len(rows), "", self.dt, self.faults)
                 own.add(rows)
                 out.append(own.end())
         return sorted(out, key=lambda lane: lane.level == "local")

@@ -7,7 +7,7 @@ import numpy as np
 
 from actuators.constants import DEG_PER_RAD, FT_PER_M, KT_PER_M_S
 from cosim.flight.loop import wiring
-from cosim.judge.alarms import faulty
+from cosim.judge.alarms import during
 from cosim.judge.detection import Runs, Word, name_at_end
 from cosim.judge.lanes import SHOWN
 from cosim.judge.result import concerns
@@ -363,4 +363,4 @@ def _real(flown, lane, step):
     if not flown.knows_faults:
         return np.ones(lane.said.ticks, bool)
     own = [f for f in flown.faults if concerns(lane, f["targets"])]
-    return faulty(own, lane.said.ticks, step, flown.t0)
+    return during(own, np.arange(lane.said.ticks), step, flown.t0)

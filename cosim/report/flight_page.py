@@ -68,5 +68,5 @@ def summary(flown: LoggedFlight) -> list[tuple[str, list]]:
         ("Broken", broken or ["nothing: every alarm below is a false one"]),
         ("Missed", narrator.silent(found, s) if broken else []),
         ("Not run", [f"{name}: {why}" for name, why in lost.items()]),
-        ("False alarms", [*narrator.false(found), *narrator.apart(found)]),
+        ("False alarms", narrator.false(found)),
     ]

@@ -15,7 +15,7 @@ from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, mod
 from actuators.constants import M_PER_FT, RAD_PER_DEG
 from actuators.registry import SHIPPED
 from cosim.errors import ScenarioError, did_you_mean
-from cosim.scenario.problem import Table
+from cosim.scenario.problem import Origin, Table, explained
 from cosim.texts import read, toml
 
 FOLDER = Path(__file__).resolve().parents[2] / "aircraft"
@@ -318,14 +318,12 @@ def of(info: ValidationInfo) -> Aircraft:
 @of_folder
 def _read(folder: Path) -> Aircraft:
     path = folder / RECORD
+    place, text = f"{folder.name}/{RECORD}", read(path, error=ScenarioError)
+    table = toml(text, place=place, error=ScenarioError)
     try:
-        table = toml(read(path, error=ScenarioError), place=f"{folder.name}/{RECORD}", error=ScenarioError)
         return Aircraft.model_validate({**table, "name": folder.name, "folder": folder})
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        said = first["msg"].removeprefix("Value error, ")
-        raise ScenarioError(said, place=f"{folder.name}/{RECORD}: {where}".rstrip(": ")) from None
+        raise explained(error, table, Origin.of_toml(text, place)) from None
 
 
 @of_folder

@@ -8,7 +8,7 @@ from actuators.technology import Key
 from cosim.scenario import catalog as c
 from cosim.scenario import tolerance
 from cosim.scenario.aircraft import of
-from cosim.scenario.problem import MULTIPLIER, Mistakes, Table, choice, problem
+from cosim.scenario.problem import MULTIPLIER, Problems, Table, choice, problem
 
 Feedback = Literal["measured", "iotsekf", "rtsekf", "rtsekf_flight"]
 
@@ -39,7 +39,7 @@ class Elevator(Table, extra="allow"):
         """Add technology and feedback of every segment."""
         if not isinstance(raw, dict):
             return raw
-        default, wrong = of(info).technology, Mistakes()
+        default, wrong = of(info).technology, Problems()
         wrong.unknown(raw, (*default, *cls.model_fields))
         raw = _settings(raw, default)
         technology = {name: raw.get(name, own) for name, own in default.items()}
@@ -66,7 +66,7 @@ class Elevator(Table, extra="allow"):
     @model_validator(mode="after")
     def _fits_the_actuators(self, info: ValidationInfo):
         """Check that filters are of hydraulic actuators, and parameters of that one and near its nominal ones."""
-        wrong = Mistakes()
+        wrong = Problems()
         for name, tech in self.technology.items():
             if tech != "hydraulic" and self.feedback.get(name, "measured") != "measured":
                 said = f"{self.feedback[name]} is a filter of hydraulic actuators, {name} is {tech}"

@@ -11,7 +11,7 @@ from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario import catalog as c
 from cosim.scenario.aircraft import Aircraft, load_aircraft, of
 from cosim.scenario.condition import condition, other_fault
-from cosim.scenario.problem import Duration, Mistakes, Seconds, Table, choice, problem
+from cosim.scenario.problem import Duration, Problems, Seconds, Table, choice, problem
 
 COMMON = ("target", "kind", "start_s", "when", "lasts_s", "end_s", "ramp_s")
 NEVER_S = 36000.0  # the onset of a fault that waits for its condition
@@ -76,7 +76,12 @@ class Fault(Table, extra="allow"):
         if not isinstance(raw, dict) or not all(isinstance(raw.get(k), str) for k in ("target", "kind")):
             return raw  # pydantic says what is missing or of the wrong type
         target = parse_target(raw["target"], of(info))
-        kind = _kind(target, raw)
+        if raw["kind"] not in c.ALL_KINDS:
+            raise choice(raw["kind"], target.kinds, "kind of fault", key="kind")
+        if raw["kind"] not in target.kinds:
+            said = f"{raw['kind']!r} is no fault of {raw['target']}"
+            raise problem(said, key="kind", allowed=", ".join(target.kinds))
+        kind = target.kinds[raw["kind"]]
         defaults = {k.name: k.default for k in kind.keys if k.default is not None and k.name not in raw}
         whole = {k: float(v) for k, v in raw.items() if type(v) is int and k not in cls.model_fields}
         return {**raw, **_place(target, kind, raw), **whole, **defaults}
@@ -84,7 +89,7 @@ class Fault(Table, extra="allow"):
     @model_validator(mode="after")
     def _numbers(self):
         """Check the kind's own numbers: one of `one_of`, all `keys`, nothing else."""
-        kind, own, wrong = self.spec, self.model_extra or {}, Mistakes()
+        kind, own, wrong = self.spec, self.model_extra or {}, Problems()
         optional = c.optional_keys(self.kind, self.target, self._aircraft)
         here = c.AMPLITUDES_AT[self.at or ""] if self.kind.startswith("ofc_") else [k.name for k in kind.one_of]
         one_of = [k for k in kind.one_of if k.name in here]
@@ -113,6 +118,7 @@ class Fault(Table, extra="allow"):
             wrong.add(f"a chirp needs {sweep}", key=sweep, allowed=c.SWEEP.range)
         elif self.shape != "chirp" and sweep in known and sweep in own:
             wrong.add("is for a chirp", key=sweep, remedy="Say shape = 'chirp'")
+        self._times(wrong)
         wrong.check()
         return self
 
@@ -136,9 +142,8 @@ class Fault(Table, extra="allow"):
         seen = (other_fault(name) for name in condition(self.when).signals()) if self.when is not None else ()
         return [number for number in seen if number is not None]
 
-    @model_validator(mode="after")
-    def _times(self):
-        wrong = Mistakes()
+    def _times(self, wrong):
+        """Check onset, end and ramp, and the condition in place of an onset."""
         if self.when is not None:
             try:
                 condition(self.when)
@@ -155,8 +160,6 @@ class Fault(Table, extra="allow"):
             wrong.add("the ramp is longer than the fault", key="ramp_s", allowed=f"0 to {self.end - self.start_s:g}")
         if self.ramp_s and self.spec.switched:
             wrong.add(f"{self.kind} does not support ramp_s", key="ramp_s", allowed="0", remedy="Remove ramp_s")
-        wrong.check()
-        return self
 
     @property
     def parsed(self) -> Any:
@@ -208,15 +211,6 @@ class Fault(Table, extra="allow"):
                 sensor = c.LOOP_SENSOR[technology[name]]
             out.append(Injection(place=target.place, name=name, sensor=sensor, **common))
         return out
-
-
-def _kind(target, raw):
-    kinds = target.kinds
-    if raw["kind"] in kinds:
-        return kinds[raw["kind"]]
-    if raw["kind"] not in c.ALL_KINDS:
-        raise choice(raw["kind"], kinds, "kind of fault", key="kind")
-    raise problem(f"{raw['kind']!r} is no fault of {raw['target']}", key="kind", allowed=", ".join(kinds))
 
 
 def _place(target, kind, raw):
@@ -292,7 +286,7 @@ def parse_target(text: str, aircraft: Aircraft) -> Target:
 def check_together(faults: Sequence[Fault], technology: dict[str, str]) -> None:
     """Raise for every fault that its actuator cannot have, that waits for one that there is not, or that overlaps
     another in what it takes over; when one that waits for its condition will do so is not known yet."""
-    wrong = Mistakes()
+    wrong = Problems()
     taken: list[tuple[Fault, tuple, int]] = []
     for i, fault in enumerate(faults):
         _possible(i, fault, technology, wrong)

@@ -8,7 +8,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from actuators.constants import M_PER_FT, M_S_PER_KT
 from cosim.scenario.aircraft import DEFAULT, of
-from cosim.scenario.problem import Mistakes, Seconds, Table, problem
+from cosim.scenario.problem import Problems, Seconds, Table, problem
 
 SPEEDS = ("cas_kt", "mach", "tas_kt")
 AIR = ("turbulence", "air", "wind_kt", "wind_from_deg", "shear_kt_1000ft", "gusts")  # keys of what the air does
@@ -82,7 +82,7 @@ class Flight(Table):
     turn = _si("turn_deg_s", math.radians)  # rate of the heading [rad/s]
     @model_validator(mode="after")
     def _together(self):
-        wrong = Mistakes()
+        wrong = Problems()
         for i, (before, change) in enumerate(zip(self.air, self.air[1:]), start=1):
             if change.start_s < before.start_s + before.ramp_s:
                 said = f"begins before air.{i - 1} is reached"

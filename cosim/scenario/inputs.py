@@ -13,7 +13,7 @@ from pydantic import Field, ValidationError, ValidationInfo, field_validator, mo
 
 from actuators.technology import Key
 from cosim.errors import ScenarioError, did_you_mean
-from cosim.scenario.problem import Mistakes, Table, problem
+from cosim.scenario.problem import Problems, Table, problem
 from cosim.scenario.user_parts import find as file_of
 from cosim.texts import read
 
@@ -67,7 +67,7 @@ class Inputs(Table):
     @classmethod
     def _numbers(cls, values: Any, info: ValidationInfo) -> Any:
         """Name the first number that is wrong."""
-        name, wrong = info.field_name or "", Mistakes()
+        name, wrong = info.field_name or "", Problems()
         key = Key(name, *RANGES[name])
         if name == "stabiliser_deg" and info.context:
             key = Key(name, *info.context["aircraft"].travels_deg["stabiliser"])

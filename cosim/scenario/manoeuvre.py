@@ -2,10 +2,11 @@
 
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, PlainValidator, ValidationInfo, model_validator
 
+from cosim.errors import did_you_mean
 from cosim.scenario.inputs import Inputs
-from cosim.scenario.problem import Seconds, Table, problem
+from cosim.scenario.problem import MISSING, Seconds, Table, problem
 
 Length = Annotated[float, Field(gt=0.0, le=3600.0)]
 LoadFactor = Annotated[float, Field(ge=-1.5, le=1.5)]
@@ -95,11 +96,21 @@ class ThreeTwoOneOne(_Manoeuvre):
         return {**raw, "amplitude_g": 0.15} if isinstance(raw, dict) and not given else raw
 
 
-Manoeuvre = Annotated[
-    Cruise | AoaProtection | NoseUp | PitchProtection | CoordinatedTurn | YawAngle | NzDoublet
-    | ThreeTwoOneOne | Inputs,
-    Field(discriminator="kind"),
-]
-KINDS: dict[str, type[BaseModel]] = {
-    get_args(kind.model_fields["kind"].annotation)[0]: kind for kind in get_args(get_args(Manoeuvre)[0])
-}
+_EVERY = (
+    Cruise, AoaProtection, NoseUp, PitchProtection, CoordinatedTurn, YawAngle, NzDoublet, ThreeTwoOneOne, Inputs
+)  # fmt: skip
+KINDS: dict[str, type[Table]] = {get_args(kind.model_fields["kind"].annotation)[0]: kind for kind in _EVERY}
+
+
+def _of_its_kind(raw: Any, info: ValidationInfo) -> Any:
+    """Return the manoeuvre of a table, of the class that its kind names."""
+    if not isinstance(raw, dict):
+        raise problem("must be a table")
+    kind, choices = raw.get("kind"), ", ".join(KINDS)
+    if not isinstance(kind, str) or kind not in KINDS:
+        said = "is no manoeuvre" if "kind" in raw else MISSING
+        raise problem(said, key="kind", allowed=choices, remedy=did_you_mean(kind or "", KINDS))
+    return KINDS[kind].model_validate(raw, context=info.context)
+
+
+Manoeuvre = Annotated[Any, PlainValidator(_of_its_kind)]

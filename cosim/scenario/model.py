@@ -14,11 +14,10 @@ from cosim.scenario.fault import Fault, check_together
 from cosim.scenario.flight import Flight
 from cosim.scenario.manoeuvre import Cruise, Manoeuvre
 from cosim.scenario.own_actuator import OwnActuator
-from cosim.scenario.problem import MULTIPLIER, Duration, Mistakes, Table, choice, problem
+from cosim.scenario.problem import MULTIPLIER, Duration, Problems, Table, choice, problem
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_parts import UserPart
-from cosim.table import Table as Drawn
-from fdi.registry import DEFAULT, GUESTS, SHIPPED
+from fdi.registry import DEFAULT, SHIPPED, USER_DETECTORS
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ class Sensors(Table, extra="allow"):
 
     @model_validator(mode="after")
     def _known(self):
-        units, wrong = {**c.SENSORS, **c.ACTUATOR_SENSORS}, Mistakes()
+        units, wrong = {**c.SENSORS, **c.ACTUATOR_SENSORS}, Problems()
         for name, table in (self.model_extra or {}).items():
             if name in units:
                 wrong.numbers(table, _sensor_keys(units[name]), f"key of sensor {name}", name)
@@ -84,15 +83,14 @@ class Tolerances(Table, extra="allow"):
         if not isinstance(raw, dict):
             return raw
         groups = [name for name, t in c.TECHNOLOGIES.items() if t.servo]
-        wrong = Mistakes()
+        wrong = Problems()
         wrong.unknown(raw, ("aero", *groups))
         wrong.check()
-        own = [name for name in groups if name not in c.USERS]  # which have none, but for empty ones in older logs
-        return {"aero": {}, **{name: {} for name in own}, **{k: v for k, v in raw.items() if v or k in ("aero", *own)}}
+        return {"aero": {}, **{name: {} for name in groups if name not in c.USERS}, **raw}
 
     @model_validator(mode="after")
     def _known(self, info: ValidationInfo):
-        wrong = Mistakes()
+        wrong = Problems()
         for group, table in self:
             known = of(info).multipliers if group == "aero" else toleranced(group) if table else ()
             wrong.numbers(table, dict.fromkeys(known, MULTIPLIER), "parameter that has a tolerance", group)
@@ -140,9 +138,10 @@ class Detectors(Table, extra="allow"):
             return raw
         named = [name for name, own in raw.items() if isinstance(own, dict) and "file" in own]
         if "enabled" not in raw:
-            own = {n: {"file": g.file, "sha256": g.sha256} for n, g in GUESTS.items() if g.file and n not in raw}
-            raw = {"enabled": [*DEFAULT, *dict.fromkeys((*GUESTS, *named))], **own, **raw}
-        known, wrong = (*SHIPPED, *GUESTS), Mistakes()
+            users = {n: part for n, part in USER_DETECTORS.items() if part.file and n not in raw}
+            own = {n: {"file": part.file, "sha256": part.sha256} for n, part in users.items()}
+            raw = {"enabled": [*DEFAULT, *dict.fromkeys((*USER_DETECTORS, *named))], **own, **raw}
+        known, wrong = (*SHIPPED, *USER_DETECTORS), Problems()
         enabled = raw["enabled"] if isinstance(raw["enabled"], list | tuple) else ()
         for i, name in enumerate(enabled):
             if isinstance(name, str) and name not in (*known, *named):
@@ -155,7 +154,7 @@ class Detectors(Table, extra="allow"):
         return raw
 
     def table(self, name: str) -> dict:
-        """Return {parameter: value} of detector `name` as written; of a guest its file and digest are among them."""
+        """Return {parameter: value} of detector `name` as written; of a user detector its file and digest, too."""
         return dict((self.model_extra or {}).get(name, {}))
 
 
@@ -181,7 +180,7 @@ class Scenario(Table):
     sensors: Sensors = Sensors.model_validate({})
     tolerances: Tolerances = Tolerances.model_validate({})
     faults: Annotated[tuple[Fault, ...], Field(strict=False)] = ()
-    detectors: Detectors = Field(default_factory=lambda: Detectors.model_validate({}))  # guests may have come since
+    detectors: Detectors = Field(default_factory=lambda: Detectors.model_validate({}))  # users' may have come since
 
     @model_validator(mode="after")
     def _whole(self):
@@ -212,11 +211,6 @@ class Scenario(Table):
         return user_parts.named(self.model_dump(mode="python", exclude_none=True))
 
     @property
-    def code(self) -> tuple[UserPart, ...]:
-        """Return what of `user_parts` is code; an aircraft is data."""
-        return tuple(file for key, file in self.user_parts.items() if key != "flight.aircraft")
-
-    @property
     def aircraft(self) -> Aircraft:
         """Return the record of the aircraft that flies."""
         return load_aircraft(self.flight.aircraft, self.flight.aircraft_sha256)
@@ -231,15 +225,11 @@ class Scenario(Table):
         """Return the number of ticks."""
         return round(self.duration_s * self.rate_hz)
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         lines = (f"  {name:<10} {said}" for name, said in self._about())
         return "\n".join([f"Scenario: {self.title or 'without a title'}", *lines])
 
-    def _repr_html_(self) -> str:
-        made = Drawn(f"Scenario: {self.title or 'without a title'}", "", "", kind="", heads=False)
-        for name, said in self._about():
-            made.add(name, said)
-        return made._repr_html_()
+    __str__ = __repr__
 
     def _about(self):
         """Return [(what, in words)] of what differs from flight to flight; `expanded_toml` has all of it."""

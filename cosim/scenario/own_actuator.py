@@ -67,7 +67,7 @@ class OwnActuator(Table):
 
 def register(actuators: dict[str, OwnActuator]) -> None:
     """Let scenarios name these technologies; a shipped one keeps its name."""
-    from actuators import fmu, user_actuator
+    from actuators import user_actuator  # it needs NumPy
 
     for name, own in actuators.items():
         place = f"actuators.{name}"
@@ -80,11 +80,7 @@ def register(actuators: dict[str, OwnActuator]) -> None:
         if own.file is not None:
             made = user_actuator.from_file(name, own.path, own.servo, load, error)
         else:
-            tables: dict = {"parameters": own.parameters}
-            for part in ("inputs", "outputs", "start"):
-                given = getattr(own, part).items()
-                tables[part] = {w: fmu.Variable(v.variable, v.unit, {**INPUTS, **OUTPUTS}[w]) for w, v in given}
-            made = user_actuator.from_fmu(name, own.path, own.servo, tables, error)
+            made = user_actuator.from_fmu(name, own, {**INPUTS, **OUTPUTS}, error)
         c.register(made, users=True)
 
 

@@ -1,24 +1,32 @@
 """What is wrong with a file of a user's: each mistake with where it was written.
 
-Pydantic collects what is wrong with the fields of every table. What no field can say, a table's validator says with
-`problem`, or with `Mistakes` where several can be wrong; `Origin` knows the line or the override that a key stands in;
-`cosim.scenario.load.explained` makes one error of them.
+Pydantic collects what is wrong with the fields of every `Table`, which says it in our words. What no field can say, a
+table's validator says with `problem`, or with `Problems` where several can be wrong; `Origin` knows the line or the
+override that a key stands in; `explained` makes one error of them.
 """
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from actuators.technology import Key
-from cosim.errors import did_you_mean
+from cosim.errors import CosimError, ScenarioError, did_you_mean, joined
 from cosim.texts import toml_lines
 
 Seconds = Annotated[float, Field(ge=0.0, le=36000.0)]  # of a flight, at the most as long as one may last
 Duration = Annotated[float, Field(gt=0.0, le=36000.0)]
 MULTIPLIER = Key("multiplier", 0.2, 5.0)
+MISSING, NEAR = "is missing", "Did you mean"
+WORDS = {  # what pydantic calls by the names of Python
+    **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "must be a table"),
+    **dict.fromkeys(("tuple_type", "list_type"), "must be a list"),
+    "string_type": "must be text",
+    "bool_type": "must be true or false",
+}
 
 
 def problem(text: str, *, key: str = "", allowed: str = "", remedy: str = "") -> PydanticCustomError:
@@ -31,7 +39,7 @@ def choice(value: Any, choices: Iterable[str], what: str, *, key: str = "") -> P
     return problem(f"{value!r} is no {what}", key=key, allowed=", ".join(choices), remedy=did_you_mean(value, choices))
 
 
-class Mistakes(list[PydanticCustomError]):
+class Problems(list[PydanticCustomError]):
     """What is wrong with one table: a `problem` each."""
 
     def add(self, text: str, **where: str) -> None:
@@ -97,7 +105,93 @@ class Origin:
         return next((where for where in found if where), self.place)
 
 
+def explained(
+    error: ValidationError, table: dict[str, Any], origin: Origin, kind: type[CosimError] = ScenarioError
+) -> CosimError:
+    """Return pydantic's `error` about `table`, a file whose model is a Table, as an error of `kind` that names every
+    mistake, in the order of the file. Of two about one key the first is told, and none that an unknown key explains."""
+    found: dict[str, dict] = {}
+    for one in error.errors(include_url=False):
+        ctx = _in_words(one, {}).context or {}
+        found.setdefault(".".join(map(str, (*one["loc"], *filter(None, [ctx["key"]])))), ctx)
+    near = [(key.rpartition(".")[0], ctx["remedy"]) for key, ctx in found.items() if NEAR in ctx["remedy"]]
+    slips = {".".join(filter(None, (around, remedy.split("'")[1]))) for around, remedy in near}
+    order = {where: n for n, where in enumerate(origin.where.values())}
+    made = []
+    for key, ctx in sorted(found.items(), key=lambda one: order.get(origin.of(one[0]), -1)):
+        if ctx["text"] == MISSING and key in slips:
+            continue
+        where, value = origin.of(key), _value(table, key, ctx["text"])
+        text = where.partition("--set ")[2]
+        if text.partition("=")[0].strip() == key:  # the override of just this key says it all
+            where = where.removesuffix(f" {text}")
+            place = f"{where} {key}{value or ' = ' + text.partition('=')[2].strip()[:60]}"
+        else:
+            place = ": ".join(filter(None, (where, key + value)))
+        made.append(kind(ctx["text"], place=place, allowed=ctx["allowed"], remedy=ctx["remedy"]))
+    return joined(made)
+
+
+def _value(table, key, said):
+    """Return " = value" of a key of the tables, "" where there is none or it is a table itself."""
+    for part in key.split("."):
+        try:
+            table = table[int(part) if isinstance(table, list) else part]
+        except (KeyError, IndexError, ValueError, TypeError):
+            return ""
+    if isinstance(table, bool):
+        table = str(table).lower()  # as TOML spells it
+    elif isinstance(table, str) and said.startswith("must be a"):
+        table = f'"{table}"'  # what is wrong are its quotes
+    return "" if isinstance(table, dict | list) else f" = {str(table)[:60]}"
+
+
 class Table(BaseModel):
-    """A frozen table of a scenario: unknown keys, wrong types and numbers that are not finite are errors."""
+    """A frozen table of a file: unknown keys, wrong types and numbers that are not finite are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _told(cls, raw: Any, handler: Any) -> Any:
+        """Say in our words what pydantic finds wrong with the keys of this table; those below have been said."""
+        try:
+            return handler(raw)
+        except ValidationError as error:
+            found = error.errors(include_url=False)
+        told = [InitErrorDetails(type=_in_words(one, cls.model_fields), loc=one["loc"], input=None) for one in found]
+        raise ValidationError.from_exception_data(cls.__name__, told)
+
+
+def _in_words(one, fields):
+    """Return the `problem` of one error of pydantic's about a table of `fields`."""
+    ctx, wrong, loc = one.get("ctx", {}), one["type"], one["loc"]
+    known = fields.get(loc[0]) if loc else None
+    if wrong == "cosim":
+        return problem(ctx["text"], key=ctx["key"], allowed=ctx["allowed"], remedy=ctx["remedy"])
+    if wrong == "extra_forbidden":
+        return problem("unknown key", allowed=", ".join(fields), remedy=did_you_mean(loc[-1], fields))
+    if wrong == "literal_error":
+        allowed = ctx["expected"].replace("'", "").replace(" or ", ", ")
+        return problem("is not one of the choices", allowed=allowed)
+    said = WORDS.get(wrong) or re.sub(r"^\w+ should", "must", one["msg"].removeprefix("Value error, "))
+    said = {"missing": MISSING}.get(wrong, "is out of range" if "than" in wrong else said)
+    return problem(said, allowed=_range(known))
+
+
+def _range(field):
+    """Return the range of a field of numbers as words, "" for any other."""
+    if field is None:
+        return ""
+    parts = [*field.metadata]
+    for option in getattr(field.annotation, "__args__", ()):
+        parts += [m for meta in getattr(option, "__metadata__", ()) for m in getattr(meta, "metadata", [meta])]
+    bounds = {k: getattr(m, k) for m in parts for k in ("ge", "gt", "le", "lt") if getattr(m, k, None) is not None}
+    if not {"le", "lt"} & bounds.keys():
+        return ""
+    low = f"above {_plain(bounds['gt'])}" if "gt" in bounds else _plain(bounds.get("ge", 0))
+    return f"{low} to {_plain(bounds.get('le', bounds.get('lt')))}"
+
+
+def _plain(bound):
+    return str(int(bound)) if bound == int(bound) else f"{bound:g}"

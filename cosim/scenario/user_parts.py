@@ -14,7 +14,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, redirect_stdout
+from contextlib import AbstractContextManager, redirect_stdout
 from pathlib import Path, PurePosixPath
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -24,7 +24,7 @@ from cosim.errors import CosimError, LogError, Mistakes, OutputError, ScenarioEr
 from cosim.files import replace
 from cosim.scenario import toml
 from cosim.scenario.aircraft import placed, ships
-from fdi.registry import GUESTS
+from fdi.registry import USER_DETECTORS
 
 SHA256 = "sha256"
 CHANGED, AGREE = "is not the file that the scenario means: its digest differs", "Read it, then remove or renew sha256"
@@ -95,11 +95,13 @@ def _run(path, file, part, error):
     module, here, before = importlib.util.module_from_spec(spec), os.getcwd(), sys.dont_write_bytecode
     sys.modules[name], sys.dont_write_bytecode = module, True
     try:
-        with run_user_code(error, path):
+        with stdout_to_stderr():
             exec(compile(file.read_bytes(), str(file), "exec"), vars(module))  # as it stands, whatever __pycache__ has
-    except BaseException:
+    except BaseException as wrong:
         sys.modules.pop(name)
-        raise
+        if isinstance(wrong, KeyboardInterrupt | CosimError):
+            raise
+        raise error(f"does not run: {sentence(wrong, path)}") from wrong
     finally:
         sys.dont_write_bytecode = before
         os.chdir(here)
@@ -109,18 +111,6 @@ def _run(path, file, part, error):
 def stdout_to_stderr() -> AbstractContextManager:
     """Send what a user's code prints to standard error: standard output is the program's own."""
     return redirect_stdout(sys.stderr)
-
-
-@contextmanager
-def run_user_code(error: Callable[[str], Exception], path: Path | None = None) -> Iterator[None]:
-    """Run a user's code: whatever it raises, but Ctrl-C and an error of ours, is error("does not run: ...")."""
-    try:
-        with stdout_to_stderr():
-            yield
-    except (KeyboardInterrupt, CosimError):
-        raise
-    except BaseException as wrong:
-        raise error(f"does not run: {sentence(wrong, path or '')}") from wrong
 
 
 class Place(NamedTuple):
@@ -203,8 +193,8 @@ def _detector(at):
 
 def _known(at):
     """Tell whether a detector is loaded already, from what the scenario means."""
-    guest = GUESTS.get(_detector(at))
-    return guest is not None and guest.sha256 == at.table.get(at.digest)
+    part = USER_DETECTORS.get(_detector(at))
+    return part is not None and part.sha256 == at.table.get(at.digest)
 
 
 def named(tables: dict[str, Any]) -> dict[str, UserPart]:

@@ -8,7 +8,7 @@ from cosim.errors import DesignError, did_you_mean
 TRAINERS = {  # name -> (module, what it trains)
     "hydraulic": ("cosim.training.train_hydraulic", "iotsekf, rtsekf, rtsekf_flight; 5 min"),
     "monitors": ("cosim.training.train_hydraulic", "ofc_monitor, position_monitor; 5 min on two cores"),
-    "aircraft": ("cosim.training.train_aircraft", "lpv_smo, control_redundancy, kinematic, rfafe_airframe; 10 min"),
+    "aircraft": ("cosim.training.train_aircraft", "lpv_smo, control_redundancy, kinematic; 10 min"),
     "ema": ("cosim.training.train_ema", "ema_kalman_flight, position_monitor on EMAs; 5 min on two cores"),
     "rfafe": ("cosim.training.train_rfafe", "rfafe, rfafe_airframe at its design point; 15 min on two cores"),
     "joint": ("cosim.training.train_joint", "rates of joint; 5 min on two cores"),

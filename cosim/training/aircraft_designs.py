@@ -82,8 +82,8 @@ def make(
     for old in (own.folder / "thresholds").glob("*.json"):
         old.unlink()  # no flight of the training knows what the last one found
     answers = run([(_answered, {**given, "index": k}) for k in range(bank.K)])
-    values, prior = train_aircraft.collect(first_seed, flights, run, fits(own), **given)
-    written += _thresholds(own, values, answers, prior, flights, first_seed)
+    values = train_aircraft.collect(first_seed, flights, run, fits(own), **given)
+    written += _thresholds(own, values, answers, flights, first_seed)
     about = {"aircraft_sha256": digest, "flights": flights, "first_seed": first_seed}
     return [*written, _write(own, "designs", Path(stored_designs.FILE).stem, about)]
 
@@ -143,21 +143,22 @@ def _even(low, high, width):
     return tuple(np.linspace(math.floor(low), math.ceil(high), n + 1).tolist())
 
 
-def _answered(aircraft: str, digest: str, index: int) -> float:
-    """Return what `train_rfafe.answered` finds at one frequency of the bank."""
+def _answered(aircraft: str, digest: str, index: int) -> dict[str, float]:
+    """Return {estimator: what `train_rfafe.answered` finds at one frequency of the bank}."""
     own = load_aircraft(aircraft)
     flight = {"aircraft": aircraft, "flight": own.points[rfafe.point_of(own)],
               "technology": elevators(ALL_HYDRAULIC, own)}  # fmt: skip
     frame = flown(flight | train_rfafe.oscillating(own.segments[0], index, 2.0))
-    return train_rfafe.answered(frame, "rfafe", index, fitted("rfafe", ALL_HYDRAULIC, aircraft))
+    return {name: train_rfafe.answered(frame, name, index, fitted(name, ALL_HYDRAULIC, aircraft))
+            for name in train_rfafe.MODULES}  # fmt: skip
 
 
-def _thresholds(own, values, answers, prior, flights, first_seed):
+def _thresholds(own, values, answers, flights, first_seed):
     """Store the thresholds that the surveys ask for; return the files."""
     how = {"command": f"python -m cosim.training all --aircraft {own.name}", "flights": flights,
            "first_seed": first_seed, "flight_s": FLIGHT_S}  # fmt: skip
     written = []
-    for t in train_aircraft.limits(values, prior):
+    for t in train_aircraft.limits(values):
         fields = dict(t.fields)
         if "alpha_max" in registry.module(t.detector).PARAMS.names:
             fields["alpha_max"] = math.radians(reach(own)[0])
@@ -165,6 +166,8 @@ def _thresholds(own, values, answers, prior, flights, first_seed):
             fields |= {f"t_{axis}": max(fields[f"t_{axis}"], FLOOR * TRANSPORT[f"n_{axis}"][1]) for axis in "xyz"}
         about = {**how, **{k: t.found[k] for k in ("probability_per_flight", "air")}}
         written.append(_write(own, "thresholds", t.detector, {"flight": fields, "training": about}))
-    fields, _ = train_rfafe.fields("rfafe", [v["rfafe"] for v in values if "rfafe" in v], np.array(answers))
     about = {**how, "margin": train_rfafe.MARGIN, "air": list(TURBULENCE)}
-    return [*written, _write(own, "thresholds", "rfafe", {"flight": fields, "training": about})]
+    for name in train_rfafe.MODULES:
+        fields, _ = train_rfafe.fields([v[name] for v in values if name in v], np.array([a[name] for a in answers]))
+        written.append(_write(own, "thresholds", name, {"flight": fields, "training": about}))
+    return written

@@ -21,8 +21,10 @@ from cosim.flight.plant.point import FlightPoint
 from cosim.judge.fault_effect import sine
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
 from cosim.training.flights import COMMAND, DT, MANOEUVRES, scenario
-from fdi.rfafe import rfafe, servo
+from fdi import rfafe
+from fdi.rfafe import servo
 from fdi.rfafe.discrete import noise
+from fdi.rfafe.rfafe import side
 from fdi.rfafe.store import to_plain
 
 STATES = ("tas", "alpha", "q", "theta")
@@ -64,38 +66,28 @@ def surfaces(own: Aircraft) -> tuple[str, ...]:
 
 
 @functools.cache
-def linear(point: str = "", aircraft: str = DEFAULT) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (A, B (4, segments), x0) of V, alpha, q, theta at a point of the aircraft's record, by default that of the
-    designs, in the paper's units."""
-    point = point or point_of(load_aircraft(aircraft))
-    return linear_at(FlightPoint.at(**load_aircraft(aircraft).points[point], aircraft=aircraft))
-
-
-def linear_at(point: FlightPoint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (A, B (4, segments), x0) of V, alpha, q, theta at a flight point in the paper's units."""
-    model = linearize(point)
+def linear(aircraft: str = DEFAULT) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (A, B (4, segments), x0) of V, alpha, q, theta at the point of the designs, in the paper's units."""
+    model = linearize(FlightPoint.at(**_flight(load_aircraft(aircraft)), aircraft=aircraft))
     A, B, _, _ = model.block(STATES, model.named("de_"))
     x0 = np.array([model.x0[list(model.states).index(s)] for s in STATES])
     return UNIT[:, None] * A / UNIT, UNIT[:, None] * B * RAD_PER_DEG, UNIT * x0
 
 
 @functools.cache
-def unknown_inputs(turbulence: str = "none", aero: tuple = (), aircraft: str = DEFAULT) -> np.ndarray:
-    """Return E (4, 6): the airframe's unknown input in each of the six fault-free flights. [Sun13] section II.B
-
-    In still air, unless `turbulence` says otherwise; `aero` = ((coefficient, factor), ...) that fly but that the model
-    does not know.
+def unknown_inputs(aircraft: str = DEFAULT) -> np.ndarray:
+    """Return E (4, 6): the airframe's unknown input in six fault-free flights in still air. [Sun13] section II.B
 
     The observer is driven by the true elevator angle, so E holds the airframe's error only; the actuators' rows are
     zero.
     """
     own = load_aircraft(aircraft)
-    A, B, x0 = linear(aircraft=aircraft)
+    A, B, x0 = linear(aircraft)
     states = [f"truth.aircraft.{n}" for n in STATES]
     flights = []
     for kind in MANOEUVRES:
-        flown = scenario(duration=FLIGHT_S, manoeuvre=kind, flight={**_flight(own), "turbulence": turbulence},
-                         tolerances={"aero": dict(aero)}, aircraft=aircraft, technology=layouts(own)["hydraulic"])
+        flown = scenario(duration=FLIGHT_S, manoeuvre=kind, flight={**_flight(own), "turbulence": "none"},
+                         aircraft=aircraft, technology=layouts(own)["hydraulic"])
         v = fly(flown, [*states, *surfaces(own)])
         flights.append((UNIT * np.asarray(v[states]) - x0, np.asarray(v[list(surfaces(own))]) / RAD_PER_DEG))
     return rfafe.estimate_E(A, B, np.eye(4), flights, dt=DT)
@@ -121,7 +113,7 @@ def actuator(technology: str, aircraft: str = DEFAULT) -> tuple[float, float, fl
         asked = v[COMMAND].to_numpy() + FIT_DEG * RAD_PER_DEG * np.sin(w * (t - 1.0))
         elevator = np.asarray(v[list(surfaces(own))]).mean(1)
         response.append(sine(t[late], elevator[late], w) / sine(t[late], asked[late], w))
-    a, gain, tau = rfafe.fit_first_order((np.array(FIT_HZ), np.array(response)))
+    a, gain, tau = rfafe.fit_first_order(FIT_HZ, response)
     s = 2j * math.pi * FIT_HZ[-1]
     return a, gain, tau, float(abs(response[-1] / (gain * a / (s + a))) - 1.0)
 
@@ -191,7 +183,7 @@ def published(progress: Any, aircraft: str = DEFAULT) -> dict[str, Any]:
     """Return the designs of the published form, both sides, y = [V, alpha, q, theta, left, right], by technology."""
     own = load_aircraft(aircraft)
     progress("six fault-free flights")
-    E = np.vstack([rfafe.reduce_E(unknown_inputs(aircraft=aircraft), RANK_E), np.zeros((2, RANK_E))])
+    E = np.vstack([rfafe.reduce_E(unknown_inputs(aircraft), RANK_E), np.zeros((2, RANK_E))])
     kinds = [kind for kind in layouts(own) if len(own.groups["left"]) > 1 or kind != "mixed"]
     pairs = [f"{a}/{b}" for a, b in itertools.permutations(kinds, 2)]  # sides that differ
     designs = {t: entry("rfafe", t, E, progress, aircraft=aircraft) for t in (*kinds, *pairs)}
@@ -202,26 +194,21 @@ def published(progress: Any, aircraft: str = DEFAULT) -> dict[str, Any]:
 def airframe(progress: Any, aircraft: str = DEFAULT) -> dict[str, Any]:
     """Return the designs of the airframe form, y = [V, alpha, q, theta], E freed of its part along F, by technology."""
     progress("six fault-free flights")
-    E = freed(unknown_inputs(aircraft=aircraft), linear(aircraft=aircraft)[1])
+    F = linear(aircraft)[1].sum(1, keepdims=True)
+    E = rfafe.separate(unknown_inputs(aircraft), F, np.eye(4), method="remove")[:, :RANK_E]
+    E = np.vstack([E, np.zeros((1, E.shape[1]))])
     designs = {t: entry("rfafe_airframe", t, E, progress, aircraft=aircraft) for t in layouts(load_aircraft(aircraft))}
     return {"designs": designs, **_made_from(aircraft)}
 
 
-def freed(E: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """Return E (5, rank) of the airframe form, without its part along the elevators' B (4, segments)."""
-    E = rfafe.separate(E, B.sum(1, keepdims=True), np.eye(4), method="remove")[:, :RANK_E]
-    return np.vstack([E, np.zeros((1, E.shape[1]))])
-
-
 def entry(
     name: str, technology: str, E: Any, progress: Callable[[str], None] = lambda text: None, *,
-    A: np.ndarray | None = None, B: np.ndarray | None = None, aircraft: str = DEFAULT, bandwidth: float | None = None,
-    **options: Any,
+    aircraft: str = DEFAULT, bandwidth: float | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Return the stored entry of form `name` for one technology, or "left/right": design, input delays and what its
-    figures are. A, B (4, segments) of the airframe are by default those at the point of the designs."""
-    own, nominal = load_aircraft(aircraft), linear(aircraft=aircraft)
-    A, B = nominal[0] if A is None else A, nominal[1] if B is None else B
+    figures are."""
+    own = load_aircraft(aircraft)
+    A, B, _ = linear(aircraft)
     air, position = sigmas(own)
     left = len(own.groups["left"])
     sigma: Any
@@ -234,13 +221,13 @@ def entry(
     kinds = technology.split("/") * (sides // len(technology.split("/")))
     a, gain, tau, high = (list(column) for column in zip(*(actuator(kind, aircraft) for kind in kinds)))
     if name == "rfafe":  # its command has gone through the model of the servos
-        tau = [float(np.mean([servo_model(k, aircraft)["delay_s"] for k in rfafe.side(kind)])) for kind in kinds]
+        tau = [float(np.mean([servo_model(k, aircraft)["delay_s"] for k in side(kind)])) for kind in kinds]
     late = [round((t + SENSOR_DELAY) / DT) * DT for t in tau]
     if len(set(kinds)) == 1:
         a, gain, tau, high, late = a[0], gain[0], tau[0], high[0], late[0]
     g = rfafe.global_model(A, Bu, np.eye(4), np.zeros((4, sides)), *rfafe.first_order(a, gain, sides))
     F = g[1] if name == "rfafe" else np.vstack([Bu, [[0.0]]])
-    made = rfafe.design(*g[:2], C, None, E, F, dt=DT, bandwidth=bandwidth or BANDWIDTH[name], sigma=sigma, **options)
+    made = rfafe.design(*g[:2], C, None, E, F, dt=DT, bandwidth=bandwidth or BANDWIDTH[name], sigma=sigma)
     return {
         "design": to_plain(made), "u_delay_s": late,
         "actuator": {"a_rad_s": a, "gain": gain, "tau_s": tau, "amplitude_error_2hz": high,
@@ -251,7 +238,7 @@ def entry(
 
 def _made_from(aircraft):
     own = load_aircraft(aircraft)
-    A, B, x0 = linear(aircraft=aircraft)
+    A, B, x0 = linear(aircraft)
     return {"point": _flight(own), "A": A.tolist(), "B": B.tolist(), "x0": x0.tolist(),
-            "E": unknown_inputs(aircraft=aircraft).tolist(), "units": "V m/s, angles deg, q deg/s",
+            "E": unknown_inputs(aircraft).tolist(), "units": "V m/s, angles deg, q deg/s",
             "flights": list(MANOEUVRES)}

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.lib.stride_tricks import sliding_window_view
 
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import sources, unfit
@@ -33,7 +32,7 @@ from cosim.training.flights import (
     trimming,
 )
 from cosim.training.threshold_fit import HELD, LEAST, PROBABILITY, blocks, lasting, limit
-from cosim.training.trainer import Trained, Training, decimals
+from cosim.training.trainer import Trained, Training
 from fdi import registry
 from fdi.common import bank
 from fdi.control_redundancy.core import NR
@@ -41,15 +40,8 @@ from fdi.kinematic import signatures
 
 DETECTORS = ("lpv_smo", "control_redundancy", "kinematic", "rfafe", "rfafe_airframe")
 # what each is trained in; the others' estimates are not made for severe air
-TRAINED_IN = {**dict.fromkeys(("kinematic", "rfafe_airframe"), AIR),
-              **dict.fromkeys(("lpv_smo", "control_redundancy", "rfafe"), AIR[:3])}  # fmt: skip
+TRAINED_IN = dict.fromkeys(DETECTORS, AIR[:3]) | {"kinematic": AIR}
 LPV_PARTS = ("elevator", "n_z", "alpha")
-BANDS = ((0, 4), (4, 7), (7, 10), (10, 14))  # of rfafe_airframe's frequencies: one limit from 0.5 to 1 Hz, to 2, 4, 11
-GUSTS = ("light", "moderate")  # that teach what the airframe has in rfafe_airframe's estimate
-# up to moderate air noise hides what gusts do to fast frequencies: only in severe air can it be told how limits grow
-IN_SEVERE = {"rfafe_airframe": ("band2", "band3")}
-BANK = ("bank_threshold", "bank_doubt", "bank_stir", "bank_share")
-TAUGHT_S, ALIKE_S = 50.0, 0.25  # to learn what the airframe has in rfafe_airframe's estimate; it is alike for so long
 # in place of PROBABILITY: four tests share it, the floor and three least limits take a quarter each, too: 1 in 100 h
 RARE = {"lpv_smo": 8e-5}
 LARGEST = {"gust_max"}
@@ -65,9 +57,6 @@ FLIGHTS, FIRST_SEED = 384, 31_000
 # and for lpv_smo STILL flights in still air with every coefficient as it is known: then nothing but noise is in its
 # estimates, and its limits, which grow with gusts, come down to it after a minute
 STILL, STILL_S, STILL_ALPHA = 24, 400.0, 12.9
-# and for rfafe_airframe CALM of FLIGHT_S in still air, light and fast, all hydraulic: there friction makes command and
-# elevators swing against each other at 1 Hz, and they move the aircraft most; few of FLIGHTS are so
-CALM, LIGHT, FAST = 64, {"mass_t": (200.0, 260.0)}, {"cas_kt": (285.0, 330.0)}
 PIECE_S = 60.0  # of a flight: for so long PROBABILITY is
 HALF_S = 1.0  # between half periods that count together
 
@@ -88,16 +77,6 @@ def still(index: int, first_seed: int = FIRST_SEED) -> dict:
     rng = np.random.default_rng([first_seed, FLIGHTS, index])
     fixed = {"duration": STILL_S, "seed": first_seed + FLIGHTS + index, "sensors": {"noise_scale": NOISE_SCALE}}
     return trimming(rng, fixed, {"turbulence": "none"}, STILL_ALPHA)
-
-
-def calm(index: int, first_seed: int = FIRST_SEED) -> dict:
-    """Return the arguments of `flights.scenario` of the calm flight `index`, from 0 to CALM."""
-    made = arguments(FLIGHTS + STILL + index, first_seed)
-    rng = np.random.default_rng([first_seed, FLIGHTS + STILL + index, 2])
-    where = {name: float(rng.uniform(*span)) for name, span in (LIGHT | FAST).items()}
-    # more noise hides the swing's shape
-    own = {"technology": elevators(ALL_HYDRAULIC), "sensors": {"noise_scale": 1.0}}
-    return trimming(rng, made | own, where | {"turbulence": AIR[0]})
 
 
 def fits(own: Aircraft) -> tuple[str, ...]:
@@ -201,52 +180,8 @@ def survey_control_redundancy(frame: pd.DataFrame, p: np.ndarray) -> dict[str, n
     return out | {"gust_max": blocks(speed * np.sqrt(log["rough"]), [1.0], valid, dt)}
 
 
-def learned(frame: pd.DataFrame, p: np.ndarray) -> list[float]:
-    """Return what the airframe has in rfafe_airframe's estimate over TAUGHT_S (3,), and the noise that is left in it
-    times the time for which it is alike [rad2 s]."""
-    q = p.copy()
-    q["prior"], q["spread"], q["t_learn"] = 0.0, 100.0, TAUGHT_S
-    log = watched(frame, "rfafe_airframe", q, ("theta", "lagged", "low", "f", "taught"))
-    if log["taught"][-1] < TAUGHT_S:
-        return []
-    rest = log["f"][:, 0] - log["low"][:, -1] - ((log["lagged"] - log["low"])[:, :-1] * log["theta"][-1]).sum(axis=1)
-    n = round(ALIKE_S / frame.attrs["dt"])
-    means = rest[-len(rest) // n * n // 2 :][: len(rest) // 2 // n * n].reshape(-1, n).mean(axis=1)
-    return [*log["theta"][-1].tolist(), float(means.var() * ALIKE_S)]
-
-
-def survey_rfafe_airframe(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the blocks of oscillations in BANDS, each the least of a row of fits of that shape: 1, doubt of the
-    correction, rms of the angle of attack, amplitude of the command, of which friction holds back a share; and of the
-    slow part: 1, distance from where the correction was learned."""
-    q = p.copy()
-    for field in (*BANK[1:], "bank_floor"):
-        q[field] = 0.0
-    q["bank_threshold"], q["hits"] = 1e-9, 1e9  # the shape is asked, the size is what is found
-    log = watched(frame, "rfafe_airframe", q, ("bank_cos", "bank_sin", "bank_new", "hit", "doubt", "stir", "away",
-                                               "slow", "u_si", "valid"))  # fmt: skip
-    valid, dt, few = log["valid"] > 0.5, frame.attrs["dt"], int(p["hits"][0]) - train_rfafe.SPARE
-    features = [1.0, np.sqrt(log["doubt"]), np.sqrt(log["stir"])]
-    size, asked = (np.hypot(log["bank_cos"][:, i], log["bank_sin"][:, i]) for i in (0, 1))
-    out = {}
-    for i, (first, last) in enumerate(BANDS):
-        rows = []
-        for k in range(first, last):
-            at = np.flatnonzero(log["bank_new"][:, k] > 0.5)
-            lasts = np.zeros(len(frame))
-            if len(at) >= few:
-                shaped = np.where(log["hit"][at, k] > 0.5, size[at, k], 0.0)
-                lasts[at[few - 1 :]] = sliding_window_view(shaped, few).min(axis=1)
-            rows.append(blocks(lasts, [*features, asked[:, k]], valid, dt))
-        out[f"band{i}"] = np.concatenate(rows)
-    slow = np.abs(log["slow"][:, 0]) - p["static_share"][0] * np.abs(log["u_si"][:, 0])
-    out["slow"] = blocks(np.maximum(slow, 1e-6), [1.0, log["away"]], valid, dt, HELD * float(p["t_static"][0]))
-    return out
-
-
 SURVEYS: dict[str, Any] = {
     "lpv_smo": survey_lpv_smo, "kinematic": survey_kinematic, "control_redundancy": survey_control_redundancy,
-    "rfafe_airframe": survey_rfafe_airframe,
 }  # fmt: skip
 
 
@@ -256,59 +191,31 @@ def watched(frame: pd.DataFrame, name: str, p: np.ndarray, fields: tuple[str, ..
 
 
 def surveys(
-    frame: pd.DataFrame, turbulence: str, fitted: Callable[[str], np.ndarray], prior: dict | None, names: Sequence[str]
+    frame: pd.DataFrame, turbulence: str, fitted: Callable[[str], np.ndarray], names: Sequence[str]
 ) -> dict[str, Any]:
     """Return what the surveys of detectors `names` find in one flown table, plain data; of those not trained in its air
-    nothing. Its `air` stands beside. `fitted(name)` gives the parameters, `prior` the fields that `known` found, None:
-    those stored."""
+    nothing. Its `air` stands beside. `fitted(name)` gives the parameters."""
     out: dict[str, Any] = {"air": turbulence}
     for name in (n for n in names if turbulence in TRAINED_IN[n]):
-        p = fitted(name)
-        if name == "rfafe":
-            out[name] = train_rfafe.survey(frame, name, p)
-            continue
-        for field, value in (prior or {}).items() if name == "rfafe_airframe" else ():
-            p[field] = value
-        told = SURVEYS[name](frame, p)
-        parts = IN_SEVERE.get(name, tuple(told)) if turbulence == AIR[-1] else tuple(told)
-        out[name] = {part: told[part].tolist() for part in parts}
+        if name in train_rfafe.MODULES:
+            out[name] = train_rfafe.survey(frame, name, fitted(name))
+        else:
+            out[name] = {part: rows.tolist() for part, rows in SURVEYS[name](frame, fitted(name)).items()}
     return out
 
 
 def surveyed(
-    index: int, first_seed: int, prior: dict | None, names: Sequence[str], aircraft: str = DEFAULT, digest: str = ""
+    index: int, first_seed: int, names: Sequence[str], aircraft: str = DEFAULT, digest: str = ""
 ) -> dict[str, Any]:
     """Return what `surveys` finds in one training flight of an aircraft; `digest` is of its numbers."""
     frame = flown(arguments(index, first_seed, aircraft))
-    return surveys(frame, air(index), partial(fitted, index=index, aircraft=aircraft), prior, names)
-
-
-def surveyed_calm(index: int, first_seed: int = FIRST_SEED, prior: dict | None = None) -> dict[str, dict[str, list]]:
-    """Return the largest oscillation of each band that rfafe_airframe's survey finds in one calm flight, plain data."""
-    known = partial(fitted, index=ALL_HYDRAULIC)
-    found = surveys(flown(calm(index, first_seed)), AIR[0], known, prior, ("rfafe_airframe",))
-    most = {f"floor {i}": max((row[0] for row in found["rfafe_airframe"][f"band{i}"]), default=0.0)
-            for i in range(len(BANDS))}  # fmt: skip
-    return {"rfafe_airframe": {part: [[size, 1.0]] for part, size in most.items()}}
+    return surveys(frame, air(index), partial(fitted, index=index, aircraft=aircraft), names)
 
 
 def surveyed_still(index: int, first_seed: int = FIRST_SEED) -> dict[str, dict[str, list]]:
     """Return what lpv_smo's survey finds in one still flight, plain data."""
     found = survey_lpv_smo(flown(still(index, first_seed)), fitted("lpv_smo"), still=True)
     return {"lpv_smo": {part: rows.tolist() for part, rows in found.items()}}
-
-
-def taught(index: int, first_seed: int, aircraft: str = DEFAULT, digest: str = "") -> list[float]:
-    """Return what `learned` finds in one training flight of an aircraft."""
-    return learned(flown(arguments(index, first_seed, aircraft)), fitted("rfafe_airframe", index, aircraft))
-
-
-def known(rows: list[list[float]]) -> dict:
-    """Return the fields of rfafe_airframe's correction from what `taught` found: before learning theta is taken to be
-    as over these flights, with DOUBLE their deviations, since points beyond 5 % of them are flown, too."""
-    found = np.array([row for row in rows if row])
-    return {"prior": found[:, :-1].mean(axis=0).tolist(), "spread": (DOUBLE * found[:, :-1].std(axis=0)).tolist(),
-            "noise": float(np.median(found[:, -1]))}  # fmt: skip
 
 
 def fitted(name: str, index: int = 0, aircraft: str = DEFAULT) -> np.ndarray:
@@ -333,26 +240,20 @@ def elevators(index: int, own: Aircraft | None = None) -> tuple[str, ...]:
 
 def collect(
     first_seed: int, number: int, run: Callable[..., Any], names: Sequence[str] = tuple(SURVEYS), **aircraft: str
-) -> tuple[list[dict], dict]:
-    """Return (what `surveyed` and `surveyed_still` find in every flight, prior): of detectors `names`; `aircraft` and
-    its `digest` if it is not the default one, which alone has still and calm flights."""
-    prior: dict = {}
-    if "rfafe_airframe" in names:
-        rough = [k for k in range(number) if air(k) in GUSTS]
-        prior = known(run([(taught, {"index": k, "first_seed": first_seed, **aircraft}) for k in rough]))
-    given = {"first_seed": first_seed, "prior": prior or None, "names": tuple(names), **aircraft}
+) -> list[dict]:
+    """Return what `surveyed` and `surveyed_still` find in every flight, of detectors `names`; `aircraft` and its
+    `digest` if it is not the default one, which alone has still flights."""
+    given = {"first_seed": first_seed, "names": tuple(names), **aircraft}
     chosen = [k for k in range(number) if any(air(k) in TRAINED_IN[name] for name in names)]
     jobs: list = [(surveyed, {"index": k, **given}) for k in chosen]
-    if "rfafe_airframe" in names and not aircraft:
-        jobs += [(surveyed_calm, {"index": k, "first_seed": first_seed, "prior": prior}) for k in range(CALM)]
     if "lpv_smo" in names and not aircraft:
         jobs += [(surveyed_still, {"index": k, "first_seed": first_seed}) for k in range(STILL)]
-    return run(jobs), prior
+    return run(jobs)
 
 
-def limits(values: list[dict], prior: dict) -> list[Trained]:
+def limits(values: list[dict]) -> list[Trained]:
     """Return the thresholds of every detector that `values` are of, at PROBABILITY or RARE per flight, shared among its
-    parts; rfafe_airframe's with the `prior` that `known` found.
+    parts.
 
     Where a part stands in LARGEST, its limit is the largest that was seen: beyond it nothing is said.
     """
@@ -377,13 +278,9 @@ def limits(values: list[dict], prior: dict) -> list[Trained]:
             w, found[part] = limit(rows, share / tests.count(test), f"{name}, {part}", least, kinds)
             made[part] = w.tolist()
         about: dict[str, Any] = {"air": list(TRAINED_IN[name]), "found": found, "probability_per_flight": probability}
-        more, digits = {}, 7
         if name == "lpv_smo":
             about |= {"still_flights": STILL, "still_s": STILL_S}
-        if name == "rfafe_airframe":
-            about |= {"calm_flights": CALM}
-            more, digits = prior, 12  # its noise is some 1e-7 rad2 s
-        out.append(Trained(name, "flight", fields(name, made) | more, about, rounded=partial(decimals, digits=digits)))
+        out.append(Trained(name, "flight", fields(name, made), about))
     return out
 
 
@@ -398,19 +295,12 @@ def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
         return level | {f"swing_{n}": [w] * bank.K for n, w in swing}
     if name == "control_redundancy":
         return {part: w[0] for part, w in made.items()}
-    if name == "rfafe_airframe":
-        of_band = {field: [made[f"band{i}"][j] for i, (first, last) in enumerate(BANDS) for _ in range(first, last)]
-                   for j, field in enumerate(BANK)}  # fmt: skip
-        slow = dict(zip(("th_static", "static_away"), made["slow"], strict=True))
-        if "floor 0" in made:  # another aircraft has no calm flights
-            slow["bank_floor"] = [made[f"floor {i}"][0] for i, (a, b) in enumerate(BANDS) for _ in range(a, b)]
-        return of_band | slow
     rows = [(made[row] + [0.0] * 4)[:4] for row in signatures.ROWS]
     threshold, gust, side, side_gust = (list(column) for column in zip(*rows))
     return {"threshold": threshold, "gust": gust, "side": side, "side_gust": side_gust,
             "jump": [made[f"{row} jump"][0] for row in signatures.ROWS], "noise_ratio": made["noise"][0]}  # fmt: skip
 
 
-TRAININGS = {"aircraft": Training("aircraft", FIRST_SEED, FLIGHTS, collect, lambda found: limits(*found), {
+TRAININGS = {"aircraft": Training("aircraft", FIRST_SEED, FLIGHTS, collect, limits, {
     "flight_s": FLIGHT_S, "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE,
 })}  # fmt: skip

@@ -6,21 +6,20 @@ noise NOISE_SCALE, four segments each. A threshold is what the largest statistic
 shared among the detector's TESTS and their frequencies (`threshold_fit`), what scales with the drive left out; one that
 needs several samples to agree takes the largest that they agree on.
 
-`python -m cosim.training monitors`: as many, manoeuvres of `train_aircraft`. Those of the crossing counter are at
-SPEEDS, half of them at corners of the actuator's tolerances, in half of these the three symbols that matter most as
-WORST says. What the servo's response is on the mean, and how far a healthy one departs from it, comes from the same
-flights; where the manoeuvres of one call for little, it counts little. Each statistic is held against the motion that
-it may grow with. The position monitor of electromechanical segments is trained by `train_ema`.
+`python -m cosim.training monitors`: as many, manoeuvres of `train_aircraft`, at SPEEDS, half of them at corners of the
+actuator's tolerances, in half of these the three symbols that matter most as WORST says. Each statistic is held against
+the motion that it may grow with: a threshold is fixed by what no motion makes, and the share of the motion is trained.
+The position monitor of electromechanical segments is trained by `train_ema`.
 """
 
 from typing import Any
 
 import numpy as np
 
-from actuators.block import kernel
 from cosim.training import flights as drawn
 from cosim.training.flights import DT, FLIGHT_S, NOISE_SCALE, START_S, TOLERANCE, fly_hydraulic, somewhere, watch
-from cosim.training.threshold_fit import HELD, PROBABILITY, blocks, exceeded, lasting, limit
+from cosim.training.threshold_fit import HELD, PROBABILITY, exceeded, lasting
+from cosim.training.train_ema import LEAST as LEAST_POSITION
 from cosim.training.trainer import Trained, Training, decimals, over
 from fdi.hydraulic import iotsekf, rtsekf, rtsekf_flight
 from fdi.isolation import likelihood
@@ -40,7 +39,7 @@ SPEEDS = (180.0, 365.0)  # calibrated airspeed [kt]
 # The signs for which a servo misses its reference most: each lowers the rod's speed per valve opening, which is
 # phi_n sqrt(P_s) / A_p
 WORST = {"A_p": 1.0, "phi_n": -1.0, "P_s": -1.0}
-SHARES = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # of the reference's motion, tried beside them
+SHARES = (0.1, 0.2, 0.25, 0.3, 0.4)  # of the reference's motion, tried beside them
 
 
 def survey_iotsekf(recorded: Any, load: float) -> dict[str, Any]:
@@ -120,52 +119,33 @@ def each(found: np.ndarray, probability: float) -> np.ndarray:
 
 def survey_ofc_monitor(recorded: Any) -> dict[str, np.ndarray]:
     """Return of a flight (band, share) the largest threshold of GRID [m] at which a band still counts an oscillation
-    beyond it and each of SHARES of the reference's motion, 0 for none, (band,) that motion's mean [m], and (segments,
-    N) the response that is learned at the end.
-    """
-    p, out = ofc_monitor.params(threshold=1.0), np.zeros((ofc_monitor.B, len(SHARES)))  # no alarm: it learns throughout
-    log = watch(recorded, ofc_monitor, p, ("off", "ref_peak", "unknown", "limited", "response"))
-    for b, k in np.ndindex(out.shape):
-        p["share"] = SHARES[k]
-        low, high = -1, len(GRID)  # the largest that counts is at or above low, below high
-        while high - low > 1:
-            middle = (low + high) // 2
+    beyond it and each of SHARES of the reference's motion, 0 for none, and (band,) that motion's mean [m]."""
+    p, out, motion = ofc_monitor.params(), np.zeros((ofc_monitor.B, len(SHARES))), np.zeros(ofc_monitor.B)
+    for k, share in enumerate(SHARES):
+        p["share"] = share
+        low, high = np.full(ofc_monitor.B, -1), np.full(ofc_monitor.B, len(GRID))
+        while (high - low > 1).any():  # the largest that counts is at or above low, below high
+            middle = np.clip((low + high) // 2, 0, len(GRID) - 1)
             p["threshold"] = GRID[middle]
-            counts = any(_counts.compiled(ofc_monitor.init(p)[0], p[0], b, own["off"], own["ref_peak"][:, b],
-                                 np.maximum(own["unknown"], own["limited"]), DT) for own in log)  # fmt: skip
-            low, high = (middle, high) if counts else (low, middle)
-        out[b, k] = GRID[low] if low >= 0 else 0.0
-    return {"threshold": out, "motion": log["ref_peak"].mean(axis=(0, 1)), "response": log["response"][:, -1]}
+            log = watch(recorded, ofc_monitor, p, ("counts", "ref_peak"))
+            counts, motion = log["counts"].any(axis=(0, 1)), log["ref_peak"].mean(axis=(0, 1))
+            low, high = np.where(counts, np.maximum(low, middle), low), np.where(counts, high, np.minimum(high, middle))
+        out[:, k] = np.where(low >= 0, GRID[low], 0.0)
+    return {"threshold": out, "motion": motion}
 
 
-@kernel
-def _counts(x, p, b, off, motion, unknown, dt):
-    """Return whether a residual (ticks, 2) beside the reference's `motion`, of a response of which the share `unknown`
-    is not known yet, ever makes an oscillation in band `b`."""
-    x.ages[:] = ofc_monitor.LONG_AGO
-    for k in range(len(off)):
-        x.off[0], x.off[1] = off[k, 0], off[k, 1]
-        x.ref_peak[b] = motion[k]
-        x.unknown = unknown[k]
-        if ofc_monitor.count(x, p, b, dt):
-            return True
-    return False
-
-
-def survey_position_monitor(recorded: Any) -> np.ndarray:
-    """Return the blocks of one flight (blocks, 3): of each second the largest deviation [rad] of any segment that lasts
-    for the confirmation time, 1, and the model's lag there [rad]."""
+def survey_position_monitor(recorded: Any) -> float:
+    """Return of a flight the largest share of the model's lag by which any segment deviates beyond LEAST_POSITION for
+    HELD of the confirmation time, 0 for none."""
     p = position_monitor.params(threshold=1.0, share=0.0)
     log = watch(recorded, position_monitor, p, ("r", "lag"))[:, SETTLED:]
-    hold, on = float(p["t_confirm"][0]), np.ones(log.shape[1], bool)
-    found = np.stack([blocks(np.maximum(np.abs(own["r"]), 1e-9), [1.0, own["lag"]], on, DT, hold) for own in log])
-    return np.take_along_axis(found, found[:, :, :1].argmax(axis=0)[None], axis=0)[0]
+    beyond = lasting(np.abs(log["r"]), HELD * float(p["t_confirm"][0]), DT) - LEAST_POSITION
+    return float((np.maximum(beyond, 0.0) / np.maximum(log["lag"], 1e-9)).max())
 
 
 def cornered(flight: dict[str, Any], first_seed: int = FIRST_SEED) -> dict[str, Any]:
-    """Return a flight of the monitors as the crossing counter's is: every second group of 24, each manoeuvre in each
-    air, at a corner of the actuator's tolerances.
-    """
+    """Return a flight of the monitors: every second group of 24, each manoeuvre in each air, is at a corner of the
+    actuator's tolerances."""
     own, which = flight["tolerances"]["hydraulic"], (flight["seed"] - first_seed) // 24 % 4
     if which % 2 == 0:
         return flight
@@ -177,27 +157,20 @@ def cornered(flight: dict[str, Any], first_seed: int = FIRST_SEED) -> dict[str, 
 
 def monitored(**flight: Any) -> dict[str, Any]:
     """Return what the surveys of the monitors find in one flight, as plain data."""
-    counted = survey_ofc_monitor(fly_hydraulic(**somewhere(cornered(flight), SPEEDS)))
-    ofc = {key: value.tolist() for key, value in counted.items()}
-    deviations = survey_position_monitor(fly_hydraulic(**somewhere(flight)))
-    return {"ofc_monitor": ofc, "position_monitor": deviations.tolist()}
+    recorded = fly_hydraulic(**somewhere(cornered(flight), SPEEDS))
+    ofc = {key: value.tolist() for key, value in survey_ofc_monitor(recorded).items()}
+    return {"ofc_monitor": ofc, "position_monitor": survey_position_monitor(recorded)}
 
 
 def monitor_limits(flown: list[dict[str, Any]]) -> list[Trained]:
     """Return the thresholds at PROBABILITY of what `monitored` found in every flight."""
-    w, how = limit([np.array(f["position_monitor"]) for f in flown], PROBABILITY)
+    shares = np.array([f["position_monitor"] for f in flown])
+    position = {"threshold": LEAST_POSITION, "share": exceeded(shares, PROBABILITY)}
     ofc = [{key: np.array(value) for key, value in f["ofc_monitor"].items()} for f in flown]
     motion = np.mean([f["motion"] for f in ofc], axis=0)
     fields, largest = _shared(np.array([f["threshold"] for f in ofc]), motion)
-    learned = np.array([f["response"] for f in ofc])  # (flights, segments, N)
-    moved = np.array([f["motion"] for f in ofc]).sum(axis=1) ** 2
-    usual = np.average(learned.mean(axis=1), axis=0, weights=moved)
-    departs = ofc_monitor.departure(learned - usual).max(axis=1)
-    fields |= {"usual": usual.tolist(), "most": exceeded(departs, PROBABILITY)}
-    position = dict(zip(("threshold", "share"), w.tolist(), strict=True))
-    return [Trained("position_monitor", "flight", position, {"found": how}),
-            Trained("ofc_monitor", "flight", fields, {"found": {
-                "largest": largest, "departure": float(departs.max())}})]  # fmt: skip
+    return [Trained("position_monitor", "flight", position, {"found": {"largest_share": float(shares.max())}}),
+            Trained("ofc_monitor", "flight", fields, {"found": {"largest": largest}})]
 
 
 def _shared(found, motion):

@@ -4,11 +4,9 @@
 manoeuvres begun at 5 to 35 s and three levels of turbulence, 60 s long, each coefficient and each symbol of the
 actuators up to 5 % off; in turn all elevators are hydraulic, or the right ones electromechanical. A threshold is MARGIN
 times the largest amplitude of f_hat, less the command's share, that any flight holds for nearly as many fits in a row
-as make an alarm, each of the shape that passes for an oscillation. Set "flight" is for all points, "design_point" for
-that of Sun13 alone; rfafe_airframe's set "flight" is `train_aircraft`'s.
+as make an alarm, each of the shape that passes for an oscillation. `rfafe_airframe` is trained at its design's point.
 """
 
-import functools
 import math
 from typing import Any
 
@@ -98,7 +96,7 @@ def survey(recorded: Any, name: str, p: Any) -> list:
                 in_a_row = tick[hits - 1 :] - tick[: 1 - hits or None] == (hits - 1) * step[k]
                 runs[j, k] = lasting[in_a_row].max(initial=0.0)
     late = log[log["valid"] > 0.5]
-    command = np.abs(late["u_si"][:, :1])  # both sides have one command
+    command = p["unit"][0] * np.abs(late["u"][:, :1])  # both sides have one command
     slow = np.abs(late["slow"][:, : int(p["nf"][0])]) - p["static_share"][0] * command
     return [runs.tolist(), whatever.tolist(), float(slow.max(initial=0.0))]
 
@@ -122,7 +120,6 @@ def answered(recorded: Any, name: str, k: int, p: Any = None) -> float:
 ONSET_S = 12.0  # of the oscillations whose answer is measured: both estimators judge by then [s]
 
 
-@functools.cache
 def answers() -> Any:
     """Return {estimator: (frequency,)} what `answered` finds, still air; the threshold's share of the command is lost
     to it."""
@@ -130,9 +127,9 @@ def answers() -> Any:
     return {name: np.array([answered(r, name, k) for k, r in enumerate(flown)]) for name in MODULES}
 
 
-def fields(name: str, found: list[list], answer: np.ndarray | None = None) -> tuple[dict, dict]:
-    """Return the trained fields of estimator `name` and the record of how they were found: `found` is what `survey`
-    says of each flight, `answer` as `answers` of it.
+def fields(found: list[list], answer: np.ndarray) -> tuple[dict, dict]:
+    """Return the trained fields of an estimator and the record of how they were found: `found` is what `survey` says of
+    each flight, `answer` what `answered` does at each frequency.
 
     A larger share of the command lets the threshold be lower, but the law answers a fault with command: the share is
     taken at which the least oscillation passes, threshold / (1 - share answer).
@@ -140,7 +137,6 @@ def fields(name: str, found: list[list], answer: np.ndarray | None = None) -> tu
     runs, whatever, static = (np.max(part, axis=0) for part in zip(*found))
     static = float(static)
     threshold = np.maximum(np.maximum(MARGIN * runs, RESERVE * whatever), LEAST)
-    answer = answers()[name] if answer is None else answer
     left = 1.0 - SHARES[:, None] * answer
     best = np.argmin(np.where(left > 0.05, threshold / np.maximum(left, 0.05), np.inf), axis=0)
     at = (best, np.arange(bank.K))
@@ -152,14 +148,14 @@ def fields(name: str, found: list[list], answer: np.ndarray | None = None) -> tu
 
 
 def limits(flown: list[dict]) -> list[Trained]:
-    """Return the thresholds of what `surveyed` found in the first flights of a set: of rfafe the set "flight", of both
-    that of Sun13's point, "design_point"."""
+    """Return the thresholds of what `surveyed` found in the first flights of a set: of rfafe_airframe in those at
+    Sun13's point."""
     places = (np.unravel_index(i, SETS)[:2] for i in range(len(flown)))
     here = [f for f, (repeat, at) in zip(flown, places) if repeat < len(ELEVATORS) and POINTS[at] == POINT]
-    out = []
-    for name, which, chosen in (("rfafe", "flight", flown), *((name, "design_point", here) for name in MODULES)):
-        made, how = fields(name, [f[name] for f in chosen])
-        out.append(Trained(name, which, made, how, record=which, rounded=lambda value: value))
+    answer, out = answers(), []
+    for name, chosen in (("rfafe", flown), ("rfafe_airframe", here)):
+        made, how = fields([f[name] for f in chosen], answer[name])
+        out.append(Trained(name, "flight", made, how, rounded=lambda value: value))
     return out
 
 

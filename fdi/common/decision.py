@@ -57,13 +57,14 @@ PAIR_STATE = [
     ("backlash_suspected", "f8", "-"),  # 1 where the surface may be loose rather than its sensor wrong
     ("t_settling", "f8", "s"),  # time for which the input-fault estimate is still disturbed by it
 ]
-RIGGING_SD, LEVER_SD = 5e-3, 6e-3  # of the rigging [m] and of the length of a machined lever [1]
-RIGGING_WALK, LEVER_WALK = 2.6e-13, 1e-12  # random walks of the two [m^2/s], [1/s]
+RIGGING_SD, LEVER_SD, LAG_SD = 5e-3, 6e-3, 1.0  # of rigging [m], of the length of a machined lever [1], of a tick [1]
+RIGGING_WALK, LEVER_WALK = 2.6e-13, 1e-12  # random walks of the first two [m^2/s], [1/s]
 LEVER_KNOWN = 2.5  # standard deviations that what is not known of the lever may put the two sensors apart by
 LEVER_STATE = [
     ("lever_offset", "f8", "m"),  # learned rod - arm surface at the rod's zero
     ("lever", "f8", "-"),  # learned error of the lever's length
-    ("lever_P", "f8", (3,), "m^2, m, 1"),  # covariance of the two: 00, 01, 11
+    ("lever_lag", "f8", "-"),  # ticks by which the surface sensor's samples are older than the rod's
+    ("lever_P", "f8", (6,), "m^2, m, 1, m, 1, 1"),  # covariance of the three: 00, 01, 11, 02, 12, 22
 ]
 
 
@@ -106,42 +107,61 @@ def confirm(timer, alarm, beyond, dt, t_confirm, t_release):
 
 @kernel
 def forget_lever(x):
-    """Take back what is known of rigging and lever."""
-    x.lever_offset = x.lever = x.lever_P[1] = 0.0
-    x.lever_P[0], x.lever_P[2] = RIGGING_SD * RIGGING_SD, LEVER_SD * LEVER_SD
+    """Take back what is known of rigging, lever and lag."""
+    x.lever_offset = x.lever = x.lever_lag = x.lever_P[1] = x.lever_P[3] = x.lever_P[4] = 0.0
+    x.lever_P[0], x.lever_P[2], x.lever_P[5] = RIGGING_SD * RIGGING_SD, LEVER_SD * LEVER_SD, LAG_SD * LAG_SD
 
 
 @kernel
-def lever_variance(x, q):
-    """Return the variance of what rigging and lever make of rod less surface at the rod position `q` [m^2]."""
+def lever_gain(x, q, step):
+    """Return the products of the covariance with (1, `q`, `step`)."""
     P = x.lever_P
-    return max(P[0] + q * (2.0 * P[1] + q * P[2]), 0.0)
+    return P[0] + q * P[1] + step * P[3], P[1] + q * P[2] + step * P[4], P[3] + q * P[4] + step * P[5]
 
 
 @kernel
-def lever_at(x, q):
-    """Return how far rigging and lever put rod and surface apart at the rod position `q` [m], and how sure that is."""
-    return x.lever_offset + q * x.lever, LEVER_KNOWN * math.sqrt(lever_variance(x, q))
+def lever_variance(x, q, step):
+    """Return the variance of `lever_at` [m^2]."""
+    a, b, c = lever_gain(x, q, step)
+    return max(a + q * b + step * c, 0.0)
 
 
 @kernel
-def learn_lever(x, apart, q, r, dt):
-    """Learn rigging and lever from how far rod and surface are `apart` at `q`, with variance `r`: a Kalman filter.
+def lever_at(x, q, step):
+    """Return how far rigging, lever and lag put rod and surface apart at the rod position `q` [m], while the rod moves
+    by `step` [m] in a tick."""
+    return x.lever_offset + q * x.lever + step * x.lever_lag
 
-    `q` is a predicted rod position [m]: a reading would carry its noise into the lever. `apart` is of the readings [m].
+
+@kernel
+def lever_slack(x, q, step):
+    """Return how far they may put them apart beyond that [m]."""
+    return LEVER_KNOWN * math.sqrt(lever_variance(x, q, step))
+
+
+@kernel
+def learn_lever(x, apart, q, step, r, dt):
+    """Learn rigging, lever and lag from how far rod and surface are `apart`, with variance `r`: a Kalman filter.
+
+    `q` and `step` are predicted [m]: a reading would carry its noise into the lever, and a `step` that is not large
+    beside its own error would take the lag for smaller than it is. `apart` is of the readings [m].
     """
     P = x.lever_P
     if P[2] <= 0.0:
         forget_lever(x)
-    a, b = P[0] + q * P[1], P[1] + q * P[2]
-    s = a + q * b + r
-    e = apart - x.lever_offset - q * x.lever
+    a, b, c = lever_gain(x, q, step)
+    s = a + q * b + step * c + r
+    e = apart - lever_at(x, q, step)
     if e * e < FOREIGN * FOREIGN * s:  # beyond it is of a fault
         x.lever_offset += a * e / s
         x.lever += b * e / s
+        x.lever_lag += c * e / s
         P[0] += RIGGING_WALK * dt - a * a / s
         P[1] -= a * b / s
         P[2] += LEVER_WALK * dt - b * b / s
+        P[3] -= a * c / s
+        P[4] -= b * c / s
+        P[5] -= c * c / s
 
 
 @kernel

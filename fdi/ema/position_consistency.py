@@ -69,7 +69,7 @@ def update(x, u, w, p, dt):
     x.age_pos = 0.0 if position > 0.5 else x.age_pos + dt
     x.age_surface = 0.0 if surface > 0.5 else x.age_surface + dt
     q = p.lead * x.x_hat[2]  # by the velocity: free of the readings' noise
-    _, slack = decision.lever_at(x, q)
+    slack = decision.lever_slack(x, q, 0.0)
     x.rigging = x.lever_offset
     if surface > 0.5:
         with_load = p.lead * x.x_hat[2] - p.arm * x.x_hat[0]
@@ -96,7 +96,7 @@ def update(x, u, w, p, dt):
         if x.pair_time >= p.pair_settle:
             x.pair_e = apart - x.rigging
         if math.fabs(x.pair_d) < DOUBT * x.pair_limit and x.sensor < 0.5:
-            decision.learn_lever(x, apart + x.lever * q, q, VARIANCE / dt, dt)
+            decision.learn_lever(x, apart + x.lever * q, q, 0.0, VARIANCE / dt, dt)
     if x.impact > 0.0:  # within a tick the integral is not known
         x.base_rod += x.e_rod
         x.base_surface += x.e_surface

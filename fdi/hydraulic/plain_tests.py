@@ -102,7 +102,8 @@ def pair(x, u, rod, surface, p, dt):
     bulk = x.x_hat[2] / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
     known, slack = x.lever_P[2] > 0.0, 0.0  # by the filter without a fault state, where it runs
     if known:
-        x.rigging, slack = decision.lever_at(x, x.h_hat[0])
+        q, step = x.h_hat[0], dt * x.h_hat[1]
+        x.rigging, slack = decision.lever_at(x, q, step), decision.lever_slack(x, q, step)
     v, x3 = x.u_old[int(p.delay)], x.x_hat[2]
     motion = (1.0 + x.fed[filter.GAIN]) * p.phi_n / p.A_p * opening(v, x3) * v - p.L * x3
     y_surface = p.arm * u.y_surface + bulk
@@ -131,13 +132,15 @@ def jumped(x, rod, surface, dt):
 
 
 @kernel
-def by_model(x, p):
-    """Return what learned errors of gain, oil and supply leave in the input fault of [Lu17] (4), behind its lag [1]."""
-    root = max(opening(x.drive, x.load_lag), lu17.ROOT_FLOOR)
+def by_model(x, bend, p, dt):
+    """Return what learned errors of gain, oil, supply and age leave in the input fault of [Lu17] (4), behind its lag;
+    `bend` is the second derivative of the pressure [1/s^2]."""
+    root, k = max(opening(x.drive, x.load_lag), lu17.ROOT_FLOOR), stiffness(x.x_hat[0], p)
     stiff = x.fed[filter.SOFT] - p.prior_mean[filter.SOFT]
-    soft = stiff / (1.0 + stiff) * x.load_d / stiffness(x.x_hat[0], p)
+    soft = stiff / (1.0 + stiff) * x.load_d / k
+    late = (x.fed[filter.OLDER] - x.fed[filter.YOUNGER]) * (bend / k + p.L * x.load_d)
     supply = 0.5 * x.fed[filter.SUPPLY] * x.drive / (root * root)
-    return soft * p.A_p / (p.phi_n * root) - supply + x.fed[filter.GAIN] * x.drive
+    return (soft - dt * late) * p.A_p / (p.phi_n * root) - supply + x.fed[filter.GAIN] * x.drive
 
 
 @kernel
@@ -145,10 +148,11 @@ def input_fault(x, noise, disturbed, p, dt):
     """Declare a lagged input fault beyond what noise, times `noise`, and the valve's gain leave."""
     x.drive_d += dt * p.lag_omega * (p.lag_omega * (x.u_old[int(p.lag_ticks)] - x.drive) - 2.0 * p.lag_zeta * x.drive_d)
     x.drive += dt * x.drive_d
-    x.load_d += dt * p.lag_omega * (p.lag_omega * (x.x_hat[2] - x.load_lag) - 2.0 * p.lag_zeta * x.load_d)
+    bend = p.lag_omega * (p.lag_omega * (x.x_hat[2] - x.load_lag) - 2.0 * p.lag_zeta * x.load_d)
+    x.load_d += dt * bend
     x.load_lag += dt * x.load_d
     a = 1.0 - math.exp(-dt / p.run_tau)
-    x.f_slow += a * (x.f_hat - by_model(x, p) - x.f_slow)
+    x.f_slow += a * (x.f_hat - by_model(x, bend, p, dt) - x.f_slow)
     x.u_slow += a * (x.drive - x.u_slow)
     share = p.run_share + UNLEARNED * x.sd[filter.GAIN]
     x.r_run = math.fabs(x.f_slow) / (noise * p.run_threshold + share * math.fabs(x.u_slow))

@@ -36,6 +36,7 @@ from fdi.hydraulic.two_stage_ekf import transition
 CULPRITS = ("", "rod", "surface")
 HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 TRAINED = 1.2 * 1.2  # variance of the noise in training flights over the specified one (`noise_scale` of the trainer)
+MOVES = 0.04  # rod velocity from which on the lag is learned: six deviations of its estimate [m/s]
 NOISE_LAG = 10.0  # lag of the noise that is seen [s]: longer than a fault takes to be found
 NOISE_MOST = 50.0  # of the specified variance that one sample counts for: the square of 3.5 sigma at noise x 2
 
@@ -223,7 +224,7 @@ def start(x, y, dp, p):
 @kernel
 def correct(x, u, rod, surface, p, dt):
     """Use what is usable: both positions in three steps, or the healthy one alone; then the pressure."""
-    y_surface = p.arm * u.y_surface + decision.lever_at(x, x.x_hat[0])[0]
+    y_surface = p.arm * u.y_surface + decision.lever_at(x, x.x_hat[0], dt * x.x_hat[1])
     learned = x.pair_time > 0.0
     plausible = math.fabs(y_surface - x.x_hat[0]) < p.gate * math.sqrt(x.P[0, 0] + p.r_surface)
     x.age += dt
@@ -263,21 +264,23 @@ def learn_noise(x, apart, both, healthy, p, dt):
 
 
 @kernel
-def decide(x, u, rod, surface, q, p, dt):
-    """Test rod against surface, and both against the model; `q` is the rod as predicted, free of this tick's noise."""
+def decide(x, u, rod, surface, q, step, p, dt):
+    """Test rod against surface, and both against the model; `q` and `step` [m] are the rod and what it moves in a tick
+    as predicted, free of this tick's noise."""
     v = x.u_old[int(p.delay)]
     x3 = x.x_hat[2]
     motion = p.phi_n / p.A_p * opening(v, x3) * v - p.L * x3
     bulk = x3 / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
     y_surface = p.arm * u.y_surface
-    x.rigging, slack = decision.lever_at(x, q)
+    x.rigging, slack = decision.lever_at(x, q, step), decision.lever_slack(x, q, step)
     slack += (math.sqrt(max(x.noise_seen / TRAINED, 1.0)) - 1.0) * p.pair_threshold
     decision.pair_test(x, u.y_rod + bulk, rod, y_surface + bulk, surface, motion, x.x_hat[3], slack, True, p, dt)
     x.r = math.fabs(x.pair_d) / x.pair_limit
     both, healthy = rod > 0.5 and surface > 0.5, x.r < 0.7 and x.sensor < 0.5
     learn_noise(x, u.y_rod - y_surface, both, healthy, p, dt)
     if both and healthy:
-        decision.learn_lever(x, u.y_rod - y_surface, q, p.r_rod + p.r_surface, dt)
+        moves = step if math.fabs(step) > MOVES * dt else 0.0
+        decision.learn_lever(x, u.y_rod - y_surface, q, moves, p.r_rod + p.r_surface, dt)
     x.alarm = x.sensor
     x.culprit = 0.0 if x.blame == 2.0 and x.backlash_suspected > 0.5 else x.blame
     x.verdict = NONE
@@ -302,9 +305,9 @@ def step(x, u, p, dt):
     d = int(p.delay)
     if d == 0:
         predict(x, x.u_old[0], p, dt)
-    predicted = x.x_hat[0]
+    q, step_of_rod = x.x_hat[0], dt * x.x_hat[1]
     correct(x, u, rod, surface, p, dt)
-    decide(x, u, rod, surface, predicted, p, dt)
+    decide(x, u, rod, surface, q, step_of_rod, p, dt)
     if d > 0:
         predict(x, x.u_old[d - 1], p, dt)
     q, v, x3 = x.x_hat[0], x.x_hat[1], x.x_hat[2]

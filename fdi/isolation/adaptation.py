@@ -3,12 +3,14 @@
 import math
 
 from actuators.block import kernel
-from fdi.isolation.evidence import at, factor, inverse
+from fdi.isolation.evidence import at, back, factor, inverse, left
 from fdi.isolation.filter import SENSORS, SETTLES_S, N
-from fdi.isolation.sums import ENERGY, NUMBER, PAIRS, gather
+from fdi.isolation.sums import ENERGY, NUMBER, PAIRS, B, gather
 
 NOISE_LEAST = 0.05  # of the sensors' variance: one that reports no noise at all is not that good
 FOREIGN = 2.0  # a swing of the load beyond so many times the usual counts for no more
+
+STATE = [("lesson", "f8", (ENERGY,))]  # sums of S'S and S'e over the flight, forgotten over `memory`
 
 
 @kernel
@@ -18,17 +20,15 @@ def learn(x, p, o, dt):
     span = p.length[o] * p.block * dt
     keep = math.exp(-span / p.memory)
     for a in range(N):
-        lesson = x.bb[a]
         for b in range(N):
-            lesson += x.JJ[at(a, b)] * x.mu[b]
-        x.lesson_b[a] = keep * x.lesson_b[a] + lesson
-    for i in range(PAIRS):
-        x.lesson_J[i] = keep * x.lesson_J[i] + x.JJ[i]
+            x.total[B + a] += x.total[at(a, b)] * x.mu[b]  # what the learned errors have explained
+    for i in range(ENERGY):
+        x.lesson[i] = keep * x.lesson[i] + x.total[i]
     share = span / min(p.memory, max(x.h_clock - SETTLES_S, span))
     for j in range(SENSORS):
-        n = x.tt[NUMBER, j]
+        n = x.total[NUMBER + j]
         if n > 0.0:
-            ratio = min(x.tt[ENERGY, j] / n, 2.0)
+            ratio = min(x.total[ENERGY + j] / n, 2.0)
             x.noise[j] = max(x.noise[j] * (1.0 + share * (ratio - 1.0)), NOISE_LEAST)
 
 
@@ -45,22 +45,10 @@ def learn_load_swing(x, p, o, apart):
 @kernel
 def solve(x, p):
     """Solve for the learned errors and their standard deviations."""
-    L = x.LL
+    J, b = x.lesson[:PAIRS], x.lesson[B:ENERGY]
+    factor(J, x.L, p.prior_sd, 0, N, 0.0)
+    left(J, x.L, b, p.prior_mean, x.y, 0.0, N)
+    back(x.L, x.y, x.theta, N)
     for i in range(N):
-        x.prior[1, i] = p.prior_sd[i]
-    for i in range(PAIRS):
-        x.JJ[i] = x.lesson_J[i]
-    factor(x, 0)
-    for a in range(N):
-        i = a * (a + 1) // 2
-        v = x.lesson_b[a] + p.prior_mean[a] / (p.prior_sd[a] * p.prior_sd[a])
-        for k in range(a):
-            v -= L[i + k] * x.yy[k]
-        x.yy[a] = v / L[i + a]
-    for a in range(N - 1, -1, -1):
-        v = x.yy[a]
-        for k in range(a + 1, N):
-            v -= L[k * (k + 1) // 2 + a] * x.mu[k]
-        x.mu[a] = v / L[a * (a + 3) // 2]
-    for i in range(N):
-        x.sd[i] = math.sqrt(inverse(x, i) + p.floor * p.floor * p.prior_sd[i] * p.prior_sd[i])
+        x.mu[i] = p.prior_mean[i] + x.theta[i]
+        x.sd[i] = math.sqrt(inverse(x.L, i, x.y, N) + p.floor[i] * p.floor[i] * p.prior_sd[i] * p.prior_sd[i])

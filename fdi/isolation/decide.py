@@ -103,7 +103,7 @@ def compare(x, p, o):
         return
     n, Q, Q0 = x.ev_n, x.ev_Q[best], x.ev_Q[ev.HYPOTHESES]
     x.own_hz[o] = x.ev_hz[best] if best <= ev.SWING_LOAD else 0.0
-    fits = Q < FAIR * n + ev.LEAST * math.sqrt(2.0 * n) or Q - n < PLAIN * (Q0 - n)
+    fits = Q < FAIR * n + ev.BELOW * math.sqrt(2.0 * n) or Q - n < PLAIN * (Q0 - n)
     x.own_fits[o] = 1.0 if fits else 0.0
 
 

@@ -9,16 +9,22 @@ equation. An error theta of the model enters the innovations as e = S theta; its
 
 | column | enters | theta |
 |---|---|---|
-| LEAK | flow -z | added leakage [m/s] |
+| AGE | position sensors, by what the rod moves in a tick | ticks by which their samples are older |
+| OLDER | pressure sensor, by its change over the last tick | share of the sample before |
+| YOUNGER | pressure sensor, by its change over the next tick | share of the sample after |
+| MASS | force -(z + F) | share by which the moving mass is larger [1] |
+| OFFSET | flow of the valve and the leak per pressure | error of the pressure sensor that the load has taken up [1] |
+| SCALE | pressure sensor, by the model's pressure | share by which its reading is larger [1] |
 | SOFT | flow, what compresses the oil | share by which the oil is stiffer [1] |
 | SUPPLY | flow -u / (2 root) | share of the supply that is lost [1] |
 | FRICTION | force -q' / (CREEP + abs q') | friction over the stall force [1] |
-| MASS | force -(z + F) | share by which the moving mass is larger [1] |
-| OFFSET | flow of the valve and the leak per pressure | error of the pressure sensor that the load has taken up [1] |
+| LEAK | flow -z | added leakage [m/s] |
 | FLOW | flow 1 | constant flow [m/s] |
-| SCALE | pressure sensor, by the model's pressure | share by which its reading is larger [1] |
 | FAST | flow root u, of u above CORNER | share of the fast part, noise of the servo's sensors, that passes more [1] |
 | GAIN | flow root u, of u below CORNER | share by which the valve passes more [1] |
+
+The pressure follows the noise in the valve command from tick to tick: its samples of other ticks are columns of their
+own. By how much the surface's samples are older than the rod's is learned with the lever (`fdi.common.decision`).
 """
 
 import math
@@ -26,23 +32,27 @@ import math
 from actuators.block import kernel
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import opening
-from fdi.common.decision import LEVER_STATE, RIGGING_SD, forget_lever, learn_lever
+from fdi.common.decision import LEVER_STATE, RIGGING_SD, forget_lever, learn_lever, lever_at, usable
 from fdi.common.linalg import congruence_walk
 from fdi.hydraulic.two_stage_ekf import STEP_MOST, transition
 
 ROD, SURFACE, PRESSURE = range(3)
 SENSORS = 3
-# the last have other priors together in some hypotheses, those from OFFSET to LEAK one alone (evidence)
-MASS, OFFSET, SCALE, SOFT, SUPPLY, FRICTION, LEAK, FLOW, FAST, GAIN = range(10)
-N = 10  # columns
+# In the order of elimination: timing is an error of every hypothesis, the last have other priors together in some of
+# them, those from OFFSET to FLOW one alone (`evidence`)
+AGE, OLDER, YOUNGER, MASS, OFFSET, SCALE, SOFT, SUPPLY, FRICTION, LEAK, FLOW, FAST, GAIN = range(13)
+N = 13  # columns
+TIMING = 3  # of them
 ROWS = (0, 0, 2)  # state that each sensor reads
 CORNER_HZ, CORNER_MOST = 25.0, 0.3  # an oscillation of up to 10 Hz stays below; share of the rate
 CREEP = 3e-3  # friction turns round within this velocity [m/s]
-APART = 0.7  # of what rod and surface may be apart: beyond it nothing is learned of the lever
+TEACHES = 0.7  # of what rod and surface may be apart: beyond it nothing is learned of the lever
+MOVES = 0.02  # rod velocity from which on the lag is learned: many deviations of its estimate [m/s]
 SETTLES_S = 1.0  # the filter settles [s]
 FEED_TAU = 2.0  # slower than the filter forgets, so that a signature holds for the errors of some while ago, too [s]
 MODEL_TAU = 0.2  # within which friction and inertia of the model's pressure are forgotten [s]
 RATE_TAU = 0.1  # for so long a fast load or flow leaves the model in doubt [s]
+ROOT_LEAST = 0.3  # of the valve's opening where it divides: the supply's column is linear there no more
 GATE = 25.0  # of an innovation: beyond so many sigma of a healthy one a sample counts for no more
 # Beyond WILD sigma the first `spikes` samples within a second are not taken: one would do for a noisy sensor. A sample
 # that rises from one before it, of RISES of it, is of an oscillation or of a load
@@ -75,6 +85,10 @@ STATE = [
     ("h_clock", "f8", "s"),  # since the start
     ("h_V", "f8", (4, N)),  # response of each state to each column
     ("h_S", "f8", (SENSORS, N)),  # signatures of this tick
+    ("h_turn", "f8", (TIMING,), "m, -, -"),  # what a tick more or less of age makes of a reading
+    ("h_aged", "f8", (SENSORS,)),  # what the learned ages make of it
+    ("h_rise", "f8", "-"),  # change of the pressure over the last tick
+    ("h_push", "f8", "s/m"),  # change of the pressure per flow
     *LEVER_STATE,
     ("h_z", "f8", "-"),  # pressure by the model alone: what flow and force make of it, slowly drawn to the load's
     ("fed", "f8", (N,)),  # learned errors that the prediction has taken up, lagged by FEED_TAU
@@ -93,9 +107,9 @@ NOISE = {
     "flow_share": 0.006,
     "share": 0.03,
     # tolerances of 5 % of every parameter (uniform, some of them in one column); friction of 1 % of the stall force
-    "prior_mean": (0.0, 0.0, 0.0, -0.05, 0.0, 0.01, 0.0, 0.0, 0.0, 0.0),
-    # ... and friction at rest, which holds as a mass of 10 to 20 % would while the rod hardly moves
-    "prior_sd": (0.1, 0.012, 0.002, 0.06, 0.035, 0.006, 0.002, 0.0003, 0.05, 0.05),
+    "prior_mean": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.05, 0.0, 0.01, 0.0, 0.0, 0.0, 0.0),
+    # a tick of age; mass: and friction at rest, which holds as one of 10 to 20 % would while the rod hardly moves
+    "prior_sd": (1.0, 1.0, 1.0, 0.1, 0.012, 0.002, 0.06, 0.035, 0.006, 0.002, 0.0003, 0.05, 0.05),
 }
 
 
@@ -125,7 +139,7 @@ def start(x, q, dp, u, p):
             x.h_V[i, c] = 0.0
     x.load_last = load_model(x, u, p)
     x.h_z = -x.load_last
-    x.load_rate2 = x.flow2 = 0.0
+    x.load_rate2 = x.flow2 = x.h_rise = x.h_push = 0.0
     for j in range(SENSORS):
         x.h_lost[j] = x.h_before[j] = x.h_wild[j] = 0.0
     if x.lever_P[2] <= 0.0:
@@ -136,47 +150,39 @@ def start(x, q, dp, u, p):
 @kernel
 def measure(x, j, y, mu, p):
     """Take sensor `j`; write its cleaned innovation, its variance and the signatures."""
-    row = 2 if j == 2 else 0
-    P = x.h_P
+    row = 2 if j == PRESSURE else 0
+    P, V, S = x.h_P, x.h_V, x.h_S[j]
     s = P[row, row] + p.h_r[j]
-    e = y - x.h_hat[row]
     limit = GATE * math.sqrt(s)
-    e = min(max(e, -limit), limit)
-    k0, k1, k2, k3 = P[0, row] / s, P[1, row] / s, P[2, row] / s, P[3, row] / s
-    x.h_hat[0] += k0 * e
-    x.h_hat[1] += k1 * e
-    x.h_hat[2] += k2 * e
-    x.h_hat[3] += k3 * e
-    V, S = x.h_V, x.h_S[j]
+    e = min(max(y - x.h_aged[j] - x.h_hat[row], -limit), limit)
+    x.h_lost[j] = 0.0
     for c in range(N):
         S[c] = V[row, c]
     if j == PRESSURE:
         S[SCALE] += x.h_z  # the estimate of z has the noise of the innovations before this one
-    even, odd = 0.0, 0.0  # two sums side by side: each waits for its own last term only
-    for c in range(0, N, 2):
-        even += (mu[c] - x.fed[c]) * S[c]
-        odd += (mu[c + 1] - x.fed[c + 1]) * S[c + 1]
+        S[OLDER] += x.h_turn[OLDER]
+        S[YOUNGER] += x.h_turn[YOUNGER]
+    else:
+        S[AGE] += x.h_turn[AGE]
+    explained = 0.0
     for c in range(N):
-        V[0, c] -= k0 * S[c]
-    for c in range(N):
-        V[1, c] -= k1 * S[c]
-    for c in range(N):
-        V[2, c] -= k2 * S[c]
-    for c in range(N):
-        V[3, c] -= k3 * S[c]
-    K = (k0, k1, k2, k3)
+        explained += (mu[c] - x.fed[c]) * S[c]
+    K = (P[0, row] / s, P[1, row] / s, P[2, row] / s, P[3, row] / s)
     for a in range(4):  # K is optimal: P - K s K'
+        x.h_hat[a] += K[a] * e
+        for c in range(N):
+            V[a, c] -= K[a] * S[c]
         for b in range(a + 1):
             P[a, b] -= K[a] * K[b] * s
             P[b, a] = P[a, b]
     # where the command drives the innovations most the model's own error does, too
-    x.h_e[j], x.h_s[j] = e - even - odd, s + p.share * p.share * x.h_S[j, GAIN] * x.h_S[j, GAIN]
+    x.h_e[j], x.h_s[j] = e - explained, s + p.share * p.share * S[GAIN] * S[GAIN]
 
 
 @kernel
 def wild(x, j, y, p, dt):
     """Return whether the sample `y` of sensor `j` is so far from its prediction, so suddenly, that it is not taken."""
-    row = 2 if j == 2 else 0
+    row = 2 if j == PRESSURE else 0
     e, before = (y - x.h_hat[row]) / math.sqrt(x.h_P[row, row] + p.h_r[j]), x.h_before[j]
     x.h_before[j] = e
     if math.fabs(e) <= WILD:
@@ -190,27 +196,39 @@ def wild(x, j, y, p, dt):
 
 
 @kernel
-def measurement_update(x, u, mu, p, dt):
+def turn(x, v, p, dt):
+    """Write what a tick more or less of age makes of the readings, with valve command `v` over the next one."""
+    w, z, F = x.h_hat[1], x.h_hat[2], x.h_hat[3]
+    net = p.phi_n / p.A_p * opening(v, z) * v - p.L * z - w
+    x.h_turn[AGE], x.h_turn[OLDER] = -dt * w, -x.h_rise
+    if p.delay > 0.0:  # no sample is of the future
+        x.h_turn[YOUNGER] = math.ceil(dt / STEP_MOST - 1e-6) * (x.h_Phi[2, 3] * (z + F) + x.h_push * net)
+    x.h_aged[ROD] = x.h_aged[SURFACE] = x.fed[AGE] * x.h_turn[AGE]
+    x.h_aged[PRESSURE] = x.fed[OLDER] * x.h_turn[OLDER] + x.fed[YOUNGER] * x.h_turn[YOUNGER]
+
+
+@kernel
+def measurement_update(x, u, v, mu, p, dt):
     """Take what is valid, and not wild, of rod, surface and pressure."""
+    turn(x, v, p, dt)
     for j in range(SENSORS):
         x.h_s[j] = 0.0
         x.h_lost[j] += dt
-    rod = u.y_rod_valid > 0.5 and math.isfinite(u.y_rod) and not wild(x, ROD, u.y_rod, p, dt)
-    surface = u.y_surface_valid > 0.5 and math.isfinite(u.y_surface)
+    step = dt * x.h_hat[1]
+    rod = usable(u.y_rod, u.y_rod_valid) > 0.5 and not wild(x, ROD, u.y_rod, p, dt)
     if rod:
         measure(x, ROD, u.y_rod, mu, p)
-        x.h_lost[ROD] = 0.0
-    y = p.arm * u.y_surface
-    known = x.lever_P[0] < RIGGING_SD * RIGGING_SD
-    if surface and not (known and wild(x, SURFACE, y + x.lever_offset + x.lever * x.h_hat[0], p, dt)):
-        if rod and x.sensor < 0.5 and math.fabs(x.pair_d) < APART * x.pair_limit:
-            learn_lever(x, u.y_rod - y, x.h_hat[0], p.h_r[ROD] + p.h_r[SURFACE], dt)
+    surface, y = usable(u.y_surface, u.y_surface_valid) > 0.5, p.arm * u.y_surface
+    if surface and x.lever_P[0] < RIGGING_SD * RIGGING_SD:
+        surface = not wild(x, SURFACE, y + lever_at(x, x.h_hat[0], step), p, dt)
+    if surface:
+        if rod and x.sensor < 0.5 and math.fabs(x.pair_d) < TEACHES * x.pair_limit:
+            moves = step if math.fabs(step) > MOVES * dt else 0.0
+            learn_lever(x, u.y_rod - y, x.h_hat[0], moves, p.h_r[ROD] + p.h_r[SURFACE], dt)
         if x.lever_P[0] < RIGGING_SD * RIGGING_SD:
-            measure(x, SURFACE, y + x.lever_offset + x.lever * x.h_hat[0], mu, p)
-            x.h_lost[SURFACE] = 0.0
-    if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp) and not wild(x, PRESSURE, u.y_dp, p, dt):
+            measure(x, SURFACE, y + lever_at(x, x.h_hat[0], step), mu, p)
+    if usable(u.y_dp, u.y_dp_valid) > 0.5 and not wild(x, PRESSURE, u.y_dp, p, dt):
         measure(x, PRESSURE, u.y_dp, mu, p)
-        x.h_lost[PRESSURE] = 0.0
 
 
 @kernel
@@ -232,11 +250,13 @@ def predict(x, u, v, mu, p, dt):
     rate = (model - x.load_last) / dt
     x.load_rate2 += min(dt / RATE_TAU, 1.0) * (rate * rate - x.load_rate2)
     feed = min(dt / FEED_TAU, 1.0)
-    for c in (SOFT, SUPPLY, FAST, GAIN):
+    for c in (AGE, OLDER, YOUNGER, SOFT, SUPPLY, FAST, GAIN):
         x.fed[c] += feed * (mu[c] - x.fed[c])
     n = max(math.ceil(dt / STEP_MOST - 1e-6), 1)
+    x.h_rise = -x.h_hat[2]
     for _ in range(n):
         advance_state(x, v, fast, model, p, dt / n)
+    x.h_rise += x.h_hat[2]
     x.h_clock += dt
     now = load_model(x, u, p)
     x.h_hat[3] += now - x.load_last if math.fabs(now - x.load_last) < 1.0 else 0.0
@@ -248,15 +268,12 @@ def advance_state(x, v, fast, model, p, dt):
     """Predict state, covariance and columns over a step under valve command `v`, `fast` of which is above CORNER."""
     Phi, G, V, fed, hat = x.h_Phi, x.h_G, x.h_V, x.fed, x.h_hat
     flow_gain = transition(Phi, G, hat, v, v, 0.0, 0.0, True, p, dt)
-    q, w, z = hat[0], hat[1], hat[2]
-    root = opening(v, z)
-    gain = p.phi_n / p.A_p
-    flow = gain * root * v
-    k = lu17.stiffness(q, p)
+    w, z, F = hat[1], hat[2], hat[3]
+    root, gain, k = opening(v, z), p.phi_n / p.A_p, lu17.stiffness(hat[0], p)
+    flow, fast_flow = gain * root * v, gain * root * fast
     x.flow2 += min(dt / RATE_TAU, 1.0) * (flow * flow - x.flow2)
     stiff = fed[SOFT]
     unit = (1.0 + stiff) / max(flow_gain, gain * lu17.ROOT_FLOOR)  # of G: a flow of 1 m/s for a step
-    fast_flow, most = gain * root * fast, max(root, 0.3)
     g0, g1, g2 = unit * G[0], unit * G[1], unit * G[2]
     f03, f13, f23 = Phi[0, 3], Phi[1, 3], Phi[2, 3]
     swallowed = stiff / (1.0 + stiff) * g2  # by which Phi is that of other oil
@@ -265,29 +282,30 @@ def advance_state(x, v, fast, model, p, dt):
         for i in range(3):
             V[i, c] = Phi[i, 0] * a0 + Phi[i, 1] * a1 + Phi[i, 2] * a2 + Phi[i, 3] * a3
         V[2, c] -= swallowed * (a1 + p.L * a2)
-    net = flow - p.L * z - w - 0.5 * fed[SUPPLY] * gain * v / most
-    net += fed[FAST] * fast_flow + fed[GAIN] * (flow - fast_flow)
+    slope = 0.5 * gain * v / max(root, ROOT_LEAST)  # of the flow over the supply
+    net = flow - p.L * z - w - fed[SUPPLY] * slope + fed[FAST] * fast_flow + fed[GAIN] * (flow - fast_flow)
     enters(V, LEAK, -z, g0, g1, g2)
     enters(V, SOFT, net, g0, g1, g2)
-    enters(V, SUPPLY, -0.5 * gain * v / most, g0, g1, g2)
-    enters(V, OFFSET, p.L + 0.5 * gain * math.fabs(v) / most, g0, g1, g2)
+    enters(V, SUPPLY, -slope, g0, g1, g2)
+    enters(V, OFFSET, p.L + math.fabs(slope), g0, g1, g2)
     enters(V, FLOW, 1.0, g0, g1, g2)
     enters(V, FAST, fast_flow, g0, g1, g2)
     enters(V, GAIN, flow - fast_flow, g0, g1, g2)
     enters(V, FRICTION, -w / (CREEP + math.fabs(w)), f03, f13, f23)
-    enters(V, MASS, -(z + hat[3]), f03, f13, f23)
+    enters(V, MASS, -(z + F), f03, f13, f23)
     # x + Psi x' with Psi of the same exponential: as exact as Phi, at a quarter of Runge-Kutta's cost
-    pushed = z + hat[3] - p.B * w / (p.A_p * p.P_s)
+    pushed = z + F - p.B * w / (p.A_p * p.P_s)
+    rise = f23 * pushed + g2 * net
     hat[0] += dt * w + f03 * pushed + g0 * net
     hat[1] += f13 * pushed + g1 * net
-    rise = f23 * pushed + g2 * net
     hat[2] += rise
+    x.h_push = g2
     x.h_z += rise - min(dt / MODEL_TAU, 1.0) * (x.h_z + model)
     congruence_walk(x.h_P, Phi, x.h_W)
-    x.h_P[0, 0] += p.h_q[0] * dt
-    x.h_P[1, 1] += p.h_q[1] * dt
-    x.h_P[2, 2] += (p.h_q[2] + k * k * p.flow_share * p.flow_share * x.flow2 * RATE_TAU) * dt
-    x.h_P[3, 3] += (p.h_q[3] + p.load_share * p.load_share * x.load_rate2 * RATE_TAU) * dt
+    in_doubt = k * k * p.flow_share * p.flow_share * x.flow2
+    walk = (0.0, 0.0, in_doubt * RATE_TAU, p.load_share * p.load_share * x.load_rate2 * RATE_TAU)
+    for i in range(4):
+        x.h_P[i, i] += (p.h_q[i] + walk[i]) * dt
 
 
 @kernel
@@ -295,15 +313,14 @@ def advance(x, u, mu, p, dt):
     """Run the filter for one tick on measurements that are `delay` ticks old, under the valve commands `u_old`, newest
     first; return whether it runs."""
     if x.h_started < 0.5:
-        if u.y_rod_valid > 0.5 and math.isfinite(u.y_rod):
-            start(x, u.y_rod, u.y_dp if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp) else 0.0, u, p)
-        else:
+        if usable(u.y_rod, u.y_rod_valid) < 0.5:
             return False
+        start(x, u.y_rod, u.y_dp if usable(u.y_dp, u.y_dp_valid) > 0.5 else 0.0, u, p)
     d = int(p.delay)
+    v = x.u_old[max(d - 1, 0)]
     if d == 0:
-        predict(x, u, x.u_old[0], mu, p, dt)
-        measurement_update(x, u, mu, p, dt)
-    else:
-        measurement_update(x, u, mu, p, dt)
-        predict(x, u, x.u_old[d - 1], mu, p, dt)
+        predict(x, u, v, mu, p, dt)
+    measurement_update(x, u, v, mu, p, dt)
+    if d > 0:
+        predict(x, u, v, mu, p, dt)
     return True

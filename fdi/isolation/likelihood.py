@@ -39,8 +39,8 @@ SLOW = 2.2  # at 50 and 60 Hz 24 fault-free flights reach 2.0 thresholds: over s
 PARAMS = [
     *filter.PARAMS,
     *sums.PARAMS,
-    # real and imaginary parts, by the position sensors that are heard
-    ("response", "f8", (len(HEARD), len(PLACES), sums.OCTAVES, sums.LINES, 2 * SENSORS)),
+    # of two waves per line to cos and sin, by the position sensors that are heard
+    ("response", "f8", (len(HEARD), len(PLACES), sums.OCTAVES, sums.WAVES, SENSORS, 2)),
     ("still", "f8", (len(HEARD), len(PLACES), SENSORS)),  # responses to a constant
     *evidence.PARAMS,
     ("limit", "f8", (evidence.HYPOTHESES,), "-"),  # evidence that is an alarm
@@ -53,6 +53,7 @@ STATE = [
     ("heard", "f8"),  # positions that the filter hears: of HEARD
     *sums.STATE,
     *evidence.STATE,
+    *adaptation.STATE,
     *decide.STATE,
     ("since", "f8", "s"),  # something last spoke for a fault
     ("at_stop", "f8", "-"),  # 1 while the rod is at a stop
@@ -74,16 +75,17 @@ def respond(p: np.ndarray, dt: float) -> None:
         return
     hz = p["hz"][0].ravel()
     given = [p[0][name].tolist() for name in ("arm", "h_q", "h_r", "h_P0", *lu17.NOMINAL)]
-    shape = (len(HEARD), len(PLACES), 1 + len(hz), 2 * SENSORS)
-    H = cached_array((given, dt, hz.tolist()), float, lambda: _responses(p[0], dt, hz), __file__).reshape(shape)
-    p["still"][0] = H[:, :, 0, 0::2]
-    p["response"][0] = H[:, :, 1:].reshape(len(HEARD), len(PLACES), sums.OCTAVES, sums.LINES, 2 * SENSORS)
+    H = cached_array((given, dt, hz.tolist()), float, lambda: _responses(p[0], dt, hz), __file__)
+    H = H.view(complex).reshape(len(HEARD), len(PLACES), 1 + len(hz), SENSORS)
+    p["still"][0] = H[:, :, 0].real
+    waves = np.stack([np.stack([H.real, -H.imag], -1), np.stack([H.imag, H.real], -1)], 3)  # ..., line, wave, sensor, 2
+    p["response"][0] = waves[:, :, 1:].reshape(p["response"].shape[1:])
 
 
 def _responses(p, dt, hz):
     H = np.stack([responses(p, dt, np.concatenate([[STILL_HZ], hz]), heard) for heard in HEARD])
     H[:, :, 1:] *= np.sinc(hz * p["block"] * dt)[:, None]  # of the sum over a block
-    return np.stack([H.real, H.imag], axis=-1).ravel()
+    return H.ravel().view(float)
 
 
 def begin(x: np.ndarray, p: np.ndarray) -> None:

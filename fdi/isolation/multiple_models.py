@@ -120,7 +120,7 @@ def measure(x, u, p, dt):
             y = u.y_rod if j == ROD else u.y_dp
             if j == SURFACE:
                 y = p.arm * u.y_surface + x.lever_offset + x.lever * x.rival_hat[h, 0]
-            take(x, h, j, y, p)
+            take(x, h, j, y - x.h_aged[j], p)
 
 
 @kernel

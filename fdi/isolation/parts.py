@@ -2,9 +2,10 @@
 
 from actuators.block import kernel
 from fdi.isolation.evidence import SWING_PRESSURE, logarithm
-from fdi.isolation.sums import OCTAVES, PARTED, REFUSED
+from fdi.isolation.sums import OCTAVES, PARTED
 
-KNOWN = 0.7  # share of a window that its parts must have been asked for
+ASKED = 0.7  # share of a window that its parts must have been asked for
+REFUSED = 1e12  # left by an oscillation that is not in a part
 
 
 @kernel
@@ -17,16 +18,12 @@ def in_parts(x, o):
         Q, told = x.ev_Q[h], x.ev[h]
         c = told + x.ev_base - logarithm(Q, n)
         if o > 0:
-            Q2, c2, m = x.parts[o - 1, k, 0], x.parts[o - 1, k, 1], x.parts_n[o - 1]
+            Q_parts, c_parts, m = x.parts[o - 1, k, 0], x.parts[o - 1, k, 1], x.parts_n[o - 1]
             if x.told_n[o - 1] > 0.0 and x.told[o - 1, k, 0] < REFUSED:
-                Q2, c2, m = Q2 + x.told[o - 1, k, 0], c2 + x.told[o - 1, k, 1], m + x.told_n[o - 1]
-            if m > KNOWN * n:
-                Q2 *= n / m
-                other = logarithm(Q2, n) + c2 - x.ev_base
-                if other > told:
-                    Q, c, told = Q2, c2, other
+                Q_parts, c_parts, m = Q_parts + x.told[o - 1, k, 0], c_parts + x.told[o - 1, k, 1], m + x.told_n[o - 1]
+            in_them = logarithm(Q_parts * n / m, n) + c_parts - x.ev_base if m > ASKED * n else 0.0
+            if m > ASKED * n and in_them > told:
+                Q, c, told = Q_parts * n / m, c_parts, in_them
         x.ev_told[k] = told
         if o < OCTAVES - 1:
-            x.told[o, k, 0], x.told[o, k, 1] = Q if told > 0.0 else REFUSED, c
-    if o < OCTAVES - 1:
-        x.told_n[o] = n
+            x.told[o, k, 0], x.told[o, k, 1], x.told_n[o] = Q if told > 0.0 else REFUSED, c, n

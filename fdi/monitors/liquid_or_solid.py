@@ -86,3 +86,20 @@ def weigh(x, p, h):
     if x.gain - off > 0.5 and math.fabs(x.gain - 1.0) < NEAR + off:
         return OFC_LIQUID
     return OFC_SOLID if x.gain + off < 0.5 and math.fabs(x.gain) < NEAR + off else AMBIGUOUS
+
+
+@kernel
+def name(x, p, dt):
+    """Weigh the oscillation of an alarm at every EVERY-th sample; what several evaluations agree on is the verdict."""
+    if x.alarm > 0.5 and x.ticks == 0.0 and int(x.since) % EVERY == 0:
+        hz = x.sine_hz
+        said = weigh(x, p, p.even * dt)
+        same = said == x.vote and math.fabs(x.sine_hz - hz) <= STEADY * hz
+        x.votes = x.votes + 1.0 if same else 1.0
+        x.vote = said
+        if said != AMBIGUOUS and x.votes >= VOTES:
+            x.verdict = said
+        elif x.residual > NO_SWING:
+            x.verdict = AMBIGUOUS
+    if x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID:
+        x.ofc_hz = x.sine_hz

@@ -45,21 +45,16 @@ def first_order_hold(A: np.ndarray, By: Any, Bu: Any, dt: float) -> tuple[Any, .
     return big[:n, :n], big[:n, n + 2 * m :], held - ramp, ramp
 
 
-def discretise(
-    *, N: Any, T: Any, K: np.ndarray, H: np.ndarray, C: np.ndarray, B: np.ndarray, D: np.ndarray, TF: np.ndarray,
-    gain: Any, alpha: float, dt: float,
-) -> Discrete:  # fmt: skip
-    """Return the Discrete estimator; shapes as in `fdi.rfafe.synthesis`, gain = Gamma M (l, m), dt in s."""
-    if not dt > 0.0:
-        raise ValueError(f"dt is positive, not {dt}")
-    l = TF.shape[1]
-    through = gain @ (np.eye(H.shape[1]) - C @ H)
-    A = np.block([[N - TF @ gain @ C, alpha * TF], [-gain @ C, np.zeros((l, l))]])
-    By = np.vstack([K + TF @ through, through])
-    Bu = np.vstack([T @ B, np.zeros((l, B.shape[1]))]) - By @ D
+def discretise(d: Any, dt: float) -> Discrete:
+    """Return the Discrete estimator of a `fdi.rfafe.synthesis.Design` for ticks of `dt` [s]."""
+    TF, gain, l = d.T @ d.F, d.Gamma @ d.M, d.F.shape[1]
+    through = gain @ (np.eye(len(d.C)) - d.C @ d.H)
+    A = np.block([[d.N - TF @ gain @ d.C, d.alpha * TF], [-gain @ d.C, np.zeros((l, l))]])
+    By = np.vstack([d.K + TF @ through, through])
+    Bu = np.vstack([d.T @ d.B, np.zeros((l, d.B.shape[1]))]) - By @ d.D
     Phi, Gu, Gy0, Gy1 = first_order_hold(A, By, Bu, dt)
-    S = np.hstack([-gain @ C, alpha * np.eye(l)])
-    return Discrete(dt=float(dt), Phi=Phi, Gu=Gu, Gy0=Gy0, Gy1=Gy1, S=S, Sy=through, Su=-through @ D)
+    S = np.hstack([-gain @ d.C, d.alpha * np.eye(l)])
+    return Discrete(dt=float(dt), Phi=Phi, Gu=Gu, Gy0=Gy0, Gy1=Gy1, S=S, Sy=through, Su=-through @ d.D)
 
 
 def noise(discrete: Any, sigma: float | np.ndarray) -> np.ndarray:

@@ -7,8 +7,6 @@ import numpy as np
 
 from fdi.rfafe.discrete import first_order_hold
 
-FIT_HZ = (0.05, 2.0)  # band of the first-order fit: "0-2 Hz", without the zero that a logarithmic grid cannot hold
-
 
 def global_model(
     Ab: Any, Bu: Any, Cb: Any, Du: Any, Aa: Any, Ba: Any, Ca: Any, Da: Any
@@ -34,39 +32,24 @@ def first_order(a: Any, gain: Any = 1.0, sides: int = 1) -> tuple[Any, ...]:
     return -np.diag(a), np.diag(gain * a), np.eye(sides), np.zeros((sides, sides))
 
 
-def fit_first_order(
-    response: Any, *, band_hz: Any = FIT_HZ, points: int = 60, delay: bool = True
-) -> tuple[float, float, float]:
-    """Return (a [rad/s], gain, tau [s]) of gain a / (s + a) exp(-tau s), nearest to an actuator over `band_hz`.
+def fit_first_order(hz: Any, response: Any) -> tuple[float, float, float]:
+    """Return (a [rad/s], gain, tau [s]) of gain a / (s + a) exp(-tau s), nearest to an actuator's complex `response` at
+    `hz`.
 
-    `response` is (frequencies [Hz], complex values) or (A, B, C, D) of a linear actuator with one input and one output.
-    Least squares on the complex difference, frequencies evenly spaced: 2 Hz counts as much as 0.2 Hz. A lag alone
-    cannot hold both the amplitude and the phase of a higher-order actuator: amplitude errors scale f_hat, phase errors
-    turn every command into a fault. tau takes the rest of the phase and goes to the observer's command (`u_delay`), as
-    (ii) allows no second-order model; `delay=False` fits tau = 0, as published.
+    Least squares on the complex difference. A lag alone cannot hold both the amplitude and the phase of a higher-order
+    actuator: amplitude errors scale f_hat, phase errors turn every command into a fault. tau takes the rest of the
+    phase and goes to the observer's command (`u_delay`), as (ii) allows no second-order model.
     """
     from scipy.optimize import least_squares  # a quarter of a second that a flight need not wait for
 
-    f = np.linspace(*band_hz, points)
-    if len(response) == 4:
-        A, B, C, D = (np.atleast_2d(np.asarray(x, float)) for x in response)
-        G = np.array([(C @ np.linalg.solve(2j * math.pi * x * np.eye(len(A)) - A, B) + D)[0, 0] for x in f])
-    else:
-        hz, values = np.asarray(response[0], float), np.asarray(response[1], complex)
-        keep = (hz >= band_hz[0]) & (hz <= band_hz[1])
-        if keep.sum() < 3:
-            raise ValueError(f"fewer than three frequencies lie in {band_hz} Hz")
-        f, G = hz[keep], values[keep]
-    s = 2j * math.pi * f
+    s, G, start = 2j * math.pi * np.asarray(hz), np.asarray(response), [20.0, 1.0, 0.01]
 
     def error(z):
-        d = z[1] * z[0] / (s + z[0]) * np.exp(-s * (z[2] if delay else 0.0)) - G
+        d = z[1] * z[0] / (s + z[0]) * np.exp(-s * z[2]) - G
         return np.concatenate([d.real, d.imag])
 
-    start = [20.0, 1.0, 0.01] if delay else [20.0, 1.0]
-    low, high = [0.1, 0.0, 0.0], [500.0, 10.0, 0.5]
-    fit = least_squares(error, start, x_scale=start, bounds=(low[: len(start)], high[: len(start)]))
-    return float(fit.x[0]), float(fit.x[1]), float(fit.x[2]) if delay else 0.0
+    fit = least_squares(error, start, x_scale=start, bounds=([0.1, 0.0, 0.0], [500.0, 10.0, 0.5]))
+    return float(fit.x[0]), float(fit.x[1]), float(fit.x[2])
 
 
 def estimate_E(

@@ -4,7 +4,7 @@
     f = what is added to a side's command;  a solid OFC s(t) is f = s - command
 
 V in m/s, angles in deg, q in deg/s inside, as the paper has them; conversion stands in `step`. A side is the
-effectiveness-weighted mean of its two segments. The design puts its whole gain on the positions (M = [0 0 0 0 m 0]
+mean of its two segments. The design puts its whole gain on the positions (M = [0 0 0 0 m 0]
 for each side): no airframe output contributes, so this estimator is a position monitor with a model of the actuator.
 That model is the first order of the paper, driven by what the servos' own limits let through of the command
 (fdi/rfafe/servo.py).
@@ -12,7 +12,6 @@ That model is the first order of the paper, driven by what the servos' own limit
 """
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -20,20 +19,13 @@ import numpy as np
 from actuators.block import dtype, entry, kernel, record
 from actuators.constants import RAD_PER_DEG
 from fdi.common import bank
-from fdi.common.conditions import DesignError, separate
 from fdi.common.decision import held, usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.rfafe import core as rfafe_core
 from fdi.rfafe import segments, servo
-from fdi.rfafe.core import AIRFRAME, advance, estimate, fill_stored, learned, read_airframe
-from fdi.rfafe.model import estimate_E, first_order, fit_first_order, global_model, reduce_E
+from fdi.rfafe.core import advance, estimate, fill, learned, read_airframe
 from fdi.rfafe.store import choose, lacks, read, side_kinds
-from fdi.rfafe.synthesis import Design, Region, design
-
-__all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "Design", "DesignError", "Region", "design",
-           "estimate_E", "first_order", "fit_first_order", "global_model", "init", "params", "reduce_E", "rollout",
-           "separate", "step"]
 
 CULPRITS = ("", "elevator_left", "elevator_right", "elevator_left and elevator_right")
 # What an oscillation of the command of a side of this kind comes out as, f_hat over fault, beyond a first-order model:
@@ -107,35 +99,27 @@ DETECTOR = Detector(
 
 
 def params(
-    which: str = "flight",
-    *,
-    stored: Any = None,
-    technology: Any = "hydraulic",
-    trim: Any = None,
-    dt: Any = DT,
-    weight: Sequence[Any] = (0.5, 0.5, 0.5, 0.5),
-    response: Any = None,
+    which: str = "flight", *, stored: Any = None, technology: str = "hydraulic", dt: float = DT, response: Any = None,
     own: Any = None,
-) -> np.ndarray:
+) -> np.ndarray:  # fmt: skip
     """Return PARAMS from the stored design for `technology` of the elevators and the threshold set `which`.
 
-    `stored` replaces `fdi/designs/rfafe.json` (same keys). `trim` is a mapping with tas [m/s], alpha, theta, elevator
-    [rad]; None: learned from 0.2 s, and from no fewer than 40 samples, once the servos' model has forgotten its start.
-    `weight` is the share of each segment in its side's effect. `response` maps the kind of a side to the resonance
-    (rad/s, damping) that is taken out of its f_hat, None for none. `own` is the folder of an aircraft with designs of
-    its own. Raises FileNotFoundError without a stored design, ValueError for a technology that it lacks.
+    `stored` replaces `fdi/designs/rfafe.json` (same keys; without "servos": lags with a rate limit, as published).
+    `response` maps the kind of a side to the resonance (rad/s, damping) that is taken out of its f_hat, None for none.
+    `own` is the folder of an aircraft with designs of its own. Raises FileNotFoundError without a stored design,
+    ValueError for a technology that it lacks.
     """
     stored = read("rfafe", own) if stored is None else stored
     made, chosen = choose(stored, technology, dt)
     sides = (technology.split("/") * 2)[:2]
     even = [_even((response or {}).get(kind), dt) for kind in sides]
-    p = record(PARAMS, weight=weight, even=even, **bank.design(dt), **thresholds("rfafe", which, own))
+    p = record(PARAMS, even=even, **bank.design(dt), **thresholds("rfafe", which, own))
     if "servos" in stored:
         models = [stored["servos"][kind] for name in sides for kind in side(name)]
         p["servo"] = [servo.row(model, dt) for model in models]
-        p["n_forget"] = round(max(map(servo.memory, models)) / dt) if trim is None else 0
+        p["n_forget"] = round(max(map(servo.memory, models)) / dt)
         p["gain"] = chosen["actuator"]["gain"]
-    return fill_stored(p, made, chosen, dt, trim, (1, 1, 0, 1, 1, 1))
+    return fill(p, made, chosen, dt, (1, 1, 0, 1, 1, 1))
 
 
 def side(kind: str) -> tuple[str, str]:
@@ -144,24 +128,17 @@ def side(kind: str) -> tuple[str, str]:
 
 
 def _even(resonance, dt):
-    """Return b0, b1, b2, a1, a2 of the filter that turns a resonance into a flat response to FLAT; None: of 1."""
+    """Return b0, b1, b2, a1, a2 of the filter that turns a resonance into a flat response to FLAT; None: of 1.
+
+    (s^2 + 2 zeta omega s + omega^2) FLAT^2 / omega^2 / (s^2 + 1.4 FLAT s + FLAT^2) by s = 2 / dt (z - 1) / (z + 1).
+    """
     if resonance is None:
         return [1.0, 0.0, 0.0, 0.0, 0.0]
     omega, zeta = resonance
-    gain = (FLAT / omega) ** 2
-    b, a = _bilinear(gain * np.array([1.0, 2.0 * zeta * omega, omega**2]), [1.0, 1.4 * FLAT, FLAT**2], 1.0 / dt)
-    return [*b, a[1], a[2]]
-
-
-def _bilinear(b, a, fs):
-    """Return (b, a) of a continuous filter sampled at `fs` [Hz] by s = 2 fs (z - 1) / (z + 1), a[0] = 1.
-
-    The bits of `scipy.signal.bilinear`, whose import takes half of a flight's start.
-    """
-    root, n = np.sqrt(fs * 2), max(len(a), len(b)) - 1
-    up, down = np.polynomial.Polynomial((1, 1)) / root, np.polynomial.Polynomial((-1, 1)) * root
-    num, den = (sum(c * up ** (n - i) * down**i for i, c in enumerate(given[::-1])) for given in (b, a))
-    return num.coef[::-1] / den.coef[-1], den.coef[::-1] / den.coef[-1]
+    gain, c = (FLAT / omega) ** 2, 2.0 / dt
+    b, a = ([c * c + one * c + two, 2.0 * (two - c * c), c * c - one * c + two]
+            for one, two in ((2.0 * zeta * omega, omega**2), (1.4 * FLAT, FLAT**2)))  # fmt: skip
+    return [*(gain * v / a[0] for v in b), a[1] / a[0], a[2] / a[0]]
 
 
 def init(p: np.ndarray) -> np.ndarray:
@@ -176,26 +153,24 @@ def step(x, u, p, dt):
     for i in range(4):
         good = min(good, usable(u.surface[i], u.surface_valid[i]))
     if good > 0.5:
-        read_airframe(x, u, p)  # the gain on it is zero: a lost sensor of the airframe is no loss
-        x.y[4] = (p.weight[0] * u.surface[0] + p.weight[1] * u.surface[1]) / RAD_PER_DEG - p.y_trim[4]
-        x.y[5] = (p.weight[2] * u.surface[2] + p.weight[3] * u.surface[3]) / RAD_PER_DEG - p.y_trim[5]
+        read_airframe(x, u)  # the gain on it is zero: a lost sensor of the airframe is no loss
+        x.y[4] = 0.5 * (u.surface[0] + u.surface[1]) / RAD_PER_DEG
+        x.y[5] = 0.5 * (u.surface[2] + u.surface[3]) / RAD_PER_DEG
     for j in range(2):
-        x.u_in[j] = held(u.command[j] / RAD_PER_DEG - p.u_trim[j], 1.0, x.u_in[j])
+        x.u_in[j] = held(u.command[j] / RAD_PER_DEG, 1.0, x.u_in[j])
     if p.servo[0, servo.K1] == 0.0:
         advance(x, p, good, dt)
     else:
         servo.follow(x, p, dt)
         known = learned(x, p, good)
         if good > 0.5:
-            servo.learn(x, p, AIRFRAME, dt)
+            servo.learn(x, p, dt)
             segments.compare(x, u, p, dt)
         if known:
-            estimate(x, p, good, 0.0, dt)  # its model holds beyond the rate limit, too
+            estimate(x, p, good, dt)  # its model holds beyond the rate limit, too
     x.f_hat_left = _evened(x, p, 0)
     x.f_hat_right = _evened(x, p, 1)
     x.f_hat = x.f_hat_left if math.fabs(x.f_hat_left) >= math.fabs(x.f_hat_right) else x.f_hat_right
-    if x.alarm > 0.5 and x.both > 0.5:
-        x.culprit = 3.0
     segments.name(x)
     x.alarm_elevator_left = 1.0 if x.culprit == 1.0 or x.culprit == 3.0 else 0.0
     x.alarm_elevator_right = 1.0 if x.culprit >= 2.0 else 0.0

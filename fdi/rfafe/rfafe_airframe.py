@@ -4,8 +4,8 @@
     f = deviation of the mean elevator from what the command asks for; left and right are parallel columns, so the
     side is not to be had
 
-What f_hat holds of an airframe that is not that of the design's flight point is learned in the first seconds and taken
-out of what is judged (fdi/rfafe/correction.py); `f_hat` itself is as published.
+Design and thresholds are for one flight point. Elsewhere, in gusts and manoeuvres f_hat holds the difference of the
+pitching moment as well, about 1 deg in moderate turbulence.
 
 A solid OFC of one side is half of s - u in the mean, so that neither f_hat nor f_hat + u is a sine: the class is not
 to be had either, and the margin of the decision is set so that it is never named. The command goes through the
@@ -19,13 +19,11 @@ import numpy as np
 from actuators.block import dtype, entry, kernel, record
 from actuators.constants import RAD_PER_DEG
 from fdi.common import bank
-from fdi.common.decision import held
-from fdi.common.envelope import ALPHA, FLYING, PITCH, PITCH_RATE, box
+from fdi.common.decision import held, usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
-from fdi.common.why import BOX_ALPHA, BOX_PITCH, BOX_SPEED, VALID
 from fdi.rfafe import core as rfafe_core
-from fdi.rfafe.core import advance, airframe_usable, fill_stored, read_airframe
+from fdi.rfafe.core import advance, fill, read_airframe
 from fdi.rfafe.store import choose, lacks, read, side_kinds
 
 CULPRITS = ("", "elevator")
@@ -65,28 +63,17 @@ DETECTOR = Detector(
     places={"head": ("line", 0), **bank.PLACES, "suspect": ("energy", 0)},
     design="rfafe_airframe",
     lacks=lambda technologies, own: lacks("rfafe_airframe", technologies, own),
-    # moments are scaled by (V / V where the correction was learned)^2, and linear in the others; how far they are so in
-    # the angle of attack, and how steep a turn may be, is decided on slow parts (fdi/rfafe/correction.py)
-    range={"tas": FLYING, "alpha": ALPHA, "q": PITCH_RATE, "theta": PITCH},
     fit=lambda site: params(technology=side_kinds(site.technologies), dt=site.dt, own=site.own),
 )
 
 
 def params(
-    which: str = "", *, stored: Any = None, technology: str = "hydraulic", trim: Any = None, dt: float = DT,
-    own: Any = None,
+    which: str = "flight", *, stored: Any = None, technology: str = "hydraulic", dt: float = DT, own: Any = None
 ) -> np.ndarray:
-    """Return PARAMS from the stored design and threshold set `which`; arguments as in `fdi.rfafe.rfafe.params`.
-
-    Default is the set "flight", with the correction of `fdi.rfafe.correction`; for a `stored` design of one's own
-    "design_point", without it: what the correction starts from is known for the shipped design only.
-    """
-    which = which or ("flight" if stored is None else "design_point")
+    """Return PARAMS from the stored design and threshold set `which`; arguments as in `fdi.rfafe.rfafe.params`."""
     design, chosen = choose(read("rfafe_airframe", own) if stored is None else stored, technology, dt)
-    ratios = (design.A[2, 1] / design.F[2, 0], design.A[2, 2] / design.F[2, 0], 1.0, 0.0)
-    p = record(PARAMS, **bank.design(dt), **thresholds("rfafe_airframe", which, own), own=ratios,
-               omega_f=design.report.bandwidth[0])  # fmt: skip
-    return fill_stored(p, design, chosen, dt, trim, (1, 1, 0, 1))
+    p = record(PARAMS, **bank.design(dt), **thresholds("rfafe_airframe", which, own))
+    return fill(p, design, chosen, dt, (1, 1, 0, 1))
 
 
 def init(p: np.ndarray) -> np.ndarray:
@@ -97,17 +84,12 @@ def init(p: np.ndarray) -> np.ndarray:
 @kernel
 def step(x, u, p, dt):
     """Convert to the paper's units and advance the estimator."""
-    beyond = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], BOX_SPEED, VALID)
-    beyond = box(u.alpha, u.alpha_valid, ALPHA[0], ALPHA[1], BOX_ALPHA, beyond)
-    beyond = box(u.q, u.q_valid, PITCH_RATE[0], PITCH_RATE[1], BOX_PITCH, beyond)
-    beyond = box(u.theta, u.theta_valid, PITCH[0], PITCH[1], BOX_PITCH, beyond)
-    good = airframe_usable(u) if beyond == VALID else 0.0  # out of range nothing is learned, as without a sample
+    good = min(min(usable(u.tas, u.tas_valid), usable(u.alpha, u.alpha_valid)),
+               min(usable(u.q, u.q_valid), usable(u.theta, u.theta_valid)))  # fmt: skip
     if good > 0.5:
-        read_airframe(x, u, p)
-    x.u_in[0] = held(u.command / RAD_PER_DEG - p.u_trim[0], 1.0, x.u_in[0])
+        read_airframe(x, u)
+    x.u_in[0] = held(u.command / RAD_PER_DEG, 1.0, x.u_in[0])
     advance(x, p, good, dt)
-    if beyond != VALID:
-        x.why = beyond
     x.f_hat = x.f[0]
 
 

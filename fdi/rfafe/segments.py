@@ -1,20 +1,18 @@
 """Which segment alone does not follow its command, from the position sensors of its side.
 
-    e_outer = e + w_inner d,  e_inner = e - w_outer d,  d = outer - inner - (m_outer - m_inner) - d_0
+    e_outer = e + d / 2,  e_inner = e - d / 2,  d = outer - inner - (m_outer - m_inner) - d_0
 
 e is the side's position less that of the servos' model (fdi/rfafe/servo.py), d the difference of its two segments less
-that of their models and its mean d_0 while the trim was learned, w the segments' shares in the side. Of the segments of
-the sides declared the two largest mean squares are compared, of what oscillates while an oscillation is declared,
-otherwise of all: below ONE^2 of the first the second is healthy, from BOTH^2 on both are moved, between the two the
-last answer stands.
+that of their models and its mean d_0 while the trim was learned. Of the segments of the sides declared the two largest
+mean squares are compared, of what oscillates while an oscillation is declared, otherwise of all: below ONE^2 of the
+first the second is healthy, from BOTH^2 on both are moved, between the two the last answer stands.
 """
 
 import math
 
 from actuators.block import kernel
 from actuators.constants import RAD_PER_DEG
-from fdi.rfafe.core import AIRFRAME
-from fdi.rfafe.servo import D, R
+from fdi.rfafe.servo import D, R, residual
 
 ONE, BOTH = 0.3, 0.45  # amplitude of one segment over that of the other
 NAMES = ("", "elevator_left_outer", "elevator_left_inner", "elevator_right_inner", "elevator_right_outer")
@@ -39,9 +37,9 @@ def compare(x, u, p, dt):
             x.apart[j] += (d - x.apart[j]) / max(x.seen, 1.0)
             continue
         d -= x.apart[j]
-        e = x.y[AIRFRAME + j] - x.y0[AIRFRAME + j] - (x.act[j] - p.gain[j] * x.u0[j])
+        e = residual(x, p, j)
         for i in range(one, two + 1):
-            own = e + (p.weight[two] * d if i == one else -p.weight[one] * d)
+            own = e + (0.5 * d if i == one else -0.5 * d)
             x.part_slow[i] += a * (own - x.part_slow[i])
             own -= x.part_slow[i]
             x.part_power[i] += b * (own * own - x.part_power[i])

@@ -9,9 +9,9 @@ supply that is not as stated moves the surface by more or less than the referenc
 up, too, in the same time t_lag: mu is 1 on the mean, with deviation 1, and each side's is learned in the first T_MU
 seconds after the trim, the regularised least squares of its position beyond r on d, with the variance of what d does
 not explain. Then it stays: a fault that comes later is not learned, and while an alarm stands nothing is. Of a fault
-that is there before it takes no more than tolerances make. A side's m is the effectiveness-weighted mean of its two
-segments. Condition (ii) of [Sun13] lets the design have no more than a first order per side, m' = a (gain u - m): it is
-driven by the u that makes its m that of the servos,
+that is there before it takes no more than tolerances make. A side's m is the mean of its two segments. Condition (ii)
+of [Sun13] lets the design have no more than a first order per side, m' = a (gain u - m): it is driven by the u that
+makes its m that of the servos,
 
     u = (m + m' / a) / gain,
 
@@ -38,7 +38,6 @@ T_MU = 8.0  # for so long mu is learned [s]
 MOST, ALIKE, LEAST = 1.5, 0.2, 1e-3  # -, s, deg2 s
 
 PARAMS = [
-    ("weight", "f8", (4,), "-"),  # of left_outer, left_inner in the left side, of right_inner, right_outer in the right
     ("servo", "f8", (4, 9)),      # 1/s, deg/s, deg/s2, deg/s3, deg, deg/s, s; k1 = 0: a lag with a rate limit instead
     ("gain", "f8", (2,), "-"),    # of each side's first order
     ("n_forget", "f8", "-"),      # samples until the model has forgotten where it began
@@ -101,10 +100,10 @@ def follow(x, p, dt):
         for i in range(2 * j, 2 * j + 2):
             r, c = x.ref[i], p.servo[i]
             if x.fresh == 0.0:
-                r[R], r[RD], r[RDD], r[D] = x.u_in[j], 0.0, 0.0, 0.0
-            was += p.weight[i] * (r[R] - r[D] - x.more[j] * (r[D] - x.d_0[j]))
+                r[R] = x.u_in[j]
+            was += 0.5 * (r[R] - r[D] - x.more[j] * (r[D] - x.d_0[j]))
             move(r, c, x.u_in[j], dt)
-            now += p.weight[i] * (r[R] - r[D] - x.more[j] * (r[D] - x.d_0[j]))
+            now += 0.5 * (r[R] - r[D] - x.more[j] * (r[D] - x.d_0[j]))
         if x.fresh == 0.0:
             x.act[j] = was
         share = 1.0 - math.exp(-p.act_a[j] * dt)
@@ -113,23 +112,28 @@ def follow(x, p, dt):
         x.act[j] += share * (p.gain[j] * late - x.act[j])
         x.rest[j] = x.act[j] / p.gain[j]
         x.u[j], x.u_late[j] = u - x.u0[j], late - x.u0[j]
-    x.fresh = 1.0
     rfafe_core.turn(x)
 
 
 @kernel
-def learn(x, p, first, dt):
-    """Learn d_0 with the trim, then mu, from this sample; the positions of the sides are in x.y from `first` on."""
+def residual(x, p, j):
+    """Return by how much the position of side j in x.y, trim included, is beyond the model's [deg]."""
+    i = rfafe_core.AIRFRAME + j
+    return x.y[i] - x.y0[i] - (x.act[j] - p.gain[j] * x.u0[j])
+
+
+@kernel
+def learn(x, p, dt):
+    """Learn d_0 with the trim, then mu, from this sample."""
     if x.ran >= T_MU or x.alarm > 0.5:
         return
     for j in range(2):
-        d = p.weight[2 * j] * x.ref[2 * j, D] + p.weight[2 * j + 1] * x.ref[2 * j + 1, D]
+        d = 0.5 * (x.ref[2 * j, D] + x.ref[2 * j + 1, D])
         if x.seen < p.n_trim:
             x.d_0[j] += (d - x.d_0[j]) / max(x.seen, 1.0)
             continue
         d -= x.d_0[j]
-        e = x.y[first + j] - x.y0[first + j] - (x.act[j] - p.gain[j] * x.u0[j])
-        e = x.more[j] * d - e
+        e = x.more[j] * d - residual(x, p, j)
         x.dd[j] += dt * d * d
         x.ed[j] += dt * d * e
         x.ee[j] += dt * e * e

@@ -89,7 +89,7 @@ def test_what_no_flight_has_is_refused(folder, tmp_path):
         with pytest.raises(CampaignError, match=said):
             run_campaign(campaign, out=tmp_path / "out", workers=0, **how)
     assert not (tmp_path / "out").exists()
-    with pytest.raises(CampaignError, match="other --signals and --rate"):
+    with pytest.raises(CampaignError, match="other --signals or --rate"):
         run_campaign(campaign, out=folder, workers=0, resume=True, signals=["q"])
 
 

@@ -8,9 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cosim.campaign.engine import run_campaign, run_many
+from cosim.campaign.engine import run_many
 from cosim.campaign.worker import run_id
-from cosim.cli.commands import app
 from cosim.compare import CompareError, compare, stats
 from cosim.compare import rows as compare_rows
 from cosim.flight.simulate import simulate
@@ -89,14 +88,6 @@ def test_compare_of_a_folder_of_logs_writes_table_and_report(logs, tmp_path):
     assert found.report.read_text("utf-8").startswith("<!doctype html>")
 
 
-def test_compare_of_a_campaign_folder_is_that_of_its_rows(flights, tmp_path):
-    run_many(flights, workers=0, out=tmp_path / "c")
-    found = compare([tmp_path / "c"])
-    frame, _, tomls, _ = compare_rows.of_campaign(tmp_path / "c")
-    pd.testing.assert_frame_equal(found.rows, compare_rows.tidy(frame, tomls))
-    assert found.runs == 3 and all(d["step_us"] is None or d["step_us"] > 0 for d in found.detectors)
-
-
 def test_two_campaigns_stand_side_by_side_on_the_flights_of_both(flights, tmp_path):
     """One detector is changed between them, one flight is in the second alone."""
     run_many(flights, workers=0, out=tmp_path / "before")
@@ -119,24 +110,6 @@ def test_two_campaigns_stand_side_by_side_on_the_flights_of_both(flights, tmp_pa
     assert "every detector the same" in compare([tmp_path / "before", tmp_path / "again"]).source
     with pytest.raises(CompareError, match="named twice"):
         compare([tmp_path / "before", tmp_path / "after" / ".." / "before"])
-
-
-def test_a_campaigns_title_is_that_of_its_page(flights, tmp_path):
-    text = 'title = "Rods of mine"\nbase = "cruise"\n[set]\nduration_s = 2.0\ndetectors.enabled = ["iotsekf"]\n'
-    (tmp_path / "mine.toml").write_text(text)
-    run_campaign(tmp_path / "mine.toml", out=tmp_path / "c", workers=1)
-    found = compare([tmp_path / "c"])
-    assert found.title == "Rods of mine" and "<h1>Rods of mine</h1>" in render(found)
-    run_many(flights[:1], workers=0, out=tmp_path / "d")
-    assert "Aircraft-level" not in render(compare([tmp_path / "d"]))
-
-
-def test_command_prints_one_json_object(logs, tmp_path, capsys):
-    with pytest.raises(SystemExit) as end:
-        app(["compare", *map(str, logs), "-o", str(tmp_path / "o"), "--json"])
-    assert end.value.code == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["runs"] == 3 and told["report"].endswith("compare.html")
 
 
 def test_folder_without_flights_gets_a_clear_error(tmp_path, logs):

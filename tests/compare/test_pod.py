@@ -34,11 +34,6 @@ def test_the_fit_zeroes_the_gradient_of_the_likelihood_and_its_covariance_invert
     assert cov @ information == pytest.approx(np.eye(2), abs=1e-6)
 
 
-def test_sizes_that_part_seen_from_missed_but_for_one_that_has_both_have_no_curve():
-    a = np.array([1.0] * 8 + [2.0] * 4 + [4.0] * 8)
-    assert fit(a, np.arange(20) >= 10).note == "between 2 and 2"
-
-
 def test_its_bound_is_beyond_the_truth_in_95_of_100_samples():
     rng, true = np.random.default_rng(2), math.exp(math.log(9.0) / 3.0)
     found = [fit(*sample(rng, 100)).a90_95 for _ in range(200)]

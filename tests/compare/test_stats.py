@@ -61,15 +61,6 @@ def test_detectors_are_counted_over_what_they_were_designed_for():
     assert aircraft["false_alarms_per_hour"] == pytest.approx(1 / (8 * 0.01))
 
 
-def test_names_are_counted_over_every_fault_alarmed_on():
-    local, aircraft = stats.detectors(hand_made())
-    assert (local["alarmed_on"], local["class_right"], local["place_right"], local["name_wrong"]) == (2, 2, 2, 0)
-    assert local["place_levels"] == {"set": 0, "axis": 0, "side": 0, "segment": 2, "channel": 0}
-    assert (aircraft["alarmed_on"], aircraft["class_right"], aircraft["class_wrong"]) == (2, 1, 1)
-    assert aircraft["name_wrong"] == 1
-    assert aircraft["place_levels"] == {"set": 0, "axis": 1, "side": 0, "segment": 0, "channel": 0}
-
-
 def test_groups_and_the_smallest_oscillation_that_each_sees():
     rows = hand_made()
     grouped = stats.by_group(rows, stats.detectors(rows))
@@ -85,13 +76,6 @@ def test_sizes_are_by_frequency_in_octaves_where_there_are_many():
     rows = hand_made()
     found = stats.sizes(stats.by_group(rows, stats.detectors(rows)))
     assert {row["frequency_hz"] for row in found} == {1.0}
-
-
-def test_confusion_has_none_and_false_alarms_as_columns():
-    rows = hand_made()
-    counts = stats.confusion(rows, "lpv_smo")
-    assert counts.loc["hydraulic.ofc_liquid", "none"] == 2 and counts.loc["hydraulic.ofc_liquid", "ofc_liquid"] == 1
-    assert counts.loc["no fault", "false alarm"] == 1 and counts.loc["no fault", "none"] == 3
 
 
 def test_beside_what_was_seen_stands_how_often_the_same_manoeuvre_alarms_without_the_fault():
@@ -172,11 +156,3 @@ def test_hours_of_a_detector_are_the_mean_of_its_lanes_counted_once_and_stand_un
     never = compare_rows.tidy(lanes_of(("fault", None), ("concerned", False), exposed=(0.0, 0.0, 0.0)), flown())
     (told,) = stats.detectors(never)
     assert told["hours"] == 0.0 and math.isnan(told["false_alarms_per_hour"])
-
-
-@pytest.mark.parametrize("nothing", [None, math.nan])
-def test_a_cell_of_a_row_that_holds_nothing_is_no_error(nothing):
-    """A folder may be damaged in any cell that is not asked for."""
-    changed = lanes_of(("delay_s", 0.5), ("detected_at_s", nothing), ("lane", nothing))[:1]
-    (found,) = compare_rows.tidy(changed, flown(5.0)).to_dict("records")
-    assert found["detected"] and found["hours"] > 0.0

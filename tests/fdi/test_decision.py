@@ -85,13 +85,12 @@ def pair(y_rod, y_surface, model_v, load=0.0, q=None):
             p[name] = value
     out = np.zeros(len(y_rod), PAIR_STATE)
     for k in range(len(y_rod)):
-        rod = float(np.isfinite(y_rod[k]))
-        slack = 0.0
+        rod, slack, step = float(np.isfinite(y_rod[k])), 0.0, model_v[k] * DT
         if q is not None:
-            x["rigging"][0], slack = decision.lever_at(x[0], q[k])
+            x["rigging"][0], slack = decision.lever_at(x[0], q[k], step), decision.lever_slack(x[0], q[k], step)
         decision.pair_test(x[0], y_rod[k], rod, y_surface[k], 1.0, model_v[k], load, slack, q is not None, p[0], DT)
         if q is not None and rod > 0.5 and x[0].sensor < 0.5:
-            decision.learn_lever(x[0], y_rod[k] - y_surface[k], q[k], 2e-8, DT)
+            decision.learn_lever(x[0], y_rod[k] - y_surface[k], q[k], step, 2e-8, DT)
         out[k] = x[0]
     return out
 
@@ -122,6 +121,17 @@ def test_a_lever_of_another_length_is_learned_and_a_scale_that_comes_later_is_no
     assert out["lever"][-1] == pytest.approx(-off, abs=0.001)
     y[1, 2000:] += 0.03 * q[2000:]
     assert pair(*y, v, q=q)["sensor"][2000:].any()
+
+
+@pytest.mark.parametrize("ticks", [-1, 1])
+def test_samples_of_another_age_are_learned(ticks):
+    """A tick of 0.2 m/s is 1 mm, three times the threshold."""
+    rng, n = np.random.default_rng(4), 2000
+    t = np.arange(n) * DT
+    y = 1e-4 * rng.standard_normal((2, n)) + 0.04 * np.sin(5.0 * np.stack([t, t - ticks * DT]))
+    out = pair(*y, 0.2 * np.cos(5.0 * t), q=0.04 * np.sin(5.0 * t))
+    assert not out["sensor"].any()
+    assert out["lever_lag"][-1] == pytest.approx(ticks, abs=0.1)
 
 
 @pytest.mark.parametrize(("offset", "load", "play"), [(1e-3, 0.1, 1.0), (1e-3, -0.1, 0.0), (4e-3, 0.1, 0.0)])

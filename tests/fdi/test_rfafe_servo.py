@@ -91,9 +91,9 @@ def test_a_piston_that_is_not_as_stated_is_learned_but_no_fault_that_comes_later
     assert early["alarm"][-1] and np.ptp(early["f"][after], axis=0).min() > 1.6 * RAD_PER_DEG
 
 
-@pytest.mark.parametrize("who", [(0,), (1,), (2,), (3,), (0, 1), (2, 3)])
-@pytest.mark.parametrize("kind", ["ofc_liquid", "ofc_solid", "bias"])
-def test_the_segment_that_does_not_follow_is_told_from_its_side(who, kind):
+@pytest.mark.parametrize(("who", "kind"), [((0,), "ofc_liquid"), ((1,), "ofc_solid"), ((2,), "bias"),
+                                            ((0, 1), "ofc_liquid"), ((2, 3), "bias")])  # fmt: skip
+def test_the_segment_that_alone_does_not_follow_is_named(who, kind):
     """Of two kinds of servo, each with its own response to a command that moves by degrees."""
     t = np.arange(round(24.0 / DT)) * DT
     command = 1.5 * np.sin(2.0 * np.pi * 0.3 * t) + np.sin(2.0 * np.pi * 0.9 * t + 0.4)
@@ -117,8 +117,7 @@ def test_the_share_and_its_variance_are_those_of_least_squares(hz):
     """f = -share u + noise: the slope of f over u with a constant, and the square of its standard error."""
     p, x = rfafe.params()[0], np.zeros(1, rfafe.STATE)[0]
     k = int(np.argmin(np.abs(p["bank_hz"] - hz)))
-    fast = p["bank_hz"][k] > decision.FAST
-    n, j = (decision.FAST_N, bank.LEVELS - 1) if fast else (int(p["bank_n"][k]), int(p["bank_level"][k]))
+    n, j = int(p["bank_n"][k]), int(p["bank_level"][k])
     rng = np.random.default_rng(7)
     u = rng.standard_normal(n)
     f = 0.3 - 0.8 * u + 0.5 * rng.standard_normal(n)
@@ -126,16 +125,5 @@ def test_the_share_and_its_variance_are_those_of_least_squares(hz):
     x["bank_ring"][0, j, np.arange(head - n, head)] = f
     x["bank_ring"][1, j, np.arange(head - n, head)] = u
     x["bank_head"][j], x["bank_seen"][j] = head, bank.N
-    share, weight = decision.missing(x, p, k, 10.0)
     told = stats.linregress(u, f)
-    assert (share, weight) == pytest.approx((-told.slope, told.stderr**-2), rel=1e-9)
-
-
-def test_a_window_that_is_not_full_tells_no_share():
-    p, x = rfafe.params()[0], np.zeros(1, rfafe.STATE)[0]
-    k = int(np.argmin(np.abs(p["bank_hz"] - 1.0)))
-    x["bank_seen"][int(p["bank_level"][k])] = p["bank_n"][k]
-    assert decision.missing(x, p, k, 10.0) == (0.0, 0.0)
-    fast = int(np.argmax(p["bank_hz"]))
-    x["bank_seen"][:] = bank.N
-    assert decision.missing(x, p, fast, 0.2) == (0.0, 0.0)  # two of its samples since it was found
+    assert decision.missing(x, p, k) == pytest.approx((-told.slope, told.stderr**-2), rel=1e-9)

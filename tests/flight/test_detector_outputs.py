@@ -26,7 +26,7 @@ SHORT = [*KEYS, "detectors.enabled=['ofc_monitor']"]
 @pytest.fixture(autouse=True)
 def _forget():
     yield
-    registry.GUESTS.clear()
+    registry.USER_DETECTORS.clear()
 
 
 def own(folder, name, inputs, says="{'r': sum(y), 'alarm': sum(y) > 1.5}", **more):
@@ -83,12 +83,12 @@ def test_it_reads_its_sources_of_the_same_tick_in_any_order(chain):
 
 def test_replay_of_one_and_of_all_is_exact_and_what_if_goes_on_to_the_reader(chain):
     files, log = chain
-    alone = replay(log, detectors=["second"], guests=files)
+    alone = replay(log, detectors=["second"], user_detectors=files)
     assert alone.exact and {d["id"] for d in alone.detectors} == {"second"}
-    whole = replay(log, guests=files)
+    whole = replay(log, user_detectors=files)
     assert whole.exact and len(whole.detectors) == 4
-    assert replay(log, guests=files, start_s=2.0).exact
-    deaf = replay(log, guests=files, overrides={"ofc_monitor": {"threshold": 1.0}})
+    assert replay(log, user_detectors=files, start_s=2.0).exact
+    deaf = replay(log, user_detectors=files, overrides={"ofc_monitor": {"threshold": 1.0}})
     changed = {d.field for d in deaf.differences}
     assert any("second/aircraft.alarm" in name for name in changed)  # recomputed from what the monitor says now
     stages = in_stages(describe(open_log(log)))
@@ -105,7 +105,7 @@ def test_a_local_one_reads_its_own_lane_and_a_new_one_reads_a_log_and_a_recordin
         topics = f"/detectors/ofc_monitor/{lane}", f"/detectors/mine/{lane}"
         assert bits(column(there, topics[0], "alarm")) == bits(column(there, topics[1], "r"))
     late = own(tmp_path, "late", ("ofc_monitor.left_inner.alarm",), "{'alarm': y[0]}")
-    seen = next(d for d in replay(log, guests=[late]).detectors if d["id"] == "late")
+    seen = next(d for d in replay(log, user_detectors=[late]).detectors if d["id"] == "late")
     flying = next(d for d in replay(log).detectors if d["target"] == "elevator.left_inner")
     delay = flying["logged"]["detection_delay_s"]
     assert delay is not None and seen["logged"] is None and seen["replayed"]["detection_delay_s"] == delay
@@ -119,7 +119,7 @@ def test_a_slower_reader_steps_with_its_sources_and_a_faster_one_is_refused(tmp_
     assert bits(column(there, "/detectors/slow/aircraft", "r")) == bits(
         column(there, "/detectors/ofc_monitor/left_inner", "r")[::4]
     )
-    assert replay(log, guests=[slow]).exact
+    assert replay(log, user_detectors=[slow]).exact
     fast = own(tmp_path, "fast", ("slow.aircraft.r",))
     with pytest.raises(ScenarioError, match=r"slow steps every 4 ticks, fast every 1.*every = 4"):
         flown([slow, fast], None)
@@ -147,8 +147,8 @@ def test_cycles_and_unknown_names_are_refused_in_one_line(tmp_path, reads, said)
 
 def test_one_that_may_lack_a_source_flies_without_and_an_aircraft_has_its_own_segments(tmp_path):
     load(own(tmp_path, "a", ("ofc_monitor.left_inner.alarm", "iotsekf.left_inner.alarm")))
-    guest = registry.GUESTS["a"]
-    guest.DETECTOR = replace(guest.DETECTOR, may_lack=True)
+    part = registry.USER_DETECTORS["a"]
+    part.DETECTOR = replace(part.DETECTOR, may_lack=True)
     setup = build(cosim.load_scenario("cruise", [*SHORT[:2], "detectors.enabled=['a', 'ofc_monitor']"]))
     assert [d.name for d in setup.loop.detectors] == ["ofc_monitor", "a"] and len(setup.loop.read["a"][0]) == 1
     assert [s for s, _ in chosen(setup.scenario)[1].wires()] == ["a_in.aircraft.ofc_monitor_left_inner_alarm"]

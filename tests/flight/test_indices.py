@@ -4,12 +4,13 @@ import io
 
 import numpy as np
 import pytest
+from forged import forge
 
 from cosim.cli import commands as cli
 from cosim.errors import LogError, ScenarioError
 from cosim.flight.detection import detectors
 from cosim.flight.detection import parameters as indices
-from cosim.log import LogWriter, Topic, open_log
+from cosim.log import open_log
 from cosim.replay import replay
 from cosim.scenario import load_scenario
 from cosim.scenario.load import DEFAULT
@@ -55,49 +56,17 @@ def test_scenario_with_an_index_beyond_its_array_is_refused(key):
         {d.id: d for d in detectors.chosen(scenario)}[name].params(scenario, DT)
 
 
-def _forged(path, attachment=None, change=None, topic=None, field=None, value=None):
-    """Write the golden log again with one attachment or one sample changed, every checksum as it should be."""
-    log = open_log(GOLDEN)
-    topics, columns, at = [], [], 0
-    for info in log.topics.values():
-        index = np.arange(len(info.fields)) + at
-        topics.append(Topic(info.name, info.fields, info.units, index, info.every, info.group))
-        values = log.array(info.name).copy()
-        if info.name == topic:
-            values[:, info.fields.index(field)] = value
-        wide = np.zeros((log.n_ticks, values.shape[1]))
-        wide[:: info.every] = values
-        columns.append(wide)
-        at += values.shape[1]
-    attachments = {k: ("application/octet-stream", v) for k, v in log.attachments.items()}
-    if attachment:
-        array = np.load(io.BytesIO(log.attachments[attachment]))
-        change(array)
-        out = io.BytesIO()
-        np.save(out, array)
-        attachments[attachment] = ("application/x-npy", out.getvalue())
-    metadata = {k: v for k, v in log.metadata.items() if k not in ("log", "preamble", "result")}
-    with LogWriter(path, topics, n_values=at, dt_ns=log.dt_ns, metadata=metadata, attachments=attachments) as writer:
-        for row in np.concatenate(columns, axis=1):
-            writer.append(row)
-        writer.close(result={k: v for k, v in log.result.items() if k != "content"})
-    return path
-
-
 def test_forged_parameters_and_states_are_refused(tmp_path):
-    assert replay(_forged(tmp_path / "same")).exact
-
-    def late_by(array):
-        array["delay"] = 1e7
-
-    with pytest.raises(LogError, match="beyond the detector's arrays"):
-        replay(_forged(tmp_path / "p", "iotsekf.params.npy", late_by))
-
-    def octave(array):
-        array["likely_octave"] = 4e6
-
-    with pytest.raises(LogError, match=r"likely_octave = 4e\+06 would reach beyond"):
-        replay(_forged(tmp_path / "x", "iotsekf.initial.npy", octave))
-    late = _forged(tmp_path / "late", topic="/state/iotsekf/left_inner", field="likely_octave", value=-1e6)
+    log = open_log(GOLDEN)
+    assert replay(forge(log, tmp_path / "same")).exact
+    wrong = (("params", "delay", 1e7, "beyond the detector's arrays"),
+             ("initial", "likely_octave", 4e6, r"likely_octave = 4e\+06 would reach beyond"))  # fmt: skip
+    for name, field, value, said in wrong:
+        array, out = np.load(io.BytesIO(log.attachments[f"iotsekf.{name}.npy"])), io.BytesIO()
+        array[field] = value
+        np.save(out, array)
+        with pytest.raises(LogError, match=said):
+            replay(forge(log, tmp_path / name, attachments={f"iotsekf.{name}.npy": out.getvalue()}))
+    late = forge(log, tmp_path / "late", samples=[("/state/iotsekf/left_inner", "likely_octave", -1e6)])
     with pytest.raises(LogError, match=r"tick \d+: likely_octave"):
         replay(late, start_s=3.0)

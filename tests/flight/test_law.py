@@ -143,22 +143,6 @@ def test_without_alpha_full_back_stick_stays_below_the_stall_by_speed():
     assert f.alpha.max() < f.setup.loop.law.p["alpha_max"][0] + math.radians(2.0)
 
 
-@pytest.mark.parametrize("name", ["sun13", "C"])
-def test_the_error_of_the_angle_of_attack_is_the_one_that_the_law_states(name):
-    """e_alpha of cosim/flight/blocks/law, wings level at the trim's attitude, beyond alpha_max and at another speed."""
-    p = designed(name)[1][0]
-    seen = {"alpha": p["alpha_max"] + math.radians(2.0), "q": math.radians(1.5), "n_z": p["nz_0"] + 0.1,
-            "cas": 0.9 * p["cas_0"], "tas": 0.9 * p["tas_0"], "theta": p["theta_0"]}  # fmt: skip
-    u = np.zeros((1, 1), law.INPUTS)
-    u["y"][0, 0], u["valid"] = [seen.get(n, 0.0) for n in law.SENSORS], 1.0
-    x = law.init(designed(name)[1])
-    law.rollout(x, u, designed(name)[1], 0.005)
-    turning = seen["q"] - 9.80665 * 0.1 / seen["tas"]  # alpha' of an attitude that turns and a path that bends
-    said = 0.9 * (p["k_alpha"] * -math.radians(2.0) - p["k_rate"] * turning)  # 1 / sqrt(s) = V / V_0
-    assert x["protection"][0] == 1.0
-    assert x["e"][0] == pytest.approx(said, rel=1e-9)
-
-
 def test_command_is_a_number_whatever_is_measured():
     _, p, _ = designed("sun13")
     p = np.repeat(p, 8)

@@ -60,7 +60,6 @@ def flown(tmp_path_factory):
                 v.call("heal", fault=7), v.call("heal", fault="x"), v.call("speed", value=-1),
             ]  # fmt: skip
             healed = v.call("heal", fault=0)
-            changed = path.with_name("flight.mcap.flown.toml").read_text()
             quick = v.call("speed", value=50)
             with Viewer(server.url) as w:
                 w.watch("/truth")
@@ -68,7 +67,7 @@ def flown(tmp_path_factory):
                 watcher = w.services, w.info["capabilities"]
             return {"broken": broken, "wrong": wrong, "healed": healed, "quick": quick, "watcher": watcher,
                     "offered": v.offered, "layout": server.layout,
-                    "samples": v.samples, "changed": changed}  # fmt: skip
+                    "samples": v.samples}  # fmt: skip
 
     s = cosim.load_scenario("cruise", [*KEYS, "duration_s=40"])
     result, seen = hands(s, path, act)
@@ -86,14 +85,6 @@ def test_what_a_viewer_injects_is_in_the_log_with_its_tick_and_replays(flown):
     assert result.faults[0]["start_s"] == first * 0.005 and result.status == "completed"
     assert any(d["detection_delay_s"] is not None for d in result.detectors if d["id"] == "iotsekf")
     assert replay(path).exact
-
-
-def test_the_log_is_that_of_the_scenario_as_it_was_changed_last_flown_alone(flown, tmp_path):
-    """Of a flight that is killed it stands beside the log; here it has gone with the log that was written."""
-    (tmp_path / "again.toml").write_text(flown[2]["changed"])
-    cosim.simulate(tmp_path / "again.toml", log=tmp_path / "again.mcap", timed=False, achieved=True)
-    assert (tmp_path / "again.mcap").read_bytes() == flown[0].read_bytes()
-    assert [p.name for p in flown[0].parent.iterdir()] == [flown[0].name]
 
 
 def test_nonsense_is_answered_and_nothing_else_happens(flown):
@@ -161,14 +152,14 @@ class Chatty:
 """
 
 
-def test_ctrl_c_ends_it_with_a_whole_log_and_what_a_guest_prints_stays_apart(tmp_path, capsys):
+def test_ctrl_c_ends_it_with_a_whole_log_and_what_a_user_detector_prints_stays_apart(tmp_path, capsys):
     from cosim.parts import with_detectors
     from fdi import registry
 
     (tmp_path / "chatty.py").write_text(CHATTY)
     s = with_detectors(cosim.load_scenario("cruise", [*KEYS, "duration_s=2"]), [tmp_path / "chatty.py"])
     result, flown = fly_live(s, port=0, log=tmp_path / "cut.mcap", speed=1000.0)
-    registry.GUESTS.clear()
+    registry.USER_DETECTORS.clear()
     assert result.status == "interrupted" and flown.ticks == 61
     assert open_log(tmp_path / "cut.mcap").complete and open_log(tmp_path / "cut.mcap").n_ticks == 61
     out, err = capsys.readouterr()

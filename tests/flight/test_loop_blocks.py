@@ -71,25 +71,6 @@ def test_sensor_errors_combine_as_documented():
     assert np.abs(coarse - TRUTH).max() <= 0.125 + 1e-12
 
 
-@pytest.mark.parametrize(
-    "field, values, expected",
-    [
-        ("f_add", 0.3 * LATE, TRUTH + 0.3 * LATE),
-        ("f_scale", 0.25 * LATE, TRUTH * (1 + 0.25 * LATE)),
-        ("f_freeze", 1.0 * LATE, np.where(LATE, TRUTH[200], TRUTH)),
-        ("f_drop", 1.0 * LATE, np.where(LATE, np.nan, TRUTH)),
-    ],
-)
-def test_sensor_faults_on_both_copies_and_on_the_observers_alone(field, values, expected):
-    both = measure(TRUTH, **{field: values})
-    np.testing.assert_allclose(both["y"], expected, rtol=1e-14)
-    np.testing.assert_allclose(both["y_obs"], expected, rtol=1e-14)
-    alone = measure(TRUTH, **{field.replace("f_", "g_"): values})
-    np.testing.assert_array_equal(alone["y"], TRUTH)
-    np.testing.assert_allclose(alone["y_obs"], expected, rtol=1e-14)
-    np.testing.assert_array_equal(alone["valid_obs"] == 0, np.isnan(expected))
-
-
 times = st.floats(0.0, 5.0).map(lambda t: round(t, 3))
 
 

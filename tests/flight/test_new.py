@@ -12,7 +12,7 @@ from cosim.cli import commands as cli
 from cosim.flight.new import KINDS, shadows
 from cosim.scenario.aircraft import load_aircraft
 
-OWN = [kind for kind in KINDS if kind != "detector"]  # test_guests_contract.py has that one
+OWN = [kind for kind in KINDS if kind != "detector"]  # test_user_detector.py has that one
 
 
 @pytest.fixture(scope="module")

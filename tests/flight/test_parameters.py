@@ -57,11 +57,6 @@ def test_what_is_no_finite_number_is_named_once(value):
     assert str(error.value) == said
 
 
-def test_a_whole_bound_is_printed_whole():
-    with pytest.raises(ScenarioError, match=r"allowed: 0 to 2147483647$"):
-        load_scenario("cruise", ["seed=-1"])
-
-
 DRIVE = "{target='elevator.right_inner', kind='ofc_liquid', at='valve', start_s=0, frequency_hz=10, amplitude_mm=100}"
 
 

@@ -5,7 +5,6 @@ import pytest
 
 import cosim
 from cosim.errors import ScenarioError
-from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect
 from fdi.hydraulic import iotsekf
 
@@ -48,9 +47,3 @@ def test_words_of_the_vocabulary_are_signals():
     assert table.attrs["units"] == {"alpha": "rad", "left_inner.rod": "m"}
     with pytest.raises(ScenarioError, match=r"Name one: left_inner\.rod"):
         cosim.fly("cruise", ["rod"])
-
-
-def test_wires_of_the_aircraft_level_are_signals():
-    wires = sources("lpv_smo")
-    table = cosim.fly(cosim.load_scenario("cruise", ["duration_s=1"]), wires.values())
-    assert list(table) == list(dict.fromkeys(wires.values()))

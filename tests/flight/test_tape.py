@@ -27,13 +27,13 @@ def test_python_between_the_blocks_and_between_ticks_changes_nothing_by_itself()
     scenario = cosim.load_scenario("liquid-ofc", [*FLIGHT, MONITOR])
     seen = []
 
-    def with_guests(loop):
+    def in_python(loop):
         for block in (loop.law, *loop.detectors, loop.servos[0]):
             block.module = _Plain(block.module)
         return lambda k: tick(loop, k, lambda v: seen.append(v[loop.bus.index("clock.clock.t")]))
 
     alone = _flown(build(scenario), lambda loop: lambda k: tick(loop, k))
-    np.testing.assert_array_equal(alone, _flown(build(scenario), with_guests))
+    np.testing.assert_array_equal(alone, _flown(build(scenario), in_python))
     np.testing.assert_array_equal(seen, np.arange(TICKS) * 0.005)
 
 

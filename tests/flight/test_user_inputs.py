@@ -72,11 +72,3 @@ def test_a_change_beyond_the_stop_is_refused_with_the_time_and_the_trim(column):
     keys = ["manoeuvre.time_s=[0, 2]", f"manoeuvre.{column}=[0, {size}]"]
     with pytest.raises(ScenarioError, match=rf"manoeuvre\.{column}: at \d.* s it leads to .*the trim is"):
         cosim.fly(cosim.load_scenario("cruise", [*SHORT, *keys]))
-
-
-def test_a_held_speed_and_altitude_hold_beside_an_own_bank():
-    keys = ["manoeuvre.time_s=[0, 2, 6]", "manoeuvre.bank_deg=[0, 0, 20]", "manoeuvre.hold_altitude=true"]
-    keys += ["manoeuvre.hold_speed=true", "duration_s=30", "flight.turbulence=none"]
-    frame = cosim.fly(cosim.load_scenario("cruise", [*SHORT, *keys]), ["truth.aircraft.h", "truth.aircraft.phi"])
-    assert np.ptp(frame["truth.aircraft.h"]) < 15.0
-    assert np.degrees(frame["truth.aircraft.phi"].iloc[-1]) == pytest.approx(20.0, abs=1.0)

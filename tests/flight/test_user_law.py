@@ -96,7 +96,8 @@ def test_what_a_law_may_read_and_command_is_listed():
     listed = {r["name"] for r in inventory()["law"] if r["unit"] and r["summary"]}
     every = [*(f"y.{n}" for n in SENSORS), *(f"ask.{n}" for n in DEMANDS), *(f"start.{n}" for n in TRIM)]
     assert listed == {*every, *(f'"{n}"' for n in SURFACES)}
-    assert all(name in CliRunner().invoke(cli.app, ["list", "law"]).stdout for name in listed)
+    told = CliRunner().invoke(cli.app, ["list", "law"]).stdout
+    assert all(name in told for name in listed)
 
 
 def checked(tmp_path, old="", new=""):

@@ -14,7 +14,6 @@ import numpy as np
 from ema_bench import ARM, DT, NO_LOAD, SIGMA, STALL, Flight, fly_bench, script, three_two_one_one
 
 from actuators.constants import RAD_PER_DEG
-from cosim.judge.alarms import detection
 from fdi.common import verdict
 from fdi.ema.ema_kalman import CULPRITS
 
@@ -82,8 +81,8 @@ def outcome(flight: Flight, begin: Any) -> Outcome:
     log = flight.log
     late = log[round(1.0 / DT) :]
     largest = float(late["r"].max())
-    at = detection(log["alarm"], 0)
-    if at is None:
+    at = int(np.argmax(log["alarm"] > 0.5))
+    if log["alarm"][at] <= 0.5:
         return Outcome("none", np.nan, False, largest)
     named = log["culprit"] > 0
     if named.any():

@@ -125,19 +125,6 @@ class Records(list):
         return bytes(out + footer + struct.pack("<I", zlib.crc32(footer)) + b"\x89MCAP0\r\n")
 
 
-def reseal(data):
-    """Return `data` with both checksums made to agree, as an attacker would, where it still has an end."""
-    out = bytearray(data)
-    if len(out) < 60:
-        return data
-    (start,) = struct.unpack_from("<Q", out, len(out) - 28)
-    if not 21 <= start <= len(out) - 37:
-        return data
-    struct.pack_into("<I", out, start - 4, zlib.crc32(out[: start - 13]))
-    struct.pack_into("<I", out, len(out) - 12, zlib.crc32(out[start : len(out) - 12]))
-    return bytes(out)
-
-
 @contextmanager
 def bounded(seconds, memory):
     """Check that what is done takes no more time and memory [byte] than that."""

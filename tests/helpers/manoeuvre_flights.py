@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from actuators.constants import M_PER_FT, M_S_PER_KT, RAD_PER_DEG
 from cosim.flight.loop.signals import fly
 from cosim.flight.plant.point import SIX
 from cosim.scenario import load_scenario
@@ -23,8 +22,6 @@ CORNERS = {  # of mass and CG, and of altitude and speed
 }
 POINTS = SIX | CORNERS
 SLOW_KT = {"sun13": 150, "A": 170, "B": 175, "C": 210, "D": 235, "E": 190}  # where full back-stick ends at alpha_max
-KINDS = ("cruise", "aoa_protection", "nose_up", "pitch_protection", "coordinated_turn", "yaw_angle", "nz_doublet",
-         "three_two_one_one")  # fmt: skip
 TRUTH = ("alpha", "theta", "phi", "nz", "h", "cas", "de_li")
 
 
@@ -43,17 +40,6 @@ def flown(point: str, kind: str, *, seconds: float, air: str, seed: int, **more:
 
 def _span(x, unit=1.0):
     return [float(np.min(x) / unit), float(np.max(x) / unit)]
-
-
-def manoeuvre(point: str, kind: str, air: str, seed: int) -> dict[str, Any]:
-    """Return what happened in 60 s of one manoeuvre: spans of load factor, angles [deg], altitude [ft], speed [kt]."""
-    f, p = flown(point, kind, seconds=60.0, air=air, seed=seed)
-    deg = RAD_PER_DEG
-    return {
-        "status": f.attrs["status"], "reason": f.attrs["reason"], "nz": _span(f["nz"]), "alpha": _span(f["alpha"], deg),
-        "alpha_max": float(p.alpha_max / deg), "theta": _span(f["theta"], deg), "phi": _span(f["phi"], deg),
-        "h": _span(f["h"] - f["h"].iloc[0], M_PER_FT), "cas": _span(f["cas"], M_S_PER_KT), "de": _span(f["de_li"], deg),
-    }  # fmt: skip
 
 
 def pull(point: str, air: str, seed: int) -> dict[str, Any]:

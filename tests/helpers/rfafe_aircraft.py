@@ -7,7 +7,7 @@ from scipy.linalg import expm
 from transport_data import DIMENSIONAL, FLIGHT_CONDITIONS
 
 from actuators.constants import M_PER_FT, RAD_PER_DEG
-from fdi.rfafe import rfafe
+from fdi import rfafe
 
 CONDITIONS = ("3", "4", "6", "8", "9")  # of NASA CR-2144
 ELEVATOR = (1.44, -17.9, -1.16)  # X, Z, M over de of condition 9, taken for all

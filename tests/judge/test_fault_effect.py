@@ -12,7 +12,6 @@ from actuators.constants import M_S_PER_KT
 from cosim.flight.faults import fault_free_reference
 from cosim.flight.faults.fault_free_reference import achieved
 from cosim.flight.simulate import simulate
-from cosim.judge import store
 from cosim.judge.detection import JudgedLane
 from cosim.judge.estimation import Estimate, plan
 from cosim.judge.fault_effect import CONSEQUENCES, NAMES, consequences, largest, moved, sine
@@ -156,13 +155,3 @@ def test_runs_that_differ_in_their_fault_share_their_reference_and_other_faults_
     for hz in (1, 2):
         achieved(flight("liquid-ofc", duration_s=2, **{"faults.0.start_s": 1, "faults.0.frequency_hz": hz}))
     assert len(fault_free_reference._positions) == 1
-
-
-def test_a_flight_whose_trace_stands_in_a_file_is_the_same_flight(monkeypatch):
-    def outcome(large):
-        monkeypatch.setattr(store, "LARGE", large)
-        fault_free_reference._positions.clear()
-        found = simulate(flight("liquid-ofc", duration_s=6, **{"faults.0.start_s": 2}), achieved=True, timed=False)
-        return [found.status, repr(found.detectors), found.extra["achieved"], found.extra["consequences"]]
-
-    assert outcome(0) == outcome(1 << 30)

@@ -10,7 +10,7 @@ import os
 
 import numpy as np
 import pytest
-from second_judge import judged, word
+from second_judge import judged
 
 from cosim.campaign.spec import load_campaign
 from cosim.flight.simulate import simulate
@@ -62,24 +62,6 @@ def test_both_judges_say_the_same_of_a_flight(name, tmp_path):
     texts = [f"{k}={v}" for k, v in values.items()] + [f"detectors.enabled={list(own['detectors'])}"]
     differ, same = disagreements(load_scenario("cruise", texts), tmp_path / "flight.mcap")
     assert not differ and same >= 3
-
-
-def test_the_second_judge_tells_right_from_wrong_and_from_ambiguous():
-    rod = {"target": "elevator.left_inner.rod", "kind": "bias"}
-    said = (("sensor", "rod"), ("jam_liquid", ""), ("sensor", "surface"), ("runaway", ""), ("ambiguous", ""),
-            ("sensor", ""))  # fmt: skip
-    words = [word(rod, "local", "left_inner", *one) for one in said]
-    assert words == ["right", "ambiguous", "wrong", "wrong", "ambiguous", "ambiguous"]
-    left = {"target": "elevator.left", "kind": "ofc_solid"}
-    words = [word(left, "aircraft", "aircraft", "ofc_solid", p) for p in ("elevator_left", "elevator", "", "engine_1")]
-    assert words == ["right", "right", "ambiguous", "wrong"]
-    both, liquid = {"target": "elevator.all", "kind": "bias"}, {"target": "elevator.left_inner", "kind": "jam_liquid"}
-    read = {"target": "elevator.left_inner.surface", "kind": "bias"}
-    assert word(both, "aircraft", "aircraft", "jam_liquid", "elevator_left and elevator_right") == "right"
-    assert word(both, "aircraft", "aircraft", "ofc_solid", "elevator_left and elevator_right") == "wrong"
-    assert [word(liquid, "local", "left_inner", "sensor", part) for part in ("rod", "surface")] == ["right", "wrong"]
-    sides = [word(read, "aircraft", "aircraft", "ambiguous", f"elevator_{side}") for side in ("left", "right")]
-    assert sides == ["ambiguous", "wrong"]
 
 
 @pytest.mark.slow

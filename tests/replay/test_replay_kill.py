@@ -64,7 +64,7 @@ def test_a_killed_cosim_run_leaves_the_old_log_comes_back_and_replays_exactly(tm
     cosim.simulate(cosim.load_scenario("cruise", ["duration_s=0.2", ENABLED]), log=path, timed=False)
     old = path.read_bytes()
     options = ["liquid-ofc", "--set", "duration_s=300", "--set", ENABLED, "-o", str(path)]
-    command = [sys.executable, "-m", "cosim.cli", "run", *options]
+    command = [sys.executable, "-m", "cosim", "run", *options]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as run:
         grown(left_by(path), 3_000_000)
         run.kill()

@@ -60,21 +60,6 @@ def test_a_file_that_is_wrong_is_refused_with_its_row(text, said, tmp_path):
         of_file(tmp_path, text)
 
 
-@pytest.mark.parametrize(("keys", "said"), [
-    (["manoeuvre.time_s=[0, 1]", "manoeuvre.stick=[0]"], "stick = \\[0\\]: has 1 numbers, time_s has 2"),
-    (["manoeuvre.time_s=[0, 1]", "manoeuvre.stick=[0, 2]"], r"stick\.1 = 2: is out of range"),
-    (["manoeuvre.time_s=[0, 1]", "manoeuvre.stick=[0, true]"], r"stick\.1 = true: must be a valid number"),
-    (["manoeuvre.time_s=[1, 0]", "manoeuvre.stick=[0, 0]"], r"time_s\.1 = 0: does not come after 1"),
-    (["manoeuvre.time_s=[0, 1]", "manoeuvre.stick=3"], "stick = 3: must be a list"),
-    (["manoeuvre.stick=[0, 0]"], "time_s: is missing"),
-    (["manoeuvre.time_s=[0]", "manoeuvre.throttle=[1]", "manoeuvre.hold_speed=true"], "the table moves the throttles"),
-    (["manoeuvre.time_s=[0]", "manoeuvre.stick=[1]", "manoeuvre.wheel=[1]"], "wheel = \\[1\\]: unknown key"),
-])  # fmt: skip
-def test_numbers_that_are_wrong_in_the_scenario_are_refused_with_their_place(keys, said):
-    with pytest.raises(ScenarioError, match=said):
-        load_scenario("cruise", [*SET, *keys])
-
-
 def test_a_file_takes_the_place_of_numbers_given_before(tmp_path):
     before = ["manoeuvre.time_s=[0]", "manoeuvre.stick=[1]"]
     path = tmp_path / "stick.csv"

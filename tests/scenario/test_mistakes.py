@@ -51,7 +51,7 @@ def test_a_scenario_names_every_mistake_with_its_line(tmp_path):
         f"{path}:3: flight.cg_pct = 90.0: is out of range",
         f"{path}:8: elevator.left_inner = emma: ",
         f"{path}:13: faults.0.start_s = -1.0: ",
-        f"{path}:19: faults.1.bias_deg = big",
+        f'{path}:19: faults.1.bias_deg = "big"',
         f"{path}: --set duration_s = -1: is out of range",
         f"{path}: --set elevator.feedbak = 3: unknown key",
     )

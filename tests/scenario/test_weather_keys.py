@@ -3,7 +3,6 @@
 import tomllib
 
 import pytest
-from test_scenario_refusals import refused
 
 from cosim.campaign.spec import load_campaign
 from cosim.scenario import load_scenario, parse
@@ -32,33 +31,6 @@ def test_weather_of_every_kind_is_read_set_and_a_fixed_point(tmp_path):
     changed = load_scenario(path, ["flight.gusts.1.speed_fps=7", "flight.air.1.turbulence=light"])
     assert changed.flight.gusts[1].speed_fps == 7.0 and changed.flight.gusts[0] == s.flight.gusts[0]
     assert changed.flight.changes[1] == (20.0, "light", 0.0)
-
-
-@pytest.mark.parametrize(
-    ("overrides", "says"),
-    [
-        (["flight.wind_kt=-5"], ["flight.wind_kt = -5", "is out of range", "0 to 250"]),
-        (["flight.wind_from_deg=361"], ["flight.wind_from_deg = 361", "0 to 360"]),
-        (["flight.shear_kt_1000ft=fast"], ['flight.shear_kt_1000ft = "fast"', "valid number"]),
-        (["flight.gusts.0.start_s=3"], ["flight.gusts.0.speed_fps", "is missing"]),
-        ([*GUST, "flight.gusts.0.speed_fps=200"], ["flight.gusts.0.speed_fps = 200", "-150 to 150"]),
-        ([*GUST, "flight.gusts.0.gradient_ft=1"], ["flight.gusts.0.gradient_ft = 1", "10 to 10000"]),
-        ([*GUST, "flight.gusts.0.axis=up"], ["flight.gusts.0.axis = up", "vertical, lateral, longitudinal"]),
-        ([*GUST, "flight.gusts.0.shape=step"], ["flight.gusts.0.shape = step", "1-cosine, ramp"]),
-        ([*GUST, "flight.gusts.0.speed_kt=3"], ["flight.gusts.0.speed_kt", "unknown key", "speed_fps"]),
-        (["flight.gusts.1.start_s=3"], ["flight.gusts.1 is not in the list", "index 0 to 0"]),
-        (["flight.gusts=[" + "{start_s=1, speed_fps=3}," * 17 + "]"], ["flight.gusts"]),
-        (["flight.gusts=3"], ["flight.gusts = 3: must be a list"]),
-        (["flight.air.0.turbulence=heavy", "flight.air.0.start_s=1"], ["flight.air.0.turbulence = heavy", "moderate"]),
-        (["flight.air.0.turbulence=light"], ["flight.air.0.start_s", "is missing"]),
-        (["flight.air=[{start_s=5, turbulence='light'}, {start_s=8, turbulence='none'}]"],
-         ["flight.air.1.start_s = 8", "before air.0 is reached", "10 or later", "Order them by time"]),
-        (["manoeuvre.kind=nose_up", "manoeuvre.hold_speed=1"], ["manoeuvre.hold_speed = 1", "true or false"]),
-    ],
-)  # fmt: skip
-def test_what_the_air_cannot_do_is_refused_with_place_and_range(overrides, says):
-    text = refused(*overrides)
-    assert all(s in text for s in says), text
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 import cosim
 from cosim.errors import DesignError
 from cosim.flight.detection.detector_context import site
-from cosim.flight.detection.detectors import left_out, placed, sources
+from cosim.flight.detection.detectors import left_out
 from cosim.flight.plant import estimate
 from cosim.flight.plant.force_model import force_model
 from cosim.scenario.aircraft import load_aircraft, load_record
@@ -58,15 +58,6 @@ def test_a_copy_named_as_the_default_aircraft_is_not_taken_for_it(tmp_path):
     assert set(left_out(s)) == LEVEL
 
 
-def test_segments_and_engines_take_the_places_of_the_default_ones():
-    assert [placed(f"{s}.surface", TWIN) for s in load_aircraft().segments] == [
-        "left.surface", "left.surface", "right.surface", "right.surface",
-    ]  # fmt: skip
-    assert [placed(f"n1_{i}", TWIN) for i in (1, 2, 3, 4)] == ["n1_1", "n1_1", "n1_2", "n1_2"]
-    assert placed("alpha", TWIN) == "alpha"
-    assert sources("rfafe", aircraft=load_aircraft()) == sources("rfafe")
-
-
 def test_a_twin_has_all_of_its_thrust_and_elevator_in_the_force_model():
     model, four = force_model(TWIN.folder), force_model()
     assert model.engine.shape == four.engine.shape == (4, 3)
@@ -91,14 +82,11 @@ def test_a_threshold_that_no_detector_has_is_refused(copied):
         thresholds("kinematic", "flight", copied)
 
 
-def test_the_default_aircraft_is_refused():
-    with pytest.raises(DesignError, match="its designs are those of fdi/"):
-        aircraft_designs.make("transport")
-
-
-def test_too_few_flights_are_refused():
-    with pytest.raises(DesignError, match="allowed: at least 32"):
-        aircraft_designs.make("narrowbody", flights=8)
+@pytest.mark.parametrize("words, says", [(("transport", 128), "its designs are those of fdi/"),
+                                         (("narrowbody", 8), "allowed: at least 32")])  # fmt: skip
+def test_what_cannot_be_trained_is_refused(words, says):
+    with pytest.raises(DesignError, match=says):
+        aircraft_designs.make(words[0], flights=words[1])
 
 
 def test_training_flights_are_flights_of_that_aircraft():

@@ -7,13 +7,12 @@ from cosim.training import flights, train_rfafe
 from fdi.common import bank
 
 
-def test_thresholds_stand_above_what_lasts_and_weigh_what_the_law_answers(monkeypatch):
+def test_thresholds_stand_above_what_lasts_and_weigh_what_the_law_answers():
     shares = len(train_rfafe.SHARES)
     runs, whatever = np.zeros((shares, bank.K)), np.zeros((shares, bank.K))
     runs[:, 0], whatever[:, 1] = np.radians(np.linspace(1.0, 0.1, shares)), np.radians(1.0)
     fits = [[runs.tolist(), whatever.tolist(), 0.01]]
-    monkeypatch.setattr(train_rfafe, "answers", lambda: {"rfafe": np.full(bank.K, 0.25)})
-    made, _ = train_rfafe.fields("rfafe", fits)
+    made, _ = train_rfafe.fields(fits, np.full(bank.K, 0.25))
     threshold, share = np.degrees(made["bank_threshold"]), made["bank_share"]
     assert threshold[0] == pytest.approx(1.25 * 0.1) and share[0] == 2.0  # 0.125 / (1 - 2 / 4) beats 1.25
     assert threshold[1] == pytest.approx(0.3) and share[1] == 0.0  # not on the shape alone

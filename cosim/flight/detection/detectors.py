@@ -359,9 +359,9 @@ def manifest(setup: Any, topics: Sequence[Any]) -> list:
             if bus.index(source) not in place:  # both copies of a sensor are the same bits, and one is logged
                 source = source.removesuffix("_obs")
             inputs[lane].append([field, *place[bus.index(source)]])
-        guest = {} if d.id in registry.SHIPPED else {"guest": parts.about(d.module)}
+        part = {} if d.id in registry.SHIPPED else {"user_detector": parts.about(d.module)}
         lanes = list(d.lanes)
-        out.append({"id": d.id, "level": d.level, "lanes": lanes, "every": d.every, "inputs": inputs, **guest})
+        out.append({"id": d.id, "level": d.level, "lanes": lanes, "every": d.every, "inputs": inputs, **part})
     return out
 
 

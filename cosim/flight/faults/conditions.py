@@ -15,8 +15,7 @@ from cosim.flight.fly import record
 from cosim.scenario import Scenario
 from cosim.scenario.condition import condition, other_fault, source
 from cosim.scenario.fault import check_together
-from cosim.scenario.load import explained
-from cosim.scenario.problem import Origin
+from cosim.scenario.problem import Origin, explained
 from cosim.scenario.user_parts import identified
 
 

@@ -91,7 +91,7 @@ def fly_live(
         if ready:
             ready(live)
         try:
-            with stdout_to_stderr() if flight.setup.guests else nullcontext():
+            with stdout_to_stderr() if flight.setup.in_python else nullcontext():
                 while flight.step():
                     live.append(flight.values)
                     live.serve()

@@ -41,7 +41,7 @@ def functions(scenario: Scenario) -> dict[str, Native]:
     """Return {module: its compiled function} of every block that a flight of `scenario` steps, and of its tape."""
     used = dict.fromkeys((*scenario.elevator.technology.values(), "simple"))
     own = [d.module for d in detectors.chosen(scenario)]
-    modules = [m for m in own if isinstance(m, ModuleType)]  # what takes longest comes first; guests elsewhere
+    modules = [m for m in own if isinstance(m, ModuleType)]  # what takes longest comes first; users' elsewhere
     blocks = _blocks([*modules, *_actuators(used), *LOOP])
     return {**{name: m.rollout.native for name, m in blocks.items()}, schedule.__name__: schedule.WALK}
 

@@ -153,7 +153,7 @@ def result_texts(result: Any) -> dict[str, Any]:
 
 
 def _portable(scenario):
-    """Return the scenario as TOML without folders of this machine: a guest is named by its file and its digest."""
+    """Return the scenario as TOML without folders of this machine: a user detector is named by its file and digest."""
     table = tomllib.loads(scenario.portable_toml())
     for name in scenario.running:
         if name not in registry.SHIPPED:  # registered by a program, and perhaps without a file

@@ -179,16 +179,15 @@ def input_units(border: Border) -> dict[str, str]:
 
 
 @told_at_call
-def linearize(flight: FlightPoint | Scenario | str, elevator: float = 0.0) -> LinearModel:
+def linearize(flight: FlightPoint | Scenario | str) -> LinearModel:
     """Return the LinearModel about the trim at `flight`: a Scenario, the name or file of one, or a FlightPoint.
 
-    `elevator` is the elevator angle of the trim [rad]. Raises TrimError where there is no steady flight, ScenarioError
-    for a name or a file that is no scenario.
+    Raises TrimError where there is no steady flight, ScenarioError for a name or a file that is no scenario.
     """
     if not isinstance(flight, FlightPoint):
         flight = FlightPoint.of(flight if isinstance(flight, Scenario) else load_scenario(flight))
     plant = Plant(flight.calm)
-    trim = plant.trim(elevator)
+    trim = plant.trim()
     inputs = input_units(plant.border)
     u0 = trim.surfaces[plant.border.column(tuple(inputs))]
     x0 = np.array([trim.tas, trim.alpha, trim.q, trim.theta, trim.altitude, 0.0, trim.p, trim.r, trim.phi, 0.0])

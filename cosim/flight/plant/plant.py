@@ -2,7 +2,7 @@
 
     plant = Plant(flight, dt=0.005)
     trim = plant.trim()               steady flight, surfaces external, time 0; raises TrimError
-    plant.read(truth)                 truth at t_k, SI
+    plant.truth()                     truth at t_k, SI
     plant.write(surfaces)             surface angles, throttles and thrust losses for t_k+1
     plant.run()                       from t_k to t_k+1
 
@@ -14,7 +14,6 @@ drifts; load factors from this frame's forces, as JSBSim's own are one frame old
 
 import functools
 import math
-import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -112,9 +111,7 @@ class Plant:
         self._set = [node.set_double_value for node in self.writes]
         self._scale = np.array([factor for _, factor in read], float)
         self._frame = np.array([geometry.reference_pct / 100.0, geometry.station_in, self.aircraft.chord_in])
-        self._buffer = bytearray(8 * len(read))
-        self._raw = np.frombuffer(self._buffer)
-        self._pack = struct.Struct(f"{len(read)}d").pack_into  # three times faster than an array from a list
+        self._raw = np.zeros(len(read))
         self._gusts: tuple[gusts.Gusts, list, list] | None = None
         self._advance = fdm.run
         for name, value in loading(self.aircraft, flight.mass, flight.cg).items():
@@ -142,7 +139,7 @@ class Plant:
         setter(name)(flight.speed * factor)
         setter("ic/gamma-deg")(0.0)
         setter("propulsion/set-running")(-1)
-        setter("propulsion/fuel_freeze")(1.0 if flight.fuel_freeze else 0.0)
+        setter("propulsion/fuel_freeze")(1.0)  # the mass does not change in flight
         setter("atmosphere/turb-type")(0)
         fdm.run_ic()
         for axis in ("rate/rotational", "position/rotational", "rate/translational", "position/translational"):
@@ -185,9 +182,9 @@ class Plant:
             for name, idle in (("n1", 25.0), ("n2", 60.0)):
                 self.port.setter(f"propulsion/engine[{i}]/{name}")(idle + (100.0 - idle) * surfaces[at])
 
-    def trim(self, elevator: float = 0.0) -> Any:
-        """Trim the flight point, elevators at `elevator` [rad], and stand ready at time 0: a Trim, or TrimError."""
-        trim = level(self, elevator) if self.flight == self.flight.level else steady(self, elevator)
+    def trim(self) -> Any:
+        """Trim the flight point and stand ready at time 0: a Trim, or TrimError."""
+        trim = level(self) if self.flight == self.flight.level else steady(self)
         if not self.flight.windless:
             self._into_the_air(trim)
         self._engage()
@@ -233,14 +230,16 @@ class Plant:
         if abs(fdm.get_delta_t() - self.dt) > 1e-12:
             raise RuntimeError("JSBSim lost its step")
 
-    def read(self, record: np.ndarray) -> None:
-        """Write the truth at t_k into `record`, a record or a (1,) array of the border's truth."""
+    def truth(self) -> np.ndarray:
+        """Return a new (1,) array of the truth, SI, of the present state."""
+        out = np.zeros(1, self.border.truth)
         self.fetch()
-        to_si(self._raw, self._scale, np.asarray(record).reshape(1).view("f8"), *self._frame)
+        to_si(self._raw, self._scale, out.view("f8"), *self._frame)
+        return out
 
     def fetch(self) -> None:
         """Read the properties behind the truth at t_k, in JSBSim's units."""
-        self._pack(self._buffer, 0, *[get() for get in self._get])
+        self._raw[:] = [get() for get in self._get]
 
     def schedule_outputs(self, tape: Any, start: float) -> None:
         """Schedule on a tape to put the truth at t_k into the bus from position `start` on."""
@@ -275,12 +274,6 @@ class Plant:
             air.schedule(tape, how, read, write)
             advance = self._fdm.run
         tape.call(lambda k: advance())
-
-    def truth(self) -> np.ndarray:
-        """Return a new (1,) array of the truth, SI, of the present state."""
-        out = np.zeros(1, self.border.truth)
-        self.read(out)
-        return out
 
 
 _GUST_READ = ("velocities/vt-fps", "attitude/phi-rad", "attitude/theta-rad", "attitude/psi-rad",

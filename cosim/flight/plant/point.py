@@ -26,7 +26,6 @@ class FlightPoint:
     shear: tuple[float, float] = (0.0, 0.0)  # its growth with altitude [1/s]
     gusts: tuple[tuple[float, str, float, float, str], ...] = ()  # as cosim/flight/plant/gusts.py takes them
     seed: int = 0  # of the turbulence
-    fuel_freeze: bool = True  # the mass does not change in flight
     aircraft: str = DEFAULT  # a bundled name or a folder
     climb: float | None = None  # vertical speed [m/s], or
     gamma: float | None = None  # angle of the path [rad]; up +

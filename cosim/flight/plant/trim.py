@@ -1,8 +1,8 @@
-"""Trim: steady flight by JSBSim's own search, then Newton to rounding.
+"""Trim: steady flight by JSBSim's own search, then Newton to rounding; elevators at zero.
 
 Level: unknowns alpha, stabiliser, throttle (all engines alike); residuals u', w' [m/s2] and q' [rad/s2] with theta =
-alpha, no bank, and the pitch rate -V/R that keeps the attitude constant over the curved earth. Elevators stand where
-they are told, at zero unless said otherwise. A climb, a descent or a turn, without sideslip, by Newton from level:
+alpha, no bank, and the pitch rate -V/R that keeps the attitude constant over the curved earth. A climb, a descent or a
+turn, without sideslip, by Newton from level:
 
     unknowns   alpha, stabiliser, throttle, aileron, rudder, and the turn rate of a given bank, or its bank
     residuals  u', v', w' [m/s2], p', q', r' [rad/s2]
@@ -41,7 +41,7 @@ class Trim:
     alpha: float
     stabilizer: float
     throttle: float
-    elevator: float
+    elevator: float  # 0
     theta: float
     tas: float
     altitude: float
@@ -69,25 +69,15 @@ class Trim:
 
 
 def surfaces_at(
-    border: Border, stabilizer: float, throttle: float, elevator: float, aileron: float = 0.0, rudder: float = 0.0
-) -> np.ndarray:
+    border: Border, stabilizer: float, throttle: float, *, elevator: float = 0.0, aileron: float = 0.0,
+    rudder: float = 0.0,
+) -> np.ndarray:  # fmt: skip
     """Return the input vector of a trim: angles [rad], throttle as a fraction."""
     out = np.zeros(len(border.inputs))
-    out[border.column(("da_l", "da_r"))] = aileron
-    out[border.column(("dr",))] = rudder
-    out[border.column(border.elevators)] = elevator
-    out[border.column(("stab",))] = stabilizer
-    out[border.column(border.throttles)] = throttle
+    for names, value in ((("da_l", "da_r"), aileron), (("dr",), rudder), (border.elevators, elevator),
+                         (("stab",), stabilizer), (border.throttles, throttle)):  # fmt: skip
+        out[border.column(names)] = value
     return out
-
-
-def _residual(plant, x, elevator, full=False):
-    alpha, stabilizer, throttle = x
-    h, tas = plant.flight.altitude, plant.tas
-    plant.place(tas=tas, alpha=alpha, theta=alpha, altitude=h, q=-tas / (EARTH_MERIDIAN + h),
-                surfaces=surfaces_at(plant.border, stabilizer, throttle, elevator))  # fmt: skip
-    t = plant.truth()[0]
-    return t if full else np.array([t.udot, t.wdot, t.qdot])
 
 
 def _newton(residual: Callable, x: NDArray, limited: Callable, most: int) -> NDArray:
@@ -97,9 +87,7 @@ def _newton(residual: Callable, x: NDArray, limited: Callable, most: int) -> NDA
         f = residual(x)
         if np.abs(f).max() < 1e-12:
             break
-        J = np.empty((n, n))
-        for i, d in enumerate(np.diag(STEP[:n])):
-            J[:, i] = (residual(x + d) - residual(x - d)) / (2 * STEP[i])
+        J = np.column_stack([(residual(x + d) - residual(x - d)) / (2 * h) for h, d in zip(STEP, np.diag(STEP[:n]))])
         try:
             new = x + limited(solve(J, -f))
         except np.linalg.LinAlgError:
@@ -111,27 +99,39 @@ def _newton(residual: Callable, x: NDArray, limited: Callable, most: int) -> NDA
     return x
 
 
-def _trim(plant, elevator, x, t, **more):
+def _trim(plant, x, t, **more):
     """Return the Trim of the unknowns x whose truth is `t`, and its residual."""
     alpha, stabilizer, throttle = (float(v) for v in x[:3])
     residual = float(max(abs(v) for v in (t.udot, t.vdot, t.wdot, t.pdot, t.qdot, t.rdot)))
+    level: dict[str, Any] = {"theta": alpha, "surfaces": surfaces_at(plant.border, stabilizer, throttle)}
     return Trim(
-        alpha=alpha, stabilizer=stabilizer, throttle=throttle, elevator=elevator, tas=plant.tas,
-        altitude=plant.flight.altitude, q=float(t.q), nz=float(t.nz), residual=residual,
-        **{"theta": alpha, "surfaces": surfaces_at(plant.border, stabilizer, throttle, elevator), **more},
+        alpha=alpha, stabilizer=stabilizer, throttle=throttle, elevator=0.0, tas=plant.tas,
+        altitude=plant.flight.altitude, q=float(t.q), nz=float(t.nz), residual=residual, **(level | more),
     )  # fmt: skip
 
 
-def level(plant: Any, elevator: float = 0.0) -> Trim:
+def _level_truth(plant, x):
+    """Return the truth of level flight at the unknowns x, in which the plant is then."""
+    alpha, stabilizer, throttle = x
+    h, tas = plant.flight.altitude, plant.tas
+    plant.place(tas=tas, alpha=alpha, theta=alpha, altitude=h, q=-tas / (EARTH_MERIDIAN + h),
+                surfaces=surfaces_at(plant.border, stabilizer, throttle))  # fmt: skip
+    return plant.truth()[0]
+
+
+def level(plant: Any) -> Trim:
     """Return the Trim of level flight at `plant.flight` and leave the plant in it; raise TrimError with the reason."""
+
+    def residual(x):
+        t = _level_truth(plant, x)
+        return np.array([t.udot, t.wdot, t.qdot])
 
     def limited(step):
         return step * min(1.0, 0.05 / max(abs(step[0]), abs(step[1]), abs(step[2]) / 5, 1e-12))
 
-    start = np.array(plant.guess() or (math.radians(5.0), 0.0, 0.6))
-    x = _newton(lambda x: _residual(plant, x, elevator), start, limited, 25)
-    t = _residual(plant, x, elevator, full=True)
-    trim, limits, mach = _trim(plant, elevator, x, t), plant.aircraft.limits, t.mach
+    x = _newton(residual, np.array(plant.guess() or (math.radians(5.0), 0.0, 0.6)), limited, 25)
+    t = _level_truth(plant, x)
+    trim, limits, mach = _trim(plant, x, t), plant.aircraft.limits, t.mach
     least, most_mach = limits.mach
     if not least - 1e-6 <= mach <= most_mach + 1e-6:  # JSBSim's own rounding of the speed
         raise TrimError(
@@ -144,7 +144,7 @@ def level(plant: Any, elevator: float = 0.0) -> Trim:
     if solved and trim.alpha < math.radians(limits.alpha_surely_flies_deg):
         return trim
     margin = lift_margin(plant)
-    _residual(plant, x, elevator)  # back from where the lift was looked for
+    _level_truth(plant, x)  # back from where the lift was looked for
     if not solved or trim.alpha > margin[2]:  # a fall at a huge angle of attack is an equilibrium too
         remedies = "Fly faster, lower or lighter", "Fly lower, lighter or at another speed", "Fly faster or higher"
         _refuse(plant, trim, margin, "level flight", remedies)
@@ -162,21 +162,24 @@ def _refuse(plant, trim, margin, what, remedies):
     `margin` is what `lift_margin` gives, `remedies` are those of a stall, of too little thrust and of too much.
     """
     needs, has, most = margin
+
+    def wrong(said, **more):
+        return TrimError(said, place=_place(plant), **more)
+
     if needs > has or trim.alpha > most:
         said = f"stall: {what} needs a lift coefficient of {needs:.2f}, the wing gives {has:.2f}"
-        raise TrimError(said, place=_place(plant), remedy=remedies[0])
+        raise wrong(said, remedy=remedies[0])
     if trim.throttle >= 0.999:
-        raise TrimError(f"thrust: the engines cannot hold {what}", place=_place(plant), remedy=remedies[1])
+        raise wrong(f"thrust: the engines cannot hold {what}", remedy=remedies[1])
     if trim.throttle <= 0.001:
-        said = f"thrust: even idle thrust is too much for {what}"
-        raise TrimError(said, place=_place(plant), remedy=remedies[2])
+        raise wrong(f"thrust: even idle thrust is too much for {what}", remedy=remedies[2])
     for name, angle in (("stabiliser", trim.stabilizer), ("aileron", trim.aileron), ("rudder", trim.rudder)):
         low, high = (math.degrees(v) for v in plant.aircraft.travels[name])
         if not low <= math.degrees(angle) <= high:
             said = f"{name}: {math.degrees(angle):.1f} deg needed for {what}"
-            raise TrimError(said, place=_place(plant), allowed=f"{low:.0f} to {high:.0f} deg")
+            raise wrong(said, allowed=f"{low:.0f} to {high:.0f} deg")
     if not trim.residual <= 1e-8:  # or no number
-        raise TrimError(f"no steady flight found for {what}, residual {trim.residual:.1e}", place=_place(plant))
+        raise wrong(f"no steady flight found for {what}, residual {trim.residual:.1e}")
 
 
 def lift_margin(plant: Any, n: float = 1.0) -> tuple[Any, ...]:
@@ -184,82 +187,66 @@ def lift_margin(plant: Any, n: float = 1.0) -> tuple[Any, ...]:
     attack [rad] of the latter; elevator and stabiliser at 0."""
     best, needs, most = 0.0, 0.0, 0.0
     for alpha in np.radians(np.arange(2.0, 25.0, 0.5)):
-        t = _residual(plant, (alpha, 0.0, 0.0), 0.0, full=True)
+        t = _level_truth(plant, (alpha, 0.0, 0.0))
         force = t.nz * math.cos(alpha) + t.nx * math.sin(alpha)
-        area = plant.aircraft.wing_area
-        needs = t.mass * G0 / (t.qbar * area)
+        needs = t.mass * G0 / (t.qbar * plant.aircraft.wing_area)
         best, most = max((best, most), (force * needs, float(alpha)))
     return n * needs, best, most
 
 
-@dataclass(frozen=True)
-class _Path:
-    """What is given of a steady flight."""
+def _words(gamma, bank, turn):
+    """Return what is flown, in the scenario's units."""
+    path = f"{'climb' if gamma > 0 else 'descent'} at {math.degrees(gamma):+.1f} deg" * bool(gamma)
+    rate = f"turn of {math.degrees(turn or 0.0):.1f} deg/s" * bool(turn)
+    turned = rate if bank is None else f"bank of {math.degrees(bank):.0f} deg"
+    return " in ".join(f"a {part}" for part in (path, turned) if part) or "level flight"
 
-    plant: Any
-    gamma: float
-    bank: float | None  # None: the turn rate is given
-    turn: float
-    elevator: float
 
-    def attitude(self, x: NDArray) -> tuple[float, float, float]:
-        """Return (phi, turn, theta) at the unknowns x."""
-        phi, turn = (self.bank, x[5]) if self.bank is not None else (x[5], self.turn)
-        a, b, s = math.cos(x[0]), math.cos(phi) * math.sin(x[0]), math.sin(self.gamma)
+def steady(plant: Any) -> Trim:
+    """Return the Trim of the climb, descent or turn at `plant.flight` and leave the plant in it; raise TrimError with
+    the reason."""
+    f, tas, h = plant.flight, plant.tas, plant.flight.altitude
+    gamma = f.gamma or 0.0
+    if f.climb is not None:
+        gamma = math.asin(min(max(f.climb / tas, -0.5), 0.5))
+
+    def attitude(x):
+        """Return (phi, turn, theta)."""
+        phi, turn = (f.bank, x[5]) if f.bank is not None else (x[5], f.turn or 0.0)
+        a, b, s = math.cos(x[0]), math.cos(phi) * math.sin(x[0]), math.sin(gamma)
         return phi, turn, math.atan2(a * b + s * math.sqrt(max(a * a - s * s + b * b, 0.0)), a * a - s * s)
 
-    def place(self, x: NDArray) -> Any:
-        """Put the plant there and return its truth."""
-        plant, (phi, turn, theta) = self.plant, self.attitude(x)
-        h, tas = plant.flight.altitude, plant.tas
-        w = -tas * math.cos(self.gamma) / (EARTH_MERIDIAN + h)
+    def surfaces(x):
+        return surfaces_at(plant.border, x[1], x[2], aileron=x[3], rudder=x[4])
+
+    def truth(x):
+        phi, turn, theta = attitude(x)
+        w = -tas * math.cos(gamma) / (EARTH_MERIDIAN + h)
         plant.place(
             tas=tas, alpha=x[0], theta=theta, phi=phi, altitude=h,
             p=-turn * math.sin(theta),
             q=turn * math.cos(theta) * math.sin(phi) + w * math.cos(phi),
             r=turn * math.cos(theta) * math.cos(phi) - w * math.sin(phi),
-            surfaces=self.surfaces(x),
+            surfaces=surfaces(x),
         )  # fmt: skip
         return plant.truth()[0]
 
-    def surfaces(self, x: NDArray) -> NDArray:
-        """Return the plant's input vector."""
-        _, stabilizer, throttle, aileron, rudder, _ = (float(v) for v in x)
-        return surfaces_at(self.plant.border, stabilizer, throttle, self.elevator, aileron, rudder)
-
-    def residual(self, x: NDArray) -> NDArray:
-        """Return (u', v', w', p', q', r')."""
-        t = self.place(x)
+    def residual(x):
+        t = truth(x)
         return np.array([t.udot, t.vdot, t.wdot, t.pdot, t.qdot, t.rdot])
 
-    def __str__(self) -> str:
-        """Say what is flown, in the scenario's units."""
-        path = f"{'climb' if self.gamma > 0 else 'descent'} at {math.degrees(self.gamma):+.1f} deg" * bool(self.gamma)
-        bank = "" if self.bank is None else f"bank of {math.degrees(self.bank):.0f} deg"
-        rate = f"turn of {math.degrees(self.turn):.1f} deg/s" * bool(self.turn)
-        return " in ".join(f"a {part}" for part in (path, bank or rate) if part) or "level flight"
-
-
-def steady(plant: Any, elevator: float = 0.0) -> Trim:
-    """Return the Trim of the climb, descent or turn at `plant.flight`, elevators at `elevator` [rad], and leave the
-    plant in it; raise TrimError with the reason."""
-    f = plant.flight
-    gamma = f.gamma or 0.0
-    if f.climb is not None:
-        gamma = math.asin(min(max(f.climb / plant.tas, -0.5), 0.5))
-    path = _Path(plant, gamma, f.bank, f.turn or 0.0, elevator)
-    start = level(plant, elevator)
-    last = path.turn * plant.tas * math.cos(gamma) / G0
-    last = math.atan(last) if f.bank is None else G0 * math.tan(f.bank) / (plant.tas * math.cos(gamma))
+    start = level(plant)
+    last = (f.turn or 0.0) * tas * math.cos(gamma) / G0
+    last = math.atan(last) if f.bank is None else G0 * math.tan(f.bank) / (tas * math.cos(gamma))
     x = np.array([start.alpha, start.stabilizer, start.throttle, 0.0, 0.0, last])
-    x = _newton(path.residual, x, lambda step: step / max(1.0, (np.abs(step) / MOST).max()), 40)
-    t, (phi, turn, theta) = path.place(x), path.attitude(x)
+    x = _newton(residual, x, lambda step: step / max(1.0, (np.abs(step) / MOST).max()), 40)
+    t, (phi, turn, theta) = truth(x), attitude(x)
     trim = _trim(
-        plant, elevator, x, t, theta=float(theta), gamma=gamma, phi=float(phi), p=float(t.p), r=float(t.r),
-        turn=float(turn), aileron=float(x[3]), rudder=float(x[4]), surfaces=path.surfaces(x),
+        plant, x, t, theta=float(theta), gamma=gamma, phi=float(phi), p=float(t.p), r=float(t.r), turn=float(turn),
+        aileron=float(x[3]), rudder=float(x[4]), surfaces=surfaces(x),
     )  # fmt: skip
     margin = lift_margin(plant, math.cos(gamma) / math.cos(phi))
-    path.place(x)  # back from where the lift was looked for
-    _refuse(plant, trim, margin, str(path), ("Fly faster, lower or lighter, or bank less", "Climb or bank less",
-                                             "Descend less"))  # fmt: skip
+    truth(x)  # back from where the lift was looked for
+    remedies = "Fly faster, lower or lighter, or bank less", "Climb or bank less", "Descend less"
+    _refuse(plant, trim, margin, _words(gamma, f.bank, f.turn), remedies)
     return trim

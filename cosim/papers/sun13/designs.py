@@ -14,7 +14,7 @@ from cosim.papers.measured import apart, worst
 from cosim.training import rfafe as training
 from cosim.training.flights import DT
 from cosim.training.rfafe import RANK_E
-from fdi.rfafe import rfafe
+from fdi import rfafe
 from fdi.rfafe.discrete import discretise
 from fdi.rfafe.store import choose, from_plain, to_plain
 from fdi.rfafe.synthesis import G_SHARE, Design
@@ -44,17 +44,16 @@ def coupled(with_E: bool = True, cross: float = 0.7) -> dict[str, Any]:
     P[2, 4:] = P[4:, 2] = cross
     K1, X = d.T @ d.A - N, TF.T @ P @ TF  # (7) with C = I
     made = {"N": N, "K1": K1, "K2": N @ d.H, "K": K1 + N @ d.H, "P": P, "Y": P @ K1, "M": TF.T @ P}  # (4), (6), (16)
-    made |= {"G": G_SHARE * d.theta * X, "Gamma": training.BANDWIDTH["rfafe"] * np.linalg.inv(X)}
-    discrete = discretise(N=N, T=d.T, K=made["K"], H=d.H, C=d.C, B=d.B, D=d.D, TF=TF, gain=made["Gamma"] @ made["M"],
-                          alpha=d.alpha, dt=d.dt)  # fmt: skip
-    return {"designs": {"hydraulic": held | {"design": to_plain(dataclasses.replace(d, **made, discrete=discrete))}}}
+    d = dataclasses.replace(d, **made, Gamma=training.BANDWIDTH["rfafe"] * np.linalg.inv(X))
+    d = dataclasses.replace(d, discrete=discretise(d, DT))
+    return {"designs": {"hydraulic": held | {"design": to_plain(d)}}}
 
 
 def left_sides(d: Design) -> dict[str, float]:
     """Return {inequality: largest eigenvalue of its left side over its size} of a Design."""
     PN, TF = d.P @ d.N, d.T @ d.F
     c, r, decay = d.region.centre, d.region.radius, d.region.decay
-    corner = -2 / d.alpha * TF.T @ d.P @ TF + d.G / (d.alpha * d.theta)
+    corner = (G_SHARE - 2.0) / d.alpha * TF.T @ d.P @ TF  # G = G_SHARE theta (TF)'P(TF)
     sides = {
         "(15)": np.block([[PN + PN.T, -PN.T @ TF / d.alpha], [-(PN.T @ TF).T / d.alpha, corner]]),
         "(30)": np.block([[-r * d.P, c * d.P + PN.T], [c * d.P + PN, -r * d.P]]),

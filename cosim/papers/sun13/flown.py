@@ -55,7 +55,7 @@ def f_hat(r: Any, stored: dict | None = None) -> np.ndarray:
 
 def f_hat_airframe(r: Any) -> np.ndarray:
     """Return the mean elevator's fault by the form on airframe outputs [rad], (ticks,)."""
-    return estimate(r, "rfafe_airframe", rfafe_airframe.params("design_point"))["f_hat"]
+    return estimate(r, "rfafe_airframe", rfafe_airframe.params())["f_hat"]
 
 
 def rms(flights: list[Any], stored: dict | None = None) -> float:

@@ -1,4 +1,4 @@
-"""A guest that breaks the contract quietly: it draws random numbers and shares them between lanes."""
+"""A user detector that breaks the contract quietly: it draws random numbers and shares them between lanes."""
 
 import random
 

@@ -1,15 +1,21 @@
-"""Own actuators: an FMU of the hydraulic model flies like the block, a block from a file like itself; what is wrong is
-told in the FMU's own words.
+"""User actuators: an FMU of the hydraulic model flies like the block, a block from a file or a folder like itself; what
+is wrong is told in the FMU's own words.
 """
 
+import functools
 import gc
+import importlib
+import shutil
+import sys
 import textwrap
+from pathlib import Path
 
 import fmu_of_hydraulic as rig
 import numpy as np
 import pytest
 import technologies
 
+import actuators.hydraulic.record as shipped
 import cosim
 from cosim.errors import ScenarioError
 from cosim.replay import replay
@@ -18,6 +24,7 @@ from cosim.scenario import catalog
 SHORT = ["duration_s=6", "faults.0.start_s=2", "detectors.enabled=[]", "elevator.feedback=measured",
          "elevator.right_inner=simple", "elevator.right_outer=simple"]  # fmt: skip
 SEEN = ["truth.aircraft.de_li", "truth.aircraft.q", "sensors.left_inner_rod.y", "sensors.left_inner_pressure.y"]
+needs_compiler = pytest.mark.skipif(rig.COMPILER is None, reason="no C compiler on this machine")
 
 
 @pytest.fixture(scope="module", params=[2, 3])
@@ -45,50 +52,50 @@ def _toml(value):
     return f"'{value}'" if isinstance(value, str) else str(value)
 
 
+@functools.cache
+def as_shipped(*changes):
+    return cosim.fly(cosim.load_scenario("liquid-ofc", [*SHORT, *changes]), SEEN).to_numpy()
+
+
 def test_the_fmu_flies_like_the_block(fmu):
     """Same steps inside, same values held over a tick: what differs is rounding, through the aircraft's loop."""
-    own = cosim.fly(loaded(fmu), SEEN).to_numpy()
-    block = cosim.fly(cosim.load_scenario("liquid-ofc", SHORT), SEEN).to_numpy()
-    moved = np.ptp(block[:, 0])
-    assert moved > np.radians(0.5)
-    assert np.abs(own[:, 0] - block[:, 0]).max() < 1e-6 * moved
-    assert np.abs(own - block).max() < 1e-5
+    own, moved = cosim.fly(loaded(fmu), SEEN).to_numpy(), np.ptp(as_shipped()[:, 0])
+    assert moved > np.radians(0.5) and np.abs(own[:, 0] - as_shipped()[:, 0]).max() < 1e-6 * moved
+    assert np.abs(own - as_shipped()).max() < 1e-5
+    weak = "actuators.rig.parameters.P_s=1.0e7", "actuators.rig.outputs.rod={variable='rod'}", "duration_s=0.1"
+    half = cosim.fly(loaded(fmu, *weak), SEEN).to_numpy()  # a unit left out is the one that the FMU declares
+    assert half[0, 2] == pytest.approx(own[0, 2]) and half[0, 3] == pytest.approx(1.4 * own[0, 3], abs=0.05)
 
 
-def test_its_parameters_are_set(fmu):
-    own = cosim.fly(loaded(fmu, "actuators.rig.parameters.P_s=1.0e7", "duration_s=1"), SEEN).to_numpy()
-    block = cosim.fly(cosim.load_scenario("liquid-ofc", [*SHORT, "duration_s=1"]), SEEN).to_numpy()
-    assert own[0, 3] == pytest.approx(block[0, 3] * 1.4, abs=0.05)  # the same load on less supply
+def test_a_flight_with_an_fmu_replays(fmu, tmp_path):
+    cosim.simulate(loaded(fmu, "detectors.enabled=['position_monitor', 'iotsekf']"), log=tmp_path / "rig.mcap")
+    technologies.forget()
+    fmu.rename(fmu.with_suffix(".gone"))  # a log needs no FMU to be replayed
+    try:
+        assert replay(tmp_path / "rig.mcap").exact
+    finally:
+        fmu.with_suffix(".gone").rename(fmu)
 
 
-def test_its_own_message_says_what_went_wrong(fmu, tmp_path):
-    s = loaded(fmu, "actuators.rig.parameters.breaks_s=1.0", "duration_s=3")
-    with pytest.raises(ScenarioError, match=r"actuators\.rig: seal lost at the piston"):
-        cosim.simulate(s, log=tmp_path / "rig.mcap")
-
-
-def test_a_fatal_error_is_told_and_the_process_lives(fmu):
-    """FMI: after it no function may be called any more; this FMU ends the process that does."""
-    s = loaded(fmu, "actuators.rig.parameters.breaks_s=0.5", "actuators.rig.parameters.breaks_as=4", "duration_s=1")
-    with pytest.raises(ScenarioError, match=r"actuators\.rig: seal lost at the piston; fmi.DoStep .*fatal"):
-        cosim.fly(s, SEEN)
-    gc.collect()
-
-
+@needs_compiler
 @pytest.mark.parametrize(
     ("how", "says"),
-    [(5, r"ended the simulation at 0\.505 s \(terminateSimulation\)"), (6, r"came to 0\.507000 s .* to 0\.510 s"),
-     (7, r"came to 0\.507000 s")],
+    [
+        ("3", r"seal lost at the piston"), ("4", r"seal lost at the piston; fmi.DoStep .*fatal"),
+        ("5", r"ended the simulation at 0\.505 s \(terminateSimulation\)"),
+        ("6", r"came to 0\.507000 s .* to 0\.510 s"), ("7", r"came to 0\.507000 s"),
+    ],
 )  # fmt: skip
-def test_an_fmu_that_stops_ends_the_flight_in_a_line(tmp_path, how, says):
-    """Also where its status is good: it is at the end, it returns early, it has not come to the end of the step."""
-    if rig.COMPILER is None:
-        pytest.skip("no C compiler on this machine")
+def test_an_fmu_that_stops_ends_the_flight_in_a_line_and_the_process_lives(tmp_path, how, says):
+    """Also where its status is good: it is at the end, it returns early, it has not come to the end of the step. After
+    a fatal error no function may be called any more; this FMU ends the process that does."""
     breaks = "actuators.rig.parameters.breaks_s=0.5", f"actuators.rig.parameters.breaks_as={how}"
     with pytest.raises(ScenarioError, match=rf"actuators\.rig: {says}"):
         cosim.fly(loaded(rig.build(tmp_path, 3), *breaks, "duration_s=1"), SEEN)
+    gc.collect()
 
 
+@needs_compiler
 @pytest.mark.parametrize(
     ("flag", "changes", "says"),
     [
@@ -96,39 +103,16 @@ def test_an_fmu_that_stops_ends_the_flight_in_a_line(tmp_path, how, says):
          "canBeInstantiatedOnlyOncePerProcess: it cannot be on 2 segments"),
         ("needsExecutionTool='true'", [], "needsExecutionTool: it runs only beside"),
         ("fixedInternalStepSize='0.003'", [], r"fixedInternalStepSize = 0\.003 s does not divide the tick of 0\.005 s"),
+        ("canBeInstantiatedOnlyOncePerProcess='true' fixedInternalStepSize='0.0025'", [], None),
     ],
 )  # fmt: skip
 def test_what_the_model_description_asks_and_the_loop_cannot_do_is_refused_by_name(tmp_path, flag, changes, says):
-    if rig.COMPILER is None:
-        pytest.skip("no C compiler on this machine")
     path = rig.described(rig.build(tmp_path, 3), "<CoSimulation", f"<CoSimulation {flag}")
+    if says is None:
+        assert len(cosim.fly(loaded(path, "duration_s=0.1"), SEEN)) == 20
+        return
     with pytest.raises(ScenarioError, match=rf"actuators\.rig: {says}"):
         cosim.fly(loaded(path, *changes, "duration_s=0.1"), SEEN)
-
-
-def test_an_fmu_for_one_instance_flies_on_one_segment(tmp_path):
-    if rig.COMPILER is None:
-        pytest.skip("no C compiler on this machine")
-    flag = "<CoSimulation canBeInstantiatedOnlyOncePerProcess='true' fixedInternalStepSize='0.0025'"
-    path = rig.described(rig.build(tmp_path, 3), "<CoSimulation", flag)
-    assert len(cosim.fly(loaded(path, "duration_s=0.1"), SEEN)) == 20
-
-
-def test_a_unit_left_out_is_the_one_that_the_fmu_declares(fmu):
-    change = "actuators.rig.outputs.rod={variable='rod'}", "duration_s=0.5"
-    want = cosim.fly(loaded(fmu, "duration_s=0.5"), SEEN).to_numpy()
-    np.testing.assert_array_equal(cosim.fly(loaded(fmu, *change), SEEN).to_numpy(), want)
-
-
-def test_a_flight_with_an_fmu_replays(fmu, tmp_path):
-    s = loaded(fmu, "detectors.enabled=['position_monitor', 'iotsekf']", "duration_s=4")
-    cosim.simulate(s, log=tmp_path / "rig.mcap")
-    technologies.forget()
-    fmu.rename(fmu.with_suffix(".gone"))  # a log needs no FMU to be replayed
-    try:
-        assert replay(tmp_path / "rig.mcap").exact
-    finally:
-        fmu.with_suffix(".gone").rename(fmu)
 
 
 @pytest.mark.parametrize(
@@ -142,7 +126,6 @@ def test_a_flight_with_an_fmu_replays(fmu, tmp_path):
         ("actuators.rig.outputs.rod={variable='u', unit='m'}", "'u' is no output but input"),
         ("actuators.rig.inputs.command={variable='u'}", "'command' is no word of inputs"),
         ("actuators.rig.start.rod={variable='delta_0'}", "'rod' is no word of start"),
-        ("actuators.rig.inputs.speed={variable='u'}", "'speed' is no word of inputs"),
         ("actuators.rig.servo=''", "inputs.command: is missing"),
     ],
 )
@@ -151,13 +134,17 @@ def test_a_wrong_map_is_refused(fmu, change, says):
         cosim.fly(loaded(fmu, change, "duration_s=0.1"), SEEN)
 
 
-def test_what_is_no_fmu_is_refused(tmp_path):
-    path = tmp_path / "x.fmu"
-    path.write_bytes(b"no zip")
+def test_what_is_no_fmu_is_refused_and_what_was_read_changes_no_other_scenario(tmp_path):
+    """The text of a scenario is its run's id: it must not depend on what this process has read before."""
+    before = cosim.load_scenario("cruise").expanded_toml()
+    (tmp_path / "x.fmu").write_bytes(b"no zip")
     with pytest.raises(ScenarioError, match=r"actuators\.rig: .*zip"):
-        cosim.fly(loaded(path, "duration_s=0.1"), SEEN)
+        cosim.fly(loaded(tmp_path / "x.fmu", "duration_s=0.1"), SEEN)
     with pytest.raises(ScenarioError, match=r"no such file"):
         loaded(tmp_path / "y.fmu")
+    assert "rig" in catalog.TECHNOLOGIES and cosim.load_scenario("cruise").expanded_toml() == before
+    with pytest.raises(ScenarioError, match=r"allowed: hydraulic, ema, simple$"):
+        cosim.load_scenario("cruise", ["elevator.left_inner=rig"])
 
 
 BLOCK = '''
@@ -185,13 +172,13 @@ BLOCK = '''
             asked = (1.0 - u[i, 0].s_cmd) * u[i, 0].command + u[i, 0].f_cmd
             x[i].delta += dt / p[i].tau * (asked - x[i].delta)
 '''
+COMMAND = "faults.0.at=command", "faults.0.amplitude_deg=1.0"
 
 
 def test_a_block_from_a_file_flies_and_takes_faults_of_its_command(tmp_path):
     path = tmp_path / "first_order.py"
     path.write_text(textwrap.dedent(BLOCK))
-    s = loaded(path, "faults.0.at=command", "faults.0.amplitude_deg=1.0", key="file", spec={})
-    found = cosim.fly(s, [*SEEN[:2], "sensors.left_inner_surface.y"]).to_numpy()
+    found = cosim.fly(loaded(path, *COMMAND, key="file", spec={}), SEEN[:2]).to_numpy()
     assert np.radians(1.0) < np.ptp(found[800:, 0]) < np.radians(2.0)  # lagging, and the law works against it
     with pytest.raises(ScenarioError, match="which has no valve"):
         loaded(path, "faults.0.at=valve", "faults.0.amplitude=0.02", key="file", spec={})
@@ -203,41 +190,47 @@ def test_a_compiled_block_from_a_file_behind_the_shipped_servo_flies_like_itself
         "from actuators.hydraulic.actuator import INPUTS, OUTPUTS, PARAMS, STATE, init_at, params, rollout\n"
     )
     own = cosim.fly(loaded(path, key="file", spec={"servo": "hydraulic"}), SEEN).to_numpy()
-    np.testing.assert_array_equal(own, cosim.fly(cosim.load_scenario("liquid-ofc", SHORT), SEEN).to_numpy())
-
-
-def test_a_file_that_is_no_block_is_told(tmp_path):
-    path = tmp_path / "half.py"
-    path.write_text(textwrap.dedent(BLOCK).replace('"f_cmd", ', ""))
-    with pytest.raises(ScenarioError, match=r"half\.py has no INPUTS\.f_cmd"):
-        cosim.fly(loaded(path, "faults.0.at=command", "faults.0.amplitude_deg=1.0", key="file", spec={}), SEEN[:2])
-    path.write_text("1 / 0")
-    with pytest.raises(ScenarioError, match=r"half\.py: does not run: ZeroDivisionError"):
-        cosim.fly(loaded(path, "faults.0.at=command", "faults.0.amplitude_deg=1.0", key="file", spec={}), SEEN[:2])
+    np.testing.assert_array_equal(own, as_shipped())
 
 
 @pytest.mark.parametrize(
-    ("line", "says"),
+    ("text", "line", "says"),
     [
-        ("if u[0, 0].f_cmd > 0: raise ValueError('pump\\nis dry')", r"own\.py: at 2\.\d+ s ValueError: pump is dry "),
-        ("raise SystemExit(3)", r"own\.py: at 0\.000 s SystemExit: 3"),
-        ("x[0].delta *= float('nan') if u[0, 0].f_cmd > 0 else 1", r"at 2\.\d+ s ValueError: delta = \[nan\]"),
+        (BLOCK, "if u[0, 0].f_cmd > 0: raise ValueError('pump\\nis dry')", r"at 2\.\d+ s ValueError: pump is dry "),
+        (BLOCK, "raise SystemExit(3)", r"at 0\.000 s SystemExit: 3"),
+        (BLOCK, "x[0].delta *= float('nan') if u[0, 0].f_cmd > 0 else 1", r"at 2\.\d+ s ValueError: delta = \[nan\]"),
+        (BLOCK.replace('"f_cmd", ', ""), "", r"own\.py has no INPUTS\.f_cmd"),
+        ("1 / 0", "", r"own\.py: does not run: ZeroDivisionError"),
     ],
 )
-def test_a_block_that_raises_or_exits_is_told_with_its_time_and_leaves_a_readable_log(tmp_path, line, says):
+def test_a_block_that_raises_or_is_none_is_told_with_its_time_and_leaves_a_readable_log(tmp_path, text, line, says):
     path = tmp_path / "own.py"
-    path.write_text(textwrap.dedent(BLOCK) + f"        {line}\n")
-    s = loaded(path, "faults.0.at=command", "faults.0.amplitude_deg=1.0", "duration_s=3", key="file", spec={})
+    path.write_text(textwrap.dedent(text) + f"        {line}\n" * bool(line))
     with pytest.raises(ScenarioError, match=says):
+        s = loaded(path, *COMMAND, "duration_s=3", key="file", spec={})
         cosim.simulate(s, log=tmp_path / "own.mcap")
-    assert cosim.open_log(tmp_path / "own.mcap").frame("/truth/aircraft").index[-1] >= 0.0
+    if line:
+        assert cosim.open_log(tmp_path / "own.mcap").frame("/truth/aircraft").index[-1] >= 0.0
 
 
-def test_an_actuator_that_was_read_changes_no_other_scenario(tmp_path):
-    """The text of a scenario is its run's id: it must not depend on what this process has read before."""
-    before = cosim.load_scenario("cruise").expanded_toml()
-    (tmp_path / "rig.fmu").touch()
-    loaded(tmp_path / "rig.fmu")
-    assert "rig" in catalog.TECHNOLOGIES and cosim.load_scenario("cruise").expanded_toml() == before
-    with pytest.raises(ScenarioError, match=r"allowed: hydraulic, ema, simple$"):
-        cosim.load_scenario("cruise", ["elevator.left_inner=rig"])
+@pytest.fixture
+def copied(tmp_path, monkeypatch):
+    """Register a throw-away technology: the hydraulic folder under other names."""
+    folder = shutil.copytree(Path(shipped.__file__).parent, tmp_path / "rig_folder")
+    for path in folder.glob("*.py"):
+        text = path.read_text().replace("actuators.hydraulic", "rig_folder")
+        for old, new in (("servo", "rig_servo"), ("hydraulic", "rig"), ("valve_command", "rig_command")):
+            text = text.replace(f'"{old}"', f'"{new}"')
+        path.write_text(text)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    catalog.register(importlib.import_module("rig_folder.record").TECHNOLOGY)  # the one line
+    yield
+    for name in [n for n in sys.modules if n.startswith("rig_folder")]:
+        del sys.modules[name]
+
+
+def test_a_technology_is_a_folder_and_a_line_its_copy_flies_like_its_template(copied):
+    s = cosim.load_scenario("liquid-ofc", [*SHORT, "elevator.left_inner=rig", "tolerances.rig.P_s=1.0"])
+    np.testing.assert_array_equal(cosim.fly(s, SEEN).to_numpy(), as_shipped())
+    assert (s.elevator.feedback["left_inner"], s.tolerances.rig) == ("measured", {"P_s": 1.0})
+    assert "rig" in catalog.ELEVATOR_KINDS["air_in_oil"].technologies

@@ -1,4 +1,4 @@
-"""Guests that do what no detector does, for tests: which one is chosen by the parameter `how`."""
+"""User detectors that do what no detector does, for tests: which one is chosen by the parameter `how`."""
 
 import os
 import sys
