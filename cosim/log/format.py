@@ -74,12 +74,6 @@ class Damage:
     reason: str
 
 
-def check_texts(name: str, texts: dict) -> None:
-    """Raise ValueError unless metadata are {str: str}."""
-    if not all(isinstance(text, str) for pair in texts.items() for text in pair):
-        raise ValueError(f"metadata {name!r}: keys and values must be str")
-
-
 def channel_metadata(parts: Any) -> dict:
     """Return the text that describes the parts of a channel in its record: rate, group, and each part's fields.
 

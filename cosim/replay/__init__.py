@@ -219,38 +219,29 @@ class _Member:
 
     def replay(self, lane, tick):
         """Return the new outputs (rows, n) of a lane's span; NaN where it could not or should not be replayed."""
-        w, out = self.w, None
+        w, out, done = self.w, np.full(lane.logged.shape, np.nan), 0  # rows from `tick` on
         places = lane.ticks // w.every - self.logged.ticks
         old = np.zeros((int(places[-1]) + 1 if len(places) else 0, len(self.names)), np.float32)
         old[places] = np.take(lane.logged, self.columns, axis=1)
-        new = None  # what differs from `old`
-        done = 0  # rows from `tick` on
+        new = old.copy()
         for piece in pieces(lane, tick):
             again, (at, states), w.x = replay_lane(piece, self.dt)
             w.at = int(piece.ticks[-1]) + w.every
-            first = int(np.searchsorted(lane.ticks, piece.ticks[0]))
+            first, n = int(np.searchsorted(lane.ticks, piece.ticks[0])), self._by_clock(piece)
             rows = slice(first, first + len(again))
-            if len(again) == len(lane.ticks):
-                out = again
-            else:
-                out = np.full(lane.logged.shape, np.nan) if out is None else out
-                out[rows] = again
+            out[rows], new[places[rows]] = again, again[:, self.columns]
             self.rows += len(again)
-            n = self._by_clock(piece)
             done += int(np.count_nonzero(piece.ticks[:n] >= tick))
-            equal = self._compare(w.topic, self.fields, piece.ticks[:n], piece.logged[:n], again[:n])
-            if not equal or n < len(again):
-                new = old.copy() if new is None else new
-                new[places[rows]] = again[:, self.columns]
+            self._compare(w.topic, self.fields, piece.ticks[:n], piece.logged[:n], again[:n])
             held = lane.states[1][np.searchsorted(lane.states[0], at)]
             self._compare(w.hidden, self.hidden, at, held, states)
-        if new is not None and self.again is self.logged:
+        if self.again is self.logged and not np.array_equal(old.view(np.int32), new.view(np.int32)):
             self.again = deepcopy(self.logged)
         if self.again is not self.logged:
-            self.again.add(old if new is None else new)
+            self.again.add(new)
         self.logged.add(old)
         self.skipped += int(np.count_nonzero(lane.ticks >= tick)) - done
-        return np.full(lane.logged.shape, np.nan) if out is None else out
+        return out
 
     def _by_clock(self, piece):
         """Return the rows up to which a lane can repeat itself: a user's that took too long is dropped by the clock."""
@@ -260,14 +251,12 @@ class _Member:
         return int(slow[0]) if len(slow) else len(piece.ticks)
 
     def _compare(self, name, fields, ticks, logged, again):
-        """Take down where `again` differs from what was logged, and return whether it does not."""
+        """Take down where `again` differs from what was logged."""
         self.values += again.size
-        found = compare(name, fields, ticks, logged, again)
-        for d in found:
+        for d in compare(name, fields, ticks, logged, again):
             old = self.differences.setdefault(d.field, Difference(d.field, 0, d.first_tick, d.max_abs))
             old.count += d.count
             old.max_abs = float(np.fmax(old.max_abs, d.max_abs))
-        return not found
 
     def judge(self):
         """Return the lane's detection metrics, as logged and as replayed."""

@@ -70,10 +70,9 @@ CHUNKS = {  # of the first chunk: what is changed, what is said
     "long compression": ({"compression": "z" * 100}, "unknown compression"),
     "data size": ({"data_size": 2**63}, "its length is wrong"),
     "no size": ({"size": 0}, "cannot hold its ticks"),
-    "start": ({"start": 1}, "are no ticks"),
-    "end": ({"end": 2**63}, "are no ticks"),
+    "end": ({"end": 2**63}, "do not follow"),
     "late end": ({"end": 10**18}, "cannot hold its ticks"),
-    "start after end": ({"start": 500_000_000}, "are no ticks"),
+    "start after end": ({"start": 500_000_000}, "do not follow"),
     "CRC": ({"crc": 0}, "damaged (CRC)"),
 }
 
@@ -120,7 +119,7 @@ PREAMBLES = {  # what is done to the records, what is said
     "rate": (_change(CHANNEL, b"every", b"evere"), "damaged or foreign"),
     "no tick": (_change(METADATA, b"5000000", b"-500000"), "it has no tick"),
     "chunk before": (lambda r: r.insert(1, next(x for x in r if x[0] == CHUNK)), "not what was written"),
-    "order": (lambda r: r.insert(r.first(CHUNK), r[r.first(CHUNK, 1)]), "before the chunk before"),
+    "order": (lambda r: r.insert(r.first(CHUNK), r[r.first(CHUNK, 1)]), "do not follow"),
 }
 
 
@@ -135,15 +134,6 @@ def test_a_preamble_that_is_not_what_was_written_is_refused_before_it_is_parsed(
     _change(SCHEMA, b"x_3", b"\xff\xff\xff")(records)
     (tmp_path / "a").write_bytes(records.sealed(preamble=False))
     refused(tmp_path / "a", "not what was written")
-
-
-def test_samples_that_are_not_those_of_the_result_are_refused(whole, tmp_path):
-    records = Records(whole.read_bytes())
-    data = bytearray(records.content(1))
-    data[-1] ^= 1
-    records.chunk(1, content=bytes(data))
-    (tmp_path / "a").write_bytes(records.sealed(result=False))
-    refused(tmp_path / "a", "not those of the result")
 
 
 def test_reading_takes_what_was_asked_for_and_a_bounded_cache(tmp_path, monkeypatch):
