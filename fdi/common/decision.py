@@ -175,30 +175,53 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, slack,
     """
     x.model_q += ((1.0 + x.model_gain) * model_v + x.model_bias) * dt
     x.model_slow += dt / p.pair_wash * (x.model_q - x.model_slow)
-    a = 1.0 - math.exp(-dt / p.pair_tau)
     x.pair_limit = p.pair_threshold + slack
     suspicious = math.fabs(x.pair_d) > 0.7 * x.pair_limit
     x.t_settling = max(x.t_settling - dt, 0.0)
     if rod_good > 0.5 and surface_good > 0.5:
-        d = y_rod - y_surface - x.rigging
-        if x.pair_time < p.pair_settle:
-            x.pair_time += dt
-            if not known:
-                x.rigging += d * dt / x.pair_time
-            if x.pair_time <= 1.5 * dt:
-                x.base_rod = y_rod - x.model_q
-                x.base_surface = y_surface - x.model_q
-        else:
-            x.pair_d += a * clipped(d - x.pair_d, p.pair_clip)
-            if not suspicious and not known:
-                x.rigging += clipped(x.pair_d, p.pair_clip) * dt / p.pair_learn
-    w = dt / p.pair_wash
-    if rod_good > 0.5 and x.pair_time > 0.0:
+        _disagreement(x, y_rod, y_surface, suspicious, known, p, dt)
+    if x.pair_time > 0.0:
+        _distances(x, y_rod, rod_good, y_surface, surface_good, suspicious, p, dt)
+    before = x.sensor
+    beyond = math.fabs(x.pair_d) >= x.pair_limit
+    x.pair_timer, x.sensor = confirm(x.pair_timer, x.sensor, beyond, dt, p.pair_confirm, p.pair_release)
+    if beyond and x.sensor > 0.5:  # an oscillation is beyond it for a part of its period only
+        x.pair_timer = p.pair_confirm + p.pair_release
+    _blame(x, load, suspicious, p, dt)
+    if x.sensor < 0.5 and before > 0.5:  # healed: learn anew where both stand
+        x.base_rod += x.e_rod
+        x.base_surface += x.e_surface
+        x.e_rod = 0.0
+        x.e_surface = 0.0
+
+
+@kernel
+def _disagreement(x, y_rod, y_surface, suspicious, known, p, dt):
+    """Learn the rigging for pair_settle, then advance the filtered disagreement."""
+    d = y_rod - y_surface - x.rigging
+    if x.pair_time < p.pair_settle:
+        x.pair_time += dt
+        if not known:
+            x.rigging += d * dt / x.pair_time
+        if x.pair_time <= 1.5 * dt:
+            x.base_rod = y_rod - x.model_q
+            x.base_surface = y_surface - x.model_q
+    else:
+        x.pair_d += (1.0 - math.exp(-dt / p.pair_tau)) * clipped(d - x.pair_d, p.pair_clip)
+        if not suspicious and not known:
+            x.rigging += clipped(x.pair_d, p.pair_clip) * dt / p.pair_learn
+
+
+@kernel
+def _distances(x, y_rod, rod_good, y_surface, surface_good, suspicious, p, dt):
+    """Advance how far each sensor is from the model, and what the model learns of its bias and gain."""
+    a, w = 1.0 - math.exp(-dt / p.pair_tau), dt / p.pair_wash
+    if rod_good > 0.5:
         e = y_rod - x.model_q - x.base_rod
         x.e_rod += a * clipped(e - x.e_rod, p.pair_clip)
         if not suspicious:
             x.base_rod += w * x.e_rod
-    if surface_good > 0.5 and x.pair_time > 0.0:
+    if surface_good > 0.5:
         e = y_surface - x.model_q - x.base_surface
         x.e_surface += a * clipped(e - x.e_surface, p.pair_clip)
         if not suspicious:
@@ -208,11 +231,11 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, slack,
             moved = x.model_q - x.model_slow
             lesson = p.pair_teach * dt * e * moved / (moved * moved + GAIN_MOTION * GAIN_MOTION)
             x.model_gain = clipped(x.model_gain + lesson, GAIN_LIMIT)
-    before = x.sensor
-    beyond = math.fabs(x.pair_d) >= x.pair_limit
-    x.pair_timer, x.sensor = confirm(x.pair_timer, x.sensor, beyond, dt, p.pair_confirm, p.pair_release)
-    if beyond and x.sensor > 0.5:  # an oscillation is beyond it for a part of its period only
-        x.pair_timer = p.pair_confirm + p.pair_release
+
+
+@kernel
+def _blame(x, load, suspicious, p, dt):
+    """Set which sensor has left the model, and whether the surface may be loose instead."""
     x.pair_age = x.pair_age + dt if x.sensor > 0.5 else 0.0
     if x.sensor > 0.5 and x.blame < 0.5 and x.pair_age <= p.pair_judge:
         far, near = math.fabs(x.e_rod), math.fabs(x.e_surface)
@@ -224,14 +247,8 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, slack,
         x.t_settling = T_DISTURBED
     elif suspicious and x.sensor < 0.5:
         x.t_settling = max(x.t_settling, 3.0 * p.pair_confirm)
+    driven = T_LOOSE < x.pair_age <= T_LOOSE + 1.5 * dt and math.fabs(load) > LOAD_LEAST and x.pair_d * load > 0.0
     if x.blame != 2.0:
         x.backlash_suspected = 1.0  # until it has been told apart
-    elif math.fabs(x.pair_d) >= PLAY:
+    elif math.fabs(x.pair_d) >= PLAY or driven:
         x.backlash_suspected = 0.0
-    elif T_LOOSE < x.pair_age <= T_LOOSE + 1.5 * dt and math.fabs(load) > LOAD_LEAST and x.pair_d * load > 0.0:
-        x.backlash_suspected = 0.0
-    if x.sensor < 0.5 and before > 0.5:  # healed: learn anew where both stand
-        x.base_rod += x.e_rod
-        x.base_surface += x.e_surface
-        x.e_rod = 0.0
-        x.e_surface = 0.0

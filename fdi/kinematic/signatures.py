@@ -63,10 +63,6 @@ FADES = np.array(
 )
 INTEGRATES = np.array([float(row in ("phi", "theta", "psi", "turn", "speed", "height")) for row in ROWS])
 _RATES = [name.split(" or ")[0] for name in CULPRITS[1:]]  # a pair's rate
-# of every culprit the row that integrates it as a rate; -1 for none
-DRIVES = np.array(
-    [next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] == name and c[3] is False), -1) for name in _RATES]
-)
 # rows in which a constant error of a culprit stays: those that integrate nothing, and its rate's
 STAYS = np.array([[float(any(c[0] == name and row in (*c[1], *c[2]) and (row in ("climb", "sound", "impact", "baro")
                                                                         or (c[3] is False and row == c[1][0]))
