@@ -148,7 +148,7 @@ def _slow_parts(x, p, dt):
 @kernel
 def shaped(x, p, k, b):
     """Return whether f_hat + b u has the shape of an oscillation at frequency k; b = 1 where u is cut off (solid)."""
-    agreement, purity, _ = bank.character(x, p, k, 1.0, b)
+    agreement, purity = bank.character(x, p, k, 1.0, b)
     return agreement >= p.coherence and purity >= p.purity
 
 
