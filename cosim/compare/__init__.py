@@ -70,7 +70,7 @@ class Comparison:
         if self.two:
             parted = [p for p in self.pairs if p["only_a"] or p["only_b"]]
             said = "{a} alone in {only_a}, {b} alone in {only_b} of {n} faults"
-            return f"{'; '.join(said.format(**p) for p in parted) or 'every detector saw the same faults in both'}."
+            return f"{'; '.join(said.format(**p) for p in parted) or 'Every detector saw the same faults in both'}."
         n = {key: sum(d[key] for d in self.levels) for key in ("faults", "local", "aircraft", "both", "nobody")}
         loud = ", ".join(d["id"] for d in self.detectors if not d["credible"])
         told = (f"Of {n['faults']} faults the local level alone saw {n['local']}, the aircraft level alone "
