@@ -35,8 +35,8 @@ What kinematics cannot tell: a constant error of a rate from a slow one of what 
 theta", "r or psi", "n_x or v_ground" is named until another row tells. When such a drift stops, and stays off, the
 alarm ends as if the rate were right again.
 
-Thresholds are those of the noise that is specified. A row whose second difference, over the time of learning, is larger
-than the specified noise of its sensors makes has its threshold and its jump larger by as much.
+Thresholds are those of the noise that is specified. A row whose readings, over the time of learning, have larger second
+differences than specified noise makes has its threshold and its jump larger by as much.
 """
 
 import math
@@ -126,11 +126,12 @@ STATE = dtype(
         *wind.STATE,
         ("offset", "f8", (NR,)),
         ("limit", "f8", (NR,)),  # thresholds now
-        ("raw_1", "f8", (NR,)),  # residuals of the tick before, and of the one before that
-        ("raw_2", "f8", (NR,)),
-        ("run", "f8", (NR,)),  # ticks in a row that had one, at most 3
-        ("excess", "f8", (NR,), "-"),  # learned mean square of their second difference over the specified one
-        ("grown", "f8", (NR,), "-"),  # what the threshold and the jump grow by with it
+        (
+            "grown",
+            "f8",
+            (NR,),
+            "-",
+        ),  # what threshold and jump grow by where its readings have more noise than specified
         ("y", "f8", (NS,)),  # readings
         ("ok", "f8", (NS,)),
         ("y_1", "f8", (NS,)),  # and those of the two ticks before
@@ -401,11 +402,9 @@ def _rest(x, p, why):
     x.seen[:] = 0.0
     x.res[:] = 0.0
     x.jumped[:] = 0.0
-    x.run[:] = 0.0
     if x.age <= p.t_learn:
         x.age, x.n_learn = 0.0, 0.0
         x.offset[:] = 0.0
-        x.excess[:] = 0.0
         x.level[:] = 0.0
     x.since, x.noisy, x.quiet, x.valid, x.why, x.r = 0.0, 0.0, 0.0, 0.0, why, 0.0
     _clear(x)
@@ -430,11 +429,12 @@ def step(x, u, p, dt):
         return
     read(x, u)
     compare(x, p, dt)
-    weigh(x, p)
     x.age += dt
     if p.t_settle < x.age <= p.t_learn:
         x.n_learn += 1.0
     r = max(_residuals(x, p, dt), _noise(x, p, dt))
+    if x.age <= p.t_learn:
+        weigh(x)
     live = 0.0
     for i in range(NR):
         live += x.live[i]

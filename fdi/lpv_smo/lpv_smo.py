@@ -350,7 +350,7 @@ def _oscillates(x, p, dt):
             continue
         fits = bank.mixed(x, k, 1.0, 0.0) >= limit * limit
         if fits:
-            agreement, purity, _ = bank.character(x, p, k, 1.0, 0.0)
+            agreement, purity = bank.character(x, p, k, 1.0, 0.0)
             fits = agreement >= p.coherence and purity >= p.purity
         x.hit[k] = x.hit[k] + 1.0 if fits else 0.0
         if x.hit[k] >= p.hits:
