@@ -46,7 +46,7 @@ NAME_OF = (OFC_LIQUID, OFC_SOLID, RUNAWAY, EFFECTIVENESS, EFFECTIVENESS, SENSOR,
            EFFECTIVENESS, NONE, NONE)  # fmt: skip
 WHO = (0.0, 0.0, 0.0, 0.0, 0.0, CURRENT, CURRENT, CURRENT, VELOCITY, 0.0, 0.0, 0.0)
 LOST = (0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0)  # for `drive_lost`
-PRIORS: dict[int, dict[int, tuple[float, float]]] = {  # hypothesis -> column: mean, standard deviation; sines and constants over the largest current
+PRIORS: dict[int, dict[int, tuple[float, float]]] = {  # column: mean, deviation; currents over the largest
     ADDED: {COS: (0, 0.15), SIN: (0, 0.15)},
     IN_PLACE: {COS: (0, 0.15), SIN: (0, 0.15), D: (-1, 1e-3)},
     STUCK: {ONE: (0, 0.5), D: (-1, 1e-3)},
