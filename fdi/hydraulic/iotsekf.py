@@ -234,7 +234,7 @@ def name(x):
         return AMBIGUOUS if rubs else JAM_SOLID, 0.0
     # the evidence of a pressure sensor knows no model of joined chambers: while these lead, they outrank it
     pressure = likely == by_evidence.OF_PRESSURE or x.candidate == by_evidence.OF_PRESSURE
-    joined = x.rival_lead[multiple_models.JOINED] > multiple_models.SURE
+    joined = x.rival_lead[multiple_models.JOINED] > multiple_models.NAMED
     if max(x.shown[0], x.shown[1]) > 0.5 and x.sensor < 0.5 and (joined or not pressure):
         return EFFECTIVENESS, 0.0
     if (likely == by_evidence.OF_PRESSURE or (likely == by_evidence.WEAK and x.dp_out > 0.5)) and x.sensor < 0.5:
