@@ -223,24 +223,22 @@ def start(x, y, dp, p):
 def correct(x, u, rod, surface, p, dt):
     """Use what is usable: both positions in three steps, or the healthy one alone; then the pressure."""
     y_surface = p.arm * u.y_surface + decision.lever_at(x, x.x_hat[0], dt * x.x_hat[1])
-    learned = x.pair_time > 0.0
+    learned, used = x.pair_time > 0.0, 0.0
     plausible = math.fabs(y_surface - x.x_hat[0]) < p.gate * math.sqrt(x.P[0, 0] + p.r_surface)
     x.age += dt
     if rod > 0.5 and surface > 0.5 and learned and (plausible or x.blame == 2.0):
         three_steps(x, u.y_rod, y_surface, p)
+        used = 1.0
+    elif rod > 0.5 and x.blame != 1.0:
+        used = one(x, 0, u.y_rod, p.r_rod, p)
+    elif surface > 0.5 and learned and x.blame != 2.0:
+        used = one(x, 0, y_surface, p.r_surface, p)
+    if used > 0.5:
         x.refused = x.age = 0.0
-    else:
-        used = 0.0
-        if rod > 0.5 and x.blame != 1.0:
-            used = one(x, 0, u.y_rod, p.r_rod, p)
-        elif surface > 0.5 and learned and x.blame != 2.0:
-            used = one(x, 0, y_surface, p.r_surface, p)
-        if used > 0.5:
-            x.refused = x.age = 0.0
-        elif rod > 0.5 or surface > 0.5:
-            x.refused += 1.0
-            if x.refused > 4.0:  # several agree: the estimate is what is wrong
-                x.P[0, 0] += p.P0[0] * p.gate * p.gate * x.refused
+    elif rod > 0.5 or surface > 0.5:
+        x.refused += 1.0
+        if x.refused > 4.0:  # several agree: the estimate is what is wrong
+            x.P[0, 0] += p.P0[0] * p.gate * p.gate * x.refused
     if usable(u.y_dp, u.y_dp_valid) > 0.5:
         one(x, 2, u.y_dp, p.r_dp, p)
 
