@@ -355,13 +355,12 @@ def write_whole(file: Path, data: bytes) -> None:
 
 @functools.cache
 def cache(name: str = "") -> Path | None:
-    """Return the folder `name` of the cache, made where it is missing, in NUMBA_CACHE_DIR, XDG_CACHE_HOME or the user's
-    cache; None where no folder is this user's alone: whoever can write there runs code as us."""
-    given = (os.environ[name] for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME") if os.environ.get(name))
-    roots = [*map(Path, given), Path(os.path.expanduser("~/.cache"))]
-    found = (root / "cosim-kernels" for root in roots if root.is_absolute())
-    root = next((root for root in found if _private(root) and os.access(root, os.W_OK)), None)
-    return root / name if root and _private(root / name) else None
+    """Return the folder `name` of the cache, made where it is missing: in NUMBA_CACHE_DIR, else in XDG_CACHE_HOME, else
+    in the user's cache. None where that is not this user's alone: whoever can write there runs code as us."""
+    given = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    root = Path(given, "cosim-kernels")
+    usable = root.is_absolute() and _private(root) and os.access(root, os.W_OK)
+    return root / name if usable and _private(root / name) else None
 
 
 def _private(folder):

@@ -74,9 +74,6 @@ def test_a_cache_that_others_can_write_to_is_not_used(tmp_path, monkeypatch):
     from actuators import kernels
 
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "no" / "folder"))
-    (tmp_path / "no").write_text("")
-    monkeypatch.setenv("HOME", str(tmp_path / "no"))
     kernels.cache.cache_clear()
     own = tmp_path / "cosim-kernels"
     assert kernels.cache() == own and own.stat().st_mode & 0o777 == 0o700

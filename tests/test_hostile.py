@@ -23,14 +23,10 @@ from hypothesis import strategies as st
 import cosim
 from cosim.campaign.spec import load_campaign
 from cosim.errors import CosimError
-from cosim.log import open_log, recover
-from cosim.log.overview import log_info
-from cosim.parts import load, with_detectors
-from cosim.replay import replay
+from cosim.parts import load
 from cosim.replay.map import diagnose
 from cosim.replay.map_draft import draft
 from cosim.replay.map_file import load_map
-from cosim.report import flight_report
 from cosim.scenario import aircraft
 from cosim.scenario.condition import condition
 
@@ -217,30 +213,6 @@ def test_fmus(tmp_path):
     xml = st.just(held["modelDescription.xml"]).flatmap(strategies.spliced)
     through(st.tuples(xml, names, names | st.sampled_from(["../../x", "/x", "é"])), 6, 0.1)(lambda data: [door])
     technologies.forget()
-
-
-@pytest.fixture(scope="module")
-def flights(tmp_path_factory):
-    """Return open logs of short flights: hydraulic, electric with detectors of the aircraft, and a user's detector."""
-    home = tmp_path_factory.mktemp("doors")
-    short = ["duration_s=0.5", "faults.0.start_s=0.2", "elevator.feedback=measured"]
-    own = DATA / "user_parts" / "counting.py"
-    flown = [
-        cosim.load_scenario("liquid-ofc", [*short, "detectors.enabled=['iotsekf']"]),
-        cosim.load_scenario("cruise", [short[0], "detectors.enabled=['ema_kalman', 'kinematic', 'ofc_monitor']"]),
-        with_detectors(cosim.load_scenario("liquid-ofc", [*short, "detectors.enabled=['position_monitor']"]), [own]),
-    ]
-    for k, scenario in enumerate(flown):
-        cosim.simulate(scenario, log=home / f"{k}.mcap", timed=False)
-    return [open_log(home / f"{k}.mcap") for k in range(len(flown))]
-
-
-def test_logs(flights, tmp_path):
-    doors = [log_info, replay, lambda p: flight_report(p, tmp_path / "page.html"),
-             lambda p: recover(p, tmp_path / "recovered.mcap"),
-             lambda p: replay(p, output=tmp_path / "again.mcap")]  # fmt: skip
-    through(strategies.logs(flights, tmp_path / "case.mcap"), 20)(
-        lambda data: data.draw(st.permutations(doors))[:2])  # fmt: skip
 
 
 def test_recordings(tmp_path):

@@ -44,23 +44,23 @@ CONNECT_S = 20.0  # to a scheduler, and until it has a worker
 @told_at_call
 def run_many(
     scenarios: Iterable[Scenario], *, workers: int | None = None, out: str | Path | None = None, resume: bool = True,
-    executor: Executor | None = None, progress: Callable[[int, int], None] | None = None, achieved: bool = True,
+    executor: Executor | None = None, progress: Callable[[int, int], None] | None = None,
     labels: Iterable[dict] | None = None, signals: Iterable[str] | None = None, rate_hz: float = 50.0, title: str = "",
 ) -> CampaignResult:  # fmt: skip
     """Fly `scenarios` (Scenario objects; equal ones once) and return a CampaignResult.
 
     `workers` processes, by default one per core, 0 for this process; or any concurrent.futures `executor`. `out` is the
-    folder of rows; with `resume` what it holds is not flown again. `progress(done, total)` counts runs. `achieved`
-    flies every run with an elevator fault without it, too. `labels` are dicts beside the scenarios, for columns
-    label.<name>. `signals` (words of `cosim list signals`, none for all) writes a Parquet file per flight at `rate_hz`,
-    with labels, and a column `split`. Raises CampaignError, OutputError; an error of a flight is a row.
+    folder of rows; with `resume` what it holds is not flown again. `progress(done, total)` counts runs. `labels` are
+    dicts beside the scenarios, for columns label.<name>. `signals` (words of `cosim list signals`, none for all) writes
+    a Parquet file per flight at `rate_hz`, with labels, and a column `split`. Raises CampaignError, OutputError; an
+    error of a flight is a row.
     """
     if executor is None and workers != 0:
         _guarded()
     if out is None:
         with tempfile.TemporaryDirectory() as scratch:
             flown = run_many(scenarios, workers=workers, out=scratch, executor=executor, progress=progress,
-                             achieved=achieved, labels=labels)  # fmt: skip
+                             labels=labels)  # fmt: skip
         flown.parquet = None
         return flown
     runs, packed, named, user_parts = _runs(scenarios, labels)
@@ -83,8 +83,7 @@ def run_many(
         keys = pa.Table.from_pandas(about, preserve_index=False)
         store.write(out / "scenarios.parquet", keys.add_column(2, "toml", texts))
         with store.saved_in_parts(out) as add:
-            how = {"workers": workers, "executor": executor, "achieved": achieved, "signals": wanted}
-            for flown in _flights(runs, packed, set(done["run"]), progress, **how):
+            for flown in _flights(runs, packed, set(done["run"]), progress, workers, executor, wanted):
                 if flown.signals:
                     with beside(_signals_of(out, flown.run)) as part:
                         part.write_bytes(flown.signals)
@@ -137,7 +136,7 @@ def rerun(
     stored = stored[stored["run"] == run].sort_values("lane").to_dict("records")
     if not stored:
         return scenario, result, None, None
-    rows = fly(run, scenario, not pd.isna(stored[0]["rod_mm"])).rows
+    rows = fly(run, scenario).rows
     pairs = [(a[k], b[k]) for a, b in zip(rows, stored) for k in a]
     same = len(rows) == len(stored) and all((pd.isna(a) and pd.isna(b)) or a == b for a, b in pairs)
     return scenario, result, same, store.manifest(home).items() >= fingerprint().items()
@@ -187,7 +186,7 @@ def _told(scenarios):
     return list(told.values())
 
 
-def _flights(runs, packed, done, progress, *, workers, executor, achieved, signals):
+def _flights(runs, packed, done, progress, workers, executor, signals):
     """Yield the Flown of each of `runs` that is not `done`. A run whose process dies under it, and again when it is
     flown alone, is a row "crashed"."""
     groups: dict = {}
@@ -206,11 +205,11 @@ def _flights(runs, packed, done, progress, *, workers, executor, achieved, signa
         crashed.append(Flown(call[0], [failed(call[0], "crashed", f"its process died: {error}")], []))
 
     def flown() -> Iterator[Flown]:
-        calls = ((n, fly_packed, (group, achieved, signals)) for n, group in enumerate(same))
+        calls = ((n, fly_packed, (group, signals)) for n, group in enumerate(same))
         for _, group in finished(calls, workers=workers, executor=executor, died=lambda c, _: again.extend(c[2][0])):
             yield from group
         if again:
-            calls = ((run, fly_packed, ([(run, data)], achieved, signals)) for run, data in again)
+            calls = ((run, fly_packed, ([(run, data)], signals)) for run, data in again)
             for _, group in finished(calls, workers=1, executor=executor, ahead=1, died=died_alone):
                 yield from group
         yield from crashed

@@ -11,17 +11,13 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
+from actuators.kernels import cores
 from cosim.errors import CampaignError
 
 AHEAD = 4  # calls under way per worker: none waits for the parent, and little is lost with it
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # a worker is one core
 START = {**dict.fromkeys(THREADS, "1"), "PYTHONSAFEPATH": "1"}  # a worker imports nothing from the current folder
 Call = tuple[Any, Callable, tuple]  # key, function, arguments
-
-
-def cores() -> int:
-    """Return how many processes this process may keep busy."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def finished(

@@ -62,21 +62,21 @@ def run_id(scenario: Scenario) -> str:
     return hashlib.sha256(scenario.portable_toml().encode()).hexdigest()[:16]
 
 
-def fly_packed(group: list[tuple[str, bytes]], achieved: bool, signals: Signals | None) -> list[Flown]:
+def fly_packed(group: list[tuple[str, bytes]], signals: Signals | None) -> list[Flown]:
     """Return what came of each (run, packed scenario) of `group`."""
-    return [fly(run, pickle.loads(zlib.decompress(data)), achieved, signals) for run, data in group]
+    return [fly(run, pickle.loads(zlib.decompress(data)), signals) for run, data in group]
 
 
-def fly(run: str, scenario: Scenario, achieved: bool, signals: Signals | None = None) -> Flown:
+def fly(run: str, scenario: Scenario, signals: Signals | None = None) -> Flown:
     """Fly `scenario` as run `run`.
 
     An error of the flight is one row without a detector: status "infeasible" for a point without a steady flight,
-    "error" for anything else. With `achieved` a run whose fault acts on an elevator flies without it, too.
+    "error" for anything else. A run whose fault acts on an elevator flies without it, too.
     """
     if threading.current_thread() is threading.main_thread():
-        return _fly(run, scenario, achieved, signals)
+        return _fly(run, scenario, signals)
     future: cf.Future = cf.Future()
-    _flights().put((future, (run, scenario, achieved, signals)))
+    _flights().put((future, (run, scenario, signals)))
     return future.result()
 
 
@@ -85,13 +85,13 @@ def failed(run: str, status: str, error: str) -> dict:
     return {"run": run, "lane": 0, "status": status, "error": " ".join(error.split())}
 
 
-def _fly(run, scenario, achieved, signals):
+def _fly(run, scenario, signals):
     global _timed
     begin = _core_s()
     try:
         from cosim.flight.simulate import simulate
 
-        result = simulate(scenario, achieved=achieved, timed=not _timed)
+        result = simulate(scenario, achieved=True, timed=not _timed)
         if result.status == "interrupted":
             raise KeyboardInterrupt
         written = _signals(scenario, signals) if signals else b""

@@ -24,7 +24,6 @@ estimate_rmse, estimate_unit
 """
 
 import hashlib
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -36,7 +35,6 @@ from cosim.judge import coverage
 from cosim.judge import row as judged
 from cosim.judge.fault_effect import NAMES as ACHIEVED
 from cosim.judge.naming import NOT_GIVEN, outcome
-from cosim.replay import log_schema
 from cosim.replay.detector_replay import tell
 from cosim.scenario import Scenario, parse
 from cosim.texts import toml
@@ -210,6 +208,6 @@ def of_campaign(folder: str | Path) -> tuple:
     from cosim.campaign.store import load
 
     frame, timing, tomls, about = load(folder)
-    for entry in log_schema.user_detectors(json.dumps(about.get("user_detectors", [])).encode(), str(folder)):
+    for entry in about.get("user_detectors", []):
         tell(entry)
     return frame, timing, tomls, str(about.get("title", ""))

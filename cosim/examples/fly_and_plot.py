@@ -14,5 +14,7 @@ truth = log.frame("/truth/aircraft")  # a DataFrame, index t_s in seconds, SI an
 print(truth[["alpha", "q", "nz", "de_li"]].describe())
 print("units:", truth.attrs["units"]["alpha"], truth.attrs["units"]["nz"])
 
-fields = ["/truth/aircraft.de_li", "/detectors/iotsekf/left_inner.r", "/detectors/rfafe/aircraft.r"]
-log.plot(fields).write_html("flight.html")
+drawn = truth[["de_li"]].copy()  # the left inner elevator, and how two detectors judge it
+drawn["iotsekf"] = log.frame("/detectors/iotsekf/left_inner")["r"]
+drawn["rfafe"] = log.frame("/detectors/rfafe/aircraft")["r"]
+drawn.plot(backend="plotly", facet_row="variable").update_yaxes(matches=None).write_html("flight.html")

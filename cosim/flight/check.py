@@ -13,7 +13,7 @@ import numpy as np
 
 from cosim.errors import CosimError
 from cosim.flight.detection.detector_context import site
-from cosim.flight.detection.detectors import wires, with_sources
+from cosim.flight.detection.detectors import sources_of, wires
 from cosim.flight.loop.signals import fly, inputs
 from cosim.flight.user_law import SENSORS, SURFACES
 from cosim.parts import PartError, load, rollout_of
@@ -140,9 +140,9 @@ def _signals(part):
     scenario = _scenario(own.technologies[0] if own.technologies else "hydraulic")
     lane = "left_inner" if own.level == "local" else ""
     read = {w.field: w.source for w in wires(own, lane, part)}
-    if above := with_sources([own.id])[:-1]:  # detectors that it reads
-        own_detectors = scenario.detectors.model_copy(update={"enabled": tuple(above)})
-        scenario = scenario.model_copy(update={"detectors": own_detectors})
+    if read_too := sources_of(own):
+        enabled = scenario.detectors.model_copy(update={"enabled": tuple(read_too)})
+        scenario = scenario.model_copy(update={"detectors": enabled})
     u = inputs(fly(scenario, [*read.values()]), part, read)
     dt = scenario.dt * own.every
     return np.ascontiguousarray(u[:, :: own.every]), own.fit(site(dt, lane, scenario.elevator.technology)), dt

@@ -113,19 +113,14 @@ class Runs:
 
     def __init__(self, told: Said, faults: Sequence[Mapping], dt: float):
         """A run begins at each bound of one of the `faults`, too."""
-        self.lane, self.ticks = told.lane, told.ticks
-        changes = told.first
+        self.lane, self.ticks, changes = told.lane, told.ticks, told.first
         bounds = [k for f in faults for k in span(f, dt) if k is not None and 0 <= k < self.ticks]
         self.first = np.union1d(changes, np.array(bounds, int))
         self.stop = np.append(self.first[1:], self.ticks)
-        values = told.rows[np.searchsorted(changes, self.first, side="right") - 1]
-        self.values = dict(zip(told.names, values.T))
-        names = [n for n in told.names if n not in ("valid", "why")]
-        said, self.which = np.unique(np.stack([self.values[n] for n in names]), axis=1, return_inverse=True)
-        self.said = [dict(zip(names, column)) for column in said.T]  # the different things that the lane says
-        self.which = self.which.ravel()  # index of that of each run
-        always = np.ones(len(self.first))
-        self.valid = self.values.get("valid", always) > 0.5
+        rows = told.rows[np.searchsorted(changes, self.first, side="right") - 1]
+        values = {"valid": np.ones(len(rows)), "why": np.zeros(len(rows))} | dict(zip(told.names, rows.T))
+        self.valid, self.why = values.pop("valid") > 0.5, np.nan_to_num(values.pop("why")).astype(int)
+        self.names, self.said = tuple(values), list(zip(*(column.tolist() for column in values.values())))
 
     def of(self, k: Any) -> Any:
         """Return the run of tick `k`, or of each of several."""
@@ -147,13 +142,9 @@ class Runs:
         in the others)."""
         run, a, b = self.inside(first, stop)
         down, length = ~self.valid[run], b - a
-        if not down.any():
-            return 1.0, None
-        share, why = 1.0 - float(length[down].sum()) / int(length.sum()), None
-        codes = self.values["why"][run] if "why" in self.values else np.zeros(len(run))
-        if (known := down & (codes > 0.5)).any():
-            why = reason.words(float(np.bincount(codes[known].astype(int), length[known]).argmax()))
-        return share, why
+        told = np.bincount(self.why[run][down], length[down])
+        why = reason.words(float(told[1:].argmax() + 1)) if told[1:].any() else None
+        return float(1.0 - length[down].sum() / max(length.sum(), 1)), why
 
 
 def noticed(runs: Runs, fault: Mapping, until: float, dt: float, others: Sequence[Mapping] = ()) -> dict:
@@ -232,11 +223,12 @@ def _says(lane, said, fault, mine, theirs):
     while its part is one of the fault's, or names one beside others, else that of the kind of part. Of two parts that a
     lane names those count that are not `theirs`, with the class of the first that is left.
     """
-    alarm, verdict, part = said["alarm"] > 0.5, said["verdict"], _part(lane, said["culprit"])
+    parts = dict(enumerate(lane.parts))
+    alarm, verdict, part = said["alarm"] > 0.5, said["verdict"], parts.get(int(said["culprit"]), "")
     if not fault["targets"]:
         return alarm, verdict, part
     if "second" in said:
-        names = {p: c for p, c in ((part, verdict), (_part(lane, said["second"]), said["verdict_2"])) if p}
+        names = {p: c for p, c in ((part, verdict), (parts.get(int(said["second"]), ""), said["verdict_2"])) if p}
         left = [p for p in names if p not in theirs] or list(names)
         own = [p for p in names if p in mine]
         return alarm, next((names[p] for p in (*own, *left)), verdict), BOTH.join(left)
@@ -246,10 +238,6 @@ def _says(lane, said, fault, mine, theirs):
         kinds = {"sensor": code.SENSOR, "engine": code.THRUST}
         verdict = kinds.get(fault["targets"][0].split(".")[0], code.AMBIGUOUS)
     return bool(blamed) or (alarm and not up), verdict, BOTH.join(blamed) or part
-
-
-def _part(lane, i):
-    return lane.parts[int(i)] if 0 <= i < len(lane.parts) else ""
 
 
 class Heard:
@@ -263,11 +251,12 @@ class Heard:
         self.later = alike(f for f in others if f["start_s"] > fault["start_s"])
         mine = set(members_of(self.lane.parts, fault, self.lane.level))
         theirs = {p for f, *_ in self.groups for p in members_of(self.lane.parts, f, self.lane.level)} - mine
-        heard = [_says(self.lane, said, fault, mine, theirs) for said in runs.said]
-        self.words = [(verdict, part) for _, verdict, part in heard]  # of each of runs.said
-        self.alarm = np.array([alarm for alarm, *_ in heard], bool)[runs.which]
+        says = functools.cache(lambda *said: _says(self.lane, dict(zip(runs.names, said)), fault, mine, theirs))
+        heard = [says(*said) for said in runs.said]
+        self.words = [(verdict, part) for _, verdict, part in heard]  # of each run
+        self.alarm = np.array([alarm for alarm, *_ in heard], bool)
         self.rises = runs.first[self.alarm & ~np.append(False, self.alarm[:-1])]
-        self._name_of = functools.cache(self._name)
+        self._names: dict[tuple, Name] = {}  # by fault, words and the others that are there
 
     def tick(self, t: float) -> int:
         """Return the first tick at or after `t` [s], at most the number of ticks."""
@@ -300,7 +289,7 @@ class Heard:
     def blames(self, k: int, faults: Sequence[Mapping], instead: Mapping) -> bool:
         """Return whether what is said at tick `k` names a part of one of `faults` that is there then, none of
         `instead`."""
-        _, part = self.words[self.runs.which[self.runs.of(k)]]
+        _, part = self.words[self.runs.of(k)]
         if not part or blames(part, instead, self.lane.level):
             return False
         return any(blames(part, f, self.lane.level) for f in faults if during([f], k, self.dt))
@@ -340,20 +329,20 @@ class Heard:
         default the lane's own. Of the others those count that are there then."""
         out = []
         for i, a, b in zip(*self.runs.inside(first, stop)):
-            verdict, part = self.words[self.runs.which[i]]
+            verdict, part = self.words[i]
             if self.alarm[i] and verdict > 0.5:
                 out.append(Word(int(a), int(b), verdict, part, self.name(i, fault)))
         return out
 
     def name(self, run: int, fault: Mapping | None = None) -> Name:
         """Return how what is said in a run stands to `fault`, by default the lane's own."""
-        of = next((i for i, f in enumerate(self.others) if f is fault), None)
-        return self._name_of(of, *self.words[self.runs.which[run]], *(there[run] for there in self.there))
-
-    def _name(self, of, verdict, part, *there):
-        fault = self.fault if of is None else self.others[of]
-        met = [group[0] for group, here in zip(self.groups, there) if here]
-        return name_of(fault, self.lane.level, code.class_name(verdict), part, met)
+        here = tuple(there[run] for there in self.there)
+        key = (id(fault), *self.words[run], *here)
+        if key not in self._names:
+            (verdict, part), met = self.words[run], [group[0] for group, is_here in zip(self.groups, here) if is_here]
+            of = self.fault if fault is None else fault
+            self._names[key] = name_of(of, self.lane.level, code.class_name(verdict), part, met)
+        return self._names[key]
 
     def verdicts(self, words: Sequence[Word]) -> dict:
         """Return the first of n > 0 words, the name at the end, and when the latter was first said [s]."""

@@ -115,7 +115,7 @@ def _beyond_healthy(v, dt, kept):
         u, log = np.zeros((1, len(part)), simple.INPUTS), np.zeros((1, len(part)), simple.STATE)
         u["command"] = part
         simple.rollout(kept["x"], u, p, dt, log)
-        healthy.append(log["delta"][0])
+        healthy.append(log["delta"][0].copy())  # a view would keep the records
     found = np.concatenate(healthy)
     kept["healthy"] = found[-1:]
     return actual - found[:-1]

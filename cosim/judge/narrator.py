@@ -45,14 +45,12 @@ def silent(found: Mapping[str, Any], scenario: Scenario) -> list[str]:
     lanes, cases, out = found["detectors"], coverage.cases(scenario), []
     lead = "fault {}: " if len(scenario.faults) > 1 else ""
     for i in _began(found, scenario) if lanes else ():
-        designed = list(dict.fromkeys(d["id"] for d in lanes if coverage.expected(d["id"], cases[i]) == "designed"))
-        why: dict[str, list[str]] = {}
-        for name in designed:
-            why.setdefault(_why([e for e in _entries(i, lanes) if e["id"] == name]), []).append(name)
-        told = "; ".join(f"{listed(names)} {text}" for text, names in why.items() if text)
-        told = f"designed for this fault, no alarm: {told}" if told else ""
-        told = told if designed else "no detector in this flight is designed for this fault"
-        out += [lead.format(i) + told] * bool(told)
+        designed = [n for n in dict.fromkeys(d["id"] for d in lanes) if coverage.expected(n, cases[i]) == "designed"]
+        why = {n: _why([e for e in _entries(i, lanes) if e["id"] == n]) for n in designed}
+        told = [f"{listed(n for n in why if why[n] == text)} {text}" for text in dict.fromkeys(why.values()) if text]
+        if told or not designed:
+            said = f"designed for this fault, no alarm: {'; '.join(told)}"
+            out.append(lead.format(i) + (said if designed else "no detector in this flight is designed for this fault"))
     return out
 
 

@@ -1,6 +1,6 @@
 """The log of a run: one self-contained MCAP file, written while the run goes on and read back bit for bit."""
 
-from .format import Limits, LogError, Topic
+from .format import LogError, Topic
 from .foxglove import Pose
 from .layouts import viewer_layouts
 from .reader import Log, open_log
@@ -8,6 +8,6 @@ from .recover import recover
 from .writer import LogWriter
 
 __all__ = [
-    "Limits", "Log", "LogError", "LogWriter", "Pose", "Topic", "open_log",
+    "Log", "LogError", "LogWriter", "Pose", "Topic", "open_log",
     "recover", "viewer_layouts",
 ]  # fmt: skip

@@ -13,7 +13,7 @@ from zstandard import ZstdError
 from cosim.errors import LogError
 from cosim.files import regular
 
-from .format import MAGIC, Limits, log_error
+from .format import MAGIC, log_error
 from .walker import BAD
 
 BROKEN = (*BAD, RuntimeError, ZstdError)  # what is raised for bytes that are not what they should be
@@ -64,7 +64,7 @@ class ForeignMcap:
 
 def _messages(file: BinaryIO) -> Iterator[Sent]:
     decoders: dict[int, Any] = {}
-    most = min(Limits().record_bytes, os.fstat(file.fileno()).st_size)  # whatever length a record claims
+    most = os.fstat(file.fileno()).st_size  # whatever length a record claims
     reader = NonSeekingReader(file, validate_crcs=True, record_size_limit=most)
     for schema, channel, record in reader.iter_messages(log_time_order=False):
         if channel.id not in decoders:

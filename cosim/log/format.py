@@ -16,6 +16,7 @@ LIBRARY = f"cosim-log {FORMAT}"
 READ_BY = {"1": "cosim 0.1.0"}  # older format -> the version that reads it
 MAGIC = b"\x89MCAP0\r\n"
 OURS = marked(b"\x89MCAP0", b"cosim-log ")  # the sign of a log that the project wrote, be it whole or not
+MOST_CHUNK = 64 << 20  # bytes of one chunk decompressed; a second of a flight takes about 1 MiB
 MOST_FIELDS = 18_000  # of a channel's level: protobuf keeps the numbers from 19000 on for itself
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\[\d+\])?\Z")
 _TOPIC = re.compile(r"(/[A-Za-z0-9_]+)+\Z")
@@ -64,16 +65,6 @@ class Topic:
             raise ValueError(f"topic {self.name}: every must be a whole number of ticks >= 1, not {self.every}")
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Bound what a reader accepts, so that a hostile file costs no more memory or time than an honest one."""
-
-    record_bytes: int = 256 << 20  # any top-level record, so also an attachment
-    chunk_bytes: int = 64 << 20  # one chunk decompressed; a second of a flight takes about 1 MiB
-    text_bytes: int = 16 << 20  # a schema, channel or metadata record
-    expansion: int = 10_000  # content over compressed size: of a message 3 bytes or more vary
-
-
 @dataclass
 class Damage:
     """Say which bytes of a log are lost, and why."""
@@ -81,12 +72,6 @@ class Damage:
     offset: int
     length: int
     reason: str
-
-
-def check_texts(name: str, texts: dict) -> None:
-    """Raise ValueError unless metadata are {str: str}."""
-    if not all(isinstance(text, str) for pair in texts.items() for text in pair):
-        raise ValueError(f"metadata {name!r}: keys and values must be str")
 
 
 def channel_metadata(parts: Any) -> dict:

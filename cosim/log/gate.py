@@ -6,43 +6,43 @@ address of its own: a random one of the loopback network where the system has mo
 to the server that takes requests, who shows none to the one that only tells, who shows a wrong one is turned away.
 """
 
+import asyncio
 import contextlib
+import email
 import hmac
 import secrets
-import selectors
 import socket
-import socketserver
 import sys
 import threading
-import time
-from collections.abc import Callable, Collection
-from typing import Any
+from concurrent.futures import Future
 from urllib.parse import parse_qs, urlsplit
 
 ORIGINS = ("https://app.foxglove.dev", "https://studio.foxglove.dev")  # pages of Foxglove itself
 OWN_HOSTS = ("localhost", "127.0.0.1", "::1")  # a page that this machine serves
 HEAD_BYTES, HEAD_S = 16384, 5.0  # of the request that opens a connection, all of it
-MOST = 64  # connections at a time: each takes a thread and two sockets
+MOST = 64  # connections at a time: each takes two sockets
 KEPT = 8  # of them, for who shows the token: those who only watch keep the owner out of nothing
+REFUSED = b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 
 
 def hidden_host() -> str:
     """Return a loopback address that no page can guess, 127.0.0.1 where the system has no other."""
     if not sys.platform.startswith("linux"):
         return "127.0.0.1"
-    a, b, c = (secrets.randbelow(254) + 1 for _ in range(3))
-    return f"127.{a}.{b}.{c}"
+    return "127." + ".".join(str(secrets.randbelow(254) + 1) for _ in range(3))
 
 
-def allowed(origin: str | None, origins: Collection[str] = ORIGINS) -> bool:
-    """Tell whether a connection with this `Origin` (None: it has none, so it is no page of a browser) may come in."""
-    if origin is None or origin in origins or origin.startswith(("file://", "app://")):  # the user's application
+def allowed(origins: list[str]) -> bool:
+    """Tell whether a connection with these `Origin` headers may come in: none is no page of a browser, and no browser
+    sends several."""
+    if not origins or (len(origins) == 1 and origins[0] in ORIGINS):
         return True
     try:
-        parts = urlsplit(origin)
+        parts = urlsplit(origins[0])
+        own = parts.scheme in ("http", "https") and parts.hostname in OWN_HOSTS
     except ValueError:  # no address at all
         return False
-    return parts.scheme in ("http", "https") and parts.hostname in OWN_HOSTS
+    return len(origins) == 1 and (own or parts.scheme in ("file", "app"))  # the user's application
 
 
 class Gate:
@@ -52,114 +52,70 @@ class Gate:
     def __init__(
         self, host: str, port: int, inner: tuple[str, int], steered: tuple[str, int] | None = None, token: str = ""
     ):
-        def behind(head: bytes) -> tuple[str, int] | None:
-            shown = _token(head)
-            if shown is None or steered is None:
-                return inner
-            return steered if hmac.compare_digest(shown.encode(), token.encode()) else None
+        self._inner, self._steered, self._token = inner, steered, token.encode()
+        self._held = self._watching = 0  # connections, and those without the token
+        # in a queue of 5 places, the system's choice, a caller beyond waits for seconds to try again
+        listening = socket.create_server((host, port), backlog=2 * MOST)
+        self.port, started = int(listening.getsockname()[1]), Future()  # type: ignore[var-annotated]
+        threading.Thread(target=lambda: asyncio.run(self._serve(listening, started)), name="gate", daemon=True).start()
+        self.close = started.result()
 
-        watching = threading.BoundedSemaphore(MOST - KEPT)
+    async def _serve(self, listening: socket.socket, started: Future) -> None:
+        ended, loop = asyncio.Event(), asyncio.get_running_loop()
+        server = await asyncio.start_server(self._taken, sock=listening, limit=HEAD_BYTES)
+        started.set_result(lambda: loop.call_soon_threadsafe(ended.set))
+        await ended.wait()
+        server.close()
 
-        class Handler(socketserver.BaseRequestHandler):
-            def handle(self) -> None:
-                _pass_on(self.request, behind, inner, watching)
+    async def _taken(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Give a connection its place, and back."""
+        with contextlib.closing(writer), contextlib.suppress(OSError):
+            if self._held < MOST:
+                self._held += 1
+                try:
+                    await self._pass_on(reader, writer)
+                finally:
+                    self._held -= 1
 
-        self._server = _Server((host, port), Handler)
-        self.port = int(self._server.server_address[1])
-        threading.Thread(target=self._server.serve_forever, name="gate", daemon=True).start()
-
-    def close(self) -> None:
-        """Take no more connections."""
-        self._server.shutdown()
-        self._server.server_close()
-
-
-class _Server(socketserver.ThreadingTCPServer):
-    allow_reuse_address = daemon_threads = True
-    request_queue_size = 2 * MOST  # of 5 places, the system's choice, a caller beyond waits for seconds to try again
-
-    def __init__(self, *about: Any):
-        self._held: set[Any] = set()
-        super().__init__(*about)
-
-    def verify_request(self, request: Any, client_address: Any) -> bool:
-        """Tell whether there is a place for a connection: before its thread is made, a flood makes none beyond MOST."""
-        if len(self._held) >= MOST:
-            return False
-        self._held.add(request)
-        return True
-
-    def shutdown_request(self, request: Any) -> None:
-        """Give the place of a connection back."""
-        self._held.discard(request)
-        super().shutdown_request(request)
-
-
-def _pass_on(
-    client: socket.socket, behind: Callable[[bytes], tuple[str, int] | None], watched: tuple[str, int],
-    watching: threading.BoundedSemaphore,
-) -> None:  # fmt: skip
-    """Pass on what may come in; of those that only watch the server `watched`, as many as have a place."""
-    head = _head(client)
-    inner = behind(head) if head is not None and allowed(_origin(head)) else None
-    if head is None or inner is None:
-        with contextlib.suppress(OSError):
-            client.sendall(b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n")
-        return
-    if inner != watched:
-        _between(client, inner, head)
-    elif watching.acquire(blocking=False):
+    async def _pass_on(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Hand what may come in to the server behind, and all that follows to the other side, until one closes."""
         try:
-            _between(client, inner, head)
+            head = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), HEAD_S)  # bytes one by one keep nobody's place
+            inner = self._behind(head)
+        except (TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, ValueError):
+            inner = None
+        if inner is None:
+            writer.write(REFUSED)
+            return await writer.drain()
+        watches = inner != self._steered
+        if watches and self._watching >= MOST - KEPT:
+            return None
+        self._watching += watches
+        try:
+            answers, asks = await asyncio.open_connection(*inner)
+            with contextlib.closing(asks):
+                asks.write(head)
+                both = [asyncio.ensure_future(_copy(*way)) for way in ((reader, asks), (answers, writer))]
+                await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+                for way in both:
+                    way.cancel()
         finally:
-            watching.release()
+            self._watching -= watches
+
+    def _behind(self, head: bytes) -> tuple[str, int] | None:
+        """Return the server to which a request may come, None for one that is turned away. Raises ValueError."""
+        request, _, rest = head.partition(b"\r\n")
+        if not allowed(email.message_from_bytes(rest).get_all("Origin", [])):
+            return None
+        _, address, *_ = request.decode("latin-1").split(" ")
+        shown = parse_qs(urlsplit(address).query, keep_blank_values=True).get("token")
+        if shown is None or self._steered is None:
+            return self._inner
+        return self._steered if hmac.compare_digest(shown[0].encode(), self._token) else None
 
 
-def _between(client: socket.socket, inner: tuple[str, int], head: bytes) -> None:
-    """Hand `head`, and all that follows on either side, to the other, until one of them closes."""
-    with contextlib.suppress(OSError), socket.create_connection(inner, timeout=HEAD_S) as server:
-        server.settimeout(None)
-        server.sendall(head)
-        with selectors.DefaultSelector() as both:
-            both.register(client, selectors.EVENT_READ, server)
-            both.register(server, selectors.EVENT_READ, client)
-            while True:
-                for key, _ in both.select():
-                    data = key.fileobj.recv(1 << 16)  # type: ignore[union-attr]
-                    if not data:
-                        return
-                    key.data.sendall(data)
-
-
-def _head(client: socket.socket) -> bytes | None:
-    """Return what opens the connection, up to the empty line and what follows it; None when it does not come."""
-    data, end = b"", time.monotonic() + HEAD_S
-    try:
-        while b"\r\n\r\n" not in data:
-            client.settimeout(max(1e-3, end - time.monotonic()))  # bytes one by one keep nobody's place
-            more = client.recv(4096)
-            if not more or len(data) + len(more) > HEAD_BYTES:
-                return None
-            data += more
-    except OSError:
-        return None
-    client.settimeout(None)
-    return data
-
-
-def _token(head: bytes) -> str | None:
-    """Return the token in the address of a request, None without one."""
-    target = head.split(b"\r\n")[0].decode("latin-1").split(" ")[1:2]
-    try:
-        found = parse_qs(urlsplit(target[0]).query, keep_blank_values=True).get("token") if target else None
-    except ValueError:
-        return ""
-    return found[0] if found else None
-
-
-def _origin(head: bytes) -> str | None:
-    """Return the Origin of a request, None without one; of several, which no browser sends, one that never fits."""
-    lines = head.split(b"\r\n\r\n")[0].decode("latin-1").split("\r\n")[1:]
-    pairs = (line.partition(":") for line in lines)
-    found = [value.strip() for name, _, value in pairs if name.strip().lower() == "origin"]
-    return None if not found else found[0] if len(found) == 1 else "several"
+async def _copy(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    with contextlib.suppress(OSError):
+        while data := await reader.read(1 << 16):
+            writer.write(data)
+            await writer.drain()

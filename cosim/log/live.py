@@ -21,8 +21,9 @@ from cosim.texts import from_json
 
 from . import foxglove, gate
 from .format import channel_metadata
-from .layout import by_channel, encode, schema_data, schema_name, tree_of
+from .layout import HEAD, Block, by_channel, schema_data, schema_name
 from .layouts import live_layout
+from .writer import target_of
 
 HOST = "127.0.0.1"
 PATIENCE_S = 120.0  # that a service waits for the flight
@@ -58,16 +59,17 @@ class Shown:
     def declare(self, topics: Sequence[Any], pose: Any) -> None:
         """Show these topics from now on: what is new gets a channel, what is known keeps its own."""
         sdk, self._pose, self._channels = library(), pose, []
-        for name, parts in by_channel([t for t in topics if t.every == 1]).items():
-            body, places = encode(tree_of(name, parts))
+        sampled = by_channel([t for t in topics if t.every == 1])
+        block = Block(1, [(i, name, parts) for i, (name, parts) in enumerate(sampled.items())])
+        self._target = target_of(block, topics, 1)
+        ends = [*(at for _, at in block.channels[1:]), block.size]
+        for (name, parts), (_, at), end in zip(sampled.items(), block.channels, ends):
             key = name, tuple((p.name, tuple(p.fields)) for p in parts)
             if key not in self._known:
                 schema = sdk.Schema(name=schema_name(name), encoding="protobuf", data=schema_data(name, parts))
                 self._known[key] = sdk.Channel(name, schema=schema, message_encoding="protobuf",
                                                context=self._context, metadata=channel_metadata(parts))  # fmt: skip
-            index = np.array([parts[part].index[field] for (part, field), _ in places])
-            at = np.array([place for _, place in places])[:, None] + np.arange(8)
-            self._channels.append((self._known[key], index, np.frombuffer(body, "u1").copy(), at))
+            self._channels.append((self._known[key], slice(at + HEAD.size, end)))
         for topic in ("/tf", "/fix") if pose is not None and not self._places else ():
             kind, data = foxglove.TOPICS[topic]
             schema = sdk.Schema(name=kind, encoding="protobuf", data=data())
@@ -81,9 +83,9 @@ class Shown:
     def send(self, k: int, v: np.ndarray) -> None:
         """Show tick `k` of the vector v that the topics index."""
         ns = k * self.dt_ns
-        for channel, index, message, at in self._channels:
-            message[at] = np.ascontiguousarray(v[index]).view("u1").reshape(-1, 8)
-            channel.log(message.tobytes(), log_time=ns)
+        self._target.store(k, v)
+        for channel, part in self._channels:
+            channel.log(self._target.rows[0, part].tobytes(), log_time=ns)
         if self._pose is not None:
             for _, name, data in self._pose.messages(v[list(self._pose.index)][None], k, self.dt_ns):
                 self._places[name].log(data, log_time=ns)

@@ -14,11 +14,10 @@ from cosim.errors import did_you_mean, told_at_call
 
 from . import foxglove
 from .compression import keep_memory
-from .format import Limits, log_error
+from .format import log_error
 from .walker import load, scan, tail
 
 CACHE_BYTES = 32 << 20  # content of chunks that stays in memory: several topics of a short log are decompressed once
-MOST_DRAWN = 4000  # samples of a curve
 
 
 class Units(dict[str, str]):
@@ -29,15 +28,15 @@ class Units(dict[str, str]):
 
 
 @told_at_call
-def open_log(path: str | Path, *, limits: Any = None, tolerant: bool = False) -> "Log":
-    """Open a log strictly: checksums, structure and limits are checked before anything is returned.
+def open_log(path: str | Path, *, tolerant: bool = False) -> "Log":
+    """Open a log strictly: checksums and structure are checked before anything is returned.
 
     With `tolerant`, a log that was cut or damaged gives what is whole: the ticks of damaged chunks are missing, and
     `damage` lists what is lost.
     Raises LogError with the place for a file that is missing, cut, damaged, hostile, or not written by this package.
     """
     keep_memory()
-    return Log(scan(path, limits or Limits(), tolerant))
+    return Log(scan(path, tolerant))
 
 
 class Log:
@@ -70,23 +69,6 @@ class Log:
         head = f"Log {self.path}: {self.n_ticks * self.dt_ns / 1e9:g} s, {len(self.topics)} topics, {state}"
         rows = [f"  {t.name:44}{t.rows:>8} rows, {len(t.fields)} fields" for t in self.topics.values()]
         return "\n".join([head, *rows])
-
-    def plot(self, fields: str | list[str]) -> Any:
-        """Return a plotly figure of fields named "/topic.field" over time [s], one below the other, in their units.
-
-        A notebook shows it, elsewhere `write_html(path)` keeps it. Raises KeyError for a field that is not there.
-        """
-        import pandas as pd
-
-        pairs = [name.rpartition(".")[::2] for name in ([fields] if isinstance(fields, str) else fields)]
-        frames = [self.frame(topic, fields=[field]) for topic, field in pairs]
-        frame = pd.concat([f.add_prefix(f"{topic}.") for f, (topic, _) in zip(frames, pairs)], axis=1)
-        shown = frame.iloc[:: max(1, len(frame) // MOST_DRAWN)].interpolate(limit_direction="both")
-        figure = shown.plot(backend="plotly", facet_row="variable", height=180 * len(pairs) + 60)
-        figure.for_each_annotation(lambda mark: mark.update(text=""))
-        for axis, f, (_, field) in zip(reversed(list(figure.select_yaxes())), frames, pairs):
-            axis.update(matches=None, title=f.attrs["units"][field].strip("-"))
-        return figure.update_layout(legend_title_text="", xaxis_title="t, s")
 
     def array(
         self, topic: str, *, fields: Sequence[str] | None = None, start_s: float | None = None,

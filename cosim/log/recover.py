@@ -8,12 +8,12 @@ import numpy as np
 
 from cosim.files import replace
 
-from .format import OURS, Limits, log_error
+from .format import OURS, log_error
 from .log_file import LogFile
 from .walker import load, scan, tail
 
 
-def recover(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[str, Any]:
+def recover(path: str | Path, out: str | Path) -> dict[str, Any]:
     """Write every whole chunk of the log at `path` to a new log at `out` and return a report.
 
     The report: `out`, `chunks`, `ticks`, `duration_s`, `complete` (nothing of the run was lost), `lost`, a list of
@@ -23,7 +23,7 @@ def recover(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[st
     """
     if os.path.exists(out) and os.path.exists(path) and os.path.samefile(path, out):
         raise log_error("a log cannot be recovered onto itself", os.fspath(out), remedy="Give another place (-o).")
-    found = scan(path, limits or Limits(), tolerant=True)
+    found = scan(path, tolerant=True)
     result = found.metadata.pop("result", None) if found.whole else None
     ticks = sum(found.ticks(chunk)[1] for chunk in found.chunks)
     lost = [{"offset": d.offset, "bytes": d.length, "reason": d.reason} for d in found.damage]

@@ -25,8 +25,8 @@ from cosim.files import regular
 
 from . import foxglove
 from .compression import COMPRESSIONS, FrameError, decompress
-from .format import LIBRARY, MAGIC, READ_BY, Damage, Limits, LogError, log_error, parts_of
-from .layout import HEAD, Layout, content_hash
+from .format import LIBRARY, MAGIC, MOST_CHUNK, READ_BY, Damage, LogError, log_error, parts_of
+from .layout import HEAD, Layout
 from .log_file import Chunk
 
 _RECORD, _FOOTER, _DATA_END = struct.Struct("<BQ"), struct.Struct("<BQQQI8s"), struct.Struct("<BQI")
@@ -54,7 +54,6 @@ class Contents:
 
     path: str
     size: int
-    limits: Limits
     at: int = 0
     declared: list = field(default_factory=list)
     metadata: dict = field(default_factory=dict)
@@ -73,8 +72,8 @@ class Contents:
         return chunk.start_ns // self.dt_ns, (chunk.end_ns - chunk.start_ns) // self.dt_ns + 1
 
 
-def scan(path: str | Path, limits: Limits, tolerant: bool = False) -> Contents:
-    """Return the Contents of a log; raises LogError when it cannot be read, is foreign, damaged or beyond a limit.
+def scan(path: str | Path, tolerant: bool = False) -> Contents:
+    """Return the Contents of a log; raises LogError when it cannot be read, is foreign or damaged.
 
     With `tolerant` damage after the preamble is listed in the Contents instead.
     """
@@ -82,7 +81,7 @@ def scan(path: str | Path, limits: Limits, tolerant: bool = False) -> Contents:
     regular(path, LogError)
     try:
         with open(path, "rb") as file:
-            found = Contents(path, os.fstat(file.fileno()).st_size, limits)
+            found = Contents(path, os.fstat(file.fileno()).st_size)
             try:
                 _walk(found, file)
             except LogError as error:
@@ -126,16 +125,13 @@ def _records(found: Contents, file: BinaryIO) -> Iterator[tuple[int, int, bytes]
 
     Of a chunk only the head is read, of a message index nothing. Raises LogError for one that does not fit.
     """
-    found.at, limits = len(MAGIC), found.limits
+    found.at = len(MAGIC)
     while found.at < found.size:
         file.seek(found.at)
         head = file.read(_RECORD.size)
         opcode, length = _RECORD.unpack(head) if len(head) == _RECORD.size else (0, found.size)
         if length > found.size - found.at - _RECORD.size:
             raise log_error(_CUT, found.path, found.at, _RECOVER)
-        most = limits.record_bytes if opcode in (Opcode.CHUNK, Opcode.ATTACHMENT) else limits.text_bytes
-        if length > most:
-            raise log_error(f"a record of {length} bytes is beyond the reader's limit", found.path, found.at)
         yield opcode, length, file.read(min(length, _READ.get(opcode, length)))
         found.at += _RECORD.size + length
 
@@ -190,15 +186,13 @@ def _chunk(found, length, body):
     if compression not in COMPRESSIONS or len(compression) != name_length:
         raise ValueError(f"unknown compression {compression!r}")
     (data_size,) = struct.unpack_from("<Q", body, 32 + name_length)
-    head, limits = 40 + name_length, found.limits
+    head = 40 + name_length
     if data_size != length - head:
         raise ValueError("its length is wrong")
-    if size > min(limits.chunk_bytes, limits.expansion * max(data_size, 1)):
-        raise ValueError(f"{size} bytes of content are beyond the reader's limits")
-    if start % found.dt_ns or end % found.dt_ns or not start <= end < 2**63:
-        raise ValueError(f"times {start} to {end} ns are no ticks")
-    if found.chunks and start <= found.chunks[-1].end_ns:
-        raise ValueError("it begins before the chunk before it ends")
+    if size > MOST_CHUNK:
+        raise ValueError(f"{size} bytes of content are beyond the reader's limit")
+    if not start <= end < 2**63 or (found.chunks and start <= found.chunks[-1].end_ns):
+        raise ValueError(f"times {start} to {end} ns do not follow those before")
     begin = found.at + _RECORD.size
     chunk = Chunk(found.at, begin + length, begin + head, data_size, compression, size, crc, start, end)
     if size < sum(found.layout.sizes(*found.ticks(chunk))):
@@ -212,9 +206,6 @@ def _end(found, file):
     file.seek(found.at)
     if _DATA_END.unpack(file.read(_DATA_END.size))[2] != _crc(file, 0, found.at):
         raise log_error("the data are damaged (CRC)", found.path, None, _RECOVER)
-    result = found.metadata.get("result")
-    if result is not None and result.get("content") != content_hash(found.chunks):
-        raise log_error("the samples are not those of the result", found.path)
     found.whole = True
     file.seek(max(start, found.size - _FOOTER.size))
     footer = file.read()

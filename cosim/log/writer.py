@@ -1,6 +1,7 @@
 """Write a log while a run goes on: values go straight into message bytes, a compressed chunk per second."""
 
 import os
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -8,15 +9,15 @@ from isal.isal_zlib import crc32
 
 from . import foxglove
 from .compression import compress, keep_memory
-from .format import LogError, channel_metadata, check_texts
-from .layout import HEAD, Layout, by_channel, content_hash, schema_data, schema_name
+from .format import LogError, Topic, channel_metadata
+from .layout import HEAD, Block, Layout, by_channel, content_hash, schema_data, schema_name
 from .log_file import LogFile
 
 ROWS = 200  # ticks of a chunk: one second at 200 Hz, lost when the process is killed
 RESERVED = ("log", "preamble", "result", "recovered")  # names of metadata
 
 
-class _Target:
+class Target:
     """Rows that the values of one rate are stored in: row k // every % len(rows) takes v[index] at the offsets `at`.
 
     The last number of `at` is the tick after the one stored last.
@@ -38,6 +39,14 @@ class _Target:
         first, size = ticks.start // self.every % len(self.rows), len(ticks)
         whole = first + size <= len(self.rows)
         return self.rows[first : first + size] if whole else np.roll(self.rows, -first, 0)[:size]
+
+
+def target_of(block: Block, topics: Sequence[Topic], ticks: int) -> Target:
+    """Return the Target of a block's rows of so many ticks, of topics that index the tick vector."""
+    index = {t.name: t.index for t in topics}
+    columns = np.concatenate([index[name] for name in block.places])
+    rows = np.tile(block.template, (-(-ticks // block.every), 1))
+    return Target(block.every, columns, np.concatenate([*block.places.values()]), rows)
 
 
 class LogWriter:
@@ -66,11 +75,11 @@ class LogWriter:
                           for name, parts in by_channel(topics).items()]  # fmt: skip
         declared += [(name, message, data(), {}) for name, (message, data) in foxglove.TOPICS.items()]
         self._layout = Layout(topics, {name: i for i, (name, *_) in enumerate(declared, 1)}, self.dt_ns)
-        self._blocks = [self._target(block, {t.name: t.index for t in topics}) for block in self._layout.blocks]
-        self._places: list[_Target] = []  # of the pose
+        self._blocks = [target_of(block, topics, rows_per_chunk) for block in self._layout.blocks]
+        self._places: list[Target] = []  # of the pose
         if pose is not None:
             rows = np.zeros((-(-rows_per_chunk // pose.every), 48), "u1")
-            self._places = [_Target(pose.every, pose.index, range(0, 48, 8), rows)]
+            self._places = [Target(pose.every, pose.index, range(0, 48, 8), rows)]
         self._last = self._blocks[-1].at  # of the fastest rate, one row a tick: what counts the ticks comes last
         self._file = LogFile(path, kept=kept)
         try:
@@ -78,11 +87,6 @@ class LogWriter:
         except BaseException:
             self._file.drop()
             raise
-
-    def _target(self, block, index):
-        rows = np.tile(block.template, (-(-self._rows // block.every), 1))
-        columns = np.concatenate([index[name] for name in block.places])
-        return _Target(block.every, columns, np.concatenate([*block.places.values()]), rows)
 
     @property
     def path(self) -> str:
@@ -158,7 +162,6 @@ class LogWriter:
         """
         if not self._file.open:
             return
-        check_texts("result", result or {})
         try:
             self.flush()
             texts = {} if result is None else {"result": {**result, "content": content_hash(self._file.chunks)}}
@@ -188,7 +191,5 @@ def _check(topics, n_values, dt_ns, metadata):
             raise ValueError(f"topic {topic.name}: a position lies outside the tick vector of {n_values} values")
     if set(metadata) & set(RESERVED):
         raise ValueError(f"metadata names {RESERVED} are taken")
-    for name, texts in metadata.items():
-        check_texts(name, texts)
     if dt_ns <= 0:
         raise ValueError(f"dt_ns must be positive, not {dt_ns}")

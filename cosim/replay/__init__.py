@@ -27,7 +27,7 @@ from cosim.parts.detector import SLOW
 from cosim.replay import detector_replay as lanes
 from cosim.replay import log_schema
 from cosim.replay.detector_replay import pieces, replay_lane, tick_of
-from cosim.replay.log_schema import LAID_OUT, ReplayError, check_start
+from cosim.replay.log_schema import ReplayError, check_start
 from cosim.replay.write import Overlay
 
 SPAN = 2000  # ticks that are replayed together
@@ -57,7 +57,6 @@ class Replay:
     changed: dict = field(default_factory=dict)  # {detector: {parameter: value}}: then differences are expected
     differences: list = field(default_factory=list)  # a dict per field: count, first tick, largest
     detectors: list = field(default_factory=list)  # detection metrics, logged and replayed
-    left_out: dict = field(default_factory=dict)  # {detector: why it cannot be replayed by this version}
     output: str | None = None  # the log that was written
     notes: list = field(default_factory=list)  # sentences: user detectors not run, or not the code that flew
 
@@ -98,9 +97,7 @@ def replay(
     `detectors` chooses some; `overrides` {detector: {parameter: value}} asks what would have been; `start_s` begins
     at the last whole state before that time; `output` writes a log with the old topics and, under /replay, the new
     ones. `user_detectors` are files of detectors (cosim/parts): one that flew is run again, another one is run on the
-    flight as it was logged, and has no `logged` among its results. A detector whose parameters or states another
-    version laid out differently is named in `left_out` and in a note, the others are replayed; where it is chosen, or
-    there is no other, it is an error. Raises LogError, ReplayError, PartError.
+    flight as it was logged, and has no `logged` among its results. Raises LogError, ReplayError, PartError.
     """
     given = loaded(user_detectors)
     check_start(start_s)
@@ -111,15 +108,14 @@ def replay(
     entries = lanes.manifest(log)
     flew = {d["id"] for d in entries}
     fresh = [g for g in given if g.DETECTOR.id not in flew]
-    left_out: dict[str, str] = {}
-    wired = lanes.describe(log, detectors, overrides, left_out) if flew or not fresh else []
+    wired = lanes.describe(log, detectors, overrides) if flew or not fresh else []
     scenario = log_schema.scenario(log)
     faults = judged(scenario)
     members = [_Member(log, w, faults) for w in wired]
     tick = max(0, round(start_s * 1e9 / log.dt_ns))
     spans, asked = list(_spans(log, wired, tick)), lanes.topics(log, wired) if output is None else log.topics
     _ready(wired)
-    stages = lanes.in_stages(wired, str(log.path))
+    stages = lanes.in_stages(wired)
     with ExitStack() as stack, ThreadPoolExecutor(cores()) as pool:
         overlay = stack.enter_context(Overlay(log, wired, output)) if output else None
         coming = [pool.submit(lanes.values, log, asked, *span) for span in spans[:1]]
@@ -134,11 +130,6 @@ def replay(
     result = Replay(str(path), dt=tick_of(log), changed=overrides or {}, output=str(output) if output else None)
     result.rows, result.values, result.skipped = (sum(getattr(m, n) for m in members) for n in COUNTS)
     result.notes = [line for d in entries for line in (lanes.missing(d), lanes.other_code(d)) if line]
-    if left_out:
-        what = ", ".join(why.removesuffix(LAID_OUT) for why in left_out.values())
-        software = log.metadata.get("run", {}).get("software", "another version")
-        result.notes.append(f"not replayed, as {software}, which wrote the log, laid them out differently: {what}")
-    result.left_out = left_out
     if not result.values and not fresh:
         raise _nothing(log, path, tick)
     result.differences = sorted((d for m in members for d in m.differences.values()), key=lambda d: d.first_tick)
@@ -228,38 +219,29 @@ class _Member:
 
     def replay(self, lane, tick):
         """Return the new outputs (rows, n) of a lane's span; NaN where it could not or should not be replayed."""
-        w, out = self.w, None
+        w, out, done = self.w, np.full(lane.logged.shape, np.nan), 0  # rows from `tick` on
         places = lane.ticks // w.every - self.logged.ticks
         old = np.zeros((int(places[-1]) + 1 if len(places) else 0, len(self.names)), np.float32)
         old[places] = np.take(lane.logged, self.columns, axis=1)
-        new = None  # what differs from `old`
-        done = 0  # rows from `tick` on
+        new = old.copy()
         for piece in pieces(lane, tick):
             again, (at, states), w.x = replay_lane(piece, self.dt)
             w.at = int(piece.ticks[-1]) + w.every
-            first = int(np.searchsorted(lane.ticks, piece.ticks[0]))
+            first, n = int(np.searchsorted(lane.ticks, piece.ticks[0])), self._by_clock(piece)
             rows = slice(first, first + len(again))
-            if len(again) == len(lane.ticks):
-                out = again
-            else:
-                out = np.full(lane.logged.shape, np.nan) if out is None else out
-                out[rows] = again
+            out[rows], new[places[rows]] = again, again[:, self.columns]
             self.rows += len(again)
-            n = self._by_clock(piece)
             done += int(np.count_nonzero(piece.ticks[:n] >= tick))
-            equal = self._compare(w.topic, self.fields, piece.ticks[:n], piece.logged[:n], again[:n])
-            if not equal or n < len(again):
-                new = old.copy() if new is None else new
-                new[places[rows]] = again[:, self.columns]
+            self._compare(w.topic, self.fields, piece.ticks[:n], piece.logged[:n], again[:n])
             held = lane.states[1][np.searchsorted(lane.states[0], at)]
             self._compare(w.hidden, self.hidden, at, held, states)
-        if new is not None and self.again is self.logged:
+        if self.again is self.logged and not np.array_equal(old.view(np.int32), new.view(np.int32)):
             self.again = deepcopy(self.logged)
         if self.again is not self.logged:
-            self.again.add(old if new is None else new)
+            self.again.add(new)
         self.logged.add(old)
         self.skipped += int(np.count_nonzero(lane.ticks >= tick)) - done
-        return np.full(lane.logged.shape, np.nan) if out is None else out
+        return out
 
     def _by_clock(self, piece):
         """Return the rows up to which a lane can repeat itself: a user's that took too long is dropped by the clock."""
@@ -269,14 +251,12 @@ class _Member:
         return int(slow[0]) if len(slow) else len(piece.ticks)
 
     def _compare(self, name, fields, ticks, logged, again):
-        """Take down where `again` differs from what was logged, and return whether it does not."""
+        """Take down where `again` differs from what was logged."""
         self.values += again.size
-        found = compare(name, fields, ticks, logged, again)
-        for d in found:
+        for d in compare(name, fields, ticks, logged, again):
             old = self.differences.setdefault(d.field, Difference(d.field, 0, d.first_tick, d.max_abs))
             old.count += d.count
             old.max_abs = float(np.fmax(old.max_abs, d.max_abs))
-        return not found
 
     def judge(self):
         """Return the lane's detection metrics, as logged and as replayed."""

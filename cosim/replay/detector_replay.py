@@ -17,7 +17,6 @@ from actuators.block import unit
 from cosim.errors import LogError, did_you_mean
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import wires
-from cosim.flight.detection.parameters import wrong_state
 from cosim.judge.detection import JudgedLane
 from cosim.judge.result import judge
 from cosim.log import Log
@@ -96,13 +95,10 @@ def tick_of(log: Log) -> Any:
     return 1.0 / hertz if hertz and round(1e9 / hertz) == log.dt_ns else log.dt_ns * 1e-9
 
 
-def describe(
-    log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None = None, left_out: dict[str, str] | None = None
-) -> list[Lane]:
+def describe(log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None = None) -> list[Lane]:
     """Return the lanes of the detectors in `chosen` (all) whose code is here; `fill` reads a stretch of them.
 
-    `overrides` is {detector: {parameter: value}}. `left_out` takes {detector: why} of those whose layout is another
-    one in the log than here, where some of the log's can be replayed and none is chosen; else they raise LayoutError.
+    `overrides` is {detector: {parameter: value}}. Raises LogError for one that is laid out otherwise than here.
     """
     found, place = manifest(log), str(log.path)
     if log.metadata.get("run", {}).get("log_profile") == "signals":
@@ -116,17 +112,8 @@ def describe(
             allowed, remedy = ", ".join(known) or "none", did_you_mean(name, known)
             raise schema.ReplayError(f"the log has no detector {name!r}", place=place, allowed=allowed, remedy=remedy)
     schema.chosen_overrides(chosen, overrides)
-    out, first = [], None
-    for d in (d for d in found if (not chosen or d["id"] in chosen) and registry.known(d["id"])):
-        try:
-            out += _wired(log, d, (overrides or {}).get(d["id"], {}))
-        except schema.LayoutError as error:
-            if left_out is None or chosen or d["id"] in (overrides or {}):
-                raise
-            left_out[d["id"]], first = error.problem, first or error
-    if first and not out:
-        raise first
-    return out
+    mine = [d for d in found if (not chosen or d["id"] in chosen) and registry.known(d["id"])]
+    return [lane for d in mine for lane in _wired(log, d, (overrides or {}).get(d["id"], {}))]
 
 
 def _wired(log, d, changes):
@@ -134,7 +121,7 @@ def _wired(log, d, changes):
     record, module = registry.record(d["id"]), registry.module(d["id"])
     p = schema.attached(log, f"{d['id']}.params", module.PARAMS, len(d["lanes"]))
     x = schema.attached(log, f"{d['id']}.initial", module.STATE, len(d["lanes"]))
-    schema.trusted(log, record, module, p, x, tick_of(log))
+    schema.trusted(str(log.path), record, module, x, p, tick_of(log))
     schema.override(record, module, p, changes, tick_of(log))
     out = []
     for i, lane in enumerate(d["lanes"]):
@@ -159,22 +146,12 @@ def _check(log, wired):
             raise schema.older(log, f"{source}.{column}, which {wired.id} reads as {name},")
 
 
-def in_stages(wired: Sequence[Lane], place: str = "") -> list[list[int]]:
-    """Return the positions of lanes, those of a stage reading outputs of earlier stages only.
-
-    Raises LogError where lanes of a log wait for each other, which no flight allows.
-    """
+def in_stages(wired: Sequence[Lane]) -> list[list[int]]:
+    """Return the positions of lanes: first those that read no other one, then each of the rest, in the order in which
+    they flew."""
     topics = {w.topic for w in wired}
-    left = {i: topics & {source for _, source, _ in w.inputs} for i, w in enumerate(wired)}
-    out: list[list[int]] = []
-    while left:
-        waiting = {wired[i].topic for i in left}
-        stage = [i for i, reads in left.items() if not reads & waiting]
-        if not stage:
-            raise LogError("is damaged: detectors wait for each other", place=f"{place}: detectors.json")
-        out.append(stage)
-        left = {i: reads for i, reads in left.items() if i not in stage}
-    return out
+    reads = [bool(topics & {source for _, source, _ in w.inputs}) for w in wired]
+    return [[i for i, own in enumerate(reads) if not own], *([i] for i, own in enumerate(reads) if own)]
 
 
 def topics(log: Log, wired: Any) -> list[Any]:
@@ -273,8 +250,7 @@ def _piece(lane, a, b, tick):
     x, (outputs, hidden) = np.zeros(1, lane.module.STATE), split(lane.module)
     flat(x)[0, outputs] = lane.logged[row]
     flat(x)[0, hidden] = lane.states[1][np.searchsorted(lane.states[0], k)]
-    if wrong := wrong_state(registry.record(lane.id), lane.module, x):
-        raise schema.reaches(f"{lane.hidden}, tick {k}", *wrong)
+    schema.trusted(f"{lane.hidden}, tick {k}", registry.record(lane.id), lane.module, x)
     rows = slice(row + 1, b)
     own = {"u": lane.u[:, rows], "ticks": lane.ticks[rows], "logged": lane.logged[rows]}
     return replace(lane, x=x, at=int(k) + lane.every, **own)

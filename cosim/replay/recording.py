@@ -169,7 +169,7 @@ class LoggedFlight:
     def achieved(self) -> dict[str, dict[str, float | None]] | None:
         """Return how far the faults moved the elevators (cosim/flight/faults/fault_free_reference.py), None where the
         log does not say."""
-        return log_schema.achieved(self.log)
+        return log_schema.of_result(self.log, "achieved")
 
     @cached_property
     def faults(self) -> list:

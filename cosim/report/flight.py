@@ -8,7 +8,7 @@ import numpy as np
 from actuators.constants import DEG_PER_RAD, FT_PER_M, KT_PER_M_S
 from cosim.flight.loop import wiring
 from cosim.judge.alarms import during
-from cosim.judge.detection import Runs, Word, name_at_end
+from cosim.judge.detection import NO_FAULT, Heard, Runs, name_at_end
 from cosim.judge.lanes import SHOWN
 from cosim.judge.result import concerns
 from cosim.replay.recording import Lane, LoggedFlight, joined, words
@@ -326,18 +326,14 @@ def _row(figure, flown, lane):
 def _said(lane, first, stop, start, step):
     """Return the name at the end of an alarm of the ticks first <= k < stop, which begins at `start` [s], and, where it
     came later, since when."""
-    runs = Runs(lane.said, (), step)
-    words_in = zip(*runs.inside(first, stop))
-    named = [Word(int(a) - first, int(b) - first, runs.values["verdict"][i], runs.values["culprit"][i])
-             for i, a, b in words_in if runs.values["verdict"][i] > 0.5]  # fmt: skip
+    named = Heard(Runs(lane.said, (), step), NO_FAULT, (), step).given(first, stop)
     if not named:
         return "alarm, no name"
     if (last := name_at_end(named, step)) is None:
         return "alarm, names in turn"
-    since = next(w.first for w in named if w.said == last.said)
-    part = lane.culprits[int(last.part)] if 0 <= last.part < len(lane.culprits) else ""
+    since = next(w.first - first for w in named if w.said == last.said)
     told = f" from {start + since * step:.2f} s" if since else ""
-    return f"{words(class_name(last.verdict))} {words(part)}".strip() + told
+    return f"{words(class_name(last.verdict))} {words(last.part)}".strip() + told
 
 
 def _labels(figure, flown, lane, alarms):

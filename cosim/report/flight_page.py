@@ -57,7 +57,7 @@ def render(flown: LoggedFlight) -> str:
 
 def summary(flown: LoggedFlight) -> list[tuple[str, list]]:
     """Return the summary: [(heading, [sentences])]; the first sentence is that of `cosim run`."""
-    lost = log_schema.not_run(flown.log)
+    lost = log_schema.of_result(flown.log, "not_run") or {}
     found = {"detectors": [lane.entry for lane in flown.lanes], "sim_time_s": flown.end, "achieved": flown.achieved,
              "not_run": lost}  # fmt: skip
     s, status = flown.scenario, (flown.log.result or {}).get("status", "incomplete: the log ends early")

@@ -28,7 +28,7 @@ from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import FlightPoint
 from cosim.scenario.aircraft import DEFAULT
 from cosim.training.flights import ALPHA_MAX, MACH_MAX
-from fdi.lpv_smo import boxes
+from cosim.training.trainer import significant
 from fdi.lpv_smo import model as lpv_model
 from fdi.lpv_smo import synthesis as lpv_smo_design
 
@@ -166,9 +166,7 @@ def fit(samples: Any, *, box: Any = BOX, weight: Any = None) -> Any:
     """Fit the `LpvModel` to `samples`; outputs that are states are exact, so C_1 is constant and D_1 zero."""
     size = {"A": SIZE_X, "B": SIZE_U, "C": SIZE_X, "D": SIZE_U}
     weight = volume(samples.rho) if weight is None else weight
-    fitted = {
-        k: lpv_model.fit(samples.rho, getattr(samples, k), box=box, scale=size[k], weight=weight) for k in "ABCD"
-    }
+    fitted = {k: lpv_model.fit(samples.rho, getattr(samples, k), box=box, scale=size[k], weight=weight) for k in "ABCD"}
     A, B, C, D = (fitted[k][0] for k in "ABCD")
     C[:, [0, 1, 2, 3, 5]] = 0.0
     C[0, [0, 1, 2, 3, 5], [1, 2, 3, 4, 0]] = 1.0
@@ -243,7 +241,7 @@ def boxed(samples: Samples, edges: Sequence[Sequence[float]] = EDGES) -> list[tu
         if (near <= 1.0).all(1).sum() >= FEWEST:
             part = (near <= AROUND).all(1)
             here = dataclasses.replace(samples, **{k: v[part] for k, v in vars(samples).items() if k != "refused"})
-            model = boxes.rounded(fit(here, box=box, weight=np.ones(part.sum()))[0])
+            model = fit(here, box=box, weight=np.ones(part.sum()))[0]
             out.append((model, design(model)))
     return out
 
@@ -255,7 +253,7 @@ def several(progress: Callable[[str], None]) -> dict[str, Any]:
 
 def stacked(pairs: list[tuple], draws: int) -> dict[str, Any]:
     """Return the designs of `boxed` as they are stored."""
-    return {"draws": draws, "seed": SOBOL_SEED, "boxes": [lpv_smo_design.plain(*one) for one in pairs]}
+    return significant({"draws": draws, "seed": SOBOL_SEED, "boxes": [lpv_smo_design.plain(*one) for one in pairs]}, 10)
 
 
 def wrong(held: dict[str, Any]) -> str:

@@ -1,7 +1,7 @@
 """Thresholds of the aircraft-level detectors from fault-free flights: `python -m cosim.training aircraft`.
 
 FLIGHTS of 60 s at points drawn over mass, CG, altitude and speed, eight manoeuvres, four airs, every aerodynamic
-coefficient 5 % up or down, noise NOISE_SCALE, and STILL long ones. Each statistic is held against what it may grow
+coefficient 5 % up or down, noise NOISE_SCALE. Each statistic is held against what it may grow
 with, all of it measured (`cosim.training.threshold_fit`), at one PROBABILITY (RARE) of a false alarm per flight and
 detector, shared among what it tests.
 """
@@ -31,10 +31,9 @@ from cosim.training.flights import (
     scenario,
     trimming,
 )
-from cosim.training.threshold_fit import HELD, LEAST, PROBABILITY, blocks, lasting, limit
+from cosim.training.threshold_fit import HELD, LEAST, PROBABILITY, blocks, limit
 from cosim.training.trainer import Trained, Training
 from fdi import registry
-from fdi.common import bank
 from fdi.control_redundancy.core import NR
 from fdi.kinematic import signatures
 
@@ -42,23 +41,16 @@ DETECTORS = ("lpv_smo", "control_redundancy", "kinematic", "rfafe", "rfafe_airfr
 # what each is trained in; the others' estimates are not made for severe air
 TRAINED_IN = dict.fromkeys(DETECTORS, AIR[:3]) | {"kinematic": AIR}
 LPV_PARTS = ("elevator", "n_z", "alpha")
-# in place of PROBABILITY: four tests share it, the floor and three least limits take a quarter each, too: 1 in 100 h
+LPV_FIELDS = ("limit", "limit_gust", "limit_away")
+# in place of PROBABILITY, shared by four tests
 RARE = {"lpv_smo": 8e-5}
 LARGEST = {"gust_max"}
-# a row for each PIECE_S of a flight; they have no share in PROBABILITY: other tests need gusts
-PIECES = {"floor", *(f"least_{part}" for part in LPV_PARTS)}
 # of the median of lpv_smo's estimate of the elevators, its limit's constant: what a protection leaves in it is seen
 # neither in gusts nor in the angle of attack; with LEAST 2 of 352 other flights alarmed, long after one
 CONSTANT = 3.0
-DOUBLE = 2.0  # of the deviations over the training flights
-LPV = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha", "f_sigma", "sigma", "rms", "apart", "valid")
+LPV = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha", "rms", "apart", "valid")
 ALL_HYDRAULIC = 32  # the first flight with such elevators
 FLIGHTS, FIRST_SEED = 384, 31_000
-# and for lpv_smo STILL flights in still air with every coefficient as it is known: then nothing but noise is in its
-# estimates, and its limits, which grow with gusts, come down to it after a minute
-STILL, STILL_S, STILL_ALPHA = 24, 400.0, 12.9
-PIECE_S = 60.0  # of a flight: for so long PROBABILITY is
-HALF_S = 1.0  # between half periods that count together
 
 
 def arguments(index: int, first_seed: int = FIRST_SEED, aircraft: str = DEFAULT) -> dict[str, Any]:
@@ -70,13 +62,6 @@ def arguments(index: int, first_seed: int = FIRST_SEED, aircraft: str = DEFAULT)
         "tolerances": {"aero": {n: float(1 + TOLERANCE * rng.choice((-1, 1))) for n in own.multipliers}},
     }  # fmt: skip
     return trimming(rng, fixed, {"turbulence": air(index)})
-
-
-def still(index: int, first_seed: int = FIRST_SEED) -> dict:
-    """Return the arguments of `flights.scenario` of the still flight `index`, from 0 to STILL."""
-    rng = np.random.default_rng([first_seed, FLIGHTS, index])
-    fixed = {"duration": STILL_S, "seed": first_seed + FLIGHTS + index, "sensors": {"noise_scale": NOISE_SCALE}}
-    return trimming(rng, fixed, {"turbulence": "none"}, STILL_ALPHA)
 
 
 def fits(own: Aircraft) -> tuple[str, ...]:
@@ -96,50 +81,21 @@ def flown(flight: dict[str, Any]) -> pd.DataFrame:
     return out
 
 
-def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray, still: bool = False) -> dict[str, np.ndarray]:
-    """Return the blocks of the three estimates: 1, rms of gusts, distance from where offsets were learned; likewise of
-    an oscillation. A `still` flight tells only how far beyond their predicted standard deviation the estimates last.
-
-    The floor is what alternates beyond the limit that these three make; in a `still` flight, where nothing but noise
-    does, whatever that limit is, so that the floor does not hang on the limit of the training before.
-    """
+def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the blocks of the three estimates and of an oscillation: 1, rms of gusts, distance from where offsets were
+    learned."""
     log = watched(frame, "lpv_smo", p, LPV)
     features = [1.0, log["rms"], log["apart"]]
     hold, valid, dt = HELD * float(p["t_confirm"][0]), log["valid"] > 0.5, frame.attrs["dt"]
-    n = round(PIECE_S / dt)
-    pieces = [slice(k, k + n) for k in range(0, max(len(frame) - n // 2, 1), n)]
-    if still:
-        most, out = 0.0, {}
-        for part, sigma in zip(LPV_PARTS, (log["f_sigma"], *log["sigma"].T)):
-            size = np.divide(np.abs(log[f"f_hat_{part}"]), sigma, out=np.zeros(len(frame)), where=valid)
-            lasts = lasting(size, hold, dt)
-            out[f"least_{part}"] = np.array([[lasts[k].max(), 1.0] for k in pieces])
-    else:
-        most = sum(p[f"{n}_elevator"][0] * x for n, x in zip("tgs", features, strict=True))
-        out = {part: blocks(np.abs(log[f"f_hat_{part}"]), features, valid, dt, hold) for part in LPV_PARTS}
-        q = p.copy()
-        for part in ("threshold", "gust", "away"):  # the shape of an oscillation is asked, its size is what is found
-            q[f"swing_{part}"] = 0.0
-        fits = watched(frame, "lpv_smo", q, ("bank_cos", "bank_sin", "bank_new", "hit"))
-        size = np.hypot(fits["bank_cos"][:, 0], fits["bank_sin"][:, 0])
-        size = np.where((fits["hit"] >= p["hits"][0] - 1.0) & (fits["bank_new"] > 0.5), size, 0.0)
-        swings = [blocks(size[:, k], features, valid, dt) for k in range(size.shape[1])]
-        out["swing"] = np.concatenate(swings)  # one limit for all frequencies: few flights pass the shape of each
-    swung = np.where(valid & (np.abs(log["f_hat_elevator"]) >= most), log["f_hat_elevator"] / log["f_sigma"], 0.0)
-    return out | {"floor": np.array([[alternating(swung[k], dt), 1.0] for k in pieces])}
-
-
-def alternating(y: np.ndarray, dt: float) -> float:
-    """Return the largest level [unit of y (ticks,)] that y passes three times with alternating sign, each within HALF_S
-    of the one before: what lpv_smo counts as an oscillation."""
-    low, high = 0.0, float(np.abs(y).max())
-    while high - low > 1e-3:
-        level = 0.5 * (low + high)
-        at = np.flatnonzero(np.abs(y) >= level)
-        at = at[np.diff(np.sign(y[at]), prepend=0.0) != 0.0]  # where it comes to a side
-        close = np.diff(at) * dt < HALF_S
-        low, high = (level, high) if (close[1:] & close[:-1]).any() else (low, level)
-    return low
+    out = {part: blocks(np.abs(log[f"f_hat_{part}"]), features, valid, dt, hold) for part in LPV_PARTS}
+    q = p.copy()
+    for part in ("limit", "gust", "away"):  # the shape of an oscillation is asked, its size is what is found
+        q[f"swing_{part}"] = 0.0
+    fits = watched(frame, "lpv_smo", q, ("bank_cos", "bank_sin", "bank_new", "hit"))
+    size = np.hypot(fits["bank_cos"][:, 0], fits["bank_sin"][:, 0])
+    size = np.where((fits["hit"] >= p["hits"][0] - 1.0) & (fits["bank_new"] > 0.5), size, 0.0)
+    swings = [blocks(size[:, k], features, valid, dt) for k in range(size.shape[1])]
+    return out | {"swing": np.concatenate(swings)}  # one limit for all frequencies: few flights pass the shape of each
 
 
 def over_rows(frame: pd.DataFrame, log: np.ndarray) -> list[tuple[np.ndarray, list]]:
@@ -212,12 +168,6 @@ def surveyed(
     return surveys(frame, air(index), partial(fitted, index=index, aircraft=aircraft), names)
 
 
-def surveyed_still(index: int, first_seed: int = FIRST_SEED) -> dict[str, dict[str, list]]:
-    """Return what lpv_smo's survey finds in one still flight, plain data."""
-    found = survey_lpv_smo(flown(still(index, first_seed)), fitted("lpv_smo"), still=True)
-    return {"lpv_smo": {part: rows.tolist() for part, rows in found.items()}}
-
-
 def fitted(name: str, index: int = 0, aircraft: str = DEFAULT) -> np.ndarray:
     """Return the parameters with which detector `name` flies in training flight `index` of an aircraft."""
     own = load_aircraft(aircraft)
@@ -241,14 +191,11 @@ def elevators(index: int, own: Aircraft | None = None) -> tuple[str, ...]:
 def collect(
     first_seed: int, number: int, run: Callable[..., Any], names: Sequence[str] = tuple(SURVEYS), **aircraft: str
 ) -> list[dict]:
-    """Return what `surveyed` and `surveyed_still` find in every flight, of detectors `names`; `aircraft` and its
-    `digest` if it is not the default one, which alone has still flights."""
+    """Return what `surveyed` finds in every flight, of detectors `names`; `aircraft` and its `digest` if it is not the
+    default one."""
     given = {"first_seed": first_seed, "names": tuple(names), **aircraft}
     chosen = [k for k in range(number) if any(air(k) in TRAINED_IN[name] for name in names)]
-    jobs: list = [(surveyed, {"index": k, **given}) for k in chosen]
-    if "lpv_smo" in names and not aircraft:
-        jobs += [(surveyed_still, {"index": k, "first_seed": first_seed}) for k in range(STILL)]
-    return run(jobs)
+    return run([(surveyed, {"index": k, **given}) for k in chosen])
 
 
 def limits(values: list[dict]) -> list[Trained]:
@@ -263,7 +210,7 @@ def limits(values: list[dict]) -> list[Trained]:
         parts = [part for part in dict.fromkeys(part for v in own for part in v) if part not in LARGEST]
         tests = [part.split()[0] for part in parts]  # "swing 3" is of the test "swing"
         probability = RARE.get(name, PROBABILITY)
-        share = probability / len(set(tests) - PIECES)
+        share = probability / len(set(tests))
         made: dict[str, list] = {}
         found: dict[str, Any] = {}
         for part in LARGEST & own[0].keys():
@@ -271,15 +218,11 @@ def limits(values: list[dict]) -> list[Trained]:
             found[part] = {"largest": made[part][0]}
         for part, test in zip(parts, tests, strict=True):
             rows = [np.array(v[part]) for v in own if part in v]
-            if part in PIECES:
-                rows = [piece[None] for flight in rows for piece in flight]
             least = CONSTANT if (name, part) == ("lpv_smo", "elevator") else LEAST
             kinds = [v["air"] for v in values if v.get(name)] if name == "kinematic" else None
             w, found[part] = limit(rows, share / tests.count(test), f"{name}, {part}", least, kinds)
             made[part] = w.tolist()
         about: dict[str, Any] = {"air": list(TRAINED_IN[name]), "found": found, "probability_per_flight": probability}
-        if name == "lpv_smo":
-            about |= {"still_flights": STILL, "still_s": STILL_S}
         out.append(Trained(name, "flight", fields(name, made), about))
     return out
 
@@ -287,14 +230,10 @@ def limits(values: list[dict]) -> list[Trained]:
 def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
     """Return the PARAMS fields of detector `name` that the limits `made` of its parts stand for."""
     if name == "lpv_smo":
-        level = {f"{letter}_{part}": made[part][i] for part in LPV_PARTS for i, letter in enumerate("tgs")}
-        level["floor"] = made["floor"][0]
-        if least := [made[f"least_{part}"][0] for part in LPV_PARTS if f"least_{part}" in made]:
-            level["least"] = least
-        swing = zip(("threshold", "gust", "away"), made["swing"], strict=True)
-        return level | {f"swing_{n}": [w] * bank.K for n, w in swing}
+        limits = {field: [made[part][i] for part in LPV_PARTS] for i, field in enumerate(LPV_FIELDS)}
+        return limits | dict(zip(("swing_limit", "swing_gust", "swing_away"), made["swing"], strict=True))
     if name == "control_redundancy":
-        return {part: w[0] for part, w in made.items()}
+        return {"threshold": [made[f"t_{row}"][0] for row in "xyz"], "gust_max": made["gust_max"][0]}
     rows = [(made[row] + [0.0] * 4)[:4] for row in signatures.ROWS]
     threshold, gust, side, side_gust = (list(column) for column in zip(*rows))
     return {"threshold": threshold, "gust": gust, "side": side, "side_gust": side_gust,

@@ -25,27 +25,37 @@ def decouple(C: np.ndarray, E: np.ndarray, F: np.ndarray) -> tuple[Any, ...]:
     s_CE, s_CF = singular(unit_rows(C) @ E), singular(unit_rows(C) @ unit_columns(F))
     if q > m or rank_of(s_CE, RANK) < q:
         short = f"{q} unknown inputs, {m} outputs; " if q > m else ""
-        raise DesignError(f"condition (i) fails: rank(CE) = {rank_of(s_CE, RANK)} < rank(E) = {q} ({short}singular "
-                          f"values {_list(s_CE)}); lower the rank of E or measure more")
+        raise DesignError(
+            f"condition (i) fails: rank(CE) = {rank_of(s_CE, RANK)} < rank(E) = {q} ({short}singular "
+            f"values {_list(s_CE)}); lower the rank of E or measure more"
+        )
     s_F = singular(unit_columns(F))
     if rank_of(s_F) < l:
-        raise DesignError(f"condition (ii) fails: F has rank {rank_of(s_F)} < {l} (singular values {_list(s_F)}); "
-                          "parallel faults cannot be told apart: estimate their sum")
+        raise DesignError(
+            f"condition (ii) fails: F has rank {rank_of(s_F)} < {l} (singular values {_list(s_F)}); "
+            "parallel faults cannot be told apart: estimate their sum"
+        )
     if l > m or rank_of(s_CF, RANK) < l:
-        raise DesignError(f"condition (ii) fails: rank(CF) = {rank_of(s_CF, RANK)} < rank(F) = {l} (singular values "
-                          f"{_list(s_CF)}, {m} outputs); a fault must move the rate of an output at once (first-order "
-                          "actuator model)")
+        raise DesignError(
+            f"condition (ii) fails: rank(CF) = {rank_of(s_CF, RANK)} < rank(F) = {l} (singular values "
+            f"{_list(s_CF)}, {m} outputs); a fault must move the rate of an output at once (first-order "
+            "actuator model)"
+        )
     s_EF = singular(np.hstack([E, unit_columns(F)]))
     if rank_of(s_EF) < q + l:
-        raise DesignError(f"condition (iii) fails: rank([E F]) = {rank_of(s_EF)} < q + l = {q + l} (singular values "
-                          f"{_list(s_EF)}); part of F lies in the range of E")
+        raise DesignError(
+            f"condition (iii) fails: rank([E F]) = {rank_of(s_EF)} < q + l = {q + l} (singular values "
+            f"{_list(s_EF)}); part of F lies in the range of E"
+        )
     CE = C @ E
     H = E @ np.linalg.pinv(CE, rcond=1e-13) if q else np.zeros((n, m))
     T = without_rounding(np.eye(n) - H @ C, np.eye(n) + np.abs(H) @ np.abs(C))
     s_TF = singular(unit_rows(C) @ T @ unit_columns(F))
     if rank_of(s_TF, RANK) < l:
-        raise DesignError(f"condition (iii) fails seen through C: rank(C T F) = {rank_of(s_TF, RANK)} < {l} (singular "
-                          f"values {_list(s_TF)}), so (16) has no solution; lower the rank of E or measure more")
+        raise DesignError(
+            f"condition (iii) fails seen through C: rank(C T F) = {rank_of(s_TF, RANK)} < {l} (singular "
+            f"values {_list(s_TF)}), so (16) has no solution; lower the rank of E or measure more"
+        )
     return H, T
 
 
@@ -99,7 +109,7 @@ def unobservable_modes(A: np.ndarray, C: np.ndarray) -> Any:
             return np.zeros(0, complex)
         outside = A @ Z - Z @ (Z.T @ A @ Z)
         _, s, Vt = np.linalg.svd(outside)
-        keep = Vt[rank_of(s, RANK * max(1.0, np.linalg.norm(A))):].T
+        keep = Vt[rank_of(s, RANK * max(1.0, np.linalg.norm(A))) :].T
         if keep.shape[1] == Z.shape[1]:
             break
         Z = Z @ keep
@@ -122,9 +132,11 @@ def undetectability(A1: np.ndarray, C: np.ndarray) -> tuple[float, int]:
     for value in unobservable_modes(A1, unit):
         if value.real >= -1e-9 * size:
             gap, state = least(value)
-            raise DesignError(f"condition (iv) fails: the mode {value:.4g} 1/s of A1 = (I - HC) A is not stable and "
-                              f"does not show in C (smallest singular value {gap:.1e}, mostly state {state}); "
-                              "measure it or lower the rank of E")
+            raise DesignError(
+                f"condition (iv) fails: the mode {value:.4g} 1/s of A1 = (I - HC) A is not stable and "
+                f"does not show in C (smallest singular value {gap:.1e}, mostly state {state}); "
+                "measure it or lower the rank of E"
+            )
     grid = np.concatenate([[0.0], size * np.logspace(-6, 0.5, 200)])
     return min(least(1j * w) for w in grid)
 
@@ -159,7 +171,7 @@ def balance(A: np.ndarray, C: np.ndarray, F: np.ndarray, sigma: float | None = N
 def basis(E: np.ndarray) -> np.ndarray:
     """Return an orthonormal basis of range(E)."""
     U, s, _ = np.linalg.svd(unit_columns(E), full_matrices=False)
-    return U[:, :rank_of(s)]
+    return U[:, : rank_of(s)]
 
 
 def angle_deg(E: np.ndarray, F: np.ndarray) -> float:

@@ -18,7 +18,6 @@ T_DISTURBED = 0.6  # [s] after the blame, or for as long as there is none, the i
 LOAD_LEAST = 0.03  # a load of less than this has no side [1]
 PLAY = 2.6e-3  # rod motion within which a loose surface moves [m]
 T_LOOSE = 0.12  # after the alarm, when the disagreement has come to rest, it is asked which way it went [s]
-SUSPICIOUS = 0.7  # of a disagreement that is an alarm: from there on nothing is learned
 T_HOLD = 5.0  # [s] an alarm outlives its estimate by: settling, 1 s, and two periods at 0.5 Hz, the slowest of a bank
 
 FOREIGN = 3.5  # sigma beyond which a sample teaches nothing of the lever
@@ -172,56 +171,60 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, slack,
 
     `model_v` is a rod velocity that neither of them has touched lately [m/s], `load` the force on the rod over its
     stall force, + extends [1]; `slack` [m] is added to the threshold; where it is `known` the caller keeps the rigging.
-    Sets `sensor` and `blame`, and `backlash_suspected`.
+    Sets `sensor` and `blame`, and `play`: a surface that has moved the way its load drives it, and no further than
+    PLAY, may as well have come loose.
     """
     x.model_q += ((1.0 + x.model_gain) * model_v + x.model_bias) * dt
     x.model_slow += dt / p.pair_wash * (x.model_q - x.model_slow)
     x.pair_limit = p.pair_threshold + slack
-    suspicious = math.fabs(x.pair_d) > SUSPICIOUS * x.pair_limit
+    suspicious = math.fabs(x.pair_d) > 0.7 * x.pair_limit
     x.t_settling = max(x.t_settling - dt, 0.0)
     if rod_good > 0.5 and surface_good > 0.5:
-        difference(x, y_rod, y_surface, known, suspicious, p, dt)
-    distances(x, y_rod, rod_good, y_surface, surface_good, suspicious, p, dt)
+        _disagreement(x, y_rod, y_surface, suspicious, known, p, dt)
+    if x.pair_time > 0.0:
+        _distances(x, y_rod, rod_good, y_surface, surface_good, suspicious, p, dt)
     before = x.sensor
     beyond = math.fabs(x.pair_d) >= x.pair_limit
     x.pair_timer, x.sensor = confirm(x.pair_timer, x.sensor, beyond, dt, p.pair_confirm, p.pair_release)
     if beyond and x.sensor > 0.5:  # an oscillation is beyond it for a part of its period only
         x.pair_timer = p.pair_confirm + p.pair_release
-    x.pair_age = x.pair_age + dt if x.sensor > 0.5 else 0.0
-    blame(x, suspicious, p)
-    suspect_backlash(x, load, dt)
+    _blame(x, load, suspicious, p, dt)
     if x.sensor < 0.5 and before > 0.5:  # healed: learn anew where both stand
         x.base_rod += x.e_rod
         x.base_surface += x.e_surface
-        x.e_rod = x.e_surface = 0.0
+        x.e_rod = 0.0
+        x.e_surface = 0.0
 
 
 @kernel
-def difference(x, y_rod, y_surface, known, suspicious, p, dt):
-    """Follow how far the two are apart, and, where nothing else does, their rigging."""
+def _disagreement(x, y_rod, y_surface, suspicious, known, p, dt):
+    """Learn the rigging for pair_settle, then advance the filtered disagreement."""
     d = y_rod - y_surface - x.rigging
-    if x.pair_time >= p.pair_settle:
+    if x.pair_time < p.pair_settle:
+        x.pair_time += dt
+        if not known:
+            x.rigging += d * dt / x.pair_time
+        if x.pair_time <= 1.5 * dt:
+            x.base_rod = y_rod - x.model_q
+            x.base_surface = y_surface - x.model_q
+    else:
         x.pair_d += (1.0 - math.exp(-dt / p.pair_tau)) * clipped(d - x.pair_d, p.pair_clip)
         if not suspicious and not known:
             x.rigging += clipped(x.pair_d, p.pair_clip) * dt / p.pair_learn
-        return
-    x.pair_time += dt
-    if not known:
-        x.rigging += d * dt / x.pair_time
-    if x.pair_time <= 1.5 * dt:
-        x.base_rod, x.base_surface = y_rod - x.model_q, y_surface - x.model_q
 
 
 @kernel
-def distances(x, y_rod, rod_good, y_surface, surface_good, suspicious, p, dt):
-    """Follow how far each is from the model, and while nothing is suspicious what the model errs by."""
+def _distances(x, y_rod, rod_good, y_surface, surface_good, suspicious, p, dt):
+    """Advance how far each sensor is from the model, and what the model learns of its bias and gain."""
     a, w = 1.0 - math.exp(-dt / p.pair_tau), dt / p.pair_wash
-    if rod_good > 0.5 and x.pair_time > 0.0:
-        x.e_rod += a * clipped(y_rod - x.model_q - x.base_rod - x.e_rod, p.pair_clip)
+    if rod_good > 0.5:
+        e = y_rod - x.model_q - x.base_rod
+        x.e_rod += a * clipped(e - x.e_rod, p.pair_clip)
         if not suspicious:
             x.base_rod += w * x.e_rod
-    if surface_good > 0.5 and x.pair_time > 0.0:
-        x.e_surface += a * clipped(y_surface - x.model_q - x.base_surface - x.e_surface, p.pair_clip)
+    if surface_good > 0.5:
+        e = y_surface - x.model_q - x.base_surface
+        x.e_surface += a * clipped(e - x.e_surface, p.pair_clip)
         if not suspicious:
             x.base_surface += w * x.e_surface
             e = 0.5 * (x.e_rod + x.e_surface)
@@ -232,26 +235,21 @@ def distances(x, y_rod, rod_good, y_surface, surface_good, suspicious, p, dt):
 
 
 @kernel
-def blame(x, suspicious, p):
-    """Blame the one that is further from the model, while the model is trusted."""
-    if x.sensor < 0.5:
-        x.blame = 0.0
-        if suspicious:
-            x.t_settling = max(x.t_settling, 3.0 * p.pair_confirm)
-    elif x.blame < 0.5:
+def _blame(x, load, suspicious, p, dt):
+    """Set which sensor has left the model, and whether the surface may be loose instead."""
+    x.pair_age = x.pair_age + dt if x.sensor > 0.5 else 0.0
+    if x.sensor > 0.5 and x.blame < 0.5 and x.pair_age <= p.pair_judge:
+        far, near = math.fabs(x.e_rod), math.fabs(x.e_surface)
+        x.blame = 1.0 if far > p.pair_ratio * near else (2.0 if near > p.pair_ratio * far else 0.0)
         x.t_settling = T_DISTURBED
-        if x.pair_age <= p.pair_judge:
-            far, near = math.fabs(x.e_rod), math.fabs(x.e_surface)
-            x.blame = 1.0 if far > p.pair_ratio * near else (2.0 if near > p.pair_ratio * far else 0.0)
-
-
-@kernel
-def suspect_backlash(x, load, dt):
-    """Tell whether a surface that is blamed may as well have come loose: it has moved the way its load drives it, and
-    no further than PLAY."""
+    elif x.sensor < 0.5:
+        x.blame = 0.0
+    if x.sensor > 0.5 and x.blame < 0.5:
+        x.t_settling = T_DISTURBED
+    elif suspicious and x.sensor < 0.5:
+        x.t_settling = max(x.t_settling, 3.0 * p.pair_confirm)
+    driven = T_LOOSE < x.pair_age <= T_LOOSE + 1.5 * dt and math.fabs(load) > LOAD_LEAST and x.pair_d * load > 0.0
     if x.blame != 2.0:
         x.backlash_suspected = 1.0  # until it has been told apart
-    elif math.fabs(x.pair_d) >= PLAY:
-        x.backlash_suspected = 0.0
-    elif T_LOOSE < x.pair_age <= T_LOOSE + 1.5 * dt and math.fabs(load) > LOAD_LEAST and x.pair_d * load > 0.0:
+    elif math.fabs(x.pair_d) >= PLAY or driven:
         x.backlash_suspected = 0.0

@@ -14,8 +14,6 @@ from fdi.common.decision import usable
 FLYING = (100.0 * M_S_PER_KT, 340.0)
 MACH = (0.19, 0.95)
 ALPHA = (-6.0 * RAD_PER_DEG, 20.0 * RAD_PER_DEG)  # angle of attack [rad]
-PITCH_RATE = (-0.15, 0.15)  # [rad/s]
-PITCH = (-15.0 * RAD_PER_DEG, 35.0 * RAD_PER_DEG)  # attitude [rad]
 
 
 @kernel

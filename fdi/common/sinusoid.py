@@ -1,4 +1,4 @@
-"""Rings of averaged samples, and products of two signals with a sine of a given frequency over the newest of them."""
+"""Rings of averaged samples, and what a sine of a given frequency leaves of two signals over the newest of them."""
 
 import math
 
@@ -17,42 +17,25 @@ def put(ring, sums, count, head):
 
 
 @kernel
-def products(F, D, first, n, angle, mean):
-    """Return (f1, d1, ff, fd, dd, fc, fs, dc, ds, cc, cs, ss): sums over `n` samples, f less `mean`, one a product.
+def beside(F, D, first, n, angle):
+    """Return (ff, fd, dd): sums of products over `n` samples of F and D, less what a sine explains of each; of 0 none.
 
-    F, D: rings of one length; `first`: place of the oldest sample; `angle`: the sine's phase per sample [rad]. c and s
-    are its cosine and sine about the middle of the samples, where the two are nearly orthogonal; they turn by a
+    F, D: rings of one length; `first`: place of the oldest sample; `angle`: the sine's phase per sample [rad]. Its
+    cosine c and sine s are taken about the middle of the samples, where the two are nearly orthogonal; they turn by a
     rotation, one multiplication in place of a cosine a sample.
     """
     start = -0.5 * (n - 1) * angle
     c, s = math.cos(start), math.sin(start)
     turn_c, turn_s = math.cos(angle), math.sin(angle)
-    f1, d1 = 0.0, 0.0
     ff, fd, dd, fc, fs, dc, ds, cc, cs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     i = first
     for _ in range(n):
-        f, d = F[i] - mean, D[i]
-        f1 += f
-        d1 += d
-        ff += f * f
-        fd += f * d
-        dd += d * d
-        fc += f * c
-        fs += f * s
-        dc += d * c
-        ds += d * s
-        cc += c * c
-        cs += c * s
-        ss += s * s
+        f, d = F[i], D[i]
+        ff, fd, dd = ff + f * f, fd + f * d, dd + d * d
+        fc, fs, dc, ds = fc + f * c, fs + f * s, dc + d * c, ds + d * s
+        cc, cs, ss = cc + c * c, cs + c * s, ss + s * s
         i = 0 if i == F.size - 1 else i + 1
         c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
-    return f1, d1, ff, fd, dd, fc, fs, dc, ds, cc, cs, ss
-
-
-@kernel
-def beside(F, D, first, n, angle):
-    """Return (ff, fd, dd): `products` of F and D less what a sine of `angle` a sample explains of each; of 0 none."""
-    _, _, ff, fd, dd, fc, fs, dc, ds, cc, cs, ss = products(F, D, first, n, angle, 0.0)
     det = cc * ss - cs * cs
     if det <= 1e-9 * n * n:
         return ff, fd, dd

@@ -17,8 +17,6 @@ BOX_ALPHA = 7.0  # angle of attack too far from trim for a linear model
 BANK = 8.0  # bank angle beyond what its equations hold for
 RATE = 9.0  # the command runs ahead of the actuators' rate limit
 GUSTS = 10.0  # gusts larger than any of the flights that its thresholds come from
-BOX_ALTITUDE = 12.0
-BOX_PITCH = 13.0  # pitch rate or attitude
 NOT_FINITE = block.NOT_FINITE  # its numbers have overflowed: a value of its state is infinite or not a number
 
 WORDS = (
@@ -34,8 +32,6 @@ WORDS = (
     "command beyond the rate limit",
     "gusts beyond its training",
     "its state is not finite",
-    "outside its box (altitude)",
-    "outside its box (pitch rate or attitude)",
 )
 
 

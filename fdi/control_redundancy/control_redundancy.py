@@ -4,7 +4,7 @@
 |---|---|
 | a_b, f_i, g_ij (slide 7) | `n_x`, `n_y`, `n_z`; measured less computed rows `e`; `G` of `force_model` |
 | delta_l, delta_m, delta_n, eta | aileron, elevator (mean of four), rudder, thrust; what JSBSim's XML gives of them |
-| r_ij, r~_ij^k (slides 8 to 10) | `res`, one per family of `structure`, in row units: g, rad/s2 |
+| r_ij, r~_ij^k (slides 8 to 10) | `res`, one per family of `structure`, in row units [g] |
 | signature (slide 10) | `fired`, compared through `S`, what one unit of each fault does to each residual |
 
 A row is measured acceleration minus the full nonlinear force at the commands of `delay` ticks ago; thrust comes from
@@ -20,10 +20,8 @@ one value of its fault leaves every |r - S f| below tau; so a residual that the 
 
 Forces alone take an accelerometer's error for an effector: one along x for thrust, and one of the vane for an elevator.
 Where angle of attack and speed over the ground are measured, kinematics find them (`core.accelerometers`, `core.vane`),
-and n_x, n_z or alpha is named instead; gusts hide an error of the vane, and then nothing is named. Other sensors and
-a stabiliser that runs away (the law moves the elevators against it) are still named as the effector that acts alike.
-
-`rows = "force+moment"` adds three rows with measured angular acceleration (a documented sensor), and single engines.
+and no effector is named while one of them may explain its row. Other sensors and a stabiliser that runs away (the law
+moves the elevators against it) are still named as the effector that acts alike.
 """
 
 import math
@@ -44,8 +42,8 @@ from fdi.control_redundancy import structure as redundancy_structure
 from fdi.control_redundancy.core import BLOCKS, DELAY, NC, NF, NH, NR, NX
 from fdi.control_redundancy.decide import decide, withdraw
 
-EFFECTORS = ("elevator", "aileron", "rudder", "engine", "engine_1", "engine_2", "engine_3", "engine_4")
-CULPRITS = ("", *EFFECTORS, "n_x", "n_z", "alpha")
+EFFECTORS = ("elevator", "aileron", "rudder", "engine")
+CULPRITS = ("", *EFFECTORS)
 LEARN = 8.0  # in flight, as the other observers of the aircraft [s]
 STRIDE = 0.005  # [s] from one command kept to the next, at least
 LAG = (0.06, 0.06, 0.09, 0.0)  # [s]: servos near 30 rad/s, the rudder's 20 rad/s, damping 0.9; the stabiliser creeps
@@ -53,14 +51,12 @@ LAG = (0.06, 0.06, 0.09, 0.0)  # [s]: servos near 30 rad/s, the rudder's 20 rad/
 PARAMS = dtype(
     [
         *force_model.PARAMS,
-        ("n_rows", "f8"),  # 3 forces, or 6 with moments
-        ("n_hypotheses", "f8"),  # 4, or 8 with single engines
         ("n_families", "f8"),
         ("base_row", "f8", (NF,)),
         ("n_pivots", "f8", (NF,)),
         ("pivot_row", "f8", (NF, 2)),
         ("pivot_input", "f8", (NF, 2)),
-        ("threshold", "f8", (NR,), "g, rad/s2"),  # of the rows: X Y Z [g], L M N [rad/s2]
+        ("threshold", "f8", (NR,), "g"),  # of the rows X Y Z
         ("limit", "f8", (NH,)),  # largest believable fault: rad, fraction of thrust
         ("rel", "f8"),  # uncertainty of each coefficient
         ("rel_thrust", "f8"),  # uncertainty of the thrust map
@@ -77,7 +73,6 @@ PARAMS = dtype(
         ("t_bias", "f8", "g"),  # errors of the accelerometers below this are taken for zero
         ("t_vane", "f8", "rad"),  # errors of the vane below this are taken for zero
         ("gust_max", "f8", "m/s"),  # rms of gusts beyond which nothing is said nor learned, 0 for no such bound
-        ("bias_share", "f8", "-"),  # so much of a row's residual in its accelerometer makes it the accelerometer's
         ("t_invalid", "f8", "s"),  # averages start again after so long without data
     ]
 )
@@ -88,16 +83,15 @@ _MEASURED = {  # of the aircraft -> unit
     **dict.fromkeys(("cas", "tas"), "m/s"),
     "mach": "-",
     "mass": "kg",
-    "cg": "-",  # fraction of the mean chord
     **dict.fromkeys(("n1_1", "n1_2", "n1_3", "n1_4"), "%"),
-    **dict.fromkeys(("pdot", "qdot", "rdot"), "rad/s2"),  # only for rows = "force+moment"
 }
 _GROUND = {"alpha_ground": "rad", "v_ground": "m/s"}  # without them accelerometers are believed
 # of the surfaces, trailing edge down + (rudder: yaws left) [rad]
 _COMMANDS = ("de_lo", "de_li", "de_ri", "de_ro", "da_l", "da_r", "dr", "stab")
-INPUTS = dtype([(n, "f8", "rad") for n in _COMMANDS]
-               + [(n + t, "f8", "-" if t else unit)
-                  for n, unit in (_MEASURED | _GROUND).items() for t in ("", "_valid")])
+INPUTS = dtype(
+    [(n, "f8", "rad") for n in _COMMANDS]
+    + [(n + t, "f8", "-" if t else unit) for n, unit in (_MEASURED | _GROUND).items() for t in ("", "_valid")]
+)
 STATE = dtype(
     [
         ("r", "f8", "-"),  # largest residual in use over its threshold
@@ -114,21 +108,18 @@ STATE = dtype(
         ("bias", "f8", (2,), "g"),  # errors of n_x and n_z by kinematics
         ("candidates", "f8", "-"),  # bit h is set when effector h + 1 of CULPRITS explains the residuals
         ("declared", "f8", (NH,), "-"),  # 1 per declared effector
-        ("res", "f8", (NF,), "g, rad/s2"),  # residuals [g], [rad/s2]
-        ("tau", "f8", (NF,), "g, rad/s2"),  # their thresholds
+        ("res", "f8", (NF,), "g"),  # residuals of the families
+        ("tau", "f8", (NF,), "g"),  # their thresholds
         ("fired", "f8", (NF,), "-"),  # signature
         ("used", "f8", (NF,), "-"),
-        ("S", "f8", (NF, NH), "g, rad/s2 per rad, fraction"),  # residual per unit of fault
-        ("e", "f8", (NR,), "g, rad/s2"),
-        ("act", "f8", (NR,), "g, rad/s2"),
-        ("offset", "f8", (NR,), "g, rad/s2"),
+        ("S", "f8", (NF, NH), "g per rad, fraction"),  # residual per unit of fault
+        ("e", "f8", (NR,), "g"),
+        ("act", "f8", (NR,), "g"),
+        ("offset", "f8", (NR,), "g"),
         ("G", "f8", (NR, NH)),
-        ("full", "f8", (NR,), "g, rad/s2"),  # mean sum of all contributions while learning
-        ("suspect", "f8", "-"),  # 1: the offset is beyond what coefficients can do: a sensor or a fault from the start
         ("rows", "f8", (NR,)),
-        ("column", "f8", (NR,)),
         ("c", "f8", (NR,)),
-        ("slope", "f8", (6, 3)),
+        ("slope", "f8", (NR, 3)),
         ("variable", "f8", (15,)),
         ("part", "f8", (force_model.NK,)),
         ("part_0", "f8", (force_model.NK,)),
@@ -149,6 +140,7 @@ STATE = dtype(
         ("gone", "f8", "s"),  # time without data
         ("rougher", "f8", "s"),  # time for which gusts have been beyond gust_max
         ("last", "f8", "-"),  # hypothesis that is being confirmed, 0 for none
+        ("suspicion", "f8", "s"),  # for so long still a sensor may be what the residuals show
         ("timer", "f8", "s"),
         ("timer_any", "f8", "s"),
         ("quiet", "f8", (NH,), "s"),  # time that a declared effector has looked healthy
@@ -159,31 +151,32 @@ STATE = dtype(
         ("asked_low", "f8", (3,), "rad"),  # range of the surfaces' commands before the alarm
         ("asked_high", "f8", (3,), "rad"),
         ("bias_0", "f8", (2,), "g"),  # learned
-        ("doubt", "f8", (2,), "g"),  # what gusts from the side may have made of them
         ("velocity", "f8", (2,), "m/s"),  # models of the velocity over the ground: forward, down
         ("moving", "f8", "-"),  # 1 once they have started
         ("vane", "f8", (3,), "rad"),  # angle of attack less that over the ground, less what was learned, by lag
         ("vane_mean", "f8", "rad"),  # of it, learned
         ("rough", "f8", "rad2"),  # mean square of the gusts in it
         ("lift", "f8", "g/rad"),  # Z row per angle of attack
-        ("pitch", "f8", "rad/s2"),  # computed moment, negative; its value while learning; growth of the pitch rate
-        ("pitch_0", "f8", "rad/s2"),
-        ("grown", "f8", "rad/s"),
-        ("q_last", "f8", "rad/s"),
-        ("pitch_e", "f8", "1/s2"),  # what an elevator does to it
         ("part_a", "f8", (force_model.NK,)),
-        ("slope_a", "f8", (6, 3)),
-        ("blamed", "f8", "-"),  # sensor that is declared: 0, 1 n_x, 2 n_z, 3 alpha
-        ("timer_bias", "f8", "s"),  # its confirmation
-        ("on_bias", "f8", "-"),
-        ("absent", "f8", "s"),  # time for which its row has been quiet
+        ("slope_a", "f8", (NR, 3)),
         ("on", "f8", "-"),  # ambiguous alarm
         *gyro.STATE,
     ]
 )
 OUTPUTS = (
-    "r", "alarm", "verdict", "culprit", "valid", "why", "f_hat", "f_hat_elevator", "f_hat_aileron", "f_hat_rudder",
-    "f_hat_thrust", "bias", "candidates",
+    "r",
+    "alarm",
+    "verdict",
+    "culprit",
+    "valid",
+    "why",
+    "f_hat",
+    "f_hat_elevator",
+    "f_hat_aileron",
+    "f_hat_rudder",
+    "f_hat_thrust",
+    "bias",
+    "candidates",
 )
 DETECTOR = Detector(
     id="control_redundancy",
@@ -208,10 +201,9 @@ DETECTOR = Detector(
         **dict.fromkeys(("*.rod", "*.position"), ("jam_solid", "ambiguous")),
         **dict.fromkeys((
             "stabiliser", "sensor.n_y", "sensor.beta", "sensor.p",
-            "sensor.q", "sensor.r", "sensor.cas", "sensor.tas", "sensor.mach", "sensor.mass", "sensor.cg",
-            "sensor.n1_*",
+            "sensor.q", "sensor.r", "sensor.cas", "sensor.tas", "sensor.mach", "sensor.mass", "sensor.n1_*",
+            "sensor.n_x", "sensor.n_z", "sensor.alpha",
         ), ("ambiguous",)),
-        **dict.fromkeys(("sensor.n_x", "sensor.n_z", "sensor.alpha"), ("sensor", "ambiguous")),
     },
     blind="static force equations: faults inside an actuator move no force, and a transport's aileron shows in none",
     remark="a sensor other than n_x, n_z, alpha, or a stabiliser, that acts like an effector is named as that effector",
@@ -219,70 +211,61 @@ DETECTOR = Detector(
     looks_back={"late": "line"},
     sizes={
         "n_a": 0, "n_m": 0, "n_q": 0, "n_ka": 0, "n_k": 0, "axis": 0, "variable": 0, "effector": 0, "n_tm": 0,
-        "n_tp": 0, "n_rows": 0, "n_hypotheses": 0, "n_families": 0, "base_row": 0, "n_pivots": 0, "pivot_row": 0,
+        "n_tp": 0, "n_families": 0, "base_row": 0, "n_pivots": 0, "pivot_row": 0,
         "pivot_input": 0,
     },
     places={"head": ("line", 0), "block": ("n_block", 0)},
-    options={"rows": ("force", "force+moment")},  # the first is the default
     range={"tas": FLYING, "mach": MACH, "alpha_ground": ALPHA},  # not the vane: a fault of it is to be named
-    fit=lambda site, **options: fitted(site, **options),
+    fit=lambda site: fitted(site),
 )  # fmt: skip
 
 
 def params(
-    which: str = "flight", *, model: force_model.ForceModel, dt: float = 0.005, rows: str = "force",
-    delay: float = 2, lag: Sequence[float] | None = None, rate: Sequence[float] = (0.0, 0.0, 0.0, 0.0),
-    t_mean: float = 0.5, t_learn: float = 20.0, own: Any = None,
+    which: str = "flight", *, model: force_model.ForceModel, dt: float = 0.005, delay: float = 2,
+    lag: Sequence[float] = LAG, rate: Sequence[float] = (0.0, 0.0, 0.0, 0.0), t_mean: float = 0.5,
+    t_learn: float = 20.0, own: Any = None,
 ) -> np.ndarray:  # fmt: skip
-    """Return PARAMS for a `ForceModel`; `rows` is "force" or "force+moment", `t_mean`, `t_learn` 0 switch the aids off.
+    """Return PARAMS for a `ForceModel`; `t_mean`, `t_learn` 0 switch the aids off.
 
     Commands are delayed by `delay` ticks as the measurements are [Mar10] slide 11, and by `lag` [s], what a healthy
     actuator takes on average (2 zeta / omega of a second-order one): elevator, aileron, rudder, stabiliser. They move
     at `rate` [rad/s] at most, in the same order, 0 for no limit. Of shorter ticks than 5 ms every `stride`-th is kept.
-    Families come from the structure of the model's rows. Raises ValueError for other rows, a mean beyond 0.5 s, a
-    delay beyond the buffer.
+    Families come from the structure of the model's rows. Raises ValueError for a mean beyond 0.5 s, a delay beyond the
+    buffer, too many families.
     """
-    if rows not in ("force", "force+moment"):
-        raise ValueError(f"rows = {rows!r}: give 'force' or 'force+moment'")
-    if not 0 <= t_mean <= 0.5:
-        raise ValueError(f"t_mean = {t_mean}: the sliding mean is at most 0.5 s")
-    elevator, aileron, rudder, stabiliser = LAG if lag is None else lag
+    tables = force_model.fields(model)
     stride = max(1.0, math.floor(STRIDE / dt + 1e-9))
-    late = delay + np.round(_each(elevator, aileron, rudder, stabiliser) / dt)
+    late = delay + np.round(_each(*lag) / dt)
     late = np.round((late - (stride - 1.0) / 2.0) / stride)  # the newest that is kept is half a stride old on average
-    if late.max() >= DELAY or late.min() < 0:
-        raise ValueError(f"a command delay of {late.max() * stride:.0f} ticks; at most {(DELAY - 1) * stride:.0f} fit")
-    n = 3 if rows == "force" else 6
-    found = redundancy_structure.families(model.structure()[:n], most=2 if n == 3 else 1)
-    if len(found) > NF:
-        raise ValueError(f"{len(found)} residual families, at most {NF} fit")
-    pivots = np.zeros((NF, 2, 2))
-    for i, family in enumerate(found):
-        pivots[i, : len(family.pivots)] = np.reshape(family.pivots, (-1, 2))
-    limits = thresholds("control_redundancy", which, own)
-    return record(
-        PARAMS, **force_model.fields(model), n_rows=n, n_hypotheses=4 if n == 3 else 8, n_families=len(found),
-        base_row=_pad([f.base for f in found]), n_pivots=_pad([len(f.pivots) for f in found]),
-        pivot_row=pivots[:, :, 0], pivot_input=pivots[:, :, 1], late=late, stride=stride, rate=_each(*rate),
-        t_mean=t_mean, t_learn=t_learn,
-        threshold=[limits.pop(f"t_{row}") for row in ("x", "y", "z", "l", "m", "n")],
-        limit=[0.8, 0.8, 0.8, 1.2, 1.2, 1.2, 1.2, 1.2], **limits,
+    found = redundancy_structure.families(model.structure())
+    for wrong, message in (
+        (not 0 <= t_mean <= 0.5, f"t_mean = {t_mean}: the sliding mean is at most 0.5 s"),
+        (not 0 <= late.min() <= late.max() < DELAY, f"a command delay of {late.max() * stride:.0f} ticks; at most "
+                                                    f"{(DELAY - 1) * stride:.0f} fit"),
+        (len(found) > NF, f"{len(found)} residual families, at most {NF} fit"),
+    ):  # fmt: skip
+        if wrong:
+            raise ValueError(message)
+    p = record(
+        PARAMS, **tables, n_families=len(found), late=late, stride=stride, rate=_each(*rate),
+        t_mean=t_mean, t_learn=t_learn, limit=[0.8, 0.8, 0.8, 1.2], **thresholds("control_redundancy", which, own),
     )  # fmt: skip
+    for i, family in enumerate(found):
+        p["base_row"][0, i], p["n_pivots"][0, i] = family.base, len(family.pivots)
+        for m, (row, replaced) in enumerate(family.pivots):
+            p["pivot_row"][0, i, m], p["pivot_input"][0, i, m] = row, replaced
+    return p
 
 
 def _each(elevator, aileron, rudder, stabiliser):
     return np.array([*[elevator] * 4, aileron, aileron, rudder, stabiliser])
 
 
-def _pad(values):
-    return np.r_[np.asarray(values, float), np.zeros(NF - len(values))]
-
-
-def fitted(site: Site, **options: Any) -> np.ndarray:
+def fitted(site: Site) -> np.ndarray:
     """Return PARAMS for a loop, on the force model of the aircraft that flies."""
     about = site.aircraft()
-    late = {"delay": 1.0 + site.ticks("n_z"), "lag": about.delays, "rate": about.rates}
-    return params(model=about.model, dt=site.dt, t_learn=LEARN, own=site.own, **late, **options)
+    return params(model=about.model, dt=site.dt, t_learn=LEARN, own=site.own, delay=1.0 + site.ticks("n_z"),
+                  lag=about.delays, rate=about.rates)  # fmt: skip
 
 
 def init(p: np.ndarray) -> np.ndarray:
@@ -291,26 +274,31 @@ def init(p: np.ndarray) -> np.ndarray:
 
 
 @kernel
+def _without_data(x, p, dt, why):
+    """Judge nothing for the reason `why`; averages and what was declared do not outlive a long gap."""
+    x.gone += dt
+    x.valid, x.why = 0.0, why
+    if x.learned < 0.5:
+        x.started = 0.0  # commands of a parked aircraft, or from before a gap, are not those of the flight
+    if x.gone > p.t_invalid:
+        x.n_block[:] = 0.0
+        x.total[:] = 0.0
+    if x.gone > T_HOLD:
+        withdraw(x)
+
+
+@kernel
 def step(x, u, p, dt):
     """Compare measured with computed forces at one tick, average, evaluate the residuals, decide."""
     core.delayed_commands(x, u, p, dt)
-    x.started = 1.0
     gyro.compare(x, u, dt)
-    beyond = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], BOX_SPEED, VALID)
-    beyond = box(u.mach, u.mach_valid, MACH[0], MACH[1], BOX_MACH, beyond)
-    beyond = box(u.alpha_ground, u.alpha_ground_valid, ALPHA[0], ALPHA[1], BOX_ALPHA, beyond)
-    if beyond != VALID or core.complete(u, p) < 0.5:
-        x.gone += dt
-        x.valid, x.why = 0.0, beyond if beyond != VALID else LOST_SENSOR
-        if x.learned < 0.5:
-            x.started = 0.0  # commands of a parked aircraft, or from before a gap, are not those of the flight
-        if x.gone > p.t_invalid:
-            for i in range(BLOCKS):
-                x.n_block[i] = 0.0
-                for j in range(NX):
-                    x.total[i, j] = 0.0
-        if x.gone > T_HOLD:
-            withdraw(x, p)
+    why = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], BOX_SPEED, VALID)
+    why = box(u.mach, u.mach_valid, MACH[0], MACH[1], BOX_MACH, why)
+    why = box(u.alpha_ground, u.alpha_ground_valid, ALPHA[0], ALPHA[1], BOX_ALPHA, why)
+    if why == VALID and core.complete(u) < 0.5:
+        why = LOST_SENSOR
+    if why != VALID:
+        _without_data(x, p, dt, why)
         return
     x.gone = 0.0
     core.row_errors(x, u, p)
@@ -327,7 +315,7 @@ def step(x, u, p, dt):
     if rough:
         x.valid, x.why = 0.0, GUSTS
         if x.rougher > T_HOLD:
-            withdraw(x, p)
+            withdraw(x)
     elif full:
         x.valid = core.sliding_mean(x, p)
         x.why = VALID if x.valid > 0.5 else NOT_READY

@@ -1,5 +1,5 @@
-"""Stages of `fdi.control_redundancy.control_redundancy` as kernels on its records: air data, row errors, averages,
-families, decision.
+"""Stages of `fdi.control_redundancy.control_redundancy` as kernels on its records: commands, force rows, kinematics of
+accelerometers and vane, averages, residual families.
 """
 
 import math
@@ -9,20 +9,19 @@ from actuators.constants import G0
 from fdi.common.decision import usable
 from fdi.control_redundancy.force_model import air_data, contributions, thrust_pair
 
-NR, NF, NH = 6, 16, 8  # most rows, families, fault hypotheses (elevator aileron rudder engines engine_1 ... engine_4)
+NR, NF, NH = 3, 16, 4  # force rows X Y Z; most families; fault hypotheses (elevator, aileron, rudder, engines)
 NC, DELAY = 8, 48  # commands (4 elevators, 2 ailerons, rudder, stabiliser); those kept of each, `stride` ticks apart
 TAU_BIAS = 0.15  # lag of what accelerometers have wrong [s]
 TAU_VANE = (0.3, 1.0, 3.0)  # and of what the vane reads beyond the angle over the ground: gusts and its error [s]
 TAU_ROUGH = 8.0  # memory of the gusts in it [s]
-SIDE = 2.0  # times the rms of gusts is how far the lateral velocity may be from that of the vane of sideslip
 # thrust leads N1 by some 0.3 s: where N1's share moves faster than 0.007 per second, 0.005 between two lags of it, that
 # is worth a threshold of the X row
 TAU_SPOOL, TURNING = (0.25, 1.0), 0.005
 CALM_S = 1.0  # of learning with engines that hardly turn up or down, each sample by its weight [s]
 STEP = 0.01  # of the angle of attack, for the slope of the lift [rad]
 BLOCKS = 10  # pieces of the sliding mean
-NX = 3 * NR  # averaged: row errors, activities, three commanded effectors, spool speed, pitching
-PITCH = 2 * NR + 4  # where the last begins
+ACT, COMMAND, SPOOL = NR, 2 * NR, 2 * NR + 3  # where activities, commanded surfaces and spool speed begin in the mean
+NX = 2 * NR + 4
 
 
 @kernel
@@ -33,11 +32,9 @@ def delayed_commands(x, u, p, dt):
     """
     new = x.phase < 0.5
     head = int(x.head) if new else (int(x.head) + DELAY - 1) % DELAY  # where the newest stands
-    given = (u.de_lo, u.de_li, u.de_ri, u.de_ro, u.da_l, u.da_r, u.dr, u.stab)
+    commands = (u.de_lo, u.de_li, u.de_ri, u.de_ro, u.da_l, u.da_r, u.dr, u.stab)
     for j in range(NC):
-        value = given[j]
-        if not math.isfinite(value):
-            value = x.line[(head + DELAY - 1) % DELAY, j]
+        value = commands[j] if math.isfinite(commands[j]) else x.line[(head + DELAY - 1) % DELAY, j]
         if x.started < 0.5:
             for i in range(DELAY):
                 x.line[i, j] = value
@@ -47,53 +44,29 @@ def delayed_commands(x, u, p, dt):
         if p.rate[j] > 0.0 and x.started > 0.5:
             move = min(max(move, -p.rate[j] * dt), p.rate[j] * dt)
         x.cmd[j] += move
+    x.started = 1.0
     x.head = (head + 1) % DELAY
     x.phase = (p.stride if new else x.phase) - 1.0
 
 
 @kernel
-def complete(u, p):
+def complete(u):
     """Return 1.0 when every measurement that the rows need is usable."""
     good = usable(u.n_x, u.n_x_valid) * usable(u.n_y, u.n_y_valid) * usable(u.n_z, u.n_z_valid)
     good *= usable(u.alpha, u.alpha_valid) * usable(u.beta, u.beta_valid)
     good *= usable(u.p, u.p_valid) * usable(u.q, u.q_valid) * usable(u.r, u.r_valid)
     good *= usable(u.cas, u.cas_valid) * usable(u.mach, u.mach_valid) * usable(u.tas, u.tas_valid)
     good *= usable(u.theta, u.theta_valid) * usable(u.phi, u.phi_valid)
-    good *= usable(u.mass, u.mass_valid) * usable(u.cg, u.cg_valid)
+    good *= usable(u.mass, u.mass_valid)
     good *= usable(u.n1_1, u.n1_1_valid) * usable(u.n1_2, u.n1_2_valid)
-    good *= usable(u.n1_3, u.n1_3_valid) * usable(u.n1_4, u.n1_4_valid)
-    if p.n_rows > 3.0:
-        good *= usable(u.pdot, u.pdot_valid) * usable(u.qdot, u.qdot_valid) * usable(u.rdot, u.rdot_valid)
-    return good
+    return good * usable(u.n1_3, u.n1_3_valid) * usable(u.n1_4, u.n1_4_valid)
 
 
 @kernel
-def _turn(x, p, ca, sa, sb, cb, c, rows, dx):
-    """Turn coefficients times qS in wind axes, c (6,), into body forces and moments about the CG, rows (6,)."""
-    lift, drag, side = c[0], c[1], c[2]
-    rows[0] = -drag * ca * cb - side * ca * sb + lift * sa
-    rows[1] = -drag * sb + side * cb
-    rows[2] = -drag * sa * cb - side * sa * sb - lift * ca
-    roll, pitch, yaw = c[3] * p.span, c[4] * p.chord, c[5] * p.span
-    if p.stability_moments > 0.5:
-        roll, yaw = roll * ca - yaw * sa, roll * sa + yaw * ca
-    rows[3] = roll
-    rows[4] = pitch - dx * rows[2]  # the reference point lies dx ahead of the CG
-    rows[5] = yaw + dx * rows[1]
-
-
-@kernel
-def row_errors(x, u, p):
-    """Fill x.e, measured less computed, forces in g and angular accelerations in rad/s2, x.G and the activities.
-
-    The activity of a row is the sum over its coefficients of |contribution now - learned contribution|: `rel` of it is
-    how far coefficients wrong by `rel` each can move the row after the offset is learned.
-    """
-    ca, sa, cb, sb = math.cos(u.alpha), math.sin(u.alpha), math.cos(u.beta), math.sin(u.beta)
-    pressure, qbar = air_data(u.cas, u.mach)
-    speed = max(u.tas, 10.0)
+def _variables(x, u, p, ca, sa):
+    """Fill x.variable with what the coefficients multiply, in the order of `force_model.VARIABLES`."""
+    v, speed = x.variable, max(u.tas, 10.0)
     half_c, half_b = 0.5 * p.chord / speed, 0.5 * p.span / speed
-    v = x.variable
     v[0] = 1.0
     # lift over weight, turned from measured accelerations, stands for the lift in alpha' = q + (g cos cos - L/m) / V
     v[1] = half_c * (u.q + G0 * (math.cos(u.theta) * math.cos(u.phi) - u.n_z * ca + u.n_x * sa) / speed)
@@ -104,106 +77,81 @@ def row_errors(x, u, p):
     v[5], v[6] = u.beta, u.beta * u.beta
     for j in range(NC):
         v[7 + j] = x.cmd[j]
-    contributions(p, u.alpha, u.mach, qbar, v, x.part, x.slope)
 
+
+@kernel
+def _body(lift, drag, side, ca, sa, cb, sb):
+    """Turn a force in wind axes into body axes, forward right down."""
+    return (
+        -drag * ca * cb - side * ca * sb + lift * sa,
+        -drag * sb + side * cb,
+        -drag * sa * cb - side * sa * sb - lift * ca,
+    )
+
+
+@kernel
+def row_errors(x, u, p):
+    """Fill x.e, measured less computed forces [g], x.G and the activities x.act of the rows.
+
+    The activity of a row is the sum over its coefficients of |contribution now - learned contribution|: `rel` of it is
+    how far coefficients wrong by `rel` each can move the row after the offset is learned.
+    """
+    ca, sa, cb, sb = math.cos(u.alpha), math.sin(u.alpha), math.cos(u.beta), math.sin(u.beta)
+    pressure, qbar = air_data(u.cas, u.mach)
     force, weight = qbar * p.area, u.mass * G0
-    dx = (u.cg - p.cg_ref) * p.chord
-    for i in range(6):
-        x.c[i] = 0.0
-        x.act[i] = 0.0
+    _variables(x, u, p, ca, sa)
+    contributions(p, u.alpha, u.mach, qbar, x.variable, x.part, x.slope)
+    x.c[:] = 0.0
+    x.act[:] = 0.0
     for k in range(int(p.n_k)):
         x.part[k] *= force
         axis = int(p.axis[k])
         x.c[axis] += x.part[k]
         x.act[axis] += math.fabs(x.part[k] - x.part_0[k]) if x.learned > 0.5 else math.fabs(x.part[k])
-    _turn(x, p, ca, sa, sb, cb, x.c, x.rows, dx)
-    al, ad, ay = x.act[0], x.act[1], x.act[2]
-    x.act[0], x.act[1], x.act[2] = ad * math.fabs(ca) + al * math.fabs(sa), ay, al * math.fabs(ca) + ad * math.fabs(sa)
-    x.act[3], x.act[5] = (x.act[3] + math.fabs(sa) * x.act[5]) * p.span, (x.act[5] + math.fabs(sa) * x.act[3]) * p.span
-    x.act[4] = x.act[4] * p.chord + math.fabs(dx) * x.act[2]
-    x.act[5] += math.fabs(dx) * x.act[1]
-
+    x.rows[0], x.rows[1], x.rows[2] = _body(x.c[0], x.c[1], x.c[2], ca, sa, cb, sb)
+    lift, drag, side = x.act[0], x.act[1], x.act[2]
+    x.act[0] = drag * math.fabs(ca) + lift * math.fabs(sa)
+    x.act[1], x.act[2] = side, lift * math.fabs(ca) + drag * math.fabs(sa)
     for e in range(3):  # columns of G: sensitivities to elevator, aileron, rudder
-        for i in range(6):
-            x.c[i] = x.slope[i, e] * force
-        _turn(x, p, ca, sa, sb, cb, x.c, x.column, dx)
-        for i in range(6):
-            x.G[i, e] = x.column[i]
-    idle, mil = thrust_pair(p, u.mach, pressure)
-    tx, ty, tz = p.thrust_axis[0], p.thrust_axis[1], p.thrust_axis[2]
-    for i in range(6):
-        x.G[i, 3] = 0.0
-    x.spool, total = 0.0, 0.0
-    n1 = (u.n1_1, u.n1_2, u.n1_3, u.n1_4)
-    for m in range(4):
-        n = min(max((n1[m] - p.n1_idle) / (p.n1_max - p.n1_idle), 0.0), 1.0)
-        T = idle + (mil - idle) * n * n
-        x.spool += 0.25 * n
-        total += T
-        rx, ry, rz = p.engine[m, 0] + dx, p.engine[m, 1], p.engine[m, 2]
-        x.G[0, 4 + m], x.G[1, 4 + m], x.G[2, 4 + m] = T * tx, T * ty, T * tz
-        x.G[3, 4 + m] = T * (ry * tz - rz * ty)
-        x.G[4, 4 + m] = T * (rz * tx - rx * tz)
-        x.G[5, 4 + m] = T * (rx * ty - ry * tx)
-        for i in range(6):
-            x.G[i, 3] += x.G[i, 4 + m]
-    # while spools turn up or down thrust follows the core, which leads N1: by `rel_spool` times N1's own change
-    lead = p.rel_spool * math.fabs(x.spool - x.avg[2 * NR + 3]) if x.avg[2 * NR + 3] > 0.0 else 0.0
-    doubt = p.rel_thrust + 4.0 * (mil - idle) * lead * (2.0 * x.spool + lead) / max(total, 1.0)
-    for i in range(6):
+        lift, drag, side = x.slope[0, e] * force, x.slope[1, e] * force, x.slope[2, e] * force
+        x.G[0, e], x.G[1, e], x.G[2, e] = _body(lift, drag, side, ca, sa, cb, sb)
+    doubt = _thrust(x, u, p, pressure)
+    for i in range(NR):
         x.rows[i] += x.G[i, 3]
         x.act[i] += doubt / max(p.rel, 1e-9) * math.fabs(x.G[i, 3])
-    for i in range(3):
         x.rows[i] /= weight
         x.act[i] /= weight
         for h in range(NH):
             x.G[i, h] /= weight
     x.e[0], x.e[1], x.e[2] = u.n_x - x.rows[0], u.n_y - x.rows[1], -u.n_z - x.rows[2]
-    if p.n_rows > 3.0:
-        _angular(x, u, p)
-    else:
-        _pitching(x, u, p)
 
 
 @kernel
-def _pitching(x, u, p):
-    """Set x.pitch, by how much the pitch rate grew in this tick beyond the computed moment [rad/s2 once averaged], and
-    x.pitch_e, the same per elevator: an elevator that is off by so much turns the aircraft."""
-    ixx, iyy, izz, ixz = p.gyration2[0], p.gyration2[1], p.gyration2[2], p.gyration2[3]
-    gyro = (izz - ixx) * u.p * u.r - ixz * (u.p * u.p - u.r * u.r)
-    x.grown = u.q - x.q_last if x.n_learn > 0.5 or x.learned > 0.5 else 0.0
-    x.q_last = u.q
-    x.pitch = (-x.rows[4] / u.mass - gyro) / iyy
-    x.pitch_e = x.G[4, 0] / (u.mass * iyy)
-
-
-@kernel
-def _angular(x, u, p):
-    """Turn moments into angular accelerations, I w' = M - w x I w, and compare with the measured ones."""
-    g = p.gyration2
-    ixx, iyy, izz, ixz = u.mass * g[0], u.mass * g[1], u.mass * g[2], u.mass * g[3]
-    det = ixx * izz - ixz * ixz
-    L = x.rows[3] + ixz * u.p * u.q + (iyy - izz) * u.q * u.r
-    M = x.rows[4] + (izz - ixx) * u.p * u.r - ixz * (u.p * u.p - u.r * u.r)
-    N = x.rows[5] - ixz * u.q * u.r + (ixx - iyy) * u.p * u.q
-    x.e[3] = u.pdot - (izz * L + ixz * N) / det
-    x.e[4] = u.qdot - M / iyy
-    x.e[5] = u.rdot - (ixz * L + ixx * N) / det
-    for h in range(NH):
-        a, b = x.G[3, h], x.G[5, h]
-        x.G[3, h], x.G[5, h] = (izz * a + ixz * b) / det, (ixz * a + ixx * b) / det
-        x.G[4, h] /= iyy
-    x.act[3], x.act[5] = (izz * x.act[3] + ixz * x.act[5]) / det, (ixz * x.act[3] + ixx * x.act[5]) / det
-    x.act[4] /= iyy
+def _thrust(x, u, p, pressure):
+    """Fill the thrust column of x.G [N] and x.spool; return how uncertain thrust is, as a fraction."""
+    idle, mil = thrust_pair(p, u.mach, pressure)
+    x.spool = 0.0
+    for i in range(NR):
+        x.G[i, 3] = 0.0
+    n1, total = (u.n1_1, u.n1_2, u.n1_3, u.n1_4), 0.0
+    for m in range(4):
+        n = min(max((n1[m] - p.n1_idle) / (p.n1_max - p.n1_idle), 0.0), 1.0)
+        T = idle + (mil - idle) * n * n
+        x.spool += 0.25 * n
+        total += T
+        for i in range(NR):
+            x.G[i, 3] += T * p.thrust_axis[i]
+    # while spools turn up or down thrust follows the core, which leads N1: by `rel_spool` times N1's own change
+    lead = p.rel_spool * math.fabs(x.spool - x.avg[SPOOL]) if x.avg[SPOOL] > 0.0 else 0.0
+    return p.rel_thrust + 4.0 * (mil - idle) * lead * (2.0 * x.spool + lead) / max(total, 1.0)
 
 
 @kernel
 def learn(x, p, dt):
-    """Average row errors and contributions over the first `t_learn`; subtract the offset ever after.
+    """Average row errors and contributions over the first `t_learn`; the offset is subtracted ever after.
 
     That of the X row is averaged with the less weight the faster engines turn up or down, and for longer where they do
-    so all the time: else what thrust leads N1 by would stay in it. An offset larger than coefficients wrong by `rel`
-    can make is no model error: it says so in x.suspect.
+    so all the time: else what thrust leads N1 by would stay in it.
     """
     if x.learned > 0.5 or p.t_learn <= 0.0:
         x.learned = 1.0
@@ -214,18 +162,12 @@ def learn(x, p, dt):
     turning = (x.turning[0] - x.turning[1]) / TURNING
     weight = 1.0 / (1.0 + turning * turning)
     x.calm += weight
-    x.pitch_0 += (x.pitch + x.grown / dt - x.pitch_0) / x.n_learn
     for i in range(NR):
-        share = weight / x.calm if i == 0 else 1.0 / x.n_learn
-        x.offset[i] += share * (x.e[i] - x.offset[i])
-        x.full[i] += (x.act[i] - x.full[i]) / x.n_learn
+        x.offset[i] += (weight / x.calm if i == 0 else 1.0 / x.n_learn) * (x.e[i] - x.offset[i])
     for k in range(int(p.n_k)):
         x.part_0[k] += (x.part[k] - x.part_0[k]) / x.n_learn
     if x.n_learn * dt >= p.t_learn - 0.5 * dt and x.calm * dt >= min(CALM_S, 0.5 * p.t_learn):
         x.learned = 1.0
-        for i in range(int(p.n_rows)):
-            if math.fabs(x.offset[i]) > p.threshold[i] + p.rel * x.full[i]:
-                x.suspect = 1.0
 
 
 @kernel
@@ -234,29 +176,29 @@ def accelerometers(x, u, p, dt):
 
     u' = g (n_x - sin theta) + r v - q w and w' = g (cos theta cos phi - n_z) + q u - p v hold without any coefficient.
     A first-order observer of u and w with time constant t_kin has the innovation -g t_kin b for an error b of n_x.
-    v is read from the vane of sideslip, which reads gusts as well: x.doubt is what they may make of r v and p v [g].
     """
     if usable(u.alpha_ground, u.alpha_ground_valid) * usable(u.v_ground, u.v_ground_valid) < 0.5:
         x.moving = 0.0
-        x.bias[0], x.bias[1] = 0.0, 0.0
+        x.bias[:] = 0.0
         return
     along, down = u.v_ground * math.cos(u.alpha_ground), u.v_ground * math.sin(u.alpha_ground)
     side = u.v_ground * math.sin(u.beta)
     if x.moving < 0.5:
         x.moving, x.velocity[0], x.velocity[1] = 1.0, along, down
         return
-    a = G0 * (u.n_x - math.sin(u.theta)) + u.r * side - u.q * down
-    b = G0 * (math.cos(u.theta) * math.cos(u.phi) - u.n_z) + u.q * along - u.p * side
+    measured = (along, down)
+    rate = (
+        G0 * (u.n_x - math.sin(u.theta)) + u.r * side - u.q * down,
+        G0 * (math.cos(u.theta) * math.cos(u.phi) - u.n_z) + u.q * along - u.p * side,
+    )
     for i in range(2):
-        ahead = x.velocity[i] + dt * (a if i == 0 else b)
-        e = (along if i == 0 else down) - ahead
+        ahead = x.velocity[i] + dt * rate[i]
+        e = measured[i] - ahead
         x.velocity[i] = ahead + dt / p.t_kin * e
-        raw = -e / (G0 * p.t_kin) if i == 0 else e / (G0 * p.t_kin)
+        raw = (-e if i == 0 else e) / (G0 * p.t_kin)
         if x.learned < 0.5:
             x.bias_0[i] += (raw - x.bias_0[i]) / (x.n_learn + 1.0)
         x.bias[i] += (1.0 - math.exp(-dt / TAU_BIAS)) * (raw - x.bias_0[i] - x.bias[i])
-        turned = SIDE * math.sqrt(x.rough) * u.v_ground / G0 * math.fabs(u.r if i == 0 else u.p)
-        x.doubt[i] += dt / p.t_kin * (turned - x.doubt[i])
 
 
 @kernel
@@ -285,7 +227,7 @@ def vane(x, u, p, dt):
 
 @kernel
 def accumulate(x, p, dt):
-    """Add this tick to the block being filled; return 1.0 when that block is full and BLOCKS of them make the window.
+    """Add this tick to the block being filled; return 1.0 when that block is full.
 
     The window moves by whole blocks of t_mean / BLOCKS, 50 ms for half a second: decisions come that often.
     """
@@ -295,18 +237,15 @@ def accumulate(x, p, dt):
         b = (b + 1) % BLOCKS
         x.block = b
         x.n_block[b] = 0.0
-        for j in range(NX):
-            x.total[b, j] = 0.0
+        x.total[b, :] = 0.0
     x.n_block[b] += 1.0
     for j in range(NR):
         x.total[b, j] += x.e[j] - x.offset[j]
-        x.total[b, NR + j] += x.act[j]
-    x.total[b, 2 * NR] += 0.25 * (x.cmd[0] + x.cmd[1] + x.cmd[2] + x.cmd[3])
-    x.total[b, 2 * NR + 1] += 0.5 * (x.cmd[4] + x.cmd[5])
-    x.total[b, 2 * NR + 2] += x.cmd[6]
-    x.total[b, 2 * NR + 3] += x.spool
-    x.total[b, PITCH] += x.pitch + x.grown / dt - x.pitch_0
-    x.total[b, PITCH + 1] += x.pitch_e
+        x.total[b, ACT + j] += x.act[j]
+    x.total[b, COMMAND] += 0.25 * (x.cmd[0] + x.cmd[1] + x.cmd[2] + x.cmd[3])
+    x.total[b, COMMAND + 1] += 0.5 * (x.cmd[4] + x.cmd[5])
+    x.total[b, COMMAND + 2] += x.cmd[6]
+    x.total[b, SPOOL] += x.spool
     return 1.0 if x.n_block[b] >= per - 1e-6 else 0.0
 
 
@@ -315,8 +254,7 @@ def sliding_mean(x, p):
     """Fill x.avg with the mean of the last BLOCKS blocks, or of one without a mean; return 1.0 when all are full."""
     now, keep = int(x.block), BLOCKS if p.t_mean > 0.0 else 1
     full = 1.0
-    for j in range(NX):
-        x.avg[j] = 0.0
+    x.avg[:] = 0.0
     for k in range(keep):
         b = (now + BLOCKS - k) % BLOCKS
         if x.n_block[b] < 0.5:
@@ -328,11 +266,17 @@ def sliding_mean(x, p):
 
 
 @kernel
+def row_threshold(x, p, row):
+    """Return what the mean error of a row may be [g]."""
+    return p.threshold[row] + p.rel * x.avg[ACT + row]
+
+
+@kernel
 def evaluate_families(x, p):
     """Fill residuals x.res (row units), their thresholds x.tau and sensitivities x.S [Mar10] slides 8 to 10."""
     for f in range(int(p.n_families)):
         base = int(p.base_row[f])
-        r, tau = x.avg[base], _row_threshold(x, p, base)
+        r, tau = x.avg[base], row_threshold(x, p, base)
         for h in range(NH):
             x.S[f, h] = x.G[base, h]
         for m in range(int(p.n_pivots[f])):
@@ -342,17 +286,12 @@ def evaluate_families(x, p):
                 continue
             ratio = x.G[base, j] / x.G[k, j]
             r -= ratio * x.avg[k]
-            tau += math.fabs(ratio) * _row_threshold(x, p, k)
+            tau += math.fabs(ratio) * row_threshold(x, p, k)
             for h in range(NH):
                 x.S[f, h] -= ratio * x.G[k, h]
             x.S[f, j] = 0.0
         x.res[f], x.tau[f] = r, tau
         x.fired[f] = 1.0 if math.fabs(r) >= tau and x.S[f, 0] == x.S[f, 0] else 0.0
-
-
-@kernel
-def _row_threshold(x, p, row):
-    return p.threshold[row] + p.rel * x.avg[NR + row]
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""Forces and moments of an airframe from coefficient arrays: aerodynamics, thrust over N1, input sensitivities.
+"""Forces on an airframe from coefficient arrays: aerodynamics, thrust over N1, input sensitivities.
 
     C_axis = sum over quantities (t_a(alpha, Mach, qbar) + t_m(Mach, qbar)) variable,   axes L D Y l m n
     X = -D ca cb - Y ca sb + L sa,  Y = -D sb + Y cb,  Z = -D sa cb - Y sa sb - L ca     body axes
@@ -17,7 +17,8 @@ import numpy as np
 
 from actuators.block import kernel
 
-AXES = ("lift", "drag", "side", "roll", "pitch", "yaw")
+FORCES = ("lift", "drag", "side")
+AXES = (*FORCES, "roll", "pitch", "yaw")
 VARIABLES = (
     "one", "alphadot", "p", "q", "r", "beta", "beta2",  # rates as alpha' c/2V, p b/2V, q c/2V, r b/2V; angles [rad]
     "de_lo", "de_li", "de_ri", "de_ro", "da_l", "da_r", "dr", "stab",
@@ -55,12 +56,12 @@ class ForceModel:
     thrust_axis: tuple  # unit vector, body axes
 
     def structure(self, alpha: float = 0.1) -> Any:
-        """Return which effector enters which row at small sideslip: bool (X Y Z L M N; elevator aileron rudder thrust).
+        """Return which effector enters which row at small sideslip: bool (X Y Z; elevator aileron rudder thrust).
 
         Wind-axis entries turned by `alpha`; what goes with sideslip is dropped, the small-angle assumption of [Mar10]
         slide 7. Left and right entries that cancel for all surfaces of an effector together count as none.
         """
-        total = np.zeros((6, 3))
+        total = np.zeros((len(AXES), 3))
         mid = (len(self.mach) // 2, len(self.qbar) // 2)
         for k, (axis, variable) in enumerate(self.quantities):
             if variable in EFFECTOR:
@@ -68,55 +69,44 @@ class ForceModel:
                 total[AXES.index(axis), EFFECTOR[variable]] += base + self.t_m[k][mid]
         lift, drag, side = total[:3]
         ca, sa = math.cos(alpha), math.sin(alpha)
-        rows = np.vstack([lift * sa - drag * ca, side, -lift * ca - drag * sa, total[3:]])
-        tx, _, tz = self.thrust_axis
-        x, y, z = self.engine.T
-        thrust = np.array([tx, 0.0, tz, np.sum(y * tz), np.sum(z * tx - x * tz), np.sum(-y * tx)])
-        return np.column_stack([np.abs(rows) > 1e-9, np.abs(thrust) > 1e-9])
+        rows = np.vstack([lift * sa - drag * ca, side, -lift * ca - drag * sa])
+        return np.column_stack([np.abs(rows) > 1e-9, np.abs(self.thrust_axis) > 1e-9])
 
 
-PARAMS = [
-    ("area", "f8"), ("span", "f8"), ("chord", "f8"), ("cg_ref", "f8"), ("stability_rates", "f8"),
-    ("stability_moments", "f8"),
-    ("gyration2", "f8", (4,)),
+PARAMS: list[tuple] = [
+    ("area", "f8"), ("span", "f8"), ("chord", "f8"), ("stability_rates", "f8"),
     ("n_a", "f8"), ("n_m", "f8"), ("n_q", "f8"), ("n_ka", "f8"), ("n_k", "f8"),  # used sizes
     ("alpha_grid", "f8", (NA,)), ("mach_grid", "f8", (NM,)), ("qbar_grid", "f8", (NQ,)),
     ("axis", "f8", (NK,)), ("variable", "f8", (NK,)), ("effector", "f8", (NK,)),  # effector 3: none
     ("t_a", "f8", (NA, NM, 2, NK_A)), ("t_m", "f8", (NM, NQ, NK)),
     ("n_tm", "f8"), ("n_tp", "f8"), ("thrust_mach", "f8", (NT_M,)), ("thrust_p", "f8", (NT_P,)),
     ("idle", "f8", (NT_M, NT_P)), ("mil", "f8", (NT_M, NT_P)), ("n1_idle", "f8"), ("n1_max", "f8"),
-    ("engine", "f8", (4, 3)), ("thrust_axis", "f8", (3,)),
+    ("thrust_axis", "f8", (3,)),
 ]  # fmt: skip
+
+SHAPES = {f[0]: f[2] for f in PARAMS if len(f) > 2}
 
 
 def fields(model: Any) -> Any:
-    """Return {PARAMS field: value} of a `ForceModel`; ValueError when its breakpoints or quantities do not fit."""
-    sizes = {
-        "alpha": (model.alpha, NA), "Mach": (model.mach, NM), "qbar": (model.qbar, NQ), "quantities": (model.t_m, NK),
-        "quantities with alpha": (model.t_a, NK_A), "thrust Mach": (model.thrust_mach, NT_M),
-        "thrust pressure": (model.thrust_p, NT_P),
+    """Return {PARAMS field: value} of a `ForceModel`, of its forces; ValueError when its tables do not fit."""
+    forces = [k for k, (axis, _) in enumerate(model.quantities) if axis in FORCES]
+    with_alpha = [k for k in forces if k < len(model.t_a)]
+    axes, variables = zip(*(model.quantities[k] for k in forces))
+    out = {n: getattr(model, n) for n in ("area", "span", "chord", "stability_rates", "n1_idle", "n1_max")}
+    out |= {"n_a": len(model.alpha), "n_m": len(model.mach), "n_q": len(model.qbar), "n_ka": len(with_alpha)}
+    out |= {"n_k": len(forces), "n_tm": len(model.thrust_mach), "n_tp": len(model.thrust_p)}
+    tables = {
+        "alpha_grid": model.alpha, "mach_grid": model.mach, "qbar_grid": model.qbar,
+        "axis": [FORCES.index(axis) for axis in axes], "variable": [VARIABLES.index(v) for v in variables],
+        "effector": [EFFECTOR.get(v, 3) for v in variables], "t_a": np.moveaxis(model.t_a[with_alpha], 0, 3),
+        "t_m": np.moveaxis(model.t_m[forces], 0, 2), "thrust_mach": model.thrust_mach, "thrust_p": model.thrust_p,
+        "idle": model.idle, "mil": model.mil, "thrust_axis": model.thrust_axis,
     }  # fmt: skip
-    for name, (values, most) in sizes.items():
-        if len(values) > most:
-            raise ValueError(f"{len(values)} {name}, at most {most} fit")
-    plain = ("area", "span", "chord", "cg_ref", "stability_rates", "stability_moments", "gyration2", "n1_idle")
-    out = {n: getattr(model, n) for n in (*plain, "n1_max", "engine")}
-    out |= {"n_a": len(model.alpha), "n_m": len(model.mach), "n_q": len(model.qbar), "n_ka": len(model.t_a)}
-    out |= {"n_k": len(model.t_m), "n_tm": len(model.thrust_mach), "n_tp": len(model.thrust_p)}
-    out["thrust_axis"] = model.thrust_axis
-    padded = {
-        "alpha_grid": (model.alpha, (NA,)), "mach_grid": (model.mach, (NM,)), "qbar_grid": (model.qbar, (NQ,)),
-        "axis": ([AXES.index(a) for a, _ in model.quantities], (NK,)),
-        "variable": ([VARIABLES.index(v) for _, v in model.quantities], (NK,)),
-        "effector": ([EFFECTOR.get(v, 3) for _, v in model.quantities], (NK,)),
-        "t_a": (np.moveaxis(model.t_a, 0, 3), (NA, NM, 2, NK_A)),
-        "t_m": (np.moveaxis(model.t_m, 0, 2), (NM, NQ, NK)),
-        "thrust_mach": (model.thrust_mach, (NT_M,)), "thrust_p": (model.thrust_p, (NT_P,)),
-        "idle": (model.idle, (NT_M, NT_P)), "mil": (model.mil, (NT_M, NT_P)),
-    }  # fmt: skip
-    for name, (values, shape) in padded.items():
-        values = np.asarray(values, float)
-        out[name] = np.pad(values, [(0, n - m) for n, m in zip(shape, values.shape)])
+    for name, most in SHAPES.items():
+        values = np.asarray(tables[name], float)
+        if any(n > m for n, m in zip(values.shape, most)):
+            raise ValueError(f"{name} has shape {values.shape}, at most {most} fits")
+        out[name] = np.pad(values, [(0, m - n) for n, m in zip(values.shape, most)])
     return out
 
 
@@ -166,9 +156,7 @@ def contributions(p, alpha, mach, qbar, variable, part, slope):
     q, h = place(p.qbar_grid, p.n_q, qbar)
     first, last = p.qbar_grid[0], p.qbar_grid[int(p.n_q) - 1]
     d = min(max((qbar - first) / max(last - first, 1.0), 0.0), 1.0)
-    for a in range(6):
-        for e in range(3):
-            slope[a, e] = 0.0
+    slope[:] = 0.0
     for k in range(int(p.n_k)):
         value = (1.0 - g) * ((1.0 - h) * p.t_m[j, q, k] + h * p.t_m[j, q + 1, k]) + g * (
             (1.0 - h) * p.t_m[j + 1, q, k] + h * p.t_m[j + 1, q + 1, k]

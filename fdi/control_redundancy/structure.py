@@ -69,35 +69,6 @@ def signatures(structure: Any) -> Any:
     return out
 
 
-def undefined(
-    structure: Any,
-    reference: Any = TALK,
-    inputs: tuple[str, str, str, str] = TALK_INPUTS,
-    rows: tuple[str, str, str] = ("x", "y", "z"),
-) -> list[tuple[str, str]]:
-    """Return [(residual of `reference`, reason)] that `structure`, with fewer entries, does not define.
-
-    A residual needs the entry it is solved for; each of its replacements needs the entry it divides by.
-    """
-    structure = np.asarray(structure, bool)
-    out = []
-    for family in families(reference):
-        broken = [
-            f"g_{rows[k]},{inputs[j]} is zero: {inputs[j]} cannot be had from row {rows[k]}"
-            for k, j in family.pivots
-            if not structure[k, j]
-        ]
-        for i in family.solved:
-            reasons = list(broken)
-            if not structure[family.base, i]:
-                reasons.append(
-                    f"g_{rows[family.base]},{inputs[i]} is zero: row {rows[family.base]} does not hold {inputs[i]}"
-                )
-            if reasons:
-                out.append((f"{family.name} for {inputs[i]}", "; ".join(reasons)))
-    return out
-
-
 def combination(G: Any, family: Any) -> Any:
     """Return the weights c (rows,) and sensitivities s (inputs,) of a family: r = c (f - G u_c) = s (u - u_c).
 

@@ -18,12 +18,10 @@ rows.
 | baro | barometric against inertial altitude | h_baro, h |
 
 A row that integrates is a first-order observer, x_hat' = f + (x - x_hat) / tau, and the innovation x - x_hat its
-residual: a step of x gives a jump that dies in tau, a constant error b of f gives -b tau for good. What b is now is
--(e' + e / tau) of that residual e, so that the end of an error shows before e has faded; what it left is then taken out
-of the rows. Offsets (rotation of the earth, gravity) are learned in the first `t_learn`. Rows that fire within
-`t_collect` of the first one belong to one fault, and name the sensor: the only one whose rows contain all that fired,
-of which every row that must fire did, and whose first row jumped or did not; one that gusts would hide need not fire.
-More than one, or none, is AMBIGUOUS.
+residual: a step of x gives a jump that dies in tau, a constant error b of f gives -b tau for good. Offsets (rotation of
+the earth, gravity) are learned in the first `t_learn`. Rows that fire within `t_collect` of the first one belong to one
+fault, and name the sensor: the only one whose rows contain all that fired, of which every row that must fire did, and
+whose first row jumped or did not; one that gusts would hide need not fire. More than one, or none, is AMBIGUOUS.
 
 Climb, turn and speed take the lateral velocity from the vane and the wind (fdi/kinematic/wind.py). The vane has the
 gusts in it: their thresholds grow with the rms of those, as the vane has it about its mean, and with the lateral motion
@@ -37,8 +35,8 @@ What kinematics cannot tell: a constant error of a rate from a slow one of what 
 theta", "r or psi", "n_x or v_ground" is named until another row tells. When such a drift stops, and stays off, the
 alarm ends as if the rate were right again.
 
-Thresholds are those of the noise that is specified. A row whose second difference, over the time of learning, is larger
-than the specified noise of its sensors makes has its threshold and its jump larger by as much.
+Thresholds are those of the noise that is specified. A row whose readings, over the time of learning, have larger second
+differences than specified noise makes has its threshold and its jump larger by as much.
 """
 
 import math
@@ -55,7 +53,7 @@ from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
 from fdi.common.why import BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
 from fdi.kinematic import signatures as table
 from fdi.kinematic import wind
-from fdi.kinematic.rows import compare, present, read, weigh
+from fdi.kinematic.rows import compare, read, weigh
 from fdi.kinematic.signatures import CLIMB, EITHER, NR, NS, SENSORS
 
 CULPRITS = table.CULPRITS
@@ -70,6 +68,7 @@ POWER = np.array([GUSTY.get(name, 0) for name in SENSORS])
 # integrated reading fades from its row: it stands for OFF_S at most [s], until the reading has jumped back to BACK of
 # what it was off by. One that came without a jump, a drift or a frozen reading, ends with one
 SHOWN_S, BACK, SEEN, OFF_S = 5.0, 0.3, 0.75, 120.0
+LEFT = 4.0  # thresholds: from there a row is quiet within 1.4 of its time constants
 FADING, STAYING, NOISE, JUMPED_BACK = 0.0, 1.0, 2.0, 3.0
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
 
@@ -127,11 +126,12 @@ STATE = dtype(
         *wind.STATE,
         ("offset", "f8", (NR,)),
         ("limit", "f8", (NR,)),  # thresholds now
-        ("raw_1", "f8", (NR,)),  # residuals of the tick before, and of the one before that
-        ("raw_2", "f8", (NR,)),
-        ("run", "f8", (NR,)),  # ticks in a row that had one, at most 3
-        ("excess", "f8", (NR,), "-"),  # learned mean square of their second difference over the specified one
-        ("grown", "f8", (NR,), "-"),  # what the threshold and the jump grow by with it
+        (
+            "grown",
+            "f8",
+            (NR,),
+            "-",
+        ),  # what threshold and jump grow by where its readings have more noise than specified
         ("y", "f8", (NS,)),  # readings
         ("ok", "f8", (NS,)),
         ("y_1", "f8", (NS,)),  # and those of the two ticks before
@@ -150,8 +150,6 @@ STATE = dtype(
         ("quiet", "f8", "s"),  # time since anything fired
         ("held", "f8", (NR,)),  # residuals that were beyond their thresholds, the last of each row
         ("refuted", "f8", "s"),  # time for which those of the named error would be there and are not
-        ("slow", "f8"),  # lagged residual of the row that integrates the named error
-        ("gone", "f8", "s"),  # time for which its derivative has said that the error is over
         ("leapt", "f8", "-"),  # 1 where the reading that is named jumped at first
         ("shows", "f8", "-"),  # how that error shows: FADING, STAYING, NOISE, JUMPED_BACK
     ]
@@ -223,14 +221,33 @@ def _residuals(x, p, dt):
         largest = max(largest, r)
         if r >= 1.0:
             x.fired[i], x.held[i] = p.t_hold, x.res[i]
-    if back:  # what integrates starts anew from the reading that is right again [Lu15]
-        x.shows = JUMPED_BACK
-        for i in range(NR):
-            if table.KNOWN[int(x.culprit), i] > 0.5:
-                x.seen[i], x.res[i], x.fired[i] = 0.0, 0.0, 0.0
-    elif x.shows == STAYING and table.DRIVES[int(x.culprit) - 1] >= 0:
-        present(x, p, dt, table.DRIVES[int(x.culprit) - 1])
+    if back:
+        _restart(x)
+    elif x.shows == STAYING:
+        _saturate(x)
     return largest
+
+
+@kernel
+def _restart(x):
+    """Start what integrates anew from the reading that is right again [Lu15]."""
+    x.shows = JUMPED_BACK
+    for i in range(NR):
+        if table.KNOWN[int(x.culprit), i] > 0.5:
+            x.seen[i], x.res[i], x.fired[i] = 0.0, 0.0, 0.0
+
+
+@kernel
+def _saturate(x):
+    """Keep what a named error has left in the rows that integrate it within LEFT thresholds, so that it fades in
+    seconds once the error has ended, however large that was [Lu15]."""
+    for i in range(NR):
+        e = x.raw[i] - x.offset[i]
+        excess = math.fabs(e) - LEFT * x.limit[i]
+        if table.KNOWN[int(x.culprit), i] * table.INTEGRATES[i] > 0.5 and excess > 0.0:
+            x.model[i] += math.copysign(excess, e)
+            x.raw[i] -= math.copysign(excess, e)
+            x.last[i] = x.raw[i]
 
 
 @kernel
@@ -267,35 +284,36 @@ def _noise(x, p, dt):
 
 
 @kernel
+def _explains(x, s):
+    """Return whether signature s explains what fired and jumped; what x.known has, another sensor may have done."""
+    first = table.FIRST[s]
+    jumped = x.jumped[first] > 0.0
+    if x.known[first] > 0.5 or (table.JUMPS[s] > 0.5 and not jumped) or (table.JUMPS[s] < -0.5 and jumped):
+        return False
+    for i in range(NR):
+        if x.fired[i] > 0.0:
+            if table.MAY[s, i] < 0.5 and x.known[i] < 0.5:
+                return False
+        elif table.MUST[s, i] > 0.5:
+            power = table.POWERS[s, i]
+            fast = x.y[15] if power > 0.0 else 1.0 / max(x.y[15], 1.0) if power < 0.0 else 1.0
+            size = math.fabs(x.res[first]) * table.SHOWS[s, i] * fast
+            # gusts may hide it there
+            if x.fired[first] <= 0.0 or table.SHOWS[s, i] <= 0.0 or size > HIDDEN * x.limit[i]:
+                return False
+    return True
+
+
+@kernel
 def _named(x):
-    """Return (number of sensors that explain what fired and jumped, the last of them + 1); the two of a pair are one.
-    What x.known has, another sensor may have done."""
+    """Return (number of sensors that explain what fired, the last of them + 1); the two of a pair are one."""
     count, best, pair, both = 0, 0, 0, False
     for s in range(table.NC):
-        fits, first = True, table.FIRST[s]
-        for i in range(NR):
-            on = x.fired[i] > 0.0
-            missing = not on and table.MUST[s, i] > 0.5
-            if missing and i != first and x.fired[first] > 0.0 and table.SHOWS[s, i] > 0.0:
-                # gusts may hide it there
-                power = table.POWERS[s, i]
-                fast = x.y[15] if power > 0.0 else 1.0 / max(x.y[15], 1.0) if power < 0.0 else 1.0
-                size = math.fabs(x.res[first]) * table.SHOWS[s, i] * fast
-                missing = size > HIDDEN * x.limit[i]
-            if missing or (on and table.MAY[s, i] < 0.5 and x.known[i] < 0.5):
-                fits = False
-        jumped = x.jumped[first] > 0.0
-        if (table.JUMPS[s] > 0.5 and not jumped) or (table.JUMPS[s] < -0.5 and jumped):
-            fits = False
-        if x.known[first] > 0.5:
-            fits = False  # nothing is left that would show it
-        if fits and best != table.OF[s] + 1:
+        if best != table.OF[s] + 1 and _explains(x, s):
             count += 1
             best = table.OF[s] + 1
             both, pair = count == 2 and pair > 0 and pair == table.PAIR_OF[s], table.PAIR_OF[s]
-    if count == 2 and both:
-        return 1, float(pair)
-    return count, float(best)
+    return (1, float(pair)) if count == 2 and both else (count, float(best))
 
 
 @kernel
@@ -319,17 +337,8 @@ def _again(x, p, dt):
 
 
 @kernel
-def _decide(x, p, dt):
-    """Name the sensor when the rows that belong together are in; hold the alarm for t_release, or as it ends."""
-    any_row = False
-    for i in range(NR):
-        x.known[i] = 0.0
-        any_row = any_row or x.fired[i] > 0.0
-    x.quiet = 0.0 if any_row or x.noisy > 0.5 else x.quiet + dt
-    if not any_row:
-        x.since = 0.0
-    else:
-        x.since += dt
+def _seek(x, p, any_row):
+    """Name the sensor when the rows that belong together are in, or say that there is none."""
     sought = x.alarm < 0.5 or x.verdict == AMBIGUOUS
     if x.noisy > 0.5 and sought:
         x.alarm, x.verdict, x.culprit, x.shows = 1.0, SENSOR, x.noisy, NOISE
@@ -342,11 +351,26 @@ def _decide(x, p, dt):
             x.leapt = 1.0 if row >= 0 and x.off_most[row] > 0.0 else 0.0
         elif sought and x.since >= p.t_ambiguous:
             x.alarm, x.verdict, x.culprit = 1.0, AMBIGUOUS, 0.0
-    if x.alarm > 0.5 and x.verdict == SENSOR and x.second < 0.5:
+
+
+@kernel
+def _decide(x, p, dt):
+    """Name what is wrong; hold the alarm for t_release, or as the error ends."""
+    any_row = False
+    for i in range(NR):
+        x.known[i] = 0.0
+        any_row = any_row or x.fired[i] > 0.0
+    x.quiet = 0.0 if any_row or x.noisy > 0.5 else x.quiet + dt
+    x.since = x.since + dt if any_row else 0.0
+    _seek(x, p, any_row)
+    if x.alarm < 0.5:
+        x.refuted = 0.0
+        return
+    if x.verdict == SENSOR and x.second < 0.5:
         _again(x, p, dt)
-    x.refuted = (x.refuted + dt if _would_show(x) else x.refuted) if x.alarm > 0.5 and x.r < 1.0 else 0.0
-    off = x.shows == FADING and x.leapt > 0.5
-    if x.alarm > 0.5 and (x.quiet > (OFF_S if off else p.t_release) or x.refuted > SHOWN_S):
+    x.refuted = 0.0 if x.r >= 1.0 else x.refuted + dt if _would_show(x) else x.refuted
+    longest = OFF_S if x.shows == FADING and x.leapt > 0.5 else p.t_release
+    if x.quiet > longest or x.refuted > SHOWN_S:
         _clear(x)
 
 
@@ -365,37 +389,35 @@ def _would_show(x):
 @kernel
 def _clear(x):
     x.alarm, x.verdict, x.culprit, x.second, x.verdict_2, x.beyond = 0.0, NONE, 0.0, 0.0, NONE, 0.0
-    x.shows = x.refuted = x.leapt = x.slow = x.gone = 0.0
-    for i in range(NR):
-        x.fired[i] = x.held[i] = 0.0
+    x.shows = x.refuted = x.leapt = 0.0
+    x.fired[:] = 0.0
+    x.held[:] = 0.0
 
 
 @kernel
 def _rest(x, p, why):
-    """Say nothing while out of range; what integrates starts anew afterwards, learning does where it was not done."""
-    for i in range(NS):
-        x.ticks[i] = 0.0
-    for i in range(NR):
-        x.live[i], x.seen[i], x.res[i], x.fired[i], x.jumped[i] = 0.0, 0.0, 0.0, 0.0, 0.0
-        x.run[i] = 0.0
-        if x.age <= p.t_learn:
-            x.offset[i] = x.excess[i] = 0.0
+    """Judge nothing while out of range; what integrates starts anew afterwards, learning does where it was not done."""
+    x.ticks[:] = 0.0
+    x.live[:] = 0.0
+    x.seen[:] = 0.0
+    x.res[:] = 0.0
+    x.jumped[:] = 0.0
     if x.age <= p.t_learn:
         x.age, x.n_learn = 0.0, 0.0
-        for i in range(NS):
-            x.level[i] = 0.0
-    x.since, x.noisy, x.quiet, x.valid, x.why = 0.0, 0.0, 0.0, 0.0, why
-    x.r = 0.0
+        x.offset[:] = 0.0
+        x.level[:] = 0.0
+    x.since, x.noisy, x.quiet, x.valid, x.why, x.r = 0.0, 0.0, 0.0, 0.0, why, 0.0
     _clear(x)
 
 
 @kernel
 def _flies(u):
     """Return whether fewer than two of the three speeds, or than all that are left, lie outside of what flies."""
-    left = usable(u.tas, u.tas_valid) + usable(u.cas, u.cas_valid) + usable(u.v_ground, u.v_ground_valid)
-    out = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], 1.0, 0.0)
-    out += box(u.cas, u.cas_valid, FLYING[0], FLYING[1], 1.0, 0.0)
-    out += box(u.v_ground, u.v_ground_valid, FLYING[0], FLYING[1], 1.0, 0.0)
+    values, flags = (u.tas, u.cas, u.v_ground), (u.tas_valid, u.cas_valid, u.v_ground_valid)
+    left, out = 0.0, 0.0
+    for i in range(3):
+        left += usable(values[i], flags[i])
+        out += box(values[i], flags[i], FLYING[0], FLYING[1], 1.0, 0.0)
     return out < 1.0 or out < min(left, 2.0)
 
 
@@ -407,11 +429,12 @@ def step(x, u, p, dt):
         return
     read(x, u)
     compare(x, p, dt)
-    weigh(x, p)
     x.age += dt
     if p.t_settle < x.age <= p.t_learn:
         x.n_learn += 1.0
     r = max(_residuals(x, p, dt), _noise(x, p, dt))
+    if x.age <= p.t_learn:
+        weigh(x)
     live = 0.0
     for i in range(NR):
         live += x.live[i]

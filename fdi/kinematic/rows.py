@@ -12,14 +12,6 @@ from fdi.kinematic.wind import blow, plane
 SPREAD = 3.0  # half of what lateral velocity may be off by, over the rms of lateral gusts: half of `side_gust`
 EARTH = 6.356766e6  # radius that makes a geometric altitude one of the standard atmosphere [m]
 
-# The present error of what a row integrates, -(e' + e / tau) of its residual e [Lu15], through a lag of TAU_NOW [s]. It
-# is over once it has been less than GONE of what the row still shows for GONE_S [s]: an oscillation's zeros are shorter
-TAU_NOW, GONE, GONE_S, PLAIN = 0.5, 0.5, 0.5, 2.0  # and only what shows PLAIN thresholds is taken out of the rows
-
-# specified noise per sample, of the sensor set `transport`: attitudes, inertial angle of attack [rad], speed over the
-# ground, vertical speed, airspeeds [m/s], inertial and barometric altitude [m], Mach number
-SIGMA_ANGLE, SIGMA_PATH, SIGMA_GROUND, SIGMA_CLIMB, SIGMA_SPEED = 3.5e-4, 4.4e-4, 0.05, 0.05, 0.051
-SIGMA_HEIGHT, SIGMA_BARO, SIGMA_MACH = 0.02, 0.7, 2e-4
 WORN = 1.25  # times it thresholds hold: they are trained at 1.2, and what is learned of it in 6 s is within 4 %
 
 
@@ -82,6 +74,14 @@ def compare(x, p, dt):
     along = G0 * (y[6] * u + y[18] * v - y[7] * w - rise) / max(y[15], 1.0)  # no rate of rotation moves the whole speed
     _integrated(x, p, SPEED, y[15], along, path * ok[6] * ok[7], dt, 0.0)
     _integrated(x, p, table.HEIGHT, y[9], y[8], ok[8] * ok[9], dt, 0.0)
+    _air_data(x)
+    _lateral(x, p, dt, steep)
+
+
+@kernel
+def _air_data(x):
+    """Fill the rows that integrate nothing: speed of sound, impact pressure, barometric altitude."""
+    y, ok = x.y, x.ok
     x.live[table.SOUND] = ok[11] * ok[13] * ok[9]
     kelvin = kelvin_at(y[9] / (1.0 + y[9] / EARTH))
     x.raw[table.SOUND] = y[11] - y[13] * math.sqrt(1.4 * 287.05287 * kelvin)
@@ -94,20 +94,29 @@ def compare(x, p, dt):
     x.raw[table.IMPACT] = impact / (static * (math.exp(3.5 * math.log(1.0 + mach)) - 1.0)) - 1.0
     x.live[table.BARO] = ok[9] * ok[10]
     x.raw[table.BARO] = y[10] - y[9]
-    if ok[17] > 0.5:
+
+
+@kernel
+def _lateral(x, p, dt, steep):
+    """Set x.limit, which grows with gusts from the side, and x.rough, their rms as the vane of sideslip has it.
+
+    The rows take the lateral velocity from sideslip and wind: in a bank, rolling and yawing gusts show in them. `steep`
+    is the rate of climb per speed along the plane of symmetry [m/s].
+    """
+    y = x.y
+    if x.ok[17] > 0.5:
         c = 1.0 - math.exp(-dt / p.tau_gust) if x.age > 0.0 else 1.0
         x.sideslip += c * (y[17] - x.sideslip)
         x.square += c * (y[17] * y[17] - x.square)
         x.rough = y[15] * math.sqrt(max(x.square - x.sideslip * x.sideslip, 0.0))
-    # the rows take the lateral velocity from sideslip and wind: in a bank, rolling and yawing gusts show in them
-    fade = dt / p.tau
+    fade, bank = dt / p.tau, math.fabs(math.sin(y[3]))
     # in a climb what of the speed over the ground is lateral does not climb: v^2 / (2 V), v and an error of it alike
-    shown = math.fabs(sp) + math.fabs(steep) * (math.fabs(v) + SPREAD * x.rough) / max(y[15] * y[15], 1.0)
-    x.lateral[CLIMB] += (1.0 - math.exp(-dt / p.tau_r)) * (shown - x.lateral[CLIMB])  # as its residual comes
-    x.lateral[TURN] += fade * (p.tau * math.fabs(roll) - x.lateral[TURN])
-    x.lateral[SPEED] += fade * (p.tau * G0 * math.fabs(sp) / max(y[15], 1.0) - x.lateral[SPEED])
+    side = math.fabs(x.lateral_ground) + SPREAD * x.rough
+    visible = bank + math.fabs(steep) * side / max(y[15] * y[15], 1.0)
+    x.lateral[CLIMB] += (1.0 - math.exp(-dt / p.tau_r)) * (visible - x.lateral[CLIMB])  # as its residual comes
+    x.lateral[TURN] += fade * (p.tau * math.fabs(y[0]) - x.lateral[TURN])
+    x.lateral[SPEED] += fade * (p.tau * G0 * bank / max(y[15], 1.0) - x.lateral[SPEED])
     for i in range(NR):
-        x.grown[i] = math.sqrt(max(x.excess[i], 1.0)) if x.age > p.t_learn else 1.0
         x.limit[i] = x.grown[i] * p.threshold[i] + p.gust[i] * x.rough
         x.limit[i] += x.lateral[i] * (p.side[i] * y[15] + p.side_gust[i] * x.rough)
     for i in range(3):
@@ -115,46 +124,15 @@ def compare(x, p, dt):
 
 
 @kernel
-def weigh(x, p):
-    """Learn the mean square of the second difference of every row's residual over that of the specified noise."""
-    v = x.y[15]
-    path = v * v * SIGMA_PATH * SIGMA_PATH
-    mach = x.y[11] * SIGMA_MACH / max(x.y[13], 0.05)
-    impact = 2.0 * (SIGMA_SPEED / max(x.y[12], 10.0) + SIGMA_MACH / max(x.y[13], 0.05))  # at most
-    specified = (
-        SIGMA_ANGLE * SIGMA_ANGLE, SIGMA_ANGLE * SIGMA_ANGLE, SIGMA_ANGLE * SIGMA_ANGLE,
-        SIGMA_CLIMB * SIGMA_CLIMB + 2.0 * path, path, SIGMA_GROUND * SIGMA_GROUND, SIGMA_HEIGHT * SIGMA_HEIGHT,
-        SIGMA_SPEED * SIGMA_SPEED + mach * mach, impact * impact, SIGMA_BARO * SIGMA_BARO,
-    )  # fmt: skip
+def weigh(x):
+    """Set by how much more noise than specified the readings of each row have, as learned: x.grown."""
     for i in range(NR):
-        x.run[i] = min(x.run[i] + 1.0, 3.0) if x.live[i] > 0.5 else 0.0
-        if x.run[i] > 2.5 and p.t_settle < x.age <= p.t_learn:
-            d = x.raw[i] - 2.0 * x.raw_1[i] + x.raw_2[i]
-            x.excess[i] += (d * d / (6.0 * specified[i] * WORN * WORN) - x.excess[i]) / max(x.n_learn, 1.0)
-        x.raw_2[i], x.raw_1[i] = x.raw_1[i], x.raw[i]
-
-
-@kernel
-def present(x, p, dt, row):
-    """Take what a named error has left in the rows out of them when `row`, which integrates it, tells that it is over.
-
-    Residuals that only fade, e' = -e / tau, are through their lag e / (1 - tau_r / tau), here of discrete ticks.
-    """
-    e = x.res[row]
-    now = e + (p.tau / TAU_NOW - 1.0) * (e - x.slow)  # -tau times the error
-    x.slow += (1.0 - math.exp(-dt / TAU_NOW)) * (e - x.slow)
-    over = math.fabs(now) < GONE * math.fabs(e) and math.fabs(e) > PLAIN * x.limit[row]
-    x.gone = x.gone + dt if over else 0.0
-    if x.gone < GONE_S:
-        return
-    keep = math.exp(-dt / p.tau_r)
-    lag = (1.0 - keep / (1.0 - dt / p.tau)) / (1.0 - keep)
-    for i in range(NR):
-        if table.KNOWN[int(x.culprit), i] > 0.5 and table.INTEGRATES[i] > 0.5:
-            x.model[i] += lag * x.res[i]
-            x.raw[i] -= lag * x.res[i]
-            x.last[i], x.res[i] = x.raw[i], 0.0
-    x.slow = x.gone = 0.0
+        most = 1.0
+        for s in range(NS):
+            if table.READ_BY[i, s] > 0.5:
+                sigma = WORN * table.SIGMA[s]
+                most = max(most, x.level[s] / (6.0 * sigma * sigma))
+        x.grown[i] = math.sqrt(most)
 
 
 @kernel

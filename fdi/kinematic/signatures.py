@@ -63,10 +63,6 @@ FADES = np.array(
 )
 INTEGRATES = np.array([float(row in ("phi", "theta", "psi", "turn", "speed", "height")) for row in ROWS])
 _RATES = [name.split(" or ")[0] for name in CULPRITS[1:]]  # a pair's rate
-# of every culprit the row that integrates it as a rate; -1 for none
-DRIVES = np.array(
-    [next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] == name and c[3] is False), -1) for name in _RATES]
-)
 # rows in which a constant error of a culprit stays: those that integrate nothing, and its rate's
 STAYS = np.array([[float(any(c[0] == name and row in (*c[1], *c[2]) and (row in ("climb", "sound", "impact", "baro")
                                                                         or (c[3] is False and row == c[1][0]))
@@ -87,3 +83,11 @@ READS = (
     ("tas", "mach", "h_inertial"), ("cas", "mach", "h_baro"), ("hdot", "h_inertial", "h_baro"),
 )  # fmt: skip
 KNOWN = np.array([[float(bool(set(c.split(" or ")) & set(row))) for row in READS] for c in CULPRITS])
+# specified noise per sample of the inertial and barometric readings, sensor set `transport` [rad, rad/s, m, m/s]; gusts
+# are in the second differences of the others, which learn no noise of their rows
+_SPECIFIED = {
+    **dict.fromkeys(("p", "q", "r", "phi", "theta", "psi"), 3.5e-4), "alpha_ground": 4.4e-4, "v_ground": 0.05,
+    "hdot": 0.05, "h_inertial": 0.02, "h_baro": 0.7,
+}  # fmt: skip
+SIGMA = np.array([_SPECIFIED.get(name, 1.0) for name in SENSORS])
+READ_BY = np.array([[float(name in row and name in _SPECIFIED) for name in SENSORS] for row in READS])

@@ -6,39 +6,30 @@ import math
 
 from actuators.block import kernel
 from actuators.constants import G0, M_S_PER_KT, RAD_PER_DEG
-from fdi.common.decision import usable
+from fdi.common.decision import held, usable
 from fdi.common.why import BOX_MASS, LOST_SENSOR, VALID
 from fdi.kinematic.wind import ACROSS, ALONG, GUST_S, PRIOR, SURE, WALK
 from fdi.lpv_smo.kernels import affine, affine_scalar, held_first_order, trim_map, unit_vector_step
 
 N, P, M, R, T = 7, 6, 2, 4, 35  # states, outputs, inputs, scheduling parameters, terms of a cubic trim map
 NB = 32  # most boxes
-NEAR = 0.9  # of the largest rms of gusts: beyond it nothing is said
-# share by which beta = 1 / sqrt(1 - M^2) may change while offsets are learned, as coefficients may be off: a mean on
-# the way down from where a box ends holds nowhere
-STEADY = 0.05
 MARGIN = 1.4  # of half a box from its middle: beyond a fifth of its width the affine model is no longer believed
 STAY = 1.25  # so far a box is kept though another one fits better
 BLOWN_S = 4.0  # for which a change of the wind across that only the vane tells is remembered [s]
 DELAY = 12  # of the commands: beyond 5 ms at 2 kHz [ticks]
+SIGMA_Q = 0.02 * RAD_PER_DEG  # noise of q per sample, sensor set `transport` [rad/s]
 
 
 @kernel
 def _schedule(x, u, p, dt):
-    """Advance rho, held where invalid; return 0.0, or the reason `BOX_...` why no box holds it."""
+    """Advance rho, held where invalid; return VALID, or the reason why no box holds it."""
     fresh = x.age == 0.0
     b = 1.0 if fresh or p.tau_rho <= 0.0 else 1.0 - math.exp(-dt / p.tau_rho)
+    values = (u.mass * 1e-3, u.cg * 100.0, u.cas / M_S_PER_KT, u.mach)
+    flags = (u.mass_valid, u.cg_valid, u.cas_valid, u.mach_valid)
     for i in range(R):
-        if i == 0:
-            value, good = u.mass * 1e-3, u.mass_valid
-        elif i == 1:
-            value, good = u.cg * 100.0, u.cg_valid
-        elif i == 2:
-            value, good = u.cas / M_S_PER_KT, u.cas_valid
-        else:
-            value, good = u.mach, u.mach_valid
-        if usable(value, good) > 0.5:
-            x.rho[i] += b * (value - x.rho[i])
+        if usable(values[i], flags[i]) > 0.5:
+            x.rho[i] += b * (values[i] - x.rho[i])
         elif fresh:
             x.rho[i] = 0.5 * (p.low[0, i] + p.high[0, i])
             return LOST_SENSOR
@@ -98,11 +89,8 @@ def inputs(x, u, p, dt):
         x.line[head, j] = value
     x.head = (head + 1) % DELAY
     x.u_s = x.line[before, 1]
-    asked = x.line[before, 0]
-    if x.age == 0.0 or p.rate_a <= 0.0:
-        x.u_r = asked
-    else:
-        x.u_r = min(max(asked, x.u_r - p.rate_a * dt), x.u_r + p.rate_a * dt)
+    most = p.rate_a * dt if x.age > 0.0 and p.rate_a > 0.0 else math.inf
+    x.u_r = min(max(x.line[before, 0], x.u_r - most), x.u_r + most)
     if x.age == 0.0 or p.omega_a <= 0.0:
         x.u_0 = x.u_e = x.u_r
     else:
@@ -152,9 +140,9 @@ def drift(x, u, p, dt):
     if x.age == 0.0:
         x.ahead, x.ahead_var = u.tas - x.v_s if air else 0.0, PRIOR
         x.across, x.across_var, x.lean, x.tilt, x.spin, x.blown = 0.0, PRIOR * PRIOR, 0.0, 0.0, 0.0, 0.0
-    phi = u.phi if usable(u.phi, u.phi_valid) > 0.5 else 0.0
-    roll = u.p if usable(u.p, u.p_valid) > 0.5 else 0.0
-    yaw = u.r if usable(u.r, u.r_valid) > 0.5 else 0.0
+    phi = held(u.phi, u.phi_valid, 0.0)
+    roll = held(u.p, u.p_valid, 0.0)
+    yaw = held(u.r, u.r_valid, 0.0)
     vane = air and usable(u.beta, u.beta_valid) > 0.5
     sp, cp, speed = math.sin(phi), math.cos(phi), max(x.v_s, 10.0)
     lateral = u.tas * math.sin(u.beta) if vane else 0.0
@@ -192,23 +180,18 @@ def drift(x, u, p, dt):
 
 
 @kernel
-def bank(x, u, p):
+def lateral(x, u, p):
     """Fill x.d with what bank and lateral rates add to the wings-level equations, in canonical coordinates.
 
     alpha' += g/V cos(theta) cos(alpha) (cos phi - 1) - (p cos(alpha) + r sin(alpha)) tan(side)
     theta' += q (cos phi - 1) - r sin phi
     Z' += V sin(alpha) cos(theta) (1 - cos phi),  V' -= g of the same,   q' += ((Izz - Ixx) p r - Ixz (p^2 - r^2)) / Iyy
 
-    A_55 = M_q + M_alphadot counts the rate of alpha as wings level has it: `adot` of it goes with alpha'.
     An extension: [Alwi14] treats the longitudinal motion alone. Signals that are out count as zero.
     """
-    for i in range(N):
-        x.d[i] = 0.0
-    if p.bank < 0.5:
-        return
-    phi = u.phi if usable(u.phi, u.phi_valid) > 0.5 else 0.0
-    roll = u.p if usable(u.p, u.p_valid) > 0.5 else 0.0
-    yaw = u.r if usable(u.r, u.r_valid) > 0.5 else 0.0
+    phi = held(u.phi, u.phi_valid, 0.0)
+    roll = held(u.p, u.p_valid, 0.0)
+    yaw = held(u.r, u.r_valid, 0.0)
     lost, alpha, speed = 1.0 - math.cos(phi), x.alpha_hat, max(x.speed, 10.0)
     tilt = math.sin(alpha) * math.cos(u.theta) * lost
     d0 = -G0 / speed * math.cos(u.theta) * math.cos(alpha) * lost / RAD_PER_DEG
@@ -218,7 +201,7 @@ def bank(x, u, p):
     d2 = -(u.q * lost + yaw * math.sin(phi)) / RAD_PER_DEG
     d3 = -G0 * tilt + x.pull
     b = int(x.box)
-    d4 = (p.inertia[0] * roll * yaw - p.inertia[1] * (roll * roll - yaw * yaw)) / RAD_PER_DEG + p.adot * x.A[4, 4] * d0
+    d4 = (p.inertia[0] * roll * yaw - p.inertia[1] * (roll * roll - yaw * yaw)) / RAD_PER_DEG
     for i in range(N):
         to = p.to_x[b, i]
         x.d[i] = to[0] * d0 + to[1] * d1 + to[2] * d2 + to[3] * d3 + to[4] * d4
@@ -226,9 +209,9 @@ def bank(x, u, p):
 
 @kernel
 def observe(x, p, dt):
-    """Advance w and e_y by one tick from x.b (old s) to x.s, and set nu (12)-(15), (20)."""
+    """Advance w by one tick from x.b (old s) to x.s (20), then e_y and nu."""
     b = int(x.box)
-    L, a22 = p.L[b], p.a22[b]
+    L = p.L[b]
     affine(p.A[b], x.rho, x.A)
     affine(p.B[b], x.rho, x.B)
     trim_map(p.eq[b], p.powers, p.low[b], p.high[b], x.rho, x.power, x.eq)
@@ -261,6 +244,13 @@ def observe(x, p, dt):
     for i in range(P):
         x_1 -= L[i] * x.s[i]
     x.alpha_hat = x_1 * RAD_PER_DEG
+    _inject(x, p, x_1, d_0, d_1, d_s, dt)
+
+
+@kernel
+def _inject(x, p, x_1, d_0, d_1, d_s, dt):
+    """Advance e_y and set nu (12)-(15), of the unmeasured state x_1 and the inputs' deviations from trim."""
+    a22 = p.a22[int(x.box)]
     for i in range(P):
         phi = x.A[i + 1, 0] * (x_1 - x.eq[0]) + x.B[i + 1, 1] * d_s + x.d[i + 1]
         for j in range(P):
@@ -312,23 +302,18 @@ def gust(x, u, p, dt):
 
 
 @kernel
-def learn(x, p, dt, elevator, n_z, alpha):
+def learn(x, p, dt, f_e, f_n, f_a):
     """Average what no gust can do [deg, g, deg] from t_settle to t_learn: moment, lift that the model has wrong.
 
     An extension, off in the paper: 5 % on each coefficient of the trim is worth 0.9 deg of elevator. Where nothing may
     be judged the model is wrong by something else, and nothing is learned, either: it takes that much longer.
     """
-    if x.learned > 0.5 or p.t_learn <= 0.0 or x.age <= p.t_settle:
+    if x.learned > 0.5 or x.age <= p.t_settle or p.t_learn <= 0.0 or x.rho[R - 1] > p.mach_max or x.calm <= 0.0:
         return
-    if x.rho[R - 1] > p.mach_max or x.calm <= 0.0:
-        return
-    squared = x.rho[R - 1] * x.rho[R - 1]  # d beta / beta = M^2 / (1 - M^2) dV / V, over the ground: no gust moves it
-    if math.fabs(x.v_s - x.v_0) * squared > STEADY * x.v_0 * (1.0 - squared):
-        x.v_0, x.n_learn = x.v_s, 0.0
     x.n_learn += 1.0
-    x.sums[0] += (elevator - x.sums[0]) / x.n_learn
-    x.sums[1] += (n_z - x.sums[1]) / x.n_learn
-    x.sums[2] += (alpha - x.sums[2]) / x.n_learn
+    x.sums[0] += (f_e - x.sums[0]) / x.n_learn
+    x.sums[1] += (f_n - x.sums[1]) / x.n_learn
+    x.sums[2] += (f_a - x.sums[2]) / x.n_learn
     x.alpha_0 += (x.path - x.alpha_0) / x.n_learn
     x.trim_0 += (x.trim - x.trim_0) / x.n_learn
     if x.age >= p.t_learn and (x.n_learn + 1.5) * dt >= p.t_learn - p.t_settle:
@@ -383,8 +368,5 @@ def reconstruct(x, u, p, dt):
     x.f_hat_n_z_raw = x.f[1] - x.offset[1] - D51 * x.offset[0]
     x.f_hat_n_z = f_n - x.offset[1]
     x.f_hat_alpha = (f_a - x.offset[2]) * RAD_PER_DEG
-    if p.noise[b, 0] > 0.0:
-        x.f_sigma = math.hypot(p.noise[b, 0], p.noise[b, 3] * x.A[4, 4] / x.A[0, 0]) / math.fabs(E)
-        x.sigma[0], x.sigma[1] = p.noise[b, 1] * math.fabs(k / x.A[0, 0]), p.noise[b, 2] / math.fabs(x.A[0, 0])
-    else:  # white noise of q through a difference and the lag: variance (c / h)^2 (1 + c / (2 - c)) sigma^2
-        x.f_sigma = p.sigma_q * c / dt * math.sqrt(1.0 + c / (2.0 - c)) / math.fabs(E)
+    # white noise of q through a difference and the lag: variance (c / h)^2 (1 + c / (2 - c)) sigma^2
+    x.f_sigma = SIGMA_Q * c / dt * math.sqrt(1.0 + c / (2.0 - c)) / math.fabs(E)

@@ -6,7 +6,7 @@
 | y_m (9) | s = [Z, theta, V, q, z_f1, z_f2] | |
 | rho (28), Table 4 | mass, CG, CAS, Mach | t, per cent, kt, - |
 | e_y (14), nu (15), K, delta, P_o (16) | output error, injection and its constants | |
-| L (21), W (22), A_f (7), A22s | gains of `fdi.lpv_smo.lpv_smo.design` | |
+| L (21), W (22), A_f (7), A22s | gains of `fdi.lpv_smo.design` | |
 | f_hat (22), (25) | `f_hat_elevator`, `f_hat_n_z`, `f_hat_alpha` | converted to rad, g, rad |
 
 The state is absolute, the dynamics are deviations from the trim maps: x_hat' = A(rho) (x_hat - x_eq(rho)) + ...
@@ -28,16 +28,16 @@ saturate K. Feed the inertial, not the barometric altitude, for the same reason.
 
 In flight three things go beyond the paper, all off by default (`fitted` switches them on):
 
-- Several boxes, each with a model and gains of its own whose inequalities hold at its vertices
-  (`fdi.lpv_smo.boxes`); the state goes over from one to the next. `why` says what it is outside of.
+- Several boxes, each with a model and gains of its own whose inequalities hold at its vertices; the state goes over
+  from one to the next. `why` says what it is outside of.
 - Wind and gusts. A steady wind is learned (`core.drift`); the states are those of the path over the air that drifts
   with it (over the ground in tables 2, 3), the forces those of the air. A gust of angle a turns the path by
   xi = A_11 a, which that angle shows (`core.gust`) and which no fault of n_z or of the vane moves; what a does to the
   three estimates is taken out of them, and likewise what the air's own speed does. The tail meets it later than the
   wing, which is what a rate of pitch of -a' would do. Thrust acts on pitch through the engines' arm: nu of the speed
   channel says how much.
-- Each estimate is judged by itself, against a threshold that grows with the rms of a: a fault does not raise it. It is
-  no less than `least` deviations of what sensor noise makes of the estimate (`fdi.lpv_smo.noise`).
+- Each estimate is judged by itself, against a threshold that grows with the rms of a: a fault does not raise it. An
+  oscillation of the elevator's estimate is found by a frequency bank, too.
 
 (2) leaves out the feedthrough of the elevator fault into n_z: `f_hat_n_z_raw` is the printed reconstruction,
 `f_hat_n_z` subtracts D51 f_hat_e. All reconstructions pass one lag `tau_f` (0.2 s in the paper): an OFC of
@@ -45,39 +45,188 @@ In flight three things go beyond the paper, all off by default (`fitted` switche
 """
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from actuators.block import entry, kernel, record
+from actuators.block import dtype, entry, kernel, record
 from actuators.constants import M_S_PER_KT, RAD_PER_DEG
-from fdi.common import bank as frequencies
-from fdi.common import gyro
+from fdi.common import bank, gyro
 from fdi.common.decision import confirm, usable
 from fdi.common.record import Detector, Estimate, Site
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, SENSOR
-from fdi.common.why import BANK, BOX_ALPHA, BOX_MACH, LOST_SENSOR, NOT_READY, VALID
-from fdi.lpv_smo.boxes import load as load_boxes
-from fdi.lpv_smo.core import NB, NEAR, M, N, P, R, T, bank, drift, gust, inputs, observe, outputs, reconstruct
-from fdi.lpv_smo.fields import INPUTS, PARAMS, STATE
+from fdi.common.why import BOX_ALPHA, BOX_MACH, LOST_SENSOR, NOT_READY, VALID
+from fdi.lpv_smo.core import DELAY, NB, M, N, P, R, T, drift, gust, inputs, lateral, observe, outputs, reconstruct
 from fdi.lpv_smo.model import LpvModel, powers
-from fdi.lpv_smo.noise import deviations
-from fdi.lpv_smo.synthesis import Design, canonical, design, load, save, verify  # noqa: F401 (the public design functions)
+from fdi.lpv_smo.synthesis import Design, load, load_boxes
 
 LEARN = 8.0  # in flight: the paper's faults come at 10 s [s]
-ADOT = 0.3  # of a transport: Cm_alphadot over Cm_q + Cm_alphadot
 GRADIENT = 0.6  # of the damping in pitch: what a gust that grows along the body does, by training flights
 CULPRITS = ("", "elevator", "n_z", "alpha")
 STAYS = 0.7  # of its threshold: above it a fault that is declared has not ended
 TREND = 3.0  # lag of alpha_eq, which follows airspeed, where its change is judged: gusts change airspeed, too [s]
+NEAR = 0.9  # of the largest rms of gusts: beyond it nothing is judged
 HELD = 0.6  # an oscillation is held to be there for so long after the last fit that found it [s]
+
+PARAMS = dtype(
+    [
+        ("n_box", "f8", "-"),  # boxes in use; each has its own model and design
+        ("A", "f8", (NB, R + 1, N, N)),  # A(rho) of (8), canonical coordinates, affine stack
+        ("B", "f8", (NB, R + 1, N, M)),  # B(rho) of (8)
+        ("E", "f8", (NB, R + 1), "deg/s2 per deg"),  # E_p(rho) = B51 of (35)
+        ("D51", "f8", (NB, R + 1), "g/deg"),  # elevator feedthrough into n_z
+        ("eq", "f8", (NB, N + M, T)),  # trim maps of canonical state and inputs, cubic in normalised rho
+        ("powers", "f8", (T, R)),  # exponents of their monomials
+        ("low", "f8", (NB, R)),  # boxes of rho: t, %, kt, -
+        ("high", "f8", (NB, R)),
+        ("mix", "f8", (NB, P, P)),  # s = mix @ [Z theta V q z_f1 z_f2], the identity for the paper's outputs
+        ("L", "f8", (NB, P)),  # (21)
+        ("W", "f8", (NB, 3, P)),  # (22)
+        ("a22", "f8", (NB, P), "rad/s"),  # diagonal of A22s, negative
+        ("a_f", "f8", (NB, 2), "rad/s"),  # diagonal of A_f
+        ("gust", "f8", "-"),  # 1: gusts are reconstructed from the angle of attack over the ground and taken out
+        ("K", "f8", "-"),  # modulation gain of (15)
+        ("delta", "f8"),  # smoothing of (15)
+        ("tau_f", "f8", "s"),  # lag of the reconstruction
+        ("tau_g", "f8", "s"),  # a second lag of what is free of gusts: the first leaves differentiated white noise
+        ("tau_v", "f8", "s"),  # smoothing of V, 0 for none
+        ("tau_rho", "f8", "s"),  # smoothing of rho, 0 for none
+        ("omega_a", "f8", "rad/s"),  # healthy elevator as a lag of its command, 0 for none
+        ("rate_a", "f8", "deg/s"),  # at most so fast is the command followed, 0 for no limit
+        ("delay", "f8", "-"),  # of the commands, as long as that of q
+        ("gradient", "f8", "-"),  # share of the damping in pitch that answers to a gust's rate along the body
+        ("thrust", "f8", "deg/s2 per m/s2"),  # what thrust does to pitch, over what it does to speed
+        ("inertia", "f8", (2,)),  # (Izz - Ixx) / Iyy, Ixz / Iyy
+        ("to_x", "f8", (NB, N, 5)),  # state of the paper to canonical state
+        ("limit", "f8", (3,), "rad, g, rad"),  # of elevator, n_z and alpha in still air at trim
+        # growth with the distance of trim, and of the angle of attack from trim, from where offsets were learned: what
+        # the coefficients and the affine model have wrong
+        ("limit_away", "f8", (3,), "-, g/rad, -"),
+        ("limit_gust", "f8", (3,), "-, g/rad, -"),  # and with the rms of gusts
+        ("away_max", "f8", "rad"),  # beyond this |alpha - alpha_eq| the affine model is not believed
+        ("alpha_max", "f8", "rad"),  # nor beyond this angle of attack, flown or of trim, where lift is no longer linear
+        ("mach_max", "f8", "-"),  # nor beyond this Mach number, where coefficients turn faster than a box follows
+        ("t_recover", "f8", "s"),  # nor for so long after it was
+        ("gust_0", "f8", "rad"),  # rms of gusts assumed at the start
+        ("tau_gust", "f8", "s"),  # memory of that rms
+        ("gust_max", "f8", "rad"),  # it is counted up to here; near it nothing is said: the model is wrong, not the air
+        ("t_confirm", "f8", "s"),
+        ("t_release", "f8", "s"),
+        ("t_learn", "f8", "s"),  # offsets are learned up to this time, 0 for none
+        *bank.PARAMS,
+        ("swing_limit", "f8", "rad"),  # amplitude of an oscillation of the elevator's estimate
+        ("swing_away", "f8", "-"),
+        ("swing_gust", "f8", "-"),
+        ("coherence", "f8", "-"),  # least agreement of its two periods
+        ("purity", "f8", "-"),  # least share of the window's power that it explains
+        ("hits", "f8", "-"),  # fits in a row that must pass
+        ("t_settle", "f8", "s"),  # no decision for so long after a (re)start
+    ]
+)
+_COMMANDS = ("de_lo", "de_li", "de_ri", "de_ro", "stab")  # trailing edge down + [rad]
+_MEASURED = {  # field -> unit; it comes with a field <name>_valid
+    "h": "m", "theta": "rad", "V": "m/s", "q": "rad/s", "n_z": "g", "alpha": "rad",  # inertial h, V over the ground
+    "alpha_ground": "rad",  # read where `gust` is 1, as are the next: without tas the air's own speed counts as steady
+    "tas": "m/s", "beta": "rad", "phi": "rad", "p": "rad/s", "r": "rad/s", "mass": "kg", "cg": "-", "cas": "m/s",
+    "mach": "-",  # cg as a fraction of the mean chord
+}  # fmt: skip
+INPUTS = dtype(
+    [(name, "f8", "rad") for name in _COMMANDS]
+    + [(name + flag, "f8", "-" if flag else unit) for name, unit in _MEASURED.items() for flag in ("", "_valid")]
+)
+STATE = dtype(
+    [
+        ("r", "f8", "-"),  # largest of the three estimates over its threshold
+        ("alarm", "f8", "-"),  # 1 while a fault is declared
+        ("verdict", "f8", "-"),  # of the culprit: SENSOR; OFC_LIQUID or AMBIGUOUS for the elevator (side unknown)
+        ("culprit", "f8", "-"),  # index into CULPRITS: of what is declared, what has been so longest
+        ("alarm_elevator", "f8", "-"),  # 1 while this part is declared, whatever else is
+        ("alarm_n_z", "f8", "-"),
+        ("alarm_alpha", "f8", "-"),
+        ("valid", "f8", "-"),  # 1 while settled, inside a box and all inputs usable
+        ("why", "f8", "-"),  # code of fdi.common.why, 0 while valid
+        ("box", "f8", "-"),  # which of the boxes
+        ("f_hat_elevator", "f8", "rad"),  # mean of the four segments, trailing edge down +
+        ("f_hat_n_z", "f8", "g"),  # with the feedthrough correction
+        ("f_hat_n_z_raw", "f8", "g"),  # as printed
+        ("f_hat_alpha", "f8", "rad"),
+        ("f_sigma", "f8", "rad"),  # one sigma of the paper's f_hat_elevator from noise of q
+        ("alpha_hat", "f8", "rad"),  # estimate of the unmeasured state
+        ("gust_hat", "f8", "rad"),  # angle of the gust that was taken out
+        ("e_norm", "f8", "deg, m, m/s, deg/s"),  # |e_y|, paper's units
+        ("nu_norm", "f8", "-"),  # |nu| / K
+        ("e", "f8", (P,)),  # e_y
+        ("nu", "f8", (P,)),
+        ("s", "f8", (P,)),  # outputs at the last tick
+        ("phi", "f8", (P,)),
+        ("y2", "f8", (2,)),  # n_z [g], alpha [deg] at the last tick
+        ("z", "f8", (2,)),  # z_f
+        ("w", "f8"),  # x_hat_1 + L x_hat_2
+        ("f", "f8", (3,)),  # lagged W nu / E: deg, g, deg
+        ("free", "f8", (3,)),  # the same without gusts, through the lag tau_g
+        ("d", "f8", (N,)),  # what bank adds to x'
+        ("ground", "f8", "deg"),  # model of alpha_ground, its rate without the gust, what of it is missing
+        ("rate", "f8", "deg/s"),
+        ("xi", "f8", "deg/s"),
+        ("push", "f8", "m/s2"),  # acceleration along the path that the model does not know of, through the lag
+        ("wind", "f8", "m/s"),  # airspeed less that over the drifting air, through the lag
+        ("slip", "f8", "deg"),  # alpha_hat less alpha_ground, through the lag
+        ("ahead", "f8", "m/s"),  # steady wind against the heading, from left to right of it, their variances
+        ("across", "f8", "m/s"),
+        ("pull", "f8", "m/s2"),  # of speed, that the estimate of x.ahead makes and no force
+        ("ahead_var", "f8", "m2/s2"),
+        ("across_var", "f8", "m2/s2"),
+        ("speed", "f8", "m/s"),  # over the air that drifts with that wind, and the angle of attack over it
+        ("over", "f8", "rad"),
+        ("lean", "f8", "m/s"),  # what the air's lateral velocity makes of slip, and a unit of that wind, lagged
+        ("tilt", "f8", "-"),
+        ("blown", "f8", "m/s"),  # what gusts from the side have added to the wind across
+        ("lateral", "f8", "m/s"),  # the air's lateral velocity at the last tick, and 1 if the vane told it
+        ("vane", "f8", "-"),
+        ("side", "f8", "rad"),  # sideslip over the ground
+        ("spin", "f8", "rad/s"),  # rate about the path, through the lag
+        ("doubt", "f8", "rad"),  # what the wind's deviation may be worth as an angle of a gust
+        ("learned", "f8", "-"),  # 1 when the offset holds
+        ("n_learn", "f8", "-"),
+        ("sums", "f8", (3,)),  # running means of the offset: deg, g, deg
+        ("offset", "f8", (3,)),
+        ("path", "f8", "rad"),  # alpha_hat through a lag of tau_f
+        ("alpha_0", "f8", "rad"),  # its mean while offsets were learned, which hold there
+        ("trim", "f8", "rad"),  # alpha_eq through a lag, and its mean while offsets were learned
+        ("trim_0", "f8", "rad"),
+        ("away", "f8", "rad"),  # path less alpha_eq
+        ("apart", "f8", "rad"),  # how far the flight is from where offsets were learned, or from trim
+        ("calm", "f8", "s"),  # time since it was beyond away_max
+        ("gust", "f8", "rad2"),  # mean square of gusts
+        ("rms", "f8", "rad"),  # its root, with the doubt about the wind: what limits grow with
+        ("rho", "f8", (R,)),  # t, %, kt, -
+        ("line", "f8", (DELAY, M), "deg"),  # commands of the last ticks
+        ("head", "f8", "-"),
+        ("u_0", "f8", "deg"),  # healthy elevator at the start and the end of the tick that ends now
+        ("u_e", "f8", "deg"),
+        ("u_r", "f8", "deg"),  # the command as far as the rate limit lets it be followed
+        ("u_s", "f8", "deg"),  # stabiliser
+        ("v_s", "f8", "m/s"),  # smoothed V
+        ("age", "f8", "s"),  # time since the (re)start; 0: not started
+        ("timer", "f8", (3,), "s"),  # confirmation: elevator, n_z, alpha
+        ("held", "f8", (3,), "s"),  # for how long each has been declared
+        *gyro.STATE,
+        *bank.STATE,
+        ("hit", "f8", (bank.K,), "-"),  # fits in a row that passed
+        ("swing", "f8", "s"),  # time for which an oscillation is still held to be there
+        ("A", "f8", (N, N)),  # scratch: A(rho), B(rho), trim maps, powers of rho, right side of the implicit step
+        ("B", "f8", (N, M)),
+        ("eq", "f8", (N + M,)),
+        ("power", "f8", (R, 4)),
+        ("b", "f8", (P,)),
+    ]
+)
 OUTPUTS = (
     "r", "alarm", "verdict", "culprit", "alarm_elevator", "alarm_n_z", "alarm_alpha", "valid", "why", "box",
     "f_hat_elevator", "f_hat_n_z", "f_hat_n_z_raw", "f_hat_alpha", "f_sigma", "alpha_hat", "gust_hat", "e_norm",
     "nu_norm",
-)
+)  # fmt: skip
 DETECTOR = Detector(
     id="lpv_smo",
     level="aircraft",
@@ -109,8 +258,8 @@ DETECTOR = Detector(
         Estimate("alpha", "f_hat_alpha", "rad"),
     ),
     looks_back={"delay": "line"},
-    sizes={"n_box": 1.0, **frequencies.SIZES},
-    places={"head": ("line", 0), **frequencies.PLACES},
+    sizes={"n_box": 1.0, **bank.SIZES},
+    places={"head": ("line", 0), **bank.PLACES},
     design="lpv_smo_boxes",
     range={  # around all boxes, with the margin of `core`; which box holds a point is decided there
         "mass": (176e3, 428e3), "cg": (0.184, 0.436), "cas": (104.4 * M_S_PER_KT, 408.0 * M_S_PER_KT),
@@ -122,36 +271,26 @@ DETECTOR = Detector(
 
 def params(
     which: str = "flight", *, model: LpvModel | None = None, made: Design | None = None,
-    designs: Sequence[tuple[LpvModel, Design | None]] | None = None, K: float = 30.0, delta: float = 1e-4,
-    tau_f: float = 0.2, tau_g: float = 0.1, tau_v: float = 0.2, tau_rho: float = 0.5, omega_a: float = 0.0,
-    rate_a: float = 0.0, delay: float = 0, bank: bool = True, gust: bool = False,
-    inertia: tuple[float, float] = (0.0, 0.0), adot: float = 0.0, thrust: float = 0.0, gradient: float = 0.0,
-    sigma_q: float = 0.02 * RAD_PER_DEG, t_settle: float = 2.0, t_learn: float = 0.0, dt: float = 0.005,
-    own: Any = None,
+    designs: list[tuple[LpvModel, Design]] | None = None, dt: float = 0.005, own: Any = None, **values: Any,
 ) -> np.ndarray:  # fmt: skip
     """Return PARAMS of an `LpvModel` and its `Design`, by default the paper's box, stored for this aircraft.
 
-    `designs`, a list of (model, design), gives several boxes instead: the one that holds rho is used. States, inputs
-    and outputs must be those of [Alwi14] (33), (37): alpha, Z, theta, V, q; elevator, stabiliser; Z, theta, V, q, n_z,
-    alpha, in deg, m, m/s, g. Fewer than four scheduling parameters leave the last ones unused. `gust` asks for the
-    angle of attack over the ground as an input. Raises ValueError for another shape, or too many boxes.
+    `designs` gives several boxes instead: the one that holds rho is used. States, inputs and outputs must be those of
+    [Alwi14] (33), (37): alpha, Z, theta, V, q; elevator, stabiliser; Z, theta, V, q, n_z, alpha, in deg, m, m/s, g.
+    Fewer than four scheduling parameters leave the last ones unused. `values` are other fields. Raises ValueError for
+    another shape, too many boxes, or an unknown field.
     """
-    if designs is None:
-        designs = [load() if model is None else (model, made)]
-    if not 0 < len(designs) <= NB:
-        raise ValueError(f"{len(designs)} boxes; from 1 to {NB} fit")
-    p = record(
-        PARAMS, K=K, delta=delta, tau_f=tau_f, tau_g=tau_g, tau_v=tau_v, tau_rho=tau_rho, omega_a=omega_a,
-        rate_a=rate_a, delay=delay, sigma_q=sigma_q, t_settle=t_settle, t_learn=t_learn, gust=float(gust),
-        inertia=inertia, adot=adot, thrust=thrust, gradient=gradient, bank=float(bank),
-        n_box=len(designs), mach_max=1.0, **frequencies.design(dt), **thresholds("lpv_smo", which, own),
-    )  # fmt: skip
+    designs = designs or [(model, made) if model and made else load()]
+    if len(designs) > NB:
+        raise ValueError(f"{len(designs)} boxes; at most {NB} fit")
+    usual = {"K": 30.0, "delta": 1e-4, "tau_f": 0.2, "tau_g": 0.1, "tau_v": 0.2, "tau_rho": 0.5, "t_settle": 2.0,
+             "mach_max": 1.0, "n_box": len(designs)}  # fmt: skip
+    p = record(PARAMS, **usual | bank.design(dt) | thresholds("lpv_smo", which, own) | values)
     for k, (one, its) in enumerate(designs):
         for name, value in _box(one, its).items():
             p[name][0, k] = value
-    nr = len(designs[0][0].A) - 1
-    exponents = powers(nr)
-    p["powers"][0] = np.pad(exponents, ((0, T - len(exponents)), (0, R - nr)))
+    exponents = powers(len(designs[0][0].box))
+    p["powers"][0, : len(exponents), : exponents.shape[1]] = exponents
     return p
 
 
@@ -183,18 +322,15 @@ def fitted(site: Site, paper: bool = False) -> np.ndarray:
     model = about.model
     xx, yy, zz, xz = model.gyration2
     (tx, _, tz), (rx, _, rz) = model.thrust_axis, np.mean(model.engine, axis=0)
-    made = params(
-        designs=None if paper else load_boxes(site.own), own=site.own, gust=not paper, t_learn=LEARN,
-        delay=site.ticks("q"), omega_a=1.0 / about.delays[0],
-        rate_a=0.0 if paper else about.rates[0] / RAD_PER_DEG,
-        inertia=((zz - xx) / yy, xz / yy), adot=0.0 if paper else ADOT,
-        gradient=0.0 if paper else GRADIENT, dt=site.dt,
-        thrust=(rz * tx - rx * tz) / tx / yy / RAD_PER_DEG,
+    common = {"t_learn": LEARN, "delay": site.ticks("q"), "omega_a": 1.0 / about.delays[0],
+              "inertia": ((zz - xx) / yy, xz / yy)}  # fmt: skip
+    if paper:
+        return params(dt=site.dt, own=site.own, **common)
+    designs = load_boxes(site.own)
+    return params(
+        designs=designs, dt=site.dt, own=site.own, gust=1.0, rate_a=about.rates[0] / RAD_PER_DEG, gradient=GRADIENT,
+        thrust=(rz * tx - rx * tz) / tx / yy / RAD_PER_DEG, mach_max=max(m.box[R - 1, 1] for m, _ in designs), **common,
     )  # fmt: skip
-    if not paper:
-        made["mach_max"] = made["high"][0, : int(made["n_box"][0]), R - 1].max()
-        made["noise"][0, : int(made["n_box"][0])] = deviations(made.tobytes(), site.dt)
-    return made
 
 
 def init(p: np.ndarray) -> np.ndarray:
@@ -203,83 +339,113 @@ def init(p: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def _declare(x, p, i, f, most, dt):
-    """Confirm estimate f of fault i against `most`; return how far it is beyond, and whether it is declared."""
-    score = math.fabs(f) / most
-    on = 1.0 if x.held[i] > 0.0 else 0.0
-    beyond = score >= (STAYS if on > 0.5 else 1.0)
-    if i == 0:
-        # a half period is counted by one sample: only where noise alone does not come
-        if math.fabs(f) >= max(most, p.floor * x.f_sigma) and f * x.sign <= 0.0:
-            x.half = x.half + 1.0 if x.since < 1.0 else 1.0
-            x.sign, x.since = math.copysign(1.0, f), 0.0
-        # an oscillation is beyond its threshold for less than the confirmation time at once: it counts half periods
-        beyond = beyond or (x.half >= 3.0 and x.since < 1.0) or x.swing > 0.0
-    x.timer[i], on = confirm(x.timer[i], on, beyond, dt, p.t_confirm, p.t_release)
-    x.held[i] = x.held[i] + dt if on > 0.5 else 0.0
-    return score, on
+def _oscillates(x, p, dt):
+    """Return whether the elevator's estimate oscillates and keeps its phase over two periods, as the last fits of HELD
+    have it."""
+    bank.push(x, p, x.f_hat_elevator, 0.0)
+    x.swing = max(x.swing - dt, 0.0)
+    limit = p.swing_limit + p.swing_away * x.apart + p.swing_gust * x.rms
+    for k in range(bank.K):
+        if x.bank_new[k] < 0.5:
+            continue
+        fits = bank.mixed(x, k, 1.0, 0.0) >= limit * limit
+        if fits:
+            agreement, purity = bank.character(x, p, k, 1.0, 0.0)
+            fits = agreement >= p.coherence and purity >= p.purity
+        x.hit[k] = x.hit[k] + 1.0 if fits else 0.0
+        if x.hit[k] >= p.hits:
+            x.swing = HELD
+    return x.swing > 0.0
 
 
 @kernel
-def _oscillation(x, p, gust, away, dt):
-    """Hold an oscillation of the elevator's estimate that keeps its phase over two periods, for HELD."""
-    frequencies.push(x, p, x.f_hat_elevator, 0.0)
-    x.swing = max(x.swing - dt, 0.0)
-    for k in range(frequencies.K):
-        if x.bank_new[k] < 0.5:
-            continue
-        most = p.swing_threshold[k] + p.swing_gust[k] * gust + p.swing_away[k] * away
-        good = frequencies.mixed(x, k, 1.0, 0.0) >= most * most
-        if good:
-            agreement, purity, _ = frequencies.character(x, p, k, 1.0, 0.0)
-            good = agreement >= p.coherence and purity >= p.purity
-        x.hit[k] = x.hit[k] + 1.0 if good else 0.0
-        if x.hit[k] >= p.hits:
-            x.swing = HELD
+def _above(seconds):
+    return 1.0 if seconds > 0.0 else 0.0
 
 
 @kernel
 def _decide(x, p, dt):
     """Declare each fault by its own estimate; of those declared the summary names the one that has been so longest."""
-    away, gust = x.apart, x.rms
-    x.since += dt
-    _oscillation(x, p, gust, away, dt)
-    most_e = max(p.t_elevator + p.s_elevator * away + p.g_elevator * gust, p.least[0] * x.f_sigma)
-    most_n = max(p.t_n_z + p.s_n_z * away + p.g_n_z * gust, p.least[1] * x.sigma[0])
-    most_a = max(p.t_alpha + p.s_alpha * away + p.g_alpha * gust, p.least[2] * x.sigma[1])
-    a, x.alarm_elevator = _declare(x, p, 0, x.f_hat_elevator, most_e, dt)
-    b, x.alarm_n_z = _declare(x, p, 1, x.f_hat_n_z, most_n, dt)
-    c, x.alarm_alpha = _declare(x, p, 2, x.f_hat_alpha, most_a, dt)
-    x.r = max(a, max(b, c))
-    x.culprit, longest = 0.0, 0.0
+    oscillates = _oscillates(x, p, dt)
+    estimates = (x.f_hat_elevator, x.f_hat_n_z, x.f_hat_alpha)
+    x.r, x.culprit, longest = 0.0, 0.0, 0.0
     for i in range(3):
+        score = math.fabs(estimates[i]) / (p.limit[i] + p.limit_away[i] * x.apart + p.limit_gust[i] * x.rms)
+        on = _above(x.held[i])
+        # an oscillation is beyond its threshold for less than the confirmation time at once
+        beyond = score >= (STAYS if on > 0.5 else 1.0) or (i == 0 and oscillates)
+        x.timer[i], on = confirm(x.timer[i], on, beyond, dt, p.t_confirm, p.t_release)
+        x.held[i] = x.held[i] + dt if on > 0.5 else 0.0
+        x.r = max(x.r, score)
         if x.held[i] > longest:
             longest, x.culprit = x.held[i], i + 1.0
-    x.alarm = 1.0 if longest > 0.0 else 0.0
-    if x.culprit > 1.5:
-        x.verdict = SENSOR
-    elif x.culprit > 0.5:
-        x.verdict = OFC_LIQUID if (x.half >= 3.0 and x.since < 1.0) or x.swing > 0.0 else AMBIGUOUS
-    else:
-        x.verdict = NONE
+    x.alarm_elevator, x.alarm_n_z, x.alarm_alpha = _above(x.held[0]), _above(x.held[1]), _above(x.held[2])
+    x.alarm = _above(longest)
+    x.verdict = NONE if x.alarm < 0.5 else SENSOR if x.culprit > 1.5 else OFC_LIQUID if oscillates else AMBIGUOUS
     if x.alarm > 0.5 and x.gyro_off > 0.0:  # all three estimates take q for true
         x.verdict, x.culprit = AMBIGUOUS, 0.0
         x.alarm_elevator, x.alarm_n_z, x.alarm_alpha = 0.0, 0.0, 0.0
 
 
 @kernel
-def _silent(x, why):
-    """Say nothing but why."""
+def _withhold(x, why):
+    """Judge nothing, for the reason `why`."""
     x.valid, x.why = 0.0, why
-    x.r, x.alarm, x.verdict, x.culprit = 0.0, 0.0, NONE, 0.0
+    x.r, x.alarm, x.verdict, x.culprit, x.swing = 0.0, 0.0, NONE, 0.0, 0.0
     x.alarm_elevator, x.alarm_n_z, x.alarm_alpha = 0.0, 0.0, 0.0
-    for i in range(3):
-        x.held[i], x.timer[i] = 0.0, 0.0
-    x.swing, x.half = 0.0, 0.0
-    for j in range(frequencies.LEVELS):
-        x.bank_seen[j] = 0.0
-    for k in range(frequencies.K):
-        x.hit[k] = 0.0
+    x.held[:] = 0.0
+    x.timer[:] = 0.0
+    x.bank_seen[:] = 0.0
+    x.hit[:] = 0.0
+
+
+@kernel
+def _from_trim(x, p, dt):
+    """Lag the angle of attack and that of trim, which follows airspeed."""
+    trim = x.eq[0] * RAD_PER_DEG
+    if x.age == 0.0:
+        x.gust, x.path, x.calm, x.trim = max(x.gust, p.gust_0 * p.gust_0), x.alpha_hat, 0.0, trim
+    x.age += dt
+    x.path += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat - x.path)
+    x.away = x.path - trim
+    x.trim += (1.0 - math.exp(-dt / TREND)) * (trim - x.trim)
+
+
+@kernel
+def _weigh(x, p, dt):
+    """Advance what limits grow with (the distance from where offsets were learned, the rms of gusts), and the time for
+    which the model has held."""
+    x.apart = math.fabs(x.away)
+    if x.learned > 0.5:
+        # in a dive the angle of attack may be that of slower level flight: it does not tell how far the model is off
+        x.apart = math.fabs(x.trim - x.trim_0) + math.fabs(x.path - x.trim - (x.alpha_0 - x.trim_0))
+    if x.age > p.t_settle:  # also while nothing is judged: what comes after is judged by it
+        # gust_hat is not one of the three estimates, so that no fault of a sensor passes for weather
+        more = min(math.fabs(x.gust_hat), p.gust_max)
+        x.gust += (1.0 - math.exp(-dt / p.tau_gust)) * (more * more - x.gust)
+    x.rms = math.sqrt(x.gust + x.doubt * x.doubt)
+    # without the vane, whose fault is no stall; beyond a stall alpha_hat is wrong, but not the angle over the ground
+    flown = max(x.path, x.path - x.slip * RAD_PER_DEG)
+    # where lift has bent, gust_hat is what is missing of it: level flight in the gusts that blow must not get there
+    most = max(flown + max(x.gust_hat, 0.0), x.eq[0] * RAD_PER_DEG + math.sqrt(x.gust))
+    blown = math.fabs(x.gust_hat) > p.gust_max or x.gust > NEAR * NEAR * p.gust_max * p.gust_max
+    x.calm = x.calm + dt if math.fabs(x.away) <= p.away_max and most <= p.alpha_max and not blown else 0.0
+
+
+@kernel
+def _reason(x, u, p, dt, why):
+    """Return VALID where the estimates may be judged, else why not; `why` is that of the box."""
+    if why != VALID:
+        return why
+    if usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid) < 0.5:
+        return LOST_SENSOR
+    if x.age <= p.t_settle:
+        return NOT_READY
+    if x.rho[R - 1] > p.mach_max:
+        return BOX_MACH
+    if x.learned < 0.5 and p.t_learn > 0.0:
+        return NOT_READY
+    return VALID if x.calm >= min(x.age, p.t_recover) - 0.5 * dt else BOX_ALPHA
 
 
 @kernel
@@ -291,68 +457,29 @@ def step(x, u, p, dt):
     gyro.compare(x, u, dt)
     if x.age == 0.0:  # the first tick needs all of them; later n_z and alpha may drop out
         good *= usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid)
-    if good < 0.5:  # without a fault-free output there is no e_y: keep the estimates, start again when it is back
+    why = inputs(x, u, p, dt) if good > 0.5 else LOST_SENSOR
+    # without a fault-free output there is no e_y; what is learned at the start is learned within a box
+    if good < 0.5 or (why != VALID and p.t_learn > 0.0 and x.learned < 0.5):
         x.age = 0.0
-        _silent(x, LOST_SENSOR)
-        return
-    why = inputs(x, u, p, dt)
-    if why != VALID and p.t_learn > 0.0 and x.learned < 0.5:  # what is learned at the start is learned within a box
-        x.age = 0.0
-        _silent(x, why)
+        _withhold(x, why)
         return
     x.speed = x.v_s
     if p.gust > 0.5:
         drift(x, u, p, dt)
     outputs(x, u, p, dt)
-    bank(x, u, p)
+    lateral(x, u, p)
     observe(x, p, dt)
     if p.gust > 0.5:
         gust(x, u, p, dt)
-    if x.age == 0.0:
-        x.gust, x.path, x.calm = max(x.gust, p.gust_0 * p.gust_0), x.alpha_hat, 0.0
-        x.trim = x.eq[0] * RAD_PER_DEG
-    x.age += dt
-    x.path += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat - x.path)
-    x.away = x.path - x.eq[0] * RAD_PER_DEG
-    x.trim += (1.0 - math.exp(-dt / TREND)) * (x.eq[0] * RAD_PER_DEG - x.trim)
+    _from_trim(x, p, dt)
     reconstruct(x, u, p, dt)
-    if x.learned > 0.5:
-        # in a dive the angle of attack may be that of slower level flight: it does not tell how far the model is off
-        from_trim, learned_at = x.path - x.trim, x.alpha_0 - x.trim_0
-        x.apart = math.fabs(x.trim - x.trim_0) + math.fabs(from_trim - learned_at)
-    else:
-        x.apart = math.fabs(x.away)
-    if x.age > p.t_settle:  # also while nothing is said: what comes after is judged by it
-        # gust_hat is not one of the three estimates, so that no fault of a sensor passes for weather
-        more = min(math.fabs(x.gust_hat), p.gust_max) ** 2 - x.gust
-        x.gust += (1.0 - math.exp(-dt / (p.tau_blow if more > 0.0 else p.tau_gust))) * more
-    x.rms = math.sqrt(x.gust + x.doubt * x.doubt)
-    # without the vane, whose fault is no stall; beyond a stall alpha_hat is wrong, but not the angle over the ground
-    flown = max(x.path, x.path - x.slip * RAD_PER_DEG) if p.gust > 0.5 else x.path
-    # where lift has bent, gust_hat is what is missing of it: level flight in the gusts that blow must not get there
-    most = max(flown + max(x.gust_hat, 0.0), x.eq[0] * RAD_PER_DEG + math.sqrt(x.gust))
-    steep = most > p.alpha_max or -x.A[0, 0] < p.lift_min
-    blown = math.fabs(x.gust_hat) > p.gust_max or x.gust > (NEAR * p.gust_max) ** 2
-    linear = math.fabs(x.away) <= p.away_max and not steep and not blown
-    x.calm = x.calm + dt if linear else 0.0
-    if why == VALID:
-        if usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid) < 0.5:
-            why = LOST_SENSOR
-        elif x.age <= p.t_settle:
-            why = NOT_READY
-        elif x.rho[R - 1] > p.mach_max:
-            why = BOX_MACH
-        elif x.learned < 0.5 and p.t_learn > 0.0:
-            why = NOT_READY
-        elif x.calm < min(x.age, p.t_recover) - 0.5 * dt:
-            why = BOX_ALPHA
-        elif p.bank_max > 0.0 and math.fabs(u.phi) > p.bank_max and usable(u.phi, u.phi_valid) > 0.5:
-            why = BANK
+    _weigh(x, p, dt)
+    why = _reason(x, u, p, dt, why)
     if why == VALID:
         x.valid, x.why = 1.0, VALID
         _decide(x, p, dt)
     else:
-        _silent(x, why)
+        _withhold(x, why)
 
 
 rollout = entry(step, STATE, INPUTS, PARAMS)

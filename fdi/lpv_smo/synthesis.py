@@ -21,7 +21,6 @@ without which the pole runs to -1e7 rad/s.
 """
 
 import dataclasses
-import hashlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,7 +30,6 @@ import numpy as np
 
 from fdi.common import compact
 from fdi.common import lmi as lmi_tools
-from fdi.lpv_smo.inputs import least_seen, movable, options, stacks, vector
 from fdi.lpv_smo.model import LpvModel, at, vertices
 
 Arrays = Any  # whatever numpy makes an array of
@@ -77,10 +75,10 @@ def canonical(
     faults. Returns a dict of A, B, E, D2, x_from, y_from, F, F_o, A_f, neglected. Raises ValueError with the condition
     of section 2 that fails: C_1 constant and of full row rank, D_1 zero, rank(C_1 F_p) = n_h, enough outputs.
     """
-    A, B, C, D = stacks(A, B, C, D)
+    A, B, C, D = _stacks(A, B, C, D)
     nr, n, m, p, q = len(A) - 1, A.shape[1], B.shape[2], C.shape[1], faulty
     h, free = len(actuator), p - q
-    A_f = vector("A_f", np.ones(q) if A_f is None else A_f, q, sign=1)
+    A_f = _numbers("A_f", np.ones(q) if A_f is None else A_f, (q,))
     if np.abs(C[1:, :free]).max(initial=0) > 0:
         raise ValueError("C_1, the rows of the fault-free outputs, varies with rho; [Alwi14] (6) needs it constant")
     if np.abs(D[:, :free]).max(initial=0) > 0:
@@ -91,10 +89,7 @@ def canonical(
     if not h + q < p < n + q:
         raise ValueError(f"n_h + n_q = {h + q} < n_p = {p} < n_n + n_q = {n + q} does not hold ([Alwi14] after (2))")
     H = B[:, :, list(actuator)]
-    F = _dominant(H, C1) if F is None else np.asarray(F, float)
-    if F.size != n * h:
-        raise ValueError(f"F holds {F.size} numbers, not {n} states times {h} actuator faults")
-    F = F.reshape(n, h)
+    F = _dominant(H, C1) if F is None else _numbers("F", np.reshape(F, (-1, h)), (n, h))
     if np.linalg.matrix_rank(C1 @ F) < h:
         raise ValueError(f"rank(C_1 F_p) = {np.linalg.matrix_rank(C1 @ F)} < n_h = {h}: the actuator fault is not seen")
     E = np.einsum("hn,rnk->rhk", np.linalg.pinv(F), H)
@@ -132,45 +127,47 @@ def design(
     section 5. `poles`: bounds [rad/s] on the sliding motion. Raises ValueError naming the structural condition that
     fails, an E_p(rho) that changes sign in the box, a pole that no gain moves, or an infeasible LMI.
     """
-    A, B, C, D = stacks(A, B, C, D)
-    box, poles = options(box, poles, a_f, A.shape[1], B.shape[2], actuator)
-    if len(A) != 1 + len(box):
-        raise ValueError(f"{len(A) - 1} scheduled terms of A, but a box of {len(box)} parameters")
+    A, B, C, D = _stacks(A, B, C, D)
+    box, n_x, h = _numbers("box", np.reshape(box, (-1, 2)), (len(A) - 1, 2)), A.shape[1], len(actuator)
+    for wrong, message in (
+        ((box[:, 0] >= box[:, 1]).any(), "each row of box is (lowest, highest) of a parameter"),
+        (not 0.0 < poles[0] < poles[1], f"poles = {poles}: a slow and a faster bound, both positive [rad/s]"),
+        (not a_f > 0.0, f"a_f = {a_f} is positive [rad/s]"),
+        (A_f is not None and np.min(A_f) <= 0.0, "A_f are all positive [rad/s]"),
+        (A22s is not None and np.max(A22s) >= 0.0, "A22s are all negative [rad/s]"),
+        (not all(0 <= j < B.shape[2] for j in actuator), f"actuator = {actuator}: columns of B, of which there are "
+                                                         f"{B.shape[2]}"),
+    ):  # fmt: skip
+        if wrong:
+            raise ValueError(message)
     form = canonical(A, B, C, D, faulty=faulty, actuator=actuator, F=F, A_f=A_f)
     n, p, q = form["A"].shape[1], form["y_from"].shape[0], faulty
-    n_x, h = n - q, len(actuator)
     corners = vertices(box)
-    signs = {float(np.sign(np.linalg.det(at(form["E"], r)))) for r in corners}
-    if len(signs) != 1 or 0.0 in signs:
+    if len({float(np.sign(np.linalg.det(at(form["E"], r)))) for r in corners} | {0.0}) != 2:
         raise ValueError("E_p(rho) is singular inside the box (its determinant changes sign over the vertices)")
     neglected = np.max([np.abs(at(form["neglected"], r)) for r in corners], axis=0)
     if M is None:
         M = np.eye(n_x)[:, neglected.any(1)] if neglected.any() else np.eye(n_x)[:, :1]
-    M = np.asarray(M, float)
-    if M.ndim != 2 or len(M) != n_x:
-        raise ValueError(f"M is {M.shape}, not ({n_x} states, directions of model error)")
-    M_c = form["x_from"] @ np.block([[M, np.zeros((n_x, q))], [np.zeros((q, M.shape[1])), np.diag(form["A_f"])]])
-    k = M.shape[1]
-    delta_1 = np.full(k, 100.0) if delta_1 is None else delta_1
-    delta_1 = vector("delta_1", np.r_[delta_1, np.zeros(q)] if np.size(delta_1) == k else delta_1, k + q)
-    delta_2 = vector("delta_2", np.r_[np.full(p - q, 0.01), np.zeros(q)] if delta_2 is None else delta_2, p)
-    if not (delta_1 > 0.0).any() or not (delta_2 > 0.0).any():
-        raise ValueError("delta_1 and delta_2 need at least one positive weight each")
-    A22s = vector("A22s", -(10 + 0.1 * np.arange(1, p + 1)) if A22s is None else A22s, p, sign=-1)
-    movable(form["A"], box, n - p, p - h - q, poles)
+    k = np.shape(M)[-1]
+    M = _numbers("M", M, (n_x, k))
+    M_c = form["x_from"] @ np.block([[M, np.zeros((n_x, q))], [np.zeros((q, k)), np.diag(form["A_f"])]])
+    delta_1 = _numbers("delta_1", np.r_[np.full(k, 100.0), np.zeros(q)] if delta_1 is None else delta_1, (k + q,))
+    delta_2 = _numbers("delta_2", np.r_[np.full(p - q, 0.01), np.zeros(q)] if delta_2 is None else delta_2, (p,))
+    A22s = _numbers("A22s", -(10 + 0.1 * np.arange(1, p + 1)) if A22s is None else A22s, (p,))
     plants = [at(form["A"], r) for r in corners]
     try:
         L, W, P1, P2, gamma, storage = _solve(
             plants, M_c, form["F_o"], form["y_from"], a_f, delta_1, delta_2, poles, n - p, h + q
         )
     except lmi_tools.Infeasible as error:
-        hint = least_seen(form["A"], box, n - p, p - h - q, poles)
-        raise ValueError(f"no L and W meet the LMIs with poles in {poles} rad/s{hint} [{error}]") from error
+        raise ValueError(
+            f"no L and W meet the LMIs with poles in {poles} rad/s: measure more, take fewer faults or "
+            f"widen the bound [{error}]"
+        ) from error
     made = Design(
-        A=form["A"], B=form["B"], E=form["E"], D2=form["D2"], x_from=form["x_from"], y_from=form["y_from"],
-        F_o=form["F_o"], box=box, A_f=form["A_f"], L=L, W=W, A22s=A22s, P1=P1, P2=P2, M=M_c, a_f=a_f, delta_1=delta_1,
-        delta_2=delta_2, gamma=gamma, storage=storage, poles=tuple(poles), actuator=tuple(actuator),
-        neglected=neglected,
+        **{name: form[name] for name in ("A", "B", "E", "D2", "x_from", "y_from", "F_o", "A_f")}, box=box, L=L, W=W,
+        A22s=A22s, P1=P1, P2=P2, M=M_c, a_f=a_f, delta_1=delta_1, delta_2=delta_2, gamma=gamma, storage=storage,
+        poles=tuple(poles), actuator=tuple(actuator), neglected=neglected,
     )  # fmt: skip
     report = verify(made)
     if not report["ok"]:
@@ -207,44 +204,43 @@ def verify(made: Design) -> dict[str, Any]:
     return out
 
 
-def digest(model: LpvModel) -> str:
-    """Return the hash of an `LpvModel`'s numbers to nine significant digits, independent of how they are written."""
-    text = " ".join(f"{v:.9e}" for f in ("A", "B", "C", "D", "box", "trim") for v in np.ravel(getattr(model, f)) + 0.0)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
 def plain(model: LpvModel, made: Design) -> dict[str, Any]:
-    """Return model and design as plain data, beside the model's hash."""
-    parts = {"model": dataclasses.asdict(model), "design": dataclasses.asdict(made)}
-    told = {name: {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in part.items()}
-            for name, part in parts.items()}  # fmt: skip
-    return {"model_sha256": digest(model), **{n: {k: v for k, v in t.items() if v != ()} for n, t in told.items()}}
+    """Return model and design as plain data."""
+    return {name: {k: np.asarray(v).tolist() for k, v in vars(part).items()}
+            for name, part in (("model", model), ("design", made))}  # fmt: skip
 
 
-def pair(held: dict[str, Any]) -> tuple[LpvModel, Design]:
-    """Return what `plain` was made of. Raises ValueError when the design was made for other numbers than the model has.
-    """
-    model = LpvModel(**{k: array(v) for k, v in held["model"].items()})
-    if digest(model) != held["model_sha256"]:
-        raise ValueError("the stored LPV design is of another model; mend: python -m cosim.training designs")
-    return model, Design(**{k: array(v) for k, v in held["design"].items()})
-
-
-def save(model: LpvModel, made: Design, path: Path | str, **facts: Any) -> None:
-    """Write model and design as JSON to `path`, with the model's hash and further `facts` (numbers, strings)."""
-    Path(path).write_text(compact.text({**facts, **plain(model, made)}), encoding="utf-8")
+def pair(stored: dict[str, Any]) -> tuple[LpvModel, Design]:
+    """Return the model and the design of JSON data as `plain` makes it."""
+    model: dict[str, Any] = {k: np.array(v) for k, v in stored["model"].items()}
+    made: dict[str, Any] = {k: np.array(v) if isinstance(v, list) else v for k, v in stored["design"].items()}
+    return LpvModel(**model), Design(**made)
 
 
 def load(path: Path | str | None = None) -> tuple[LpvModel, Design]:
-    """Return (LpvModel, Design) from `path`, by default the stored ones of this aircraft. Errors: see `pair` and
+    """Return (LpvModel, Design) from `path`, by default the stored ones of this aircraft; errors of
     `fdi.common.compact.read`."""
     return pair(json.loads(Path(path).read_text(encoding="utf-8")) if path else compact.read("lpv_smo"))
 
 
-def array(value: Any) -> Any:
-    """Return lists of numbers as arrays, of words as tuples, anything else as it is: a Design's fields from JSON."""
-    if isinstance(value, list):
-        return tuple(value) if value and isinstance(value[0], str) else np.array(value)
+def load_boxes(own: str | Path | None = None) -> list[tuple[LpvModel, Design]]:
+    """Return the (LpvModel, Design) of every stored box; `own` as for `fdi.common.compact.read`."""
+    return [pair(box) for box in compact.read("lpv_smo_boxes", own)["boxes"]]
+
+
+def _stacks(A, B, C, D):
+    """Return A, B, C, D as float stacks of 1 + nr matrices, of one if a matrix; ValueError where sizes differ."""
+    A, B, C, D = (np.array(S, float, ndmin=3) for S in (A, B, C, D))
+    (terms, n, _), m, p = A.shape, B.shape[2], C.shape[1]
+    shapes = {"A": (terms, n, n), "B": (terms, n, m), "C": (terms, p, n), "D": (terms, p, m)}
+    return [_numbers(name, S, shapes[name]) for name, S in zip("ABCD", (A, B, C, D))]
+
+
+def _numbers(name, value, shape):
+    """Return `value` as finite numbers of `shape`; ValueError otherwise."""
+    value = np.asarray(value, float)
+    if value.shape != shape or not np.isfinite(value).all():
+        raise ValueError(f"{name} takes finite numbers of shape {shape}; it has shape {value.shape}")
     return value
 
 

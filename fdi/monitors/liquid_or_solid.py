@@ -90,8 +90,8 @@ def weigh(x, p, h):
 
 @kernel
 def name(x, p, dt):
-    """Weigh the oscillation of an alarm at every EVERY-th sample; what several evaluations agree on is the verdict."""
-    if x.alarm > 0.5 and x.ticks == 0.0 and int(x.since) % EVERY == 0:
+    """Weigh an oscillation while it is counted, at every EVERY-th sample; what several agree on is the verdict."""
+    if x.timer == p.t_release and x.ticks == 0.0 and int(x.since) % EVERY == 0:
         hz = x.sine_hz
         said = weigh(x, p, p.even * dt)
         same = said == x.vote and math.fabs(x.sine_hz - hz) <= STEADY * hz

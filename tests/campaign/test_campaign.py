@@ -177,8 +177,7 @@ def test_a_run_that_kills_its_process_is_a_row_and_the_others_fly(executor, bad,
     monkeypatch.setattr(worker.Packed, "__getitem__", lambda self, i: None)
     runs, packed = ["a", bad, *"bcdefghijklmnopqrs"], worker.Packed()
     packed.seeds, packed.packed = [i // 3 for i in range(len(runs))], [str(tmp_path / run) for run in runs]
-    how = {"workers": 2, "achieved": True, "signals": None, "executor": executor}
-    found = [(f.run, f.rows[0]["status"]) for f in engine._flights(runs, packed, (), None, **how)]
+    found = [(f.run, f.rows[0]["status"]) for f in engine._flights(runs, packed, (), None, 2, executor, None)]
     assert len(found) == len(runs) and dict(found) == {run: "completed" for run in runs} | {bad: status}
 
 

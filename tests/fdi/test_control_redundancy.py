@@ -10,27 +10,20 @@ import pytest
 from watched import watched as of_flight
 
 import cosim
-from actuators.constants import RAD_PER_DEG
-from cosim.errors import ScenarioError
-from cosim.flight.build import build
-from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import sources
-from cosim.flight.loop.signals import detect, fly, inputs
-from cosim.flight.plant.aero_functions import AeroFunctions, numbers_digest
+from cosim.flight.loop.signals import fly, inputs
+from cosim.flight.plant.aero_functions import numbers_digest
 from cosim.flight.plant.force_model import force_model
 from cosim.flight.plant.plant import POINTS, Plant
 from cosim.papers.mar10 import flights as mar10_flights
 from cosim.papers.mar10 import rows as mar10
 from cosim.scenario.aircraft import load_aircraft
 from cosim.scenario.load import load_scenario
-from cosim.training.flights import scenario
-from cosim.training.train_aircraft import arguments, fitted
-from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, SENSOR, THRUST
+from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, THRUST
 from fdi.common.why import GUSTS
-from fdi.control_redundancy import control_redundancy, core
-from fdi.control_redundancy import force_model as fm
+from fdi.control_redundancy import control_redundancy
 from fdi.control_redundancy import structure as redundancy_structure
-from fdi.control_redundancy.structure import TALK, families, signatures, undefined
+from fdi.control_redundancy.structure import TALK, families, signatures
 
 FOLDER = load_aircraft().folder
 
@@ -41,18 +34,13 @@ def test_slide_10_follows_from_the_pattern_of_slide_7():
     assert sum(signatures(TALK).values()) == 27 and len(signatures(TALK)) == 8
 
 
-@pytest.mark.parametrize(
-    "pattern, count, kinds",
-    [
-        ([[1, 1, 1, 1], [0, 0, 1, 0], [0, 1, 0, 0]], 18, 6),  # no aileron side force
-        ([[0, 1, 0, 1], [0, 0, 1, 0], [0, 1, 0, 0]], 10, 4),  # nor linear aileron and rudder drag
-    ],
-)
-def test_a_transport_defines_fewer_of_the_27(pattern, count, kinds):
-    pattern = np.array(pattern, bool)
-    assert 27 - len(undefined(pattern)) == count
-    assert len(signatures(pattern)) == kinds
-    assert all("is zero" in reason for _, reason in undefined(pattern))
+def test_a_transport_has_fewer_signatures():
+    """Without side force of the aileron, and without linear drag of aileron and rudder."""
+    for pattern, kinds in (
+        ([[1, 1, 1, 1], [0, 0, 1, 0], [0, 1, 0, 0]], 6),
+        ([[0, 1, 0, 1], [0, 0, 1, 0], [0, 1, 0, 0]], 4),
+    ):
+        assert len(signatures(np.array(pattern, bool))) == kinds
 
 
 def test_no_family_repeats_another_and_signatures_are_true():
@@ -77,14 +65,11 @@ def now(truth):
     return u
 
 
-@pytest.mark.parametrize("point", ["sun13", "A", "D"])
-def test_the_rows_read_from_the_xml_are_those_that_jsbsim_flies(point):
-    """Random states, surfaces and throttles: forces within 1 mg (thrust over N1), angular accelerations 0.02 deg/s2."""
-    p = control_redundancy.params(
-        model=force_model(), rows="force+moment", delay=0, lag=(0, 0, 0, 0), t_mean=0, t_learn=0
-    )
+def test_the_rows_read_from_the_xml_are_those_that_jsbsim_flies():
+    """Random states, surfaces and throttles: forces within 1 mg (thrust over N1)."""
+    p = control_redundancy.params(model=force_model(), delay=0, lag=(0, 0, 0, 0), t_mean=0, t_learn=0)
     rng = np.random.default_rng(0)
-    plant = Plant(POINTS[point])
+    plant = Plant(POINTS["A"])
     trim = plant.trim()
     for _ in range(10):
         s = trim.surfaces.copy()
@@ -97,8 +82,7 @@ def test_the_rows_read_from_the_xml_are_those_that_jsbsim_flies(point):
         )  # fmt: skip
         x, log = control_redundancy.init(p), np.zeros((1, 1), control_redundancy.STATE)
         control_redundancy.rollout(x, now(plant.truth()[0]), p, 0.005, log)
-        assert np.abs(x["e"][0, :3]).max() < 1e-3
-        assert np.abs(x["e"][0, 3:]).max() < 0.02 * RAD_PER_DEG
+        assert np.abs(x["e"]).max() < 1e-3
 
 
 def test_a_coefficient_that_changes_in_the_xml_changes_the_rows(tmp_path):
@@ -124,14 +108,6 @@ def test_a_form_that_cannot_be_tabulated_is_refused(tmp_path):
     path.write_text(path.read_text().replace(old, f"<product> {old} {old} </product>", 1))
     with pytest.raises(ValueError, match="not linear in stab"):
         force_model(folder)
-
-
-def test_tables_hold_their_ends_and_interpolate():
-    aero = AeroFunctions(FOLDER)
-    mach, at = aero.breakpoints["velocities/mach"], {"aero/qbar-psf": 200.0, "velocities/vt-fps": 500.0}
-    points = (mach[0] - 1, mach[0], mach[-1], mach[-1] + 1, mach[3], 0.5 * (mach[3] + mach[4]), mach[4])
-    below, first, last, above, a, middle, b = (aero.value("aero/CL_0", at | {"velocities/mach": m}) for m in points)
-    assert (below, above) == (first, last) and middle == pytest.approx(0.5 * (a + b))
 
 
 @functools.cache
@@ -180,8 +156,7 @@ def lost(sensors):
 
 def test_a_dropout_leaves_no_nan():
     log = lost({"n_z": (4200, 4300), "alpha": (4400, 4700), "cas": (100, 120)})
-    for name in control_redundancy.OUTPUTS:
-        assert np.isfinite(log[name]).all(), name
+    assert all(np.isfinite(log[name]).all() for name in control_redundancy.OUTPUTS)
     assert log["valid"][4250] == 0 and log["valid"][-1] == 1
     assert control_redundancy.CULPRITS[int(log["culprit"][-1])] == "engine"
 
@@ -192,32 +167,15 @@ def test_what_was_declared_is_taken_back_when_nothing_is_measured_for_long():
     assert log["verdict"][-1] == 0.0 and log["valid"][-1] == 0.0
 
 
-@pytest.mark.parametrize(
-    "change, message",
-    [({"rows": "moment"}, "force"), ({"t_mean": 0.6}, "at most 0.5"), ({"delay": 60}, "at most")],
-)
-def test_wrong_options_are_refused(change, message):
-    with pytest.raises(ValueError, match=message):
-        control_redundancy.params(model=force_model(), **change)
-
-
-def test_a_model_that_does_not_fit_is_refused():
+def test_wrong_options_and_a_model_that_does_not_fit_are_refused():
     big = dataclasses.replace(force_model(), mach=np.linspace(0, 1, 200))
-    with pytest.raises(ValueError, match="200 Mach"):
-        fm.fields(big)
-
-
-def test_the_scenario_chooses_the_rows_by_a_word():
-    def rows(*changes):
-        only = ("detectors.enabled=['control_redundancy']", "duration_s=1", "faults=[]")
-        return build(load_scenario("cruise", [*only, *changes])).loop.detectors[0].p["n_rows"][0]
-
-    assert rows() == 3.0
-    assert rows("detectors.control_redundancy.rows=force+moment") == 6.0
-    with pytest.raises(ScenarioError, match="is no choice"):
-        rows("detectors.control_redundancy.rows=moment")
-    with pytest.raises(ScenarioError, match="is no number"):
-        rows("detectors.control_redundancy.rel=five")
+    for change, message in (
+        ({"t_mean": 0.6}, "at most 0.5"),
+        ({"delay": 60}, "at most"),
+        ({"model": big}, "mach_grid"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            control_redundancy.params(**{"model": force_model()} | change)
 
 
 WIRES = sources("control_redundancy")
@@ -236,19 +194,14 @@ def healthy():
     return cruising("duration_s=26", "flight.turbulence=light")
 
 
-@pytest.mark.parametrize("sensor, error", [("n_x", lambda t: 0.03 + 0 * t), ("n_z", lambda t: 0.01 * t),
-                                           ("alpha", lambda t: 0.035 + 0 * t), ("", None)])  # fmt: skip
-def test_a_sensor_is_named_by_kinematics_and_not_an_effector_and_an_error_of_the_pitch_rate_is_nobodys(
-    healthy, sensor, error
-):
+@pytest.mark.parametrize("sensor, error", [("n_x", 0.03), ("n_z", 0.1), ("alpha", 0.035), ("q", math.radians(4.0))])
+def test_the_error_of_a_sensor_is_no_effectors(healthy, sensor, error):
     quiet, t, frame = heard(healthy), healthy.index.to_numpy(), healthy.copy()
     assert (quiet["valid"][t > 8.6] == 1.0).all() and not quiet["alarm"].any()
-    off = error(t - 12.0) if error else math.radians(4.0)
-    frame[f"sensors.{sensor or 'q'}.y_obs"] += np.where(t >= 12.0, off, 0.0)
+    frame[f"sensors.{sensor}.y_obs"] += np.where(t >= 12.0, error, 0.0)
     log = heard(frame)
-    named = log[(log["alarm"] > 0) & (log["culprit"] > 0)]  # before it is sure it names nobody
-    assert log["alarm"].any() and {control_redundancy.CULPRITS[int(c)] for c in named["culprit"]} == {sensor} - {""}
-    assert (named["verdict"] == SENSOR).all()
+    assert log["alarm"].any() and not log["culprit"].any()
+    assert (log["verdict"][log["alarm"] > 0] == AMBIGUOUS).all()
 
 
 def test_in_gusts_beyond_those_of_its_training_it_says_nothing_and_why():
@@ -258,29 +211,8 @@ def test_in_gusts_beyond_those_of_its_training_it_says_nothing_and_why():
     assert log["why"][-1] == GUSTS and not log["valid"].any() and not log["alarm"].any() and not log["learned"].any()
 
 
-def test_a_vane_that_is_off_in_a_turn_in_gusts_is_never_called_an_accelerometer():
-    given = arguments(49, 520_000) | {"duration": 40.0}  # kinematics had half of the forward force's residual in n_x
-    frame = fly(scenario(**given), WIRES.values())
-    frame["sensors.alpha.y_obs"] += math.radians(2.0) * (frame.index >= 20.0)
-    log = detect(frame, control_redundancy, WIRES, fitted("control_redundancy", 49), ("alarm", "culprit"))
-    named = set(log["culprit"][log["alarm"] > 0.5])
-    assert control_redundancy.CULPRITS.index("alpha") in named and control_redundancy.CULPRITS.index("n_x") not in named
-
-
-def test_what_gusts_from_the_side_make_of_a_roll_is_no_more_than_the_doubt_about_an_accelerometer():
-    x, u = (np.zeros(1, kind)[0] for kind in (control_redundancy.STATE, control_redundancy.INPUTS))
-    u["alpha_ground_valid"], u["v_ground_valid"] = 1.0, 1.0
-    u["v_ground"], u["p"], u["beta"], u["n_z"] = 150.0, -0.14, 0.026, 1.0  # a vane in a gust of 4 m/s, a level path
-    x["learned"], x["rough"] = 1.0, (2.0 / 150.0) ** 2
-    p = control_redundancy.fitted(site(0.005))[0]
-    for _ in range(2000):
-        core.accelerometers(x, u, p, 0.005)
-    assert 0.05 < abs(x["bias"][1]) < x["doubt"][1] < 3.0 * abs(x["bias"][1]) and x["doubt"][0] == 0.0
-
-
 HEALS = {
     "an engine": "target='engine.2',kind='thrust_loss',loss_pct=80",
-    "a sensor": "target='sensor.n_x',kind='bias',bias_g=0.06,path='observers'",
     "a rudder hard over": "target='rudder',kind='runaway',rate_deg_s=3,limit_deg=5",
 }
 

@@ -8,8 +8,6 @@ import pytest
 from watched import watched as of_flight
 
 from actuators.constants import RAD_PER_DEG
-from cosim.flight.blocks.sensors import TRANSPORT
-from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import fly
 from cosim.scenario import load_scenario
@@ -17,14 +15,13 @@ from cosim.scenario.aircraft import load_aircraft
 from cosim.training.flights import POINT, TURBULENCE, draw, scenario, trimming
 from fdi.common import why
 from fdi.common.verdict import AMBIGUOUS, OFC_LIQUID
-from fdi.lpv_smo import boxes, lpv_smo, noise, synthesis
-from fdi.lpv_smo.core import learn
+from fdi.lpv_smo import lpv_smo, synthesis
 
 WIRES, ONSET = sources("lpv_smo"), 14.0
 ESTIMATES = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha")
 FIELDS = (
     *ESTIMATES, "alarm", "alarm_elevator", "alarm_n_z", "alarm_alpha", "verdict", "culprit", "valid", "why", "gust",
-    "box", "path", "learned", "offset", "apart", "alpha_0", "over", "alpha_hat", "f_sigma", "sigma", "gust_hat",
+    "box", "path", "learned", "offset", "apart", "alpha_0", "over", "alpha_hat", "gust_hat",
     "ahead", "rms",
 )  # fmt: skip
 LIGHT = ("flight.mass_t=215", "flight.cg_pct=30", "flight.altitude_ft=15000", "flight.cas_kt=300", "duration_s=16",
@@ -32,7 +29,6 @@ LIGHT = ("flight.mass_t=215", "flight.cg_pct=30", "flight.altitude_ft=15000", "f
 THREE = """faults=[{target='elevator.all',kind='bias',bias_deg=3,start_s=10},
     {target='sensor.n_z',kind='bias',bias_g=0.5,start_s=10,path='observers'},
     {target='sensor.alpha',kind='bias',bias_deg=5,start_s=10,path='observers'}]"""
-FAST_LIGHT = ("flight.mass_t=207.4", "flight.cg_pct=26.94", "flight.altitude_ft=20430", "flight.cas_kt=320.6")
 AT_AN_EDGE = ("flight.mass_t=404.7", "flight.cg_pct=34.3", "flight.altitude_ft=30120", "flight.cas_kt=300.2")
 SLOW_HEAVY = ("flight.mass_t=399.6", "flight.cg_pct=29.08", "flight.altitude_ft=10860", "flight.cas_kt=240.3")
 
@@ -56,7 +52,7 @@ def oscillating():
 
 
 def test_every_box_holds_its_inequalities_and_knows_its_model():
-    pairs = boxes.load()
+    pairs = synthesis.load_boxes()
     assert len(pairs) <= lpv_smo.NB
     for model, made in pairs[::9]:
         assert synthesis.verify(made)["ok"]
@@ -99,7 +95,6 @@ def test_it_says_why_it_is_silent(faulty):
     assert (watched(lost)["why"][t > 13.01] == why.LOST_SENSOR).all()
     heavy["sensors.mass.y_obs"] = 500e3
     assert (watched(heavy)["why"] == why.BOX_MASS).all()
-    assert (watched(faulty, bank_max=1e-9)["why"][t > 8.1] == why.BANK).all()
 
 
 def test_no_box_is_believed_beyond_the_fastest_mach_number_that_one_was_fitted_to():
@@ -125,20 +120,6 @@ def test_an_oscillation_far_below_the_threshold_of_a_step_is_found_within_four_p
     assert ONSET <= t[on][0] < ONSET + 4.0 and (log["verdict"][on] == OFC_LIQUID).any()
 
 
-def test_what_a_gust_does_along_the_body_is_taken_out_of_the_elevators_estimate(oscillating):
-    quiet = (oscillating.index > 9.0) & (oscillating.index < ONSET)
-    with_it, without = (watched(oscillating, **c)["f_hat_elevator"][quiet] for c in ({}, {"gradient": 0.0}))
-    assert np.std(with_it) < 0.8 * np.std(without)
-
-
-def test_gusts_count_while_nothing_is_said_and_a_larger_one_is_followed_sooner_than_it_is_forgotten(oscillating):
-    early = oscillating.index < 8.0
-    heard, silent, slow = (watched(oscillating, **c) for c in ({}, {"alpha_max": -1.0}, {"tau_blow": 8.0}))
-    assert heard["valid"].any() and not silent["valid"].any()
-    assert (silent["gust"] == heard["gust"]).all()
-    assert heard["gust"][early].max() > 1.44 * slow["gust"][early].max()
-
-
 def test_a_stall_is_no_gust_that_hides_faults_afterwards():
     """Beyond the linear lift the estimate of gusts is wrong by 20 deg: soon after it a large fault is found again."""
     at, slow = 71.0, ("flight.mass_t=280", "flight.cas_kt=260", "manoeuvre.kind=aoa_protection")
@@ -149,16 +130,9 @@ def test_a_stall_is_no_gust_that_hides_faults_afterwards():
     assert at < on[0] < at + 1.2 and (log["valid"][t > at] > 0.5).all()
 
 
-@pytest.mark.parametrize(("mach", "slower", "learned"), [(0.88, 0.0, True), (0.88, 2.0, False), (0.5, 2.0, True)])
-def test_offsets_are_learned_at_one_speed_where_compressibility_makes_them(mach, slower, learned):
-    """A mean over Mach numbers that are passed on the way down from 0.9 holds at none of them [m/s2]."""
-    p = lpv_smo.fitted(site(0.005))
-    x = lpv_smo.init(p)[0]
-    x.rho[-1], x.calm = mach, 10.0
-    for k in range(round(10.0 / 0.005)):
-        x.age, x.v_s = k * 0.005, 250.0 - slower * k * 0.005
-        learn(x, p[0], 0.005, 0.01, 0.0, 0.0)
-    assert (x.learned > 0.5) == learned
+def test_noise_at_an_edge_of_the_envelope_and_where_the_elevator_is_weak_raises_no_alarm():
+    for place in ((*SLOW_HEAVY, "seed=88020006"), AT_AN_EDGE):
+        assert not watched(flown("duration_s=60", *place))["alarm"].any()
 
 
 @pytest.mark.parametrize("speed", [40, -40])
@@ -169,26 +143,6 @@ def test_a_lateral_gust_in_still_air_is_no_fault(speed):
     log, blown = watched(frame), frame.index.to_numpy() > ONSET
     assert log["valid"][blown].all() and not log["alarm"].any()
     assert np.abs(log["f_hat_n_z"][blown]).max() < 0.04  # .06 where the wind is taken for a sideslip over the ground
-
-
-@pytest.mark.parametrize("place, most", [((*SLOW_HEAVY, "seed=88020006"), 0.1), (AT_AN_EDGE, 0.12)])
-def test_the_predicted_standard_deviations_are_those_of_a_still_flight_and_raise_no_alarm(place, most):
-    """At the first place the elevator is weak."""
-    frame = flown("duration_s=60", *place)
-    log, late = watched(frame), frame.index > 20.0
-    assert not log["alarm"].any() and (log["valid"][frame.index > 9.0] > 0.5).all()
-    predicted = [log["f_sigma"][late].mean(), *log["sigma"][late].mean(axis=0)]
-    np.testing.assert_allclose(predicted, [log[n][late].std() for n in ESTIMATES], rtol=most)
-
-
-def test_fast_flight_in_still_air_needs_no_long_confirmation():
-    """Where dynamic pressure is high, noise of the gust's angle is a load factor of 0.007 g: no limit goes below it."""
-    assert not watched(flown("duration_s=75", *FAST_LIGHT, "seed=63000301"), t_confirm=0.15)["alarm"].any()
-
-
-def test_the_noise_that_is_predicted_from_is_that_of_the_sensors():
-    words = {"theta": RAD_PER_DEG, "v_ground": 1.0, "q": RAD_PER_DEG, "alpha_ground": RAD_PER_DEG}
-    assert [TRANSPORT[word][1] / unit for word, unit in words.items()] == pytest.approx(list(noise.SIGMA.values()))
 
 
 @pytest.mark.parametrize("from_deg", [0.0, 180.0])
@@ -225,7 +179,7 @@ def drawn(index, duration):
     return watched(frame), frame.index.to_numpy()
 
 
-@pytest.mark.parametrize(("index", "duration"), ((1225, 80), (1289, 77), (1684, 24)))
+@pytest.mark.parametrize(("index", "duration"), ((1225, 80), (1289, 77), (1684, 24), (649, 130)))
 def test_a_long_flight_without_a_fault_raises_no_alarm(index, duration):
     log, t = drawn(index, duration)
     assert not log["alarm"].any()
@@ -237,11 +191,3 @@ def test_a_stall_in_a_steep_bank_is_not_valid_though_the_observer_has_lost_the_a
     stalled = (t > 160.0) & (log["over"] > math.radians(15.0))
     assert stalled.sum() > 1000 and (log["alpha_hat"][stalled] < math.radians(8.0)).any()
     assert (log["why"][stalled] == why.BOX_ALPHA).all() and not log["alarm"].any()
-
-
-def test_a_dive_at_the_angle_of_attack_of_slower_level_flight_is_far_from_where_offsets_were_learned():
-    log, t = drawn(649, 130)
-    dive = t > 122.0
-    assert (log["valid"][dive] > 0.5).all() and not log["alarm"].any()
-    assert np.abs(log["path"] - log["alpha_0"])[dive].max() < math.radians(1.0)
-    assert log["apart"][dive].min() > math.radians(3.0)

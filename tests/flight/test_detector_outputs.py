@@ -3,19 +3,16 @@
 import json
 import struct
 import textwrap
-from dataclasses import replace
 
 import pytest
 
 import cosim
 from cosim.errors import CosimError, ScenarioError
 from cosim.flight.build import build
-from cosim.flight.detection.detectors import chosen, placed
 from cosim.log import open_log
-from cosim.parts import load, with_detectors
+from cosim.parts import with_detectors
 from cosim.replay import replay
 from cosim.replay.detector_replay import describe, in_stages
-from cosim.scenario.aircraft import load_aircraft
 from fdi import registry
 
 OFC = "faults.0={target='elevator.left_inner', kind='ofc_liquid', amplitude_mm=5, frequency_hz=2, start_s=1.5}"
@@ -143,14 +140,3 @@ def test_cycles_and_unknown_names_are_refused_in_one_line(tmp_path, reads, said)
     with pytest.raises(CosimError, match=said) as error:
         build(with_detectors(cosim.load_scenario("cruise", SHORT), files))
     assert "\n" not in str(error.value)
-
-
-def test_one_that_may_lack_a_source_flies_without_and_an_aircraft_has_its_own_segments(tmp_path):
-    load(own(tmp_path, "a", ("ofc_monitor.left_inner.alarm", "iotsekf.left_inner.alarm")))
-    part = registry.USER_DETECTORS["a"]
-    part.DETECTOR = replace(part.DETECTOR, may_lack=True)
-    setup = build(cosim.load_scenario("cruise", [*SHORT[:2], "detectors.enabled=['a', 'ofc_monitor']"]))
-    assert [d.name for d in setup.loop.detectors] == ["ofc_monitor", "a"] and len(setup.loop.read["a"][0]) == 1
-    assert [s for s, _ in chosen(setup.scenario)[1].wires()] == ["a_in.aircraft.ofc_monitor_left_inner_alarm"]
-    narrow = load_aircraft("narrowbody")
-    assert placed("iotsekf.left_inner.alarm", narrow) == f"iotsekf.{narrow.groups['left'][0]}.alarm"

@@ -10,8 +10,6 @@ from flown import deg, fault, fly, scenario
 from cosim.errors import ScenarioError
 from cosim.flight.build import build
 from cosim.flight.faults.fault_free_reference import achieved
-from cosim.scenario import load_scenario
-from cosim.scenario.aircraft import load_aircraft
 
 RIGHT = "elevator.right_inner"
 
@@ -73,18 +71,6 @@ def test_liquid_jam_moves_the_surface_only_where_the_servo_believes_the_rod_sens
     assert np.abs(off).max() < most
     assert np.median(settled) == pytest.approx(later, abs=0.05)
     print(f"{feedback:14s} peak {np.abs(off).max():.2f} deg, then {np.median(settled):.2f} deg")
-
-
-def test_a_stabiliser_stands_wherever_the_trim_puts_it():
-    """At 3.09 deg here, which a travel of its own, to 3 deg, would cut off."""
-    point = ("mass_t=200", "cg_pct=36", "altitude_ft=37000", "mach=0.85")
-    s = load_scenario("cruise", [f"flight.{key}" for key in point])
-    setup = build(s)
-    block = next(b for b in setup.loop.actuators if b.name == "simple")
-    low, high = load_aircraft().travels["stabiliser"]
-    assert setup.trim.stabilizer > math.radians(3.0)
-    assert block.x["delta"][-1] == setup.trim.stabilizer
-    assert (block.p["lo"][-1], block.p["hi"][-1]) == (low, high)
 
 
 def test_a_surface_runs_away_no_faster_than_its_actuator_moves():

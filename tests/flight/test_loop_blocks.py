@@ -102,18 +102,6 @@ def test_a_fault_signal_is_zero_outside_its_window_and_follows_its_formula_insid
     np.testing.assert_array_equal(x["f_neg"], -x["f_inj"])
 
 
-def test_a_runaway_starts_where_the_surface_is_and_ends_at_its_limit():
-    p = record(faults.PARAMS, form=faults.RUNAWAY, start=1.0, end=math.inf, amplitude=0.1, lower=-1.0, upper=0.15)
-    u = np.zeros((1, 600), faults.INPUTS)
-    u["t"][0] = np.arange(600) * 0.005
-    u["ref"][0] = 0.02 + 0.01 * u["t"][0]
-    log = np.zeros((1, 600), faults.STATE)
-    faults.rollout(faults.init(p), u, p, 0.005, log)
-    t, y = u["t"][0], log[0]["f_inj"]
-    after = t >= 1.0 - 1e-9
-    np.testing.assert_allclose(y[after], np.minimum(0.03 + 0.1 * (t[after] - 1.0), 0.15), atol=1e-12)
-
-
 def test_three_two_one_one_has_its_lengths_signs_and_slopes():
     p = manoeuvre.params(manoeuvre.three_two_one_one(1.0, 0.5, "nz_dem", 0.3), nz_rate=math.inf)
     u = np.zeros((1, 1400), manoeuvre.INPUTS)

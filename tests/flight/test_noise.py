@@ -39,6 +39,7 @@ def test_a_lanes_numbers_know_neither_its_neighbours_nor_its_place():
     for order in (lanes, lanes[::-1], [lanes[1], "noise.new", lanes[0]]):
         for lane, column in zip(order, drawn(3, order).T):
             assert lane not in alone or np.array_equal(column, alone[lane])
+    assert generator(7, "noise.alpha").standard_normal() == pytest.approx(FROZEN, abs=1e-15)
 
 
 def test_moments_are_those_of_standard_normal_noise_and_lanes_and_seeds_are_independent():
@@ -51,13 +52,6 @@ def test_moments_are_those_of_standard_normal_noise_and_lanes_and_seeds_are_inde
     assert np.abs(between).max() < 5.0 / np.sqrt(n)
     later = [np.corrcoef(rows[:-lag, i], rows[lag:, i])[0, 1] for lag in (1, 7, noise.TICKS) for i in range(16)]
     assert np.abs(later).max() < 5.0 / np.sqrt(n - noise.TICKS)
-
-
-def test_the_key_is_seed_and_name():
-    first = [generator(seed, name).random() for seed, name in ((1, "a"), (1, "b"), (11, "a"), (1, "1:a"))]
-    assert len(set(first)) == 4
-    assert generator(1, "a").random() == first[0]
-    assert generator(7, "noise.alpha").standard_normal() == pytest.approx(FROZEN, abs=1e-15)
 
 
 def test_another_technology_or_detector_changes_no_other_lanes_noise_and_errors():

@@ -80,27 +80,6 @@ def test_hinge_moment_opposes_the_segment_and_its_angle_of_attack():
     assert rolling.hm0_ro < rolling.hm0_ri < rolling.hm0_li < rolling.hm0_lo  # the right tail goes down
 
 
-def test_load_factor_is_of_this_frame_and_jsbsims_own_is_one_frame_old():
-    plant = Plant(POINTS["E"])
-    trim = plant.trim()
-    own, ours = [], []
-    surfaces = trim.surfaces.copy()
-    surfaces[:4] += 0.02
-    for _ in range(50):
-        plant.write(surfaces)
-        plant.run()
-        own.append(-plant.port.getter("accelerations/Nz")())
-        ours.append(-plant.truth()[0].nz)
-    np.testing.assert_allclose(own[1:], ours[:-1], rtol=1e-6)
-
-
-def test_spool_and_thrust_start_steady():
-    before, after = _flown(1.0)
-    for i in (1, 2, 3, 4):
-        assert after[f"thrust_{i}"] == pytest.approx(before[f"thrust_{i}"], rel=1e-6)
-        assert after[f"n1_{i}"] == pytest.approx(before[f"n1_{i}"], rel=1e-6)
-
-
 def test_linear_model_predicts_a_small_doublet():
     """B and A against the flight itself: 0.2 deg of elevator for 2 s, errors below 3 % of each peak."""
     flight = POINTS["E"]

@@ -1,6 +1,5 @@
 """Every tick that a scenario may have: all detectors run within their arrays, and replay repeats their numbers."""
 
-import numpy as np
 import pytest
 
 from cosim import fly, load_scenario, simulate
@@ -9,8 +8,6 @@ from cosim.flight.detection.parameters import wrong_parameter
 from cosim.replay import replay
 from cosim.scenario.catalog import SEGMENTS
 from fdi import registry
-from fdi.hydraulic import iotsekf
-from fdi.hydraulic import two_stage_ekf as two_stage
 
 RATES = (50, 100, 200, 333, 400, 500, 1000, 2000)
 
@@ -79,19 +76,3 @@ def test_a_servo_closes_on_an_estimate_of_this_tick_not_of_the_next(rate):
     s = load_scenario("cruise", [f"rate_hz={rate}", "duration_s=10", air, _detectors("iotsekf")])
     flown = fly(s, names)[2.0:]
     assert (flown[names[0]] - flown[names[1]]).std() < 0.8e-3
-
-
-def test_a_long_tick_is_predicted_as_well_as_two_short_ones():
-    """Load, valve and pressure as in a hard manoeuvre: state and covariance of 20 ms are those of twice 10 ms."""
-    u = np.zeros(1, iotsekf.INPUTS)[0]
-    made = []
-    for dt, ticks in ((0.02, 1), (0.01, 2)):
-        p = iotsekf.params(dt=0.02)[0]
-        x = iotsekf.init(iotsekf.params())[0]
-        two_stage.start(x, 0.01, 0.3, u, p)
-        x.x_bar[1], x.P_f = 0.1, 1e-3
-        two_stage.combine(x)
-        for _ in range(ticks):
-            two_stage.predict(x, u, 0.3, p, dt)
-        made.append(np.concatenate([x.x_hat, x.P_bar.ravel(), x.V]))
-    np.testing.assert_allclose(made[0], made[1], rtol=1e-12, atol=1e-18)

@@ -8,7 +8,6 @@ import pytest
 import cosim
 from actuators.constants import G0, M_PER_FT
 from cosim.errors import ScenarioError, TrimError
-from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 
@@ -119,12 +118,3 @@ def test_what_cannot_be_flown_is_refused_with_its_reason(where, start, said):
 def test_starts_out_of_range_are_refused(keys, said):
     with pytest.raises(ScenarioError, match=said):
         cosim.load_scenario("cruise", keys)
-
-
-def test_the_linear_model_of_a_turn_is_about_the_turn():
-    """Its state stands still there, but for the heading; pulling tightens it: d(psi')/dq = sin(bank)/cos(theta)."""
-    model = linearize(scenario(ENVELOPE[1], {"bank_deg": 30.0}))
-    names = list(model.states)
-    assert model.x0[names.index("phi")] == pytest.approx(math.radians(30.0))
-    slope = model.A[names.index("psi"), names.index("q")]
-    assert slope == pytest.approx(math.sin(math.radians(30.0)) / math.cos(model.trim.theta), rel=1e-4)

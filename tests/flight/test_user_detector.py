@@ -17,7 +17,7 @@ from cosim.judge import coverage
 from cosim.log import open_log
 from cosim.parts import load, with_detectors
 from cosim.parts.detector import record_of
-from cosim.replay import log_schema, replay
+from cosim.replay import replay
 from cosim.report import flight_report
 from cosim.scenario.user_parts import identified
 from fdi import registry
@@ -64,21 +64,6 @@ def test_a_log_runs_no_code_and_its_other_detectors_replay(flight):
     rows = compare([flight[0]]).rows
     assert outcome(rows) == ["named"] and rows[rows["id"] == "parity"]["word"].item() == "designed"
     assert "parity" not in registry.USER_DETECTORS
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [({"sha256": "x"}, "sha256"), ({"culprits": []}, "culprits"), ({"record": {"summary": 1}}, "record.summary"),
-     ({"form": "eval"}, "form")],
-)  # fmt: skip
-def test_what_a_log_tells_of_a_user_detector_is_checked_at_the_door(flight, change, said):
-    log = open_log(flight[0])
-    entries = json.loads(log.attachments["detectors.json"])
-    told = next(d for d in entries if d["id"] == "parity")["user_detector"]
-    told |= {k: {**told[k], **v} if isinstance(v, dict) else v for k, v in change.items()}
-    log.attachments["detectors.json"] = json.dumps(entries).encode()
-    with pytest.raises(CosimError, match=said):
-        log_schema.detectors(log)
 
 
 def test_given_their_files_they_replay_bit_for_bit_and_other_code_is_told(flight, parity, tmp_path):

@@ -145,15 +145,6 @@ def test_turbulence_changes_its_rms_and_nothing_else():
     assert np.abs(got[t > 7.5, 3:]).max() < 1e-3 * np.abs(got[t < 6.0, 3:]).max()  # the tail's way is flown
 
 
-def test_weather_left_out_is_the_air_that_was():
-    """Bit for bit, in turbulence as well: nothing is added where nothing is asked for."""
-    told = {"changes": (), "wind": (0.0, 0.0), "shear": (0.0, 0.0), "gusts": ()}
-    one, two = (air("moderate", 2, seconds=2.0, weather=w, phi=0.3, h=500.0) for w in (None, told))
-    assert np.array_equal(one, two)
-    assert np.array_equal(one, air("moderate", 2, seconds=2.0, weather={"changes": [(9.0, "severe", 1.0)]}, phi=0.3))
-    assert FlightPoint.of(load_scenario("cruise", ["flight.turbulence=none"])).windless
-
-
 def test_no_weather_changes_trim_law_or_linear_model():
     gust = (1.0, "vertical", 9.0, 30.0, "ramp")
     stormy = point(wind=(20.0, -9.0), shear=(0.01, 0.0), gusts=(gust,), turbulence="light")

@@ -107,35 +107,17 @@ class Records(list):
         numbers = (head | changes).values()
         record[1] = struct.pack("<QQQII", *numbers, len(name)) + name + struct.pack("<Q", size) + data
 
-    def sealed(self, *, preamble=True, result=True):
-        """Return the bytes of a log; without `preamble` or `result` their hashes stay as they were."""
-        out, begun, samples = bytearray(b"\x89MCAP0\r\n"), True, hashlib.sha256()
+    def sealed(self, *, preamble=True):
+        """Return the bytes of a log; without `preamble` its hash stays as it was."""
+        out, begun = bytearray(b"\x89MCAP0\r\n"), True
         for opcode, body in self:
             if opcode == 12 and b"preamble" in body[:12] and begun:
                 begun = False
                 body = body[:-64] + hashlib.sha256(out).hexdigest().encode() if preamble else body
-            if opcode == 6 and len(body) >= 28:
-                samples.update(body[:28])
-            if opcode == 12 and body[4:10] == b"result" and result:
-                at = bytes(body).find(b"content") + 11
-                body = bytes(body[:at]) + samples.hexdigest().encode() + bytes(body[at + 64 :])
             out += struct.pack("<BQ", opcode, len(body)) + body
         out += struct.pack("<BQI", 15, 4, zlib.crc32(out))
         footer = struct.pack("<BQQQ", 2, 20, len(out), 0)
         return bytes(out + footer + struct.pack("<I", zlib.crc32(footer)) + b"\x89MCAP0\r\n")
-
-
-def reseal(data):
-    """Return `data` with both checksums made to agree, as an attacker would, where it still has an end."""
-    out = bytearray(data)
-    if len(out) < 60:
-        return data
-    (start,) = struct.unpack_from("<Q", out, len(out) - 28)
-    if not 21 <= start <= len(out) - 37:
-        return data
-    struct.pack_into("<I", out, start - 4, zlib.crc32(out[: start - 13]))
-    struct.pack_into("<I", out, len(out) - 12, zlib.crc32(out[start : len(out) - 12]))
-    return bytes(out)
 
 
 @contextmanager

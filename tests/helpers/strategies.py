@@ -1,10 +1,9 @@
-"""Hostile files, a hypothesis strategy per format of ours: texts (TOML), logs with right checksums, recordings.
+"""Hostile files, a hypothesis strategy per format of ours: texts (TOML), recordings.
 
 Trees are changed node by node and written anew, so that most cases are well formed and reach far; the rest is spliced
 as text or bytes.
 """
 
-import io
 import json
 import tomllib
 
@@ -12,9 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from flight_point import POINT
-from forged import forge
 from hypothesis import strategies as st
-from log_samples import reseal
 from mcap.writer import Writer
 
 ROWS = 200
@@ -113,77 +110,6 @@ def texts(draw, originals):
     text = "\n".join(f"{json.dumps(str(k))} = {toml(v)}" for k, v in tree.items())
     code = draw(st.sampled_from(["utf-8"] * 12 + ["utf-16", "utf-8-sig", "cp500"]))
     return draw(spliced(text.encode(code, "replace")))
-
-
-@st.composite
-def logs(draw, opened, path):
-    """Write to `path` a log whose checksums agree and whose content lies: made of one of the open logs."""
-    log = draw(st.sampled_from(opened))
-    how: dict = {"attachments": {}, "samples": [], "metadata": {}, "result": {}, "renamed": {}}
-    topics = [t for t in log.topics.values() if t.rows]
-    for what in draw(st.lists(st.integers(0, 9), min_size=1, max_size=3)):
-        if what < 2:
-            found = draw(trees(json.loads(log.attachments["detectors.json"])))
-            how["attachments"]["detectors.json"] = draw(spliced(json.dumps(found).encode()))
-        elif what == 2:
-            how["attachments"]["scenario.toml"] = draw(texts([log.attachments["scenario.toml"].decode()]))
-        elif what < 5:
-            name = draw(st.sampled_from([n for n in log.attachments if n.endswith(".npy")]))
-            how["attachments"][name] = draw(arrays(log.attachments[name]))
-        elif what == 5:
-            topic = draw(st.sampled_from(topics))
-            value = float(np.clip(draw(NUMBERS), -1.7e308, 1.7e308))
-            how["samples"].append((topic.name, draw(st.sampled_from(topic.fields)), value))
-        elif what == 6:
-            name = draw(st.sampled_from([t.name for t in topics if t.every > 1 or len(topics) > 2]))
-            how["renamed"][name] = draw(st.sampled_from([None, "/other", name + "_x", "/state/iotsekf/nobody"]))
-        elif what == 7:
-            key = draw(st.sampled_from([*log.result, "achieved", "notes"]))
-            how["result"][key] = draw(st.one_of(st.sampled_from(WORDS), JSON))
-        elif what == 8:
-            texts_ = {
-                k: draw(st.sampled_from(["", "0", "-1", "9" * 400, "nan", "signals", "replay", "200"]))
-                for k in draw(st.lists(st.sampled_from(["rate_hz", "seed", "ticks", "log_profile"]), max_size=2))
-            }
-            how["metadata"]["run"] = dict(log.metadata["run"]) | texts_  # fmt: skip
-        else:
-            how["gap"] = draw(st.sampled_from([0, 1, 40, 10**9, 10**12]))
-            how["dt_ns"] = draw(st.sampled_from([None, 1, 4_999_999, 10**12]))
-    path.unlink(missing_ok=True)  # the one before may no longer look like a log, which is not written over
-    try:
-        forge(log, path, **how)
-    except ValueError:  # the writer itself refuses it: two topics of one name, no topic at every tick
-        path.write_bytes(open(log.path, "rb").read())
-    if draw(st.integers(0, 3)) == 0:
-        raw = bytearray(path.read_bytes())
-        for _ in range(draw(st.integers(1, 3))):
-            at = draw(st.integers(8, len(raw) - 60))
-            new = draw(st.one_of(RAW, st.integers(0, 2**64 - 1).map(lambda n: n.to_bytes(8, "little"))))
-            raw[at : at + len(new)] = new
-        path.write_bytes(reseal(bytes(raw)))
-    return path
-
-
-@st.composite
-def arrays(draw, raw):
-    """Return a .npy of a structured array with a number, a field, the shape or the kind changed."""
-    array = np.load(io.BytesIO(raw)).copy()
-    what = draw(st.integers(0, 9))
-    if what < 6 and array.size:
-        flat = array.view("f8") if array.dtype.itemsize % 8 == 0 else array
-        flat = flat.reshape(-1)
-        flat[draw(st.integers(0, len(flat) - 1))] = float(np.clip(draw(NUMBERS), -1.7e308, 1.7e308))
-    elif what == 6:
-        array = draw(st.sampled_from([array[:0], np.concatenate([array] * 2), array.reshape(1, -1), array[..., None]]))
-    elif what == 7 and array.dtype.names:
-        names = [n for n in array.dtype.names if n != draw(st.sampled_from(array.dtype.names))]
-        array = array[names].copy() if names else array
-    elif what == 8 and array.dtype.names:
-        kind = draw(st.sampled_from(["f4", "i8", "S8", "M8[s]", "?", ">f8"]))
-        array = np.zeros(array.shape, [(n, kind, array.dtype[n].shape) for n in array.dtype.names])
-    out = io.BytesIO()
-    np.save(out, array)
-    return draw(spliced(out.getvalue()))
 
 
 COLUMNS = st.one_of(

@@ -20,7 +20,7 @@ def square(x):
     return {"pid": os.getpid(), "value": x * x}
 
 
-def die(group, achieved, signals, kill=os.kill):
+def die(group, signals, kill=os.kill):
     """Fly nothing of `group`, [(run, path of a marker)]; "deadly" kills its process, "unlucky" the first."""
     flown = []
     for run, marker in group:

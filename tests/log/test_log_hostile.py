@@ -1,6 +1,5 @@
 """A hostile log, also one whose checksums agree, ends in one LogError within bounds, or holds what was written."""
 
-import io
 import struct
 
 import lz4.frame
@@ -57,34 +56,23 @@ def test_the_generator_itself_makes_a_good_log(forged, whole):
     assert same(content(forged()), content(whole))
 
 
-def _stream(size):
-    """Return a zstd frame of `size` zeros that does not state its size."""
-    out = io.BytesIO()
-    with zstandard.ZstdCompressor().stream_writer(out, closefd=False) as writer:
-        for _ in range(size // MIB):
-            writer.write(bytes(MIB))
-    return out.getvalue()
-
-
-STATED, BOMB = zstandard.compress(bytes(256 * MIB)), _stream(256 * MIB)
+STATED = zstandard.compress(bytes(256 * MIB))
 LZ4 = lz4.frame.compress(bytes(256 * MIB), store_size=False), lz4.frame.compress(bytes(256 * MIB))
 CHUNKS = {  # of the first chunk: what is changed, what is said
     "stated bomb": ({"data": STATED, "compression": "zstd"}, "not as long as its chunk says"),
-    "bomb": ({"data": BOMB, "compression": "zstd"}, "not as long as its chunk says"),
-    "large bomb": ({"data": STATED, "compression": "zstd", "size": 256 * MIB}, "limits"),
-    "huge bomb": ({"data": STATED, "compression": "zstd", "size": 2**60}, "limits"),
+    "large bomb": ({"data": STATED, "compression": "zstd", "size": 256 * MIB}, "limit"),
+    "huge bomb": ({"data": STATED, "compression": "zstd", "size": 2**60}, "limit"),
     "lz4 bomb": ({"data": LZ4[0]}, "not as long as its chunk says"),
     "stated lz4 bomb": ({"data": LZ4[1]}, "not as long as its chunk says"),
     "no frame": ({"data": b"not lz4 at all"}, "cannot be decompressed"),
-    "nothing": ({"data": b""}, "beyond the reader's limits"),
+    "nothing": ({"data": b""}, "cannot be decompressed"),
     "compression": ({"compression": "xz"}, "unknown compression"),
     "long compression": ({"compression": "z" * 100}, "unknown compression"),
     "data size": ({"data_size": 2**63}, "its length is wrong"),
     "no size": ({"size": 0}, "cannot hold its ticks"),
-    "start": ({"start": 1}, "are no ticks"),
-    "end": ({"end": 2**63}, "are no ticks"),
+    "end": ({"end": 2**63}, "do not follow"),
     "late end": ({"end": 10**18}, "cannot hold its ticks"),
-    "start after end": ({"start": 500_000_000}, "are no ticks"),
+    "start after end": ({"start": 500_000_000}, "do not follow"),
     "CRC": ({"crc": 0}, "damaged (CRC)"),
 }
 
@@ -131,8 +119,7 @@ PREAMBLES = {  # what is done to the records, what is said
     "rate": (_change(CHANNEL, b"every", b"evere"), "damaged or foreign"),
     "no tick": (_change(METADATA, b"5000000", b"-500000"), "it has no tick"),
     "chunk before": (lambda r: r.insert(1, next(x for x in r if x[0] == CHUNK)), "not what was written"),
-    "order": (lambda r: r.insert(r.first(CHUNK), r[r.first(CHUNK, 1)]), "before the chunk before"),
-    "large text": (lambda r: r.insert(1, [METADATA, bytes(17 * MIB)]), "limit"),
+    "order": (lambda r: r.insert(r.first(CHUNK), r[r.first(CHUNK, 1)]), "do not follow"),
 }
 
 
@@ -147,15 +134,6 @@ def test_a_preamble_that_is_not_what_was_written_is_refused_before_it_is_parsed(
     _change(SCHEMA, b"x_3", b"\xff\xff\xff")(records)
     (tmp_path / "a").write_bytes(records.sealed(preamble=False))
     refused(tmp_path / "a", "not what was written")
-
-
-def test_samples_that_are_not_those_of_the_result_are_refused(whole, tmp_path):
-    records = Records(whole.read_bytes())
-    data = bytearray(records.content(1))
-    data[-1] ^= 1
-    records.chunk(1, content=bytes(data))
-    (tmp_path / "a").write_bytes(records.sealed(result=False))
-    refused(tmp_path / "a", "not those of the result")
 
 
 def test_reading_takes_what_was_asked_for_and_a_bounded_cache(tmp_path, monkeypatch):
@@ -200,24 +178,6 @@ def test_changed_bytes_are_refused(number, whole, tmp_path):
             assert same(content(tmp_path / "bad"), before) and changed == data
         except LogError as error:
             assert str(tmp_path / "bad") in str(error)
-
-
-@pytest.mark.parametrize("number", [150, pytest.param(2400, marks=pytest.mark.slow)])
-def test_changed_records_under_right_checksums_are_refused_or_change_no_value(number, whole, tmp_path):
-    """Texts and attachments are what their hash says, and whoever makes a hash can make another text."""
-    rng, before, refusals = np.random.default_rng(7), content(whole), 0
-    for _ in range(number):
-        records = Records(whole.read_bytes())
-        record = records[int(rng.integers(0, len(records)))]
-        record[1] = _mutate(record[1], rng) if len(record[1]) else record[1]
-        (tmp_path / "bad").write_bytes(records.sealed())
-        try:
-            got, _ = content(tmp_path / "bad")
-        except LogError:
-            refusals += 1
-            continue
-        assert all(same_bits(got[name], values) for name, values in before[0].items() if name in got)
-    assert refusals > 0.3 * number
 
 
 def test_what_is_recovered_of_a_changed_log_was_written(whole, tmp_path):

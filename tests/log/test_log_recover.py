@@ -1,11 +1,7 @@
 """A log that a kill, a full disk or a bad disk has cut gives back every whole chunk."""
 
-import os
-import time
-
 import numpy as np
 import pytest
-from killed import grown, killer
 from log_samples import TOPICS, expected, flight_log, same_bits, vectors
 
 from cosim.log import LogError, open_log, recover
@@ -88,46 +84,3 @@ def test_a_log_is_not_recovered_onto_itself_nor_from_nothing(whole, tmp_path):
         (tmp_path / "bad").write_bytes(data)
         with pytest.raises(LogError):
             recover(tmp_path / "bad", tmp_path / "out")
-
-
-PREPARE = """
-import sys
-sys.path.insert(0, {tests!r})
-from log_samples import *
-v = vectors(1000)
-"""
-# a writer tells in a file which rows it has passed
-WRITE = """
-told = os.open({path!r} + ".told", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-with LogWriter({path!r}, TOPICS, n_values=N_VALUES, rows_per_chunk=50) as log:
-    for k in range(10**9):
-        log.append(v[k % 1000])
-        if k % 50 == 0 and k:
-            os.write(told, b"%d\\n" % k)
-"""
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork and SIGKILL")
-@pytest.mark.parametrize("kills", [8, pytest.param(40, marks=pytest.mark.slow)])
-def test_kill_9_at_random_moments_loses_only_the_open_chunk(kills, tmp_path, request):
-    v, rng = vectors(1000), np.random.default_rng(7)
-    path, told = tmp_path / "killed.mcap.part", tmp_path / "killed.mcap.told"
-
-    def wait():
-        grown(told)  # the first chunk is written
-        time.sleep(float(rng.uniform(0.0, 0.05)))
-
-    write = WRITE.format(path=str(tmp_path / "killed.mcap"))
-    with killer(PREPARE.format(tests=str(request.path.parents[1] / "helpers")), write) as kill:
-        for _ in range(kills):
-            kill(wait)
-            passed = int(told.read_text().split("\n")[-2])
-            begun = time.monotonic()
-            report = recover(path, tmp_path / "out.mcap")
-            assert time.monotonic() - begun < 60 and not report["complete"]
-            ticks = np.arange(report["ticks"])
-            # a chunk is written when the row after it comes, before the writer tells of that row
-            assert len(ticks) % ROWS == 0 and len(ticks) >= passed
-            _check(tmp_path / "out.mcap", v[ticks % 1000], ticks)
-            told.unlink()
-            path.unlink()

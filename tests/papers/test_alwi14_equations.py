@@ -67,7 +67,7 @@ def _signals() -> dict[str, np.ndarray]:
 def test_state_e_y_nu_and_faults_are_those_of_7_to_25_on_moving_signals():
     """Over their range, sampled at 5 ms."""
     model, made = synthesis.load()
-    p = lpv_smo.params(model=model, made=made, K=K, delta=DELTA, bank=False, delay=DELAY, omega_a=OMEGA, tau_f=TAU_F,
+    p = lpv_smo.params(model=model, made=made, K=K, delta=DELTA, delay=DELAY, omega_a=OMEGA, tau_f=TAU_F,
                        tau_v=TAU_V, tau_rho=TAU_RHO)  # fmt: skip
     x, u, y = lpv_smo.init(p), all_valid(lpv_smo), _signals()
     found = []

@@ -17,7 +17,7 @@ from cosim.flight.plant.force_model import force_model
 from cosim.papers.mar10 import flights
 from cosim.papers.measured import apart
 from fdi.control_redundancy import control_redundancy, core, structure
-from fdi.control_redundancy.force_model import A0, EFFECTOR, P0
+from fdi.control_redundancy.force_model import A0, EFFECTOR, FORCES, P0
 
 COMMANDS = ("de_lo", "de_li", "de_ri", "de_ro", "da_l", "da_r", "dr", "stab")
 DT = 0.005
@@ -29,7 +29,7 @@ def _tables():
     m, ends = force_model(), []
     grid = lambda axes, values: RegularGridInterpolator(axes, values, bounds_error=False, fill_value=None)  # noqa: E731
     edge = (m.qbar[0], m.qbar[-1])
-    for k, (axis, variable) in enumerate(m.quantities):
+    for k, (axis, variable) in ((k, q) for k, q in enumerate(m.quantities) if q[0] in FORCES):
         flat = grid((m.mach, m.qbar), m.t_m[k])
         bent = grid((m.alpha, m.mach, edge), m.t_a[k]) if k < len(m.t_a) else None
         ends.append((axis, variable, flat, bent))
@@ -51,20 +51,15 @@ def _air(cas: float, mach: float) -> tuple[float, float]:
     return static, 0.7 * static * mach**2
 
 
-def _body(m: Any, of: dict, u: Any) -> np.ndarray:
-    """Return force [N] and moment about the CG [N m], (6,), of axis totals over qS, times qS, in body axes."""
+def _body(of: dict, u: Any) -> np.ndarray:
+    """Return the force [N] of axis totals in body axes, (3,)."""
     ca, sa, cb, sb = np.cos(u["alpha"]), np.sin(u["alpha"]), np.cos(u["beta"]), np.sin(u["beta"])
     wind = np.array([[ca * cb, -ca * sb, -sa], [sb, cb, 0.0], [sa * cb, -sa * sb, ca]])
-    force = wind @ np.array([-of["drag"], of["side"], -of["lift"]])
-    moment = np.array([of["roll"] * m.span, of["pitch"] * m.chord, of["yaw"] * m.span])
-    if m.stability_moments:
-        moment = np.array([[ca, 0.0, -sa], [0.0, 1.0, 0.0], [sa, 0.0, ca]]) @ moment
-    arm = np.array([(u["cg"] - m.cg_ref) * m.chord, 0.0, 0.0])  # from the CG to where moments are given
-    return np.concatenate([force, moment + np.cross(arm, force)])
+    return wind @ np.array([-of["drag"], of["side"], -of["lift"]])
 
 
 def _forces(m: Any, u: Any, cmd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, list]:
-    """Return (aerodynamics (6,), of one effector rad each (3, 6), thrust of each engine (4, 6), all contributions)."""
+    """Return (aerodynamics (3,), of one effector rad each (3, 3), thrust (3,), all contributions) [N]."""
     pressure, qbar = _air(u["cas"], u["mach"])
     V, ca, sa = max(u["tas"], 10.0), np.cos(u["alpha"]), np.sin(u["alpha"])
     lift = u["n_z"] * ca - u["n_x"] * sa  # over weight: alpha' = q + g / V (cos theta cos phi - L / m g)
@@ -72,35 +67,29 @@ def _forces(m: Any, u: Any, cmd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
     v = {"one": 1.0, "beta": u["beta"], "beta2": u["beta"] ** 2, **dict(zip(COMMANDS, cmd))}
     v |= {"p": p * m.span / (2 * V), "q": u["q"] * m.chord / (2 * V), "r": r * m.span / (2 * V)}
     v["alphadot"] = m.chord / (2 * V) * (u["q"] + G0 / V * (np.cos(u["theta"]) * np.cos(u["phi"]) - lift))
-    axes, parts = ("lift", "drag", "side", "roll", "pitch", "yaw"), []
-    total, slope = dict.fromkeys(axes, 0.0), [dict.fromkeys(axes, 0.0) for _ in range(3)]
+    parts: list = []
+    total, slope = dict.fromkeys(FORCES, 0.0), [dict.fromkeys(FORCES, 0.0) for _ in range(3)]
     for axis, variable, value in _coefficients(u["alpha"], u["mach"], qbar):
         total[axis] += value * v[variable] * qbar * m.area
         parts.append((axis, value * v[variable] * qbar * m.area))
         if variable in EFFECTOR:
             slope[EFFECTOR[variable]][axis] += value * qbar * m.area
-    thrust = np.zeros((4, 6))
-    for e in range(4):
-        n = np.clip((u[f"n1_{e + 1}"] - m.n1_idle) / (m.n1_max - m.n1_idle), 0.0, 1.0)
-        idle, full = (t((u["mach"], pressure)).item() for t in _tables()[1:])
-        F = (idle + (full - idle) * n**2) * np.array(m.thrust_axis)
-        arm = m.engine[e] + [(u["cg"] - m.cg_ref) * m.chord, 0.0, 0.0]
-        thrust[e] = np.concatenate([F, np.cross(arm, F)])
-    return _body(m, total, u), np.array([_body(m, s, u) for s in slope]), thrust, parts
+    n = np.clip([(u[f"n1_{e + 1}"] - m.n1_idle) / (m.n1_max - m.n1_idle) for e in range(4)], 0.0, 1.0)
+    idle, full = (t((u["mach"], pressure)).item() for t in _tables()[1:])
+    thrust = (idle + (full - idle) * n**2).sum() * np.array(m.thrust_axis)
+    return _body(total, u), np.array([_body(s, u) for s in slope]), thrust, parts
 
 
 def _uncertain(m: Any, u: Any, parts: list, before: Any, G: Any, p: Any, spool: float, mean: float) -> np.ndarray:
-    """Return per row what coefficients and thrust that are wrong by `rel` each move it at most, over `rel` [N, N m]."""
-    most = dict.fromkeys(("lift", "drag", "side", "roll", "pitch", "yaw"), 0.0)
+    """Return per row what coefficients and thrust that are wrong by `rel` each move it at most, over `rel` [N]."""
+    most = dict.fromkeys(FORCES, 0.0)
     for (axis, part), old in zip(parts, before):
         most[axis] += abs(part - old)
-    ca, sa, arm = abs(np.cos(u["alpha"])), abs(np.sin(u["alpha"])), abs((u["cg"] - m.cg_ref) * m.chord)
-    X, Y, Z = most["drag"] * ca + most["lift"] * sa, most["side"], most["lift"] * ca + most["drag"] * sa
-    L, N = (most["roll"] + sa * most["yaw"]) * m.span, (most["yaw"] + sa * most["roll"]) * m.span
-    rows = np.array([X, Y, Z, L, most["pitch"] * m.chord + arm * Z, N + arm * Y])
+    ca, sa = abs(np.cos(u["alpha"])), abs(np.sin(u["alpha"]))
+    rows = np.array([most["drag"] * ca + most["lift"] * sa, most["side"], most["lift"] * ca + most["drag"] * sa])
     idle, full = (t((u["mach"], _air(u["cas"], u["mach"])[0])).item() for t in _tables()[1:])
     lead = p["rel_spool"] * abs(spool - mean)  # thrust leads N1 by so much of N1's own change
-    wrong = p["rel_thrust"] + 4.0 * (full - idle) * lead * (2.0 * spool + lead) / np.linalg.norm(G[3, :3])
+    wrong = p["rel_thrust"] + 4.0 * (full - idle) * lead * (2.0 * spool + lead) / np.linalg.norm(G[3])
     return rows + wrong / p["rel"] * np.abs(G[3])
 
 
@@ -108,8 +97,7 @@ def _random(rng: Any) -> Any:
     u = np.zeros(1, control_redundancy.INPUTS)[0]
     spread = {"alpha": (0.06, 0.05), "beta": (0.0, 0.05), "theta": (0.05, 0.1), "phi": (0.0, 0.4), "p": (0.0, 0.1),
               "q": (0.0, 0.05), "r": (0.0, 0.05), "n_x": (0.05, 0.05), "n_y": (0.0, 0.05), "n_z": (1.0, 0.3),
-              "cas": (140.0, 10.0), "tas": (180.0, 20.0), "mach": (0.5, 0.05), "mass": (2.5e5, 3e4), "cg": (0.29, 0.03),
-              "pdot": (0.0, 0.1), "qdot": (0.0, 0.1), "rdot": (0.0, 0.1)}  # fmt: skip
+              "cas": (140.0, 10.0), "tas": (180.0, 20.0), "mach": (0.5, 0.05), "mass": (2.5e5, 3e4)}  # fmt: skip
     for name, (mean, size) in spread.items():
         u[name] = mean + size * rng.uniform(-1.0, 1.0)
     for e in range(4):
@@ -117,70 +105,53 @@ def _random(rng: Any) -> Any:
     return u
 
 
-@pytest.mark.parametrize("which", ["force", "force+moment"])
-def test_row_errors_sensitivities_and_uncertainty_are_those_of_slides_6_and_7(which):
-    """Over their size; with moments angular accelerations [rad/s2] beside specific forces [g]. Half of the draws have
-    engines, inertia and axes of moments of another aircraft, so that no term of this one's is zero."""
-    rng, n, m = np.random.default_rng(6), (3 if which == "force" else 6), force_model()
-    other = dataclasses.replace(m, thrust_axis=(0.8, 0.36, -0.48), engine=m.engine + rng.normal(size=(4, 3)),
-                                gyration2=(60.0, 80.0, 130.0, 9.0), stability_rates=not m.stability_rates,
-                                stability_moments=not m.stability_moments)  # fmt: skip
+def test_row_errors_sensitivities_and_uncertainty_are_those_of_slides_6_and_7():
+    """Over their size. Half of the draws have the engines' axis and the axes of rates of another aircraft, so that no
+    term of this one's is zero."""
+    rng, m = np.random.default_rng(6), force_model()
+    other = dataclasses.replace(m, thrust_axis=(0.8, 0.36, -0.48), stability_rates=not m.stability_rates)
     for draw in range(20):
         m = other if draw % 4 > 1 else force_model()
-        p = flights.detector(rows=which)[0]
-        for name in ("thrust_axis", "engine", "gyration2", "stability_rates", "stability_moments"):
-            p[name] = getattr(m, name)
+        p = flights.detector()[0]
+        p["thrust_axis"], p["stability_rates"] = m.thrust_axis, m.stability_rates
         u, cmd = _random(rng), rng.uniform(-0.1, 0.1, 8)
         x = np.zeros(1, control_redundancy.STATE)
         x["cmd"], x["learned"] = cmd, draw % 2
-        before = np.zeros(len(force_model().quantities))
+        before = np.zeros(int(p["n_k"]))
         if draw % 2:
             before = rng.normal(size=len(before)) * 1e4
-            x["part_0"][0, : len(before)], x["avg"][0, 2 * core.NR + 3] = before, 0.6
+            x["part_0"][0, : len(before)], x["avg"][0, core.SPOOL] = before, 0.6
         core.row_errors(x[0], u, p)
-        air, effectors, engines, parts = _forces(m, u, cmd)
-        total = air + engines.sum(0)
-        G = np.concatenate([effectors, [engines.sum(0)], engines])  # (8, 6)
+        air, effectors, thrust, parts = _forces(m, u, cmd)
+        G = np.concatenate([effectors, [thrust]])
         turns = np.array([u[f"n1_{e + 1}"] for e in range(4)])
         spool = np.clip((turns - p["n1_idle"]) / (p["n1_max"] - p["n1_idle"]), 0.0, 1.0).mean()
         act = _uncertain(m, u, parts, before, G, p, spool, 0.6 if draw % 2 else spool)
         weight = u["mass"] * G0
-        e, S, a = np.array([u["n_x"], u["n_y"], -u["n_z"]]) - total[:3] / weight, G[:, :3] / weight, act[:3] / weight
-        if n == 6:
-            ixx, iyy, izz, ixz = u["mass"] * np.array(m.gyration2)
-            inertia = np.array([[ixx, 0.0, -ixz], [0.0, iyy, 0.0], [-ixz, 0.0, izz]])
-            w, turn = np.array([u["p"], u["q"], u["r"]]), np.linalg.inv(inertia)
-            turned = turn @ (total[3:] - np.cross(w, inertia @ w))
-            e = np.concatenate([e, np.array([u["pdot"], u["qdot"], u["rdot"]]) - turned])
-            S, a = np.hstack([S, G[:, 3:] @ turn.T]), np.concatenate([a, np.abs(turn) @ act[3:]])
-        pairs = ((x["e"][0, :n], e), (x["G"][0, :n], S.T), (x["act"][0, :n], a))
+        e = np.array([u["n_x"], u["n_y"], -u["n_z"]]) - (air + thrust) / weight
+        pairs = ((x["e"][0], e), (x["G"][0], G.T / weight), (x["act"][0], act / weight))
         assert all(apart(ours, theirs) <= 1e-10 for ours, theirs in pairs)
 
 
-@pytest.mark.parametrize("which", ["force", "force+moment"])
-def test_residuals_thresholds_and_identified_faults_are_those_of_slides_8_to_11(which):
+def test_residuals_thresholds_and_identified_faults_are_those_of_slides_8_to_11():
     """At random rows: r = c (row errors), S = c G, its threshold the sum of |c| (threshold + rel activity).
 
     The fault of an effector is that of least squares weighted by the thresholds over the families in use.
     """
-    rng, p = np.random.default_rng(7), flights.detector(rows=which)[0]
-    n = 3 if which == "force" else 6
-    shape = force_model().structure()[:n]
-    found = structure.families(shape, most=2 if n == 3 else 1)
+    rng, p = np.random.default_rng(7), flights.detector()[0]
+    shape, n = force_model().structure(), core.NR
+    found = structure.families(shape)
     for _ in range(10):
         x = np.zeros(1, control_redundancy.STATE)
-        G = rng.normal(size=(6, 8))
-        G[:n, :4] *= shape
-        x["G"], x["avg"] = G, rng.normal(size=3 * core.NR)
-        x["avg"][0, core.NR : 2 * core.NR] = rng.uniform(0.5, 1.5, core.NR)
+        G = rng.normal(size=(3, 4)) * shape
+        x["G"], x["avg"] = G, rng.normal(size=core.NX)
+        x["avg"][0, n : 2 * n] = rng.uniform(0.5, 1.5, n)
         core.evaluate_families(x[0], p)
-        avg, limit = x["avg"][0], p["threshold"][:n] + p["rel"] * x["avg"][0, core.NR : core.NR + n]
+        avg, limit = x["avg"][0], p["threshold"] + p["rel"] * x["avg"][0, n : 2 * n]
         rows: list[tuple] = []
         for family in found:
-            c, s = structure.combination(G[:n, :4], family)
-            sensitivity = c @ G[:n]
-            sensitivity[:4] = s
-            rows.append((c @ avg[:n], sensitivity, np.abs(c) @ limit))
+            c, s = structure.combination(G, family)
+            rows.append((c @ avg[:n], s, np.abs(c) @ limit))
         r, S, tau = (np.array(column) for column in zip(*rows, strict=True))
         assert np.array_equal(x["fired"][0, : len(found)], np.abs(r) >= tau)
         x["used"] = 0.0
@@ -218,9 +189,7 @@ def test_rows_are_averaged_over_the_window_and_commands_act_late(mean_s):
         assert np.abs(x["cmd"][0] - cmd).max() <= 1e-10
         e, act, offset = rows[k, : core.NR], np.abs(rows[k, core.NR : 2 * core.NR]), rows[0, 2 * core.NR : 3 * core.NR]
         x["e"], x["act"], x["offset"], x["spool"] = e, act, offset, abs(rows[k, -1])
-        x["pitch"], x["pitch_e"], x["grown"], x["pitch_0"] = rows[k, -2], rows[k, -3], rows[k, -4] * DT, 0.3
-        held.append([*(e - offset), *act, cmd[:4].mean(), cmd[4:6].mean(), cmd[6], abs(rows[k, -1]),
-                     rows[k, -2] + rows[k, -4] - 0.3, rows[k, -3]])  # fmt: skip
+        held.append([*(e - offset), *act, cmd[:4].mean(), cmd[4:6].mean(), cmd[6], abs(rows[k, -1])])
         full = core.accumulate(x[0], p, DT)
         ready = core.sliding_mean(x[0], p)
         assert full == ((k + 1) % block == 0)

@@ -71,7 +71,7 @@ def test_own_thresholds_replace_those_fields_that_they_have():
     base, mine = thresholds("kinematic"), thresholds("kinematic", "flight", TWIN.folder)
     assert base.keys() == mine.keys() and base["threshold"] != mine["threshold"]
     of_row = [thresholds("control_redundancy", "flight", folder) for folder in (None, TWIN.folder)]
-    assert of_row[0]["rel"] == of_row[1]["rel"] and of_row[0]["t_z"] != of_row[1]["t_z"]
+    assert of_row[0]["rel"] == of_row[1]["rel"] and of_row[0]["threshold"] != of_row[1]["threshold"]
     p = registry.record("kinematic").fit(site(0.005, own=TWIN))
     np.testing.assert_allclose(p["threshold"][0], mine["threshold"])
 

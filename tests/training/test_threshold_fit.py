@@ -5,7 +5,6 @@ import pytest
 
 from cosim.errors import DesignError
 from cosim.training.threshold_fit import exceeded, limit, quantile
-from cosim.training.train_aircraft import alternating
 
 
 def _flights(rng, number, blocks=60):
@@ -53,15 +52,3 @@ def test_a_threshold_is_nowhere_nothing():
 def test_flights_that_never_show_a_statistic_are_refused_with_its_name():
     with pytest.raises(DesignError, match=r"lpv_smo, swing.*more flights"):
         limit([np.zeros((0, 3))] * 10, 1e-3, "lpv_smo, swing")
-
-
-def test_the_level_of_an_oscillation_is_the_least_of_three_alternating_peaks_each_within_a_second():
-    y = np.zeros(1000)  # at 10 ms
-    y[100], y[150], y[180] = 3.0, -5.0, 4.0
-    assert alternating(y, 0.01) == pytest.approx(3.0, abs=2e-3)
-    y[120] = 9.0  # of the same sign as the first: the lesser does not count
-    assert alternating(y, 0.01) == pytest.approx(4.0, abs=2e-3)
-    assert alternating(np.abs(y), 0.01) == 0.0
-    late = np.zeros(1000)
-    late[100], late[150], late[260] = 3.0, -5.0, 4.0  # 1.1 s after the one before
-    assert alternating(late, 0.01) == 0.0

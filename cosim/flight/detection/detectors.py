@@ -10,6 +10,7 @@ import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -121,7 +122,6 @@ class Installed:
     lanes: tuple
     aircraft: Aircraft
     absent: frozenset = frozenset()  # outputs of other detectors, names on the bus, that this flight lacks
-    asked: bool = True  # whether it is to be judged, or only another one reads it
 
     @property
     def id(self) -> str:
@@ -238,32 +238,27 @@ def chosen(scenario: Scenario) -> list:
 
 
 def ordered(found: list[Installed]) -> list[Installed]:
-    """Return detectors with each after those whose outputs it reads, in their order else.
+    """Return detectors with each after those whose outputs it reads: first those that read none, in their order.
 
     Raises ScenarioError for an output that none of them has, for detectors that wait for each other, and for one that
     steps more often than what it reads.
     """
-    found = [_connected(d, {other.id: other for other in found}) for d in found]
-    reads = {d.id: {w.source.split(".")[0] for lane in d.lanes for w in d.inputs(lane) if w.signal.kind == "detector"}
-             for d in found}  # fmt: skip
-    out, left = [], {d.id: d for d in found}
-    while left:
-        free = next((d for d in left.values() if not reads[d.id] & left.keys()), None)
-        if free is None:
-            raise _cycle(reads, left)
-        out.append(left.pop(free.id))
-    return out
-
-
-def _cycle(reads, left):
-    """Return the ScenarioError about detectors in `left` that wait for each other: one round of them."""
-    way = [next(iter(left))]
-    while way.count(way[-1]) < 2:
-        way.append(min(reads[way[-1]] & left.keys()))
-    way = way[way.index(way[-1]) :]
-    said = f"detectors wait for each other: {' reads '.join(way)}"
-    remedy = "A detector may read only those that do not read it"
-    return ScenarioError(said, place=f"detectors.{way[0]}", remedy=remedy)
+    others = {d.id: d for d in found}
+    found = [_connected(d, others) for d in found]
+    sorter: TopologicalSorter = TopologicalSorter()
+    for d in found:
+        sorter.add(d.id)
+    for d in found:
+        reads = {w.source.split(".")[0] for lane in d.lanes for w in d.inputs(lane) if w.signal.kind == "detector"}
+        sorter.add(d.id, *sorted(reads & others.keys()))
+    try:
+        order = [*sorter.static_order()]
+    except CycleError as error:
+        way = error.args[1][::-1]
+        said = f"detectors wait for each other: {' reads '.join(way)}"
+        remedy = "A detector may read only those that do not read it"
+        raise ScenarioError(said, place=f"detectors.{way[0]}", remedy=remedy) from None
+    return sorted(found, key=lambda d: order.index(d.id))
 
 
 def _connected(d, others):
@@ -293,20 +288,11 @@ def _connected(d, others):
     return replace(d, absent=frozenset(absent)) if absent else d
 
 
-def with_sources(names: Sequence[str]) -> list[str]:
-    """Return detectors `names` with those in front that they read and that are known here."""
-    out: dict[str, None] = {}
-
-    def add(name, above=()):
-        if registry.known(name) and name not in (*out, *above):
-            for word in registry.record(name).inputs.values():
-                if source := vocabulary.detector_of(word):
-                    add(source, (*above, name))
-            out[name] = None
-
-    for name in names:
-        add(name)
-    return [*out, *(n for n in names if n not in out)]
+def sources_of(record: Detector) -> list[str]:
+    """Return the ids of the detectors that a detector reads, with those that they read in front."""
+    names = filter(None, map(vocabulary.detector_of, record.inputs.values()))
+    ways = [(*sources_of(registry.record(name)), name) for name in names if registry.known(name)]
+    return list(dict.fromkeys(name for way in ways for name in way))
 
 
 # What a servo takes from a local filter: servo input -> filter output

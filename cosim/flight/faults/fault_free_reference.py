@@ -74,7 +74,7 @@ class FaultFreeRun:
 
     def _part(self, k):
         """Fly on without the faults from tick `k`, in a copy of this process."""
-        n, columns = self._setup.ticks, _columns(_places(self._setup.trace))
+        n, columns = self._setup.ticks, [column for column, _ in _places(self._setup.trace)]
         self._rows = np.frombuffer(mmap.mmap(-1, 4 * len(columns) * n), np.float32).reshape(n, -1)
         self._flown = np.frombuffer(mmap.mmap(-1, 8), np.int64)
         self._first, self._child = k, os.fork()
@@ -106,8 +106,7 @@ class FaultFreeRun:
             child, self._child = self._child, 0
             if os.waitpid(child, 0)[1] == 0:
                 places = _places(self._setup.trace)
-                columns = _columns(places)
-                own = [(None if c is None else columns.index(c), gain) for c, gain in places]
+                own = [(i, gain) for i, (_, gain) in enumerate(places)]
                 reference = _placed(own, self._rows[: int(self._flown[0])])
                 reference[: self._first] = _placed(places, rows[: self._first])
                 _keep(self._key, reference)
@@ -170,18 +169,14 @@ def _quiet(scenario):
 
 
 def _places(trace):
-    """Return (column of the trace, its m or rad) of each segment's rod and surface; None where it has no rod."""
-    rods = [trace.rod.get(segment, (None, math.nan)) for segment in trace.surface]
+    """Return (column of the trace, its m or rad) of each segment's rod and surface; NaN where it has no rod."""
+    rods = [trace.rod.get(segment, (column, math.nan)) for segment, column in trace.surface.items()]
     return [place for rod, column in zip(rods, trace.surface.values()) for place in (rod, (column, 1.0))]
 
 
-def _columns(places):
-    return [column for column, _ in places if column is not None]
-
-
 def _placed(places, rows):
-    """Return (ticks, places) in single precision of the rows (ticks, columns); NaN where a place has no column."""
+    """Return (ticks, places) in single precision of the rows (ticks, columns)."""
     out = column_store(len(rows), len(places))
     for i, (column, gain) in enumerate(places):
-        out[:, i] = np.nan if column is None else gain * rows[:, column]
+        out[:, i] = gain * rows[:, column]
     return out

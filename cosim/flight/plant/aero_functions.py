@@ -19,8 +19,9 @@ import numpy as np
 
 METRICS = {"wingarea": "metrics/Sw-sqft", "wingspan": "metrics/bw-ft", "chord": "metrics/cbarw-ft"}
 _ONE = {"sin": np.sin, "cos": np.cos, "tan": np.tan, "abs": np.abs, "exp": np.exp, "sqrt": np.sqrt, "ln": np.log}
-_MANY: dict = {"product": operator.mul, "sum": operator.add, "min": np.minimum, "max": np.maximum}
 _TWO = {"quotient": operator.truediv, "pow": operator.pow}
+_MANY: dict = {"product": operator.mul, "sum": operator.add, "difference": operator.sub, "min": np.minimum,
+               "max": np.maximum}  # fmt: skip
 
 
 class AeroFunctions:
@@ -42,7 +43,6 @@ class AeroFunctions:
         self.axes = {axis.get("name"): list(axis.iter("function")) for axis in aero.iter("axis")}
         self.frames = {axis.get("name"): axis.get("frame") for axis in aero.iter("axis")}
         self.breakpoints = _breakpoints(aero)
-        self._tables: dict = {}  # element -> [properties, breakpoints, values, arguments and result of the last time]
 
     def evaluate(self, axis: str, given: dict) -> float:
         """Return the sum of an axis' functions, lb or lb ft, at the properties `given`."""
@@ -59,17 +59,6 @@ class AeroFunctions:
             cache[name] = self.defaults.get(name, 0.0) if found is None else self._function(found, cache)
         return cache[name]
 
-    def _look_up(self, table, cache):
-        """Return a table's value; at the very arguments of the time before, as most are, it is not looked up again."""
-        if table not in self._tables:
-            self._tables[table] = [*_table(table), None, None]
-        names, axes, values, before, value = self._tables[table]
-        at = [self._property(n, cache) for n in names]
-        if before is None or any(a is not b for a, b in zip(at, before)):
-            value = _lookup(axes, values, at)
-            self._tables[table][3:] = at, value
-        return value
-
     def _function(self, element, cache):
         parts = [e for e in element if e.tag != "description"]
         if len(parts) != 1:
@@ -82,12 +71,11 @@ class AeroFunctions:
         if e.tag in ("p", "property"):
             return self._property(e.text.strip(), cache)
         if e.tag == "table":
-            return self._look_up(e, cache)
+            names, axes, values = _table(e)
+            return _lookup(axes, values, [self._property(name, cache) for name in names])
         parts = [self._expression(c, cache) for c in e if c.tag != "description"]
         if e.tag in _MANY:
             return functools.reduce(_MANY[e.tag], parts)
-        if e.tag == "difference":
-            return functools.reduce(operator.sub, parts)
         if e.tag in _TWO and len(parts) == 2:
             return _TWO[e.tag](*parts)
         if e.tag in _ONE and len(parts) == 1:

@@ -14,7 +14,7 @@ from fdi.lpv_smo import synthesis as lpv_smo_design
 @functools.cache
 def _plant_run(point, faults):
     model, made = lpv_smo_design.load()
-    p = lpv_smo.params(model=model, made=made, bank=False)
+    p = lpv_smo.params(model=model, made=made)
     u = fly(model, np.array(POINTS[point], float), lpv_smo, faults=faults, seconds=30.0, pilot=Law(point))
     log = np.zeros(u.shape, lpv_smo.STATE)
     lpv_smo.rollout(lpv_smo.init(p), u, p, 0.005, log)

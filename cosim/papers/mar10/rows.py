@@ -71,7 +71,7 @@ def chosen(number: int) -> tuple[float, str]:
     when it fires before any fault that moves it, from the learned offset on.
     """
     flown, log = nominal_flight(number)
-    families = structure.families(force_model().structure()[:3])
+    families = structure.families(force_model().structure())
     t, truth, early = flown.index.to_numpy(), flights.TRUTH[number], []
     own: dict[str, list[str]] = {name: [] for name, _ in truth}
     for family, fired in zip(families, log["fired"].T > 0.5):
