@@ -62,7 +62,6 @@ STATE = [
     ("drive_d", "f8", "1/s"),  # its derivative
     ("load_lag", "f8", "-"),  # pressure behind the same lag
     ("load_d", "f8", "1/s"),  # its derivative
-    ("turn_last", "f8", "m"),  # rod that a tick more of age showed, one tick ago
     ("f_slow", "f8", "-"),  # lagged input fault, less what learned errors leave in it
     ("u_slow", "f8", "-"),  # lagged valve command
     ("w_old", "f8", (OPENINGS,), "-"),  # their sum, over the last RISE_S, newest first
@@ -140,8 +139,6 @@ def by_model(x, bend, p, dt):
     stiff = x.fed[filter.SOFT] - p.prior_mean[filter.SOFT]
     soft = stiff / (1.0 + stiff) * x.load_d / k
     late = dt * (x.fed[filter.OLDER] - x.fed[filter.YOUNGER]) * (bend / k + p.L * x.load_d)
-    late += x.fed[filter.AGE] * (x.turn_last - x.h_turn[filter.AGE]) / dt  # the rod gains speed
-    x.turn_last = x.h_turn[filter.AGE]
     supply = 0.5 * x.fed[filter.SUPPLY] * x.drive / (root * root)
     return (soft - late) * p.A_p / (p.phi_n * root) - supply + x.fed[filter.GAIN] * x.drive
 
