@@ -83,9 +83,11 @@ def weigh(x, p, h):
     off = SURE * x.gain_sigma
     if x.residual > SWINGS:
         return AMBIGUOUS
-    if x.gain - off > 0.5 and math.fabs(x.gain - 1.0) < NEAR + off:
-        return OFC_LIQUID
-    return OFC_SOLID if x.gain + off < 0.5 and math.fabs(x.gain) < NEAR + off else AMBIGUOUS
+    nearest = 1.0 if x.gain > 0.5 else 0.0
+    away = math.fabs(x.gain - nearest)
+    if away > NEAR + off or away + off > 0.5:
+        return AMBIGUOUS
+    return OFC_LIQUID if nearest > 0.5 else OFC_SOLID
 
 
 @kernel
