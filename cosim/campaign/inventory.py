@@ -45,7 +45,8 @@ def inventory() -> dict[str, Any]:
         "targets": {
             "segments": list(c.SEGMENTS), "groups": list(c.GROUPS), "surfaces": list(c.SURFACES),
             "engines": [*load_aircraft().engine_names, "all"],
-            "actuator_sensors": {t: list(s) for t, s in c.SENSORS_OF.items()}, "sensors": list(c.SENSORS),
+            "actuator_sensors": {name: list(t.own_sensors) for name, t in c.TECHNOLOGIES.items()},
+            "sensors": list(c.SENSORS),
         },
         "classes": [{"name": name, "summary": text} for name, text in MEANINGS.items()],
         "signals": vocabulary.inventory(),

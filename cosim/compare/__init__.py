@@ -70,7 +70,7 @@ class Comparison:
         if self.two:
             parted = [p for p in self.pairs if p["only_a"] or p["only_b"]]
             said = "{a} alone in {only_a}, {b} alone in {only_b} of {n} faults"
-            return f"{'; '.join(said.format(**p) for p in parted) or 'every detector saw the same faults in both'}."
+            return f"{'; '.join(said.format(**p) for p in parted) or 'Every detector saw the same faults in both'}."
         n = {key: sum(d[key] for d in self.levels) for key in ("faults", "local", "aircraft", "both", "nobody")}
         loud = ", ".join(d["id"] for d in self.detectors if not d["credible"])
         told = (f"Of {n['faults']} faults the local level alone saw {n['local']}, the aircraft level alone "
@@ -153,7 +153,7 @@ def compare(
     frame, tomls, again = compare_rows.of_logs(logs, progress, loaded(user_detectors))
     source = f"{len(logs)} log{'s' * (len(logs) != 1)}"
     source += f"; the same flight again, counted once: {', '.join(again)}" if again else ""
-    rows = _tidy(frame, tomls, source)
+    rows = compare_rows.tidy(frame, tomls, source)
     return Comparison(rows, compare_stats.detectors(rows), frame["run"].nunique(), 0, source)
 
 
@@ -161,18 +161,11 @@ def _is_campaign(path):
     return (path / "scenarios.parquet").is_file()
 
 
-def _tidy(frame, tomls, source):
-    rows = compare_rows.tidy(frame, tomls)
-    if rows.empty:
-        raise CompareError("no flight has a detector to compare", place=source)
-    return rows
-
-
 def _read(folder):
     """Return (rows, timing, flights, runs without one, title, {run: TOML}) of a campaign's folder."""
     frame, timing, tomls, title = compare_rows.of_campaign(folder)
     failed = int(frame.drop_duplicates("run")["status"].isin(FAILED).sum())
-    return _tidy(frame, tomls, str(folder)), timing, frame["run"].nunique(), failed, title, tomls
+    return compare_rows.tidy(frame, tomls, str(folder)), timing, frame["run"].nunique(), failed, title, tomls
 
 
 def _side_by_side(folders):

@@ -31,6 +31,7 @@ import numpy as np
 import pandas as pd
 
 from cosim.campaign.worker import run_id
+from cosim.errors import CosimError
 from cosim.judge import coverage
 from cosim.judge import row as judged
 from cosim.judge.fault_effect import NAMES as ACHIEVED
@@ -65,11 +66,12 @@ def family(kind: str, target: str, segments: tuple) -> str:
     return "jam or runaway" if kind.startswith(("jam", "runaway")) else "other actuator fault"
 
 
-def tidy(frame: pd.DataFrame, tomls: Mapping[str, str]) -> pd.DataFrame:
-    """Return the rows of `frame` (columns of cosim/campaign), `tomls` {run: scenario}; an empty frame without any."""
+def tidy(frame: pd.DataFrame, tomls: Mapping[str, str], source: str = "") -> pd.DataFrame:
+    """Return the rows of `frame` (columns of cosim/campaign), `tomls` {run: scenario}. Raises CosimError, which names
+    their `source`, without a detector."""
     lanes = frame.loc[frame["id"].notna(), [f.name for f in judged.FIELDS]]
     if lanes.empty:
-        return pd.DataFrame()
+        raise CosimError("no flight has a detector to compare", place=source)
     flights = {run: flown(tomls[run]) for run in lanes["run"].unique()}
     rows = _grouped(_with_each_fault(lanes, flights)).reset_index()
     once = ~rows.duplicated(LANE)  # the row on which what is of a whole flight stands

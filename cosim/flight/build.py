@@ -66,13 +66,13 @@ class Setup:
         """Return the JudgedLane of every detector lane."""
         return self.trace.judged_lanes(self.step_us)
 
-    def time_detectors(self, repeats: int = 200) -> None:
+    def time_detectors(self) -> None:
         """Measure each detector's cost per step and lane, on copies: a flight's own numbers stay untouched."""
         for d in self.loop.detectors:
             if d in self.in_python:  # its objects are the flight's own: what its steps took in the loop
                 self.step_us[d.name] = d.rollout.seconds / max(1, d.rollout.steps * len(d.x)) * 1e6
                 continue
-            self.step_us[d.name] = cost(d.module, d.x, d.u, d.p, self.loop.dt * d.every, repeats)
+            self.step_us[d.name] = cost(d.module, d.x, d.u, d.p, self.loop.dt * d.every)
 
 
 def _sensor_lanes(scenario, dt):

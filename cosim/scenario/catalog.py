@@ -111,7 +111,6 @@ _ALWAYS = ("ofc_liquid", "ofc_solid", "bias", "runaway")  # they enter with a co
 TECHNOLOGIES: dict[str, Technology] = {}
 USERS: set[str] = set()  # of these, the user actuators that a scenario names
 ACTUATOR_SENSORS: dict[str, tuple[Unit, ...]] = {}  # sensor of an actuator -> units of its faults and settings
-SENSORS_OF: dict[str, tuple[str, ...]] = {}  # technology -> sensors that may fail
 LOOP_SENSOR: dict[str, str] = {}  # technology -> the sensor that closes its position loop
 ELEVATOR_KINDS: dict[str, Kind] = {}
 
@@ -133,12 +132,11 @@ def technologies(own: Iterable[str]) -> tuple[str, ...]:
 
 
 def _derive():
-    for table in (ACTUATOR_SENSORS, SENSORS_OF, LOOP_SENSOR, ELEVATOR_KINDS):
+    for table in (ACTUATOR_SENSORS, LOOP_SENSOR, ELEVATOR_KINDS):
         table.clear()
     kinds = {**_COMMON}
     for t in TECHNOLOGIES.values():
         ACTUATOR_SENSORS.update({name: s.units for name, s in t.sensors.items() if name not in ACTUATOR_SENSORS})
-        SENSORS_OF[t.name] = t.own_sensors
         if t.loop_sensor:
             LOOP_SENSOR[t.name] = t.loop_sensor
         kinds |= {name: kind for name, kind in t.kinds.items() if name not in kinds}

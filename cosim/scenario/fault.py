@@ -314,21 +314,17 @@ def _possible(i, fault, technology, wrong):
     if fault.parsed.place not in ("elevator", "actuator_sensor"):
         return
     for name in fault.parsed.names:
-        own, sensor, fits = technology[name], fault.parsed.sensor, fault.spec.technologies
-        where, said, allowed = f"elevator.{name} is {_article(own)} actuator", "", ""
-        if sensor and sensor not in c.SENSORS_OF[own]:
-            fits = [t for t in c.TECHNOLOGIES if sensor in c.SENSORS_OF[t]]
-            key, said = "target", f"{where} and has no sensor {sensor!r}"
-            allowed = ", ".join(c.SENSORS_OF[own]) or "none"
-        elif fits and own not in fits:
-            key, said = "kind", f"{where}, {fault.kind} is a fault of {' or '.join(map(_article, fits))} one"
-        elif not c.TECHNOLOGIES[own].inlet and fault.at in ("valve", "sensor"):
+        own, sensor, fits = c.TECHNOLOGIES[technology[name]], fault.parsed.sensor, fault.spec.technologies
+        where, said, allowed = f"elevator.{name} is {own.article} actuator", "", ""
+        if sensor and sensor not in own.own_sensors:
+            fits = [t.name for t in c.TECHNOLOGIES.values() if sensor in t.own_sensors]
+            key, said, allowed = "target", f"{where} and has no sensor {sensor!r}", ", ".join(own.own_sensors) or "none"
+        elif fits and own.name not in fits:
+            others = " or ".join(c.TECHNOLOGIES[t].article for t in fits)
+            key, said = "kind", f"{where}, {fault.kind} is a fault of {others} one"
+        elif not own.inlet and fault.at in ("valve", "sensor"):
             key, said, allowed, fits = "at", f"{where}, which has no {fault.at}", "command", ["hydraulic"]
         if said:
             remedy = f'Choose another target, or set elevator.{name} = "{fits[0]}"'
             wrong.add(said, key=f"faults.{i}.{key}", allowed=allowed, remedy=remedy)
             return
-
-
-def _article(technology):
-    return c.TECHNOLOGIES[technology].article

@@ -39,8 +39,7 @@ LEAST = 0.5 * RAD_PER_DEG  # threshold of the position monitor: rigging and a st
 LEASTS = {"th_speed": 2.7e-4, "th_f": 0.285, "rho_f": 0.00112}
 LEAST_Z = 2.0  # deviations of a gain: of drives that warm up by 39 % in flight one in 40 may alarm
 # test -> thresholds: fixed part, and what grows with a feature
-TESTS = {"r_pair": ("pair_threshold",), "r_speed": ("th_speed", "rho_speed"), "r_f": ("th_f", "rho_f"),
-         "r_velocity": ("th_vel", "rho_vel", "rho_rate"), "r_jump": ("th_jump",), "ramp": ("th_R1",)}  # fmt: skip
+TESTS = {"r_pair": ("pair_threshold",), "r_speed": ("th_speed", "rho_speed"), "r_f": ("th_f", "rho_f")}
 ROUGH = ("position", "velocity", "surface")  # sensors whose noise is judged; that of the current is noted beside
 NOISIER = 2.0  # times what a healthy sensor shows: what shakes a drive, a jam or a stop, makes good readings rough
 GAIN = "z_gain"
@@ -75,20 +74,17 @@ def _gain_z(log: np.ndarray, p: Any) -> np.ndarray:
     gain = (np.abs(a) - p["th_a"]) / np.hypot(da, log["gain_doubt"])
     magnets = (np.abs(b) - p["th_b"]) / np.hypot(db, log["magnets_doubt"])
     gain = np.where(log["gain_learned"] > 0.5, gain, 0.0)
-    return np.maximum(np.maximum(gain, np.where(log["magnets_learned"] > 0.5, magnets, 0.0)), 0.0)
+    learned = log["magnets_doubt"] < gains.MAGNETS_AT_FIRST
+    return np.maximum(np.maximum(gain, np.where(learned, magnets, 0.0)), 0.0)
 
 
 def tested(log: np.ndarray, rate: np.ndarray, p: Any) -> dict[str, list]:
     """Return {test: [statistic, features]} of one segment, (ticks,) each; `log` as kept by `survey`, `rate` [rad/s]."""
-    w, effort, x4 = np.abs(rate), log["effort"].mean(axis=1), np.abs(log["x_hat"][:, 3])
-    features = {"r_speed": [w], "r_f": [np.sqrt(log["w_power"])], "r_velocity": [effort, x4]}
+    features = {"r_speed": [np.abs(rate)], "r_f": [np.sqrt(log["w_power"])]}
     out = {}
-    for test in ("r_pair", "r_speed", "r_velocity", "r_jump"):
-        fixed, *more = TESTS[test]
+    for test, (fixed, *more) in TESTS.items():
         own = features.get(test, [])
         out[test] = [log[test] * sum((p[name] * x for name, x in zip(more, own)), p[fixed]), 1.0, *own]
-    out["r_f"] = [np.sqrt(log["f_power"]) - np.sqrt(log["off_power"]), 1.0, *features["r_f"]]
-    out["ramp"] = [np.abs(log["R1"]), 1.0]
     out[LOAD] = [np.abs(log["x_hat"][:, 5]) / (0.5 * p["load_max"]), 1.0]
     out["friction"] = [np.maximum(log["r_friction"], 0.0), 1.0]
     rows = log.view(np.recarray)  # whose elements a kernel takes in plain Python, too
@@ -107,8 +103,7 @@ def survey(recorded: Any) -> dict[str, dict[str, Any]]:
     """Return {detector: {test: blocks of its statistic and features, or largest}} over one flight."""
     p = ema_kalman_flight.params()
     p["th_rough"] = 1e9  # a sample counts in full
-    fields = ("r_pair", "r_speed", "r_velocity", "r_jump", "R1", "f_power", "w_power", "off_power", "gain_doubt",
-              "gain_learned", "gain_own", "magnets_doubt", "magnets_learned", "effort", "x_hat", "gain_sum",
+    fields = ("r_pair", "r_speed", "r_f", "w_power", "gain_doubt", "gain_learned", "magnets_doubt", "x_hat", "gain_sum",
               "rough_power", "rough_both", "r_friction")  # fmt: skip
     log = detect(recorded, ema_kalman_flight, WIRES["ema_kalman_flight"], p, fields)[:, SETTLED:]
     found: dict[str, list] = {test: [] for test in (*TESTS, *ROUGH, *NOTED)}

@@ -142,12 +142,11 @@ def fit(x, p, k, j, head):
 
 @kernel
 def character(x, p, k, a, b):
-    """Return (agreement, purity, purity with mean) of a residual + b drive at frequency k, over its two periods.
+    """Return (agreement, purity) of a residual + b drive at frequency k, over its two periods.
 
     Agreement is Re(A_1 A_2*) / max(|A_1|^2, |A_2|^2) of each period's own fit: 1 for a sinusoid, about 0 for a
-    step or a single swing, which live in one period. Purity is the share of the window's variance (or power: with
-    its mean) that goes when the fitted oscillation is taken away; it is negative where fit and slow terms only
-    cancel each other.
+    step or a single swing, which live in one period. Purity is the share of the window's variance that goes when the
+    fitted oscillation is taken away; it is negative where fit and slow terms only cancel each other.
     """
     n = int(p.bank_n[k])
     j = int(p.bank_level[k])
@@ -178,11 +177,10 @@ def character(x, p, k, a, b):
         c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
     most = max(c1 * c1 + s1 * s1, c2 * c2 + s2 * s2)
     agreement = (c1 * c2 + s1 * s2) / most if most > 0.0 else 0.0
-    whole = 1.0 - left / power if power > 0.0 else 0.0
     power -= total * total / n
     left -= over * over / n
     purity = 1.0 - left / power if power > 0.0 else 0.0
-    return agreement, purity, whole
+    return agreement, purity
 
 
 @kernel

@@ -80,6 +80,16 @@ def _variables(x, u, p, ca, sa):
 
 
 @kernel
+def _body(lift, drag, side, ca, sa, cb, sb):
+    """Turn a force in wind axes into body axes, forward right down."""
+    return (
+        -drag * ca * cb - side * ca * sb + lift * sa,
+        -drag * sb + side * cb,
+        -drag * sa * cb - side * sa * sb - lift * ca,
+    )
+
+
+@kernel
 def row_errors(x, u, p):
     """Fill x.e, measured less computed forces [g], x.G and the activities x.act of the rows.
 
@@ -98,18 +108,13 @@ def row_errors(x, u, p):
         axis = int(p.axis[k])
         x.c[axis] += x.part[k]
         x.act[axis] += math.fabs(x.part[k] - x.part_0[k]) if x.learned > 0.5 else math.fabs(x.part[k])
-    lift, drag, side = x.c[0], x.c[1], x.c[2]
-    x.rows[0] = -drag * ca * cb - side * ca * sb + lift * sa
-    x.rows[1] = -drag * sb + side * cb
-    x.rows[2] = -drag * sa * cb - side * sa * sb - lift * ca
+    x.rows[0], x.rows[1], x.rows[2] = _body(x.c[0], x.c[1], x.c[2], ca, sa, cb, sb)
     lift, drag, side = x.act[0], x.act[1], x.act[2]
     x.act[0] = drag * math.fabs(ca) + lift * math.fabs(sa)
     x.act[1], x.act[2] = side, lift * math.fabs(ca) + drag * math.fabs(sa)
     for e in range(3):  # columns of G: sensitivities to elevator, aileron, rudder
         lift, drag, side = x.slope[0, e] * force, x.slope[1, e] * force, x.slope[2, e] * force
-        x.G[0, e] = -drag * ca * cb - side * ca * sb + lift * sa
-        x.G[1, e] = -drag * sb + side * cb
-        x.G[2, e] = -drag * sa * cb - side * sa * sb - lift * ca
+        x.G[0, e], x.G[1, e], x.G[2, e] = _body(lift, drag, side, ca, sa, cb, sb)
     doubt = _thrust(x, u, p, pressure)
     for i in range(NR):
         x.rows[i] += x.G[i, 3]
@@ -181,13 +186,16 @@ def accelerometers(x, u, p, dt):
     if x.moving < 0.5:
         x.moving, x.velocity[0], x.velocity[1] = 1.0, along, down
         return
-    a = G0 * (u.n_x - math.sin(u.theta)) + u.r * side - u.q * down
-    b = G0 * (math.cos(u.theta) * math.cos(u.phi) - u.n_z) + u.q * along - u.p * side
+    measured = (along, down)
+    rate = (
+        G0 * (u.n_x - math.sin(u.theta)) + u.r * side - u.q * down,
+        G0 * (math.cos(u.theta) * math.cos(u.phi) - u.n_z) + u.q * along - u.p * side,
+    )
     for i in range(2):
-        ahead = x.velocity[i] + dt * (a if i == 0 else b)
-        e = (along if i == 0 else down) - ahead
+        ahead = x.velocity[i] + dt * rate[i]
+        e = measured[i] - ahead
         x.velocity[i] = ahead + dt / p.t_kin * e
-        raw = -e / (G0 * p.t_kin) if i == 0 else e / (G0 * p.t_kin)
+        raw = (-e if i == 0 else e) / (G0 * p.t_kin)
         if x.learned < 0.5:
             x.bias_0[i] += (raw - x.bias_0[i]) / (x.n_learn + 1.0)
         x.bias[i] += (1.0 - math.exp(-dt / TAU_BIAS)) * (raw - x.bias_0[i] - x.bias[i])

@@ -22,7 +22,7 @@ import math
 from actuators.block import kernel
 from fdi.common.decision import PLAY
 from fdi.common.verdict import EFFECTIVENESS, NONE, SENSOR
-from fdi.ema.drive import EVEN_S, RING, best_sine
+from fdi.ema.shapes import EVEN_S, PAIR, RING, ROD, best_sine
 
 FIRST, EVERY = 15, 5  # samples after which the hypotheses are weighed, and again
 SURE = 40  # and after which noise is known well enough where it decides
@@ -48,7 +48,7 @@ def update(x, p):
     """Take the sample of `drive` that has just ended; write `pair_name` where one is sure."""
     head = int(x.even_head)
     now = RING - 1 if head == 0 else head - 1
-    e = x.even_ring[3, now]
+    e = x.even_ring[PAIR, now]
     x.pair_load += EVEN_S / TAU_LOAD * (x.hm0 + x.hmd * x.x_hat[0] + x.x_hat[5] - x.pair_load)
     if x.pair_noise == 0.0:
         x.pair_noise = 1.5 * p.sigma_pos * p.sigma_pos / p.even  # of both sensors
@@ -68,10 +68,10 @@ def update(x, p):
 @kernel
 def _explain(x, now, n):
     ee, e1, et, tt, ey, yy, far = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    i = now - n + 1
-    i = i + RING if i < 0 else i
+    first = now - n + 1 if now - n + 1 >= 0 else now - n + 1 + RING
+    i = first
     for k in range(n):
-        e, y, t = x.even_ring[3, i], x.even_ring[4, i], k - 0.5 * (n - 1)
+        e, y, t = x.even_ring[PAIR, i], x.even_ring[ROD, i], k - 0.5 * (n - 1)
         ee += e * e
         e1 += e
         et += e * t
@@ -80,14 +80,14 @@ def _explain(x, now, n):
         yy += y * y
         far = max(far, math.fabs(e))
         i = 0 if i == RING - 1 else i + 1
-    swing, _ = best_sine(x, False, 3, n, False, (0.0, 0.0))
+    swing, _ = best_sine(x.even_ring[PAIR], first, n, 0.5 / (n * EVEN_S))
     scale, bias, slope, noise = ee - ey * ey / max(yy, 1e-12), ee - e1 * e1 / n, et / tt, n * x.pair_noise
     rests = min(min(scale, swing), bias - et * slope)  # of all that is no play at work
     least = min(swing, scale) if scale < bias - ROUGH * x.pair_noise else swing
     if far > PLAY or e1 * x.pair_load > TURNS * math.fabs(e1):
         least = min(least, bias)
-    first = e1 / n - 0.5 * n * slope
-    if x.pair_since <= RING and math.fabs(first) <= ZERO * math.sqrt(x.pair_noise) + 2.0 * math.fabs(slope):
+    begun = e1 / n - 0.5 * n * slope
+    if x.pair_since <= RING and math.fabs(begun) <= ZERO * math.sqrt(x.pair_noise) + 2.0 * math.fabs(slope):
         least = min(least, bias - et * slope)
     if least <= SHARE * ee + NOISE * noise and (n >= SURE or far > PLAY):
         x.pair_name = SENSOR

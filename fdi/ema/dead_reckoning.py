@@ -7,41 +7,22 @@ Kinematics alone: no load, no torque and no parameter but the screw's lead enter
 """
 
 import math
-from typing import Any
 
 from actuators.block import kernel
 from actuators.ema.jay import PERIOD
 from fdi.common.decision import usable
-from fdi.ema.ema_kalman import POSITION, VELOCITY, N
+from fdi.ema.ema_kalman import POSITION, VELOCITY
 
 T_SURFACE = 2.0  # a position that is lost is tied to the surface's within [s]
 # what a wrong velocity has moved follows the position within [s]: settled before the alarm of a healed sensor ends (1 s
 # of release), and slow beside the load estimate, which has to follow the hinge moment of the angle that is corrected
 T_ANCHOR = 0.3
 DOUBT = 0.5  # of a threshold, from which on nothing is learned
-LAG, MEAN = 20, 5  # R1's jump: mean of the last 5 slots against that of the 5 slots 0.1 s ago
 
 
-def slots(dt: float) -> tuple[Any, ...]:
-    """Return (ticks of a slot, slots of the innovations' window, of R1's jump, of its ends) for ticks of `dt` [s].
-
-    A slot is the fewest ticks that last 5 ms, so that the windows of 50, 100 and 25 ms fit their arrays.
-    """
-    n_sub = max(math.ceil(PERIOD / dt - 1e-9), 1)
-    h = n_sub * dt / PERIOD
-    return float(n_sub), *(float(max(round(n / h), 1)) for n in (N, LAG, MEAN))
-
-
-@kernel
-def _jump(x, p, mean):
-    """Take in a slot, its `mean` drift, and form the jump of R1."""
-    tail, lag = int(x.tail), int(p.n_lag)
-    x.drifts[tail] = mean
-    x.tail = float((tail + 1) % lag)
-    x.jump = 0.0
-    for i in range(int(p.n_mean)):
-        x.jump += (x.drifts[(tail + lag - i) % lag] - x.drifts[(tail + 1 + i) % lag]) / p.n_mean
-    x.r_jump = math.fabs(x.jump) / p.th_jump
+def slot(dt: float) -> float:
+    """Return the ticks of a slot: the fewest of `dt` [s] that last 5 ms."""
+    return float(max(math.ceil(PERIOD / dt - 1e-9), 1))
 
 
 @kernel
@@ -66,12 +47,11 @@ def _anchor(x, p, share):
 
 @kernel
 def _slot(x, p, h):
-    """End a slot of `h` seconds: R1, its jump, and the anchor."""
+    """End a slot of `h` seconds: R1 and the anchor."""
     mean, seen = x.sum_drift / p.n_sub, x.n_position > 0.0
     x.sum_drift = x.n_position = 0.0
     if seen:
         x.R1 = mean - x.c
-    _jump(x, p, mean)
     witnessed = seen and x.age_surface == 0.0 and x.r_pair < DOUBT
     if (seen and x.culprit == VELOCITY) or (witnessed and x.alarm < 0.5 and math.fabs(x.R1) >= p.th_R1):
         _anchor(x, p, h / T_ANCHOR)
@@ -80,13 +60,13 @@ def _slot(x, p, h):
         x.P_cc += h / T_SURFACE * (p.sigma_rig * p.sigma_rig - x.P_cc)
         x.P_cb = 0.0
     elif seen and x.age_vel == 0.0 and x.alarm < 0.5:
-        if max(x.r_velocity, x.r_jump) < 1.0 and math.fabs(x.R1) < p.th_R1 and max(x.r_pair, x.r_speed) < DOUBT:
+        if math.fabs(x.R1) < p.th_R1 and max(x.r_pair, x.r_speed) < DOUBT:
             _tie(x, p)
 
 
 @kernel
 def reckon_position(x, u, p, dt, back):
-    """Form R1 and its jump; tie the anchor while nothing is suspected; `back`: velocity returns after a gap."""
+    """Form R1; tie the anchor while nothing is suspected; `back`: velocity returns after a gap."""
     walk, wander = p.lead * p.sigma_vel * dt, p.lead * p.walk_b
     x.c += x.b * dt
     x.P_cc += 2.0 * dt * x.P_cb + dt * dt * x.P_bb + walk * walk
@@ -97,8 +77,6 @@ def reckon_position(x, u, p, dt, back):
         if back or x.age == dt:
             x.c = x.drift
             x.sum_drift = x.drift * ((x.count if x.count > 0.0 else p.n_sub) - 1.0)  # the slot's ticks before this one
-            for i in range(LAG):
-                x.drifts[i] = x.drift
         x.n_position += 1.0
     x.sum_drift += x.drift
     if x.count == 0.0:

@@ -15,10 +15,10 @@ On a verdict on the position sensor `reconf` asks to close the loop on pos_hat. 
 
 | lost | what is left |
 |---|---|
-| surface | a jump of R1 in 0.1 s is the velocity's where the current shows it, else the position's; a ramp AMBIGUOUS |
+| surface | the velocity against the position, AMBIGUOUS; drive and jam as ever |
 | position | the velocity against the surface, AMBIGUOUS; drive and jam as ever; pos_hat |
 | velocity | the position takes its place in the filter; position against surface, drive: AMBIGUOUS; jam |
-| current | sensors and jam as ever; a torque that nothing explains is AMBIGUOUS |
+| current | sensors and jam as ever |
 
 While all is well, pos_hat is tied to the position sensor by a slow second Kalman filter on (offset c, rate b): it
 learns the velocity sensor's small bias. From the first suspicion on it runs free, and its covariance is pos_sigma; once
@@ -41,11 +41,12 @@ from actuators.constants import RAD_PER_DEG
 from actuators.ema import jay
 from fdi.common.decision import usable
 from fdi.common.record import Detector, Estimate
+from fdi.common.tuning import thresholds
 from fdi.common.verdict import EFFECTIVENESS
-from fdi.ema import backlash, drive, gains, position_consistency, sensor_noise, torque
-from fdi.ema.dead_reckoning import LAG, reckon_position, slots
-from fdi.ema.ema_kalman import VELOCITY, N
-from fdi.ema.model import designed, limits
+from fdi.ema import backlash, drive, gains, position_consistency, sensor_noise, shapes, torque
+from fdi.ema.dead_reckoning import reckon_position, slot
+from fdi.ema.ema_kalman import VELOCITY
+from fdi.ema.model import designed
 from fdi.ema.velocity import correct, predict
 from fdi.ema.vote import CULPRITS, decide, size
 
@@ -72,9 +73,6 @@ PARAMS = dtype([
     ("V_max", "f8", "V"),
     ("delay", "f8", "-"),          # ticks by which the sensors lag, 0 to HISTORY
     ("n_sub", "f8", "-"),          # ticks of a slot
-    ("n_window", "f8", "-"),       # slots: innovations, at most N
-    ("n_lag", "f8", "-"),          # R1's jump, at most LAG
-    ("n_mean", "f8", "-"),         # its two ends
     ("sigma_pos", "f8", "m"),  # position sensor noise
     ("sigma_rig", "f8", "m"),  # its rigging bias, which nothing here can see
     ("sigma_vel", "f8", "rad/s"),  # velocity sensor noise
@@ -82,10 +80,6 @@ PARAMS = dtype([
     ("walk_b", "f8", "rad/s"),  # and that bias's random walk per tick
     ("b_max", "f8", "rad/s"),  # largest velocity bias that is learned
     ("sigma_tie", "f8", "m"),  # position noise that the anchor assumes: large, so that it ties slowly
-    ("th_vel", "f8", "rad/s"),  # innovation mean: fixed part
-    ("rho_vel", "f8", "-"),   # and share of the motor's impulse
-    ("rho_rate", "f8", "-"),  # and of the motor rate: back electromotive force, friction, load per tick
-    ("th_jump", "f8", "m"),   # jump of R1
     ("th_R1", "f8", "m"),     # ramp of R1
     # load that no hinge explains, as large as a fault is to be: 0.4 of the stall moment, which jams and stops pass. A
     # false alarm is far below: training `ema` asks for 0.18 of that moment (fdi/thresholds: found, load)
@@ -95,15 +89,15 @@ PARAMS = dtype([
     ("load_max", "f8", "N m"),  # limit of the load estimate
     ("gate", "f8", "rad/s"),  # innovation, and step from sample to sample, beyond which it is a spike
     ("sigma_max", "f8", "m"),  # pos_sigma above which the estimate is not valid
-    ("t_cur", "f8", "s"),     # confirmation times
-    ("t_jump", "f8", "s"),
-    ("t_ramp", "f8", "s"),
     ("t_load", "f8", "s"),    # a stop that is hit or a gust at stall is over sooner
     ("t_hold", "f8", "s"),    # lag of the mean rate
     ("t_bad", "f8", "s"),     # velocity samples missing or rejected for longer: start again, or a fault
     ("t_start", "f8", "s"),   # after engage: the load estimate settles, no test counts
     ("t_doubt", "f8", "s"),   # a velocity sensor that was wrong tells nothing of the magnets for so long
     ("t_name", "f8", "s"),    # an alarm is AMBIGUOUS for so long at least, but for what is sure at once
+    ("phi_load", "f8", "rad/s/N m"),  # rate from the load state over a tick
+    ("leak", "f8", "-"),  # of the load state over a tick
+    ("felt_least", "f8", "-"),  # share of a gain that is off that the motor must have felt
     *position_consistency.PARAMS,
     *drive.PARAMS,
     *gains.PARAMS,
@@ -135,13 +129,9 @@ STATE = dtype([
     ("f_hat", "f8", "m, rad/s, A"),          # size of the declared fault [m], [rad/s] or [A]
     ("f_sigma", "f8", "m, rad/s, A"),        # its standard deviation, same unit
     ("eta", "f8", "-"),            # normalised innovation (6)
-    ("eta_bar", "f8", "-"),        # mean of the last N (7)
     ("R1", "f8", "m"),        # (9), mean of the last slot
     ("R2", "f8", "A"),        # (9), mean of the last slot
-    ("jump", "f8", "m"),      # change of R1 over n_lag slots
     ("load_hat", "f8", "N m"),  # hinge moment that the model misses
-    ("r_velocity", "f8", "-"),     # the tests over their thresholds
-    ("r_jump", "f8", "-"),
     ("x_hat", "f8", (6,), "rad, rad/s, rad, rad/s, A, N m"),  
     ("started", "f8", "-"),        # 1 once engaged
     ("age", "f8", "s"),       # since engage
@@ -161,13 +151,7 @@ STATE = dtype([
     ("P_cc", "f8", "m2"),           # covariance of both [m^2], [m^2/s], [m^2/s^2]
     ("P_cb", "f8", "m2/s"),
     ("P_bb", "f8", "m2/s2"),
-    ("timer_cur", "f8", "s"),  # confirmation
-    ("timer_jump", "f8", "s"),
-    ("timer_ramp", "f8", "s"),
     ("timer_load", "f8", "s"),
-    ("hot_cur", "f8", "-"),        # confirmed
-    ("hot_jump", "f8", "-"),
-    ("hot_ramp", "f8", "-"),
     ("hot_load", "f8", "-"),
     ("quiet_timer", "f8", "s"),  # since there was no sign of the fault
     ("hold", "f8", "s"),      # by which the alarm outlives its last sign
@@ -177,28 +161,22 @@ STATE = dtype([
     ("impact", "f8", "s"),    # time left after the rate has jumped as it does where a stop is hit
     ("shift", "f8", "rad"),   # motor angle less the position sensor's, where that stands for a lost velocity
     ("count", "f8", "-"),          # ticks of the slot that is open, 0 where one has just ended
-    ("sum_gamma", "f8", "rad/s"),  # its sums: innovations
-    ("sum_effort", "f8", "rad/s"),  # size of the motor's impulse per tick
     ("sum_drift", "f8", "m"),  # `drift`
     ("sum_R2", "f8", "A"),    # current less x5
     ("n_position", "f8", "-"),     # usable samples of position and current in it
     ("n_current", "f8", "-"),
-    ("head", "f8", "-"),           # write positions
-    ("tail", "f8", "-"),
-    ("window", "f8", (N,), "rad/s"),  # slots: innovation
-    ("effort", "f8", (N,), "rad/s"),  # impulse
-    ("drifts", "f8", (LAG,), "m"), # `drift`
     ("work", "f8", (6,)),     # scratch
     *position_consistency.STATE,
     *drive.STATE,
+    ("even_lost", "f8", "-"),  # ticks of the sample that say nothing
     *gains.STATE,
     *torque.STATE,
     *backlash.STATE,
     *sensor_noise.STATE,
 ])
 OUTPUTS = (
-    "r", "alarm", "verdict", "culprit", "valid", "reconf", "pos_hat", "pos_sigma", "f_hat", "f_sigma", "eta", "eta_bar",
-    "R1", "R2", "jump", "load_hat", "r_velocity", "r_jump", "hot_friction", "pair_name", "drive_lost",
+    "r", "alarm", "verdict", "culprit", "valid", "reconf", "pos_hat", "pos_sigma", "f_hat", "f_sigma", "eta",
+    "R1", "R2", "load_hat", "hot_friction", "pair_name", "drive_lost",
 )
 DETECTOR = Detector(
     id="ema_kalman_flight",
@@ -237,8 +215,7 @@ DETECTOR = Detector(
                        2: ("free_float", "loss_of_effectiveness")},
     },
     looks_back={"delay": "u_old"},
-    sizes={"n_sub": 1, "n_window": 1, "n_lag": 1, "n_mean": 1},
-    places={"head": ("window", 0), "tail": ("drifts", 0)},
+    sizes={"n_sub": 1},
     fit=lambda site: params(dt=site.dt, travel=site.travel, **site.actuator),
 )  # fmt: skip
 
@@ -265,8 +242,7 @@ def params(
     travel = travel or linkage.TRAVEL
     made = designed(v, dt, sigma_velocity)
     noise = math.sqrt(jay.PERIOD / dt)
-    trained = limits(which, v, made["K"][3], dt, sigma_velocity)
-    n_sub, n_window, n_lag, n_mean = slots(dt)
+    trained = thresholds("ema_kalman_flight", which)
     arm, lead = v["arm"], v["lead"]
     amperes, volts = jay.LIMITS["elevator"]
     no_load = volts / v["K_B"]
@@ -284,10 +260,7 @@ def params(
         I_max=amperes,
         V_max=volts,
         delay=float(round(delay_s / dt)),
-        n_sub=n_sub,
-        n_window=n_window,
-        n_lag=n_lag,
-        n_mean=n_mean,
+        n_sub=slot(dt),
         sigma_pos=noise * sigma_position,
         sigma_rig=0.08 * RAD_PER_DEG * arm,  # sensor set `transport`: rigging
         sigma_vel=noise * sigma_velocity,
@@ -295,7 +268,7 @@ def params(
         walk_b=1e-4 * no_load * math.sqrt(dt / 100.0),  # which may change by itself in 100 s
         b_max=1e-3 * no_load,
         # ties pos_hat within some 20 s: slower than a fault, faster than a bias of 1e-3; of a slot's mean
-        sigma_tie=noise / math.sqrt(n_sub) * 1.0 * RAD_PER_DEG * arm,
+        sigma_tie=noise / math.sqrt(slot(dt)) * 1.0 * RAD_PER_DEG * arm,
         gate=0.3 * no_load,  # twice what the stall current does in 5 ms
         load_max=2.0 * amperes * v["K_T"] * arm / lead,
         # a jam takes the whole stall moment; healthy drives stay below half of this (fdi/thresholds: found, load)
@@ -305,11 +278,11 @@ def params(
         stop_high=arm * (travel[1] - 0.5 * RAD_PER_DEG),
         wind=v["K_T"] / (lead * v["K_s"]),
         t_lost=0.1,
-        even=float(max(round(drive.EVEN_S / dt), 1)),
+        even=float(max(round(shapes.EVEN_S / dt), 1)),
+        **shapes.priors(amperes),
         phi_load=dt * (lead / arm) / (v["J_M"] + v["J_N"] * (lead / arm) ** 2),
         leak=made["Phi"][5, 5],
         b_motor=v["K_B"] / (v["K_ic"] + v["R"]),
-        amp=-math.expm1(-v["b"] * dt),
         th_friction=torque.RUBS * amperes * v["K_T"],
         **trained | {"th_rough": [*trained["th_rough"], sensor_noise.TH_CURRENT]},
     )
@@ -317,7 +290,9 @@ def params(
 
 def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape, not engaged: the first usable position sample engages it."""
-    return np.zeros(p.shape, STATE)
+    x = np.zeros(p.shape, STATE)
+    x["gain_doubt"], x["magnets_doubt"], x["age_sigma"] = gains.GAIN, gains.MAGNETS_AT_FIRST, gains.AGE
+    return x
 
 
 @kernel
@@ -372,21 +347,9 @@ def step(x, u, p, dt):
     drive.watch(x, u.y_current, current, x.u_old[int(p.delay)], w, believed, gamma, p, dt)
     if x.even_ticks == 0.0:
         backlash.update(x, p)
-    position, surface = usable(u.y_position, u.position_valid) > 0.5, usable(u.y_surface, u.surface_valid) > 0.5
-    sensor_noise.hear(x, 0, u.y_position, position)
-    sensor_noise.hear(x, 1, u.y_velocity, usable(u.y_velocity, u.velocity_valid) > 0.5)
-    sensor_noise.hear(x, 2, u.y_surface, surface)
-    sensor_noise.hear(x, 3, u.y_current, current)
-    sensor_noise.take(x, 0, u.y_position, position)
-    sensor_noise.take(x, 1, gamma, told)
-    sensor_noise.take(x, 2, p.arm * u.y_surface, surface)
-    sensor_noise.take(x, 3, x.f_now, current)
-    sensor_noise.take(x, 4, gamma - x.twin[0, 0], told)
-    sensor_noise.take(x, 5, x.d_now, current)
-    if x.count == 0.0:
-        sensor_noise.judge(x, p, dt)
+    sensor_noise.watch(x, u, gamma, current, told, p, dt)
     decide(x, p, dt)
-    size(x, p, (p.n_lag - p.n_mean) * p.n_sub * dt)
+    size(x, p)
     x.load_hat = x.x_hat[5]
     fresh = x.age_vel < 0.2 and x.culprit != VELOCITY
     x.valid = 1.0 if fresh and x.pos_sigma < p.sigma_max else 0.0

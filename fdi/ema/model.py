@@ -6,9 +6,6 @@ from typing import Any
 import numpy as np
 
 from actuators.ema import jay
-from fdi.common.tuning import thresholds
-from fdi.ema.dead_reckoning import slots
-from fdi.ema.ema_kalman import N
 
 
 def model(values: Any, dt: float, tau_load: float) -> tuple[Any, ...]:
@@ -57,20 +54,3 @@ def designed(values: Any, dt: float, sigma_velocity: float) -> dict[str, Any]:
     stiff = Phi - 2.0e4 * Phi_h
     K, S_root = gain(stiff, 630.0, tau_load, math.sqrt(samples), sigma_velocity / math.sqrt(samples), dt)
     return {"K": K, "S_root": S_root, "Phi": Phi, "Phi_h": Phi_h, "G": G, "G_h": G_h}
-
-
-def limits(which: Any, values: Any, K_vel: Any, dt: float, sigma_velocity: float) -> Any:
-    """Return the thresholds of set `which`, made for 5 ms, for ticks of `dt` and their velocity gain `K_vel`.
-
-    Those of the mean innovation change so that the velocity taken in by the whole window, gain times the sum of its
-    innovations, is the same at every rate.
-    """
-    out = thresholds("ema_kalman_flight", which)
-    if dt == jay.PERIOD:
-        return out
-    n_sub, n_window, _, n_mean = slots(dt)
-    share = designed(values, jay.PERIOD, sigma_velocity)["K"][3] * N / (K_vel * n_window * n_sub)
-    out |= {name: out[name] * share for name in ("th_vel", "rho_rate")}
-    out["rho_vel"] *= share * jay.PERIOD / dt  # of the impulse, which is per tick
-    out["t_jump"] = max(out["t_jump"], (n_mean * n_sub + 1.0) * dt)  # a single sample stays in an end's mean
-    return out

@@ -12,7 +12,7 @@ current. A reading that had noise and now repeats itself to the last digit for T
 import math
 
 from actuators.block import kernel
-from fdi.common.decision import confirm
+from fdi.common.decision import confirm, usable
 from fdi.ema.ema_kalman import CURRENT, POSITION, VELOCITY
 
 SURFACE = 4.0  # index into the culprits of `vote`
@@ -48,29 +48,24 @@ STATE = [
 
 
 @kernel
-def take(x, k, value, seen):
-    """Take a sample of reading `k` where it was `seen`."""
-    if seen:
-        x.rough_sum[k] += value
-        x.rough_n[k] += 1.0
-
-
-@kernel
-def hear(x, k, value, seen):
-    """Count how often raw reading `k` has repeated itself."""
-    if seen:
-        x.same_n[k] = x.same_n[k] + 1.0 if value == x.same_last[k] else 0.0
-        x.same_last[k] = value
-
-
-@kernel
-def frozen(x, p, dt):
-    """Return the sensor that repeats itself, 0 for none; one that is frozen stays so until its reading changes."""
+def watch(x, u, gamma, current, told, p, dt):
+    """Take the readings `u` of a tick, the innovation `gamma` [rad/s] where it is `told`, and what the `current` is off
+    by; count how often each reading has repeated itself."""
+    position, surface = usable(u.y_position, u.position_valid) > 0.5, usable(u.y_surface, u.surface_valid) > 0.5
+    raw = (u.y_position, u.y_velocity, u.y_surface, u.y_current)
+    good = (position, usable(u.y_velocity, u.velocity_valid) > 0.5, surface, current)
+    value = (u.y_position, gamma, p.arm * u.y_surface, x.f_now, gamma - x.twin[0, 0], u.y_current - x.f_now)
+    seen = (position, told, surface, current, told, current)
     for k in range(N):
-        lively = x.rough_power[k] > LIVELY * LIVELY * p.th_rough[k] * p.th_rough[k] or x.culprit == WHO[k]
-        if lively and x.same_n[k] >= SAME and x.same_n[k] * dt >= T_SAME:
-            return WHO[k]
-    return 0.0
+        if good[k]:
+            x.same_n[k] = x.same_n[k] + 1.0 if raw[k] == x.same_last[k] else 0.0
+            x.same_last[k] = raw[k]
+    for k in range(N + 2):
+        if seen[k]:
+            x.rough_sum[k] += value[k]
+            x.rough_n[k] += 1.0
+    if x.count == 0.0:
+        judge(x, p, dt)
 
 
 @kernel
@@ -108,17 +103,22 @@ def judge(x, p, dt):
     for k in range(N):
         own = power(x, k)
         r = math.sqrt(own) / p.th_rough[k]
-        beyond = r >= (STANDS if x.rough_hot[k] > 0.5 else 1.0) and x.age >= p.t_start
+        asked = x.age >= p.t_start if k < 3 else x.gain_learned > 1.5  # an age looks like noise until it is learned
+        beyond = asked and r >= (STANDS if x.rough_hot[k] > 0.5 else 1.0)
         x.rough_timer[k], x.rough_hot[k] = confirm(
             x.rough_timer[k], x.rough_hot[k], beyond, h, CONFIRM, p.t_release)
         x.r_rough = max(x.r_rough, r)
 
 
 @kernel
-def noisy(x):
-    """Return the one sensor that is noisy, -1 where several are, 0 for none."""
-    who = 0.0
+def wrong(x, p, dt):
+    """Return the sensor that repeats itself, else the one that is noisy, -1 where several are, 0 for none; one that is
+    frozen stays so until its reading changes."""
+    noisy = 0.0
     for k in range(N):
+        lively = x.rough_power[k] > LIVELY * LIVELY * p.th_rough[k] * p.th_rough[k] or x.culprit == WHO[k]
+        if lively and x.same_n[k] >= SAME and x.same_n[k] * dt >= T_SAME:
+            return WHO[k]
         if x.rough_hot[k] > 0.5:
-            who = WHO[k] if who == 0.0 else -1.0
-    return who
+            noisy = WHO[k] if noisy == 0.0 else -1.0
+    return noisy

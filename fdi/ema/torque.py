@@ -14,15 +14,18 @@ TAU_FRICTION = 0.7  # memory of friction, of motion [s]
 VISCOUS = 0.003  # deviation of a drag that grows with the rate: 5 % of K_B at the largest current [N m s/rad]
 Z_FRICTION = 3.0  # deviations of friction that are taken off before its test
 T_FRICTION = 0.5  # confirmation, after that of the sensors, which can look like friction [s]
-RUBS = 0.06  # of the stall torque: friction of a fault, three times that of a healthy drive (actuators.ema.actuator)
+TAU_FELT, TAU_ONSET = 0.03, 0.1  # lag of what the motor feels; what came so shortly before an alarm is of its onset [s]
+RUBS = 0.08  # of the stall torque: friction of a fault, four times that of a healthy drive (actuators.ema.actuator)
 STANDS, RELEASE = 0.7, 0.5  # of the threshold: keeps the alarm; and by how long that outlives it [s]
 
 PARAMS = [
     ("th_friction", "f8", "N m"),  # at the motor
 ]
 STATE = [
-    # errors of rate [rad/s] and load [N m] by f, friction, drag, a gain, the velocity sensor, what friction keeps
-    ("twin", "f8", (6, 2)),
+    ("twin", "f8", (4, 2)),  # errors of rate [rad/s] and load [N m] by f, friction, drag, the velocity sensor
+    ("felt_lag", "f8", (3,), "rad/s"),  # lagged signatures of f as a torque, as a misread velocity, and innovation
+    ("felt_J", "f8", (3,)),  # sums of the two signatures' products, in units of the innovation's noise
+    ("felt_b", "f8", (2,)),  # and with the innovation
     ("rub_sum", "f8", (5,)),  # of friction and drag: squares and product of their signatures, products with gamma
     ("friction", "f8", "N m"),  # torque that opposes the motion, at the motor
     ("r_friction", "f8", "-"),  # over its threshold
@@ -51,6 +54,22 @@ def read(x, j, error, p):
     x.twin[j, 0] += p.phi_load * load - p.K[3] * gamma
     x.twin[j, 1] = p.leak * load
     return gamma
+
+
+@kernel
+def feel(x, f, gamma, current, p, dt):
+    """Add up which shares of the excess current `f` [A] the innovation `gamma` shows as a torque and as a velocity that
+    is misread by f / b_motor, since it began; slow parts tell, as f shares the velocity sensor's noise."""
+    J, b, lag, share = x.felt_J, x.felt_b, x.felt_lag, min(dt / TAU_FELT, 1.0)
+    new = (push(x, 0, p.impulse * f, p), read(x, 3, f / p.b_motor, p), gamma)
+    for k in range(3):
+        lag[k] += share * (new[k] - lag[k])
+    keep = 1.0 - min(dt / TAU_ONSET, 1.0) if x.f_timer <= 0.0 and x.hot_gain < 0.5 else 1.0
+    over = 1.0 / (p.S_root * p.S_root) if current else 0.0
+    for k in range(3):
+        J[k] = keep * J[k] + over * lag[min(k, 1)] * lag[max(k - 1, 0)]
+    for k in range(2):
+        b[k] = keep * b[k] + over * lag[2] * lag[k]
 
 
 @kernel

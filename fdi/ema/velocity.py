@@ -1,13 +1,13 @@
-"""Prediction of the motor, its correction by the velocity sensor or, without that, by the position, and their test."""
+"""Prediction of the motor, its correction by the velocity sensor or, without that, by the position."""
 
 import math
 
 from actuators.block import kernel
 from fdi.common.decision import usable
-from fdi.ema import drive
 
 IMPACT = 0.45  # of `gate`, which the stall current does not reach in a tick
 T_IMPACT = 0.05  # [s]
+ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
 
 
 @kernel
@@ -34,25 +34,9 @@ def predict(x, demand, p):
         for j in range(6):
             s += (p.Phi[i, j] + x.hmd * p.Phi_h[i, j]) * x.x_hat[j]
         x.work[i] = s
+    x.turn = x.work[3] - x.x_hat[3]
     for i in range(6):
         x.x_hat[i] = x.work[i]
-
-
-@kernel
-def _window(x, p):
-    """End a slot, and form the test of the velocity."""
-    head = int(x.head)
-    x.window[head] = x.sum_gamma / p.n_sub
-    x.effort[head] = x.sum_effort / p.n_sub
-    x.sum_gamma = x.sum_effort = 0.0
-    x.head = float((head + 1) % int(p.n_window))
-    mean = 0.0
-    effort = 0.0
-    for i in range(int(p.n_window)):
-        mean += x.window[i] / p.n_window
-        effort += x.effort[i] / p.n_window
-    x.eta_bar = mean / p.S_root
-    x.r_velocity = math.fabs(mean) / (p.th_vel + p.rho_vel * effort + p.rho_rate * math.fabs(x.x_hat[3]))
 
 
 @kernel
@@ -61,9 +45,9 @@ def _follow(x, y, p, dt):
     if x.age_vel - dt <= p.t_bad:
         x.shift = x.x_hat[2] - y / p.lead
     e = y / p.lead + x.shift - x.x_hat[2]
-    x.x_hat[2] += drive.ALPHA * e
-    x.x_hat[0] += p.ratio * drive.ALPHA * e
-    w = drive.BETA * e / dt
+    x.x_hat[2] += ALPHA * e
+    x.x_hat[0] += p.ratio * ALPHA * e
+    w = BETA * e / dt
     x.x_hat[3] += w
     x.x_hat[1] += p.ratio * w
     x.x_hat[5] = min(max(x.x_hat[5] + p.K[5] / p.K[3] * w, -p.load_max), p.load_max)
@@ -71,7 +55,8 @@ def _follow(x, y, p, dt):
 
 @kernel
 def correct(x, u, p, dt):
-    """Correct by the velocity sample, unless it is missing or impossible, and form its test."""
+    """Correct by the velocity sample, unless it is missing or impossible; return (rate, its mean over the tick,
+    innovation) [rad/s]."""
     gamma = 0.0
     seen = usable(u.y_velocity, u.velocity_valid) > 0.5
     if seen:
@@ -96,9 +81,4 @@ def correct(x, u, p, dt):
     x.w_last = w
     x.w_slow += dt / p.t_hold * (w - x.w_slow)
     x.eta = gamma / p.S_root
-    # at the voltage limit 5 % of K_B is worth more than the stall current: such a tick says nothing
-    x.sum_gamma += 0.0 if x.at_limit > 0.5 else gamma
-    x.sum_effort += p.impulse * math.fabs(x.x_hat[4])
-    if x.count == 0.0:
-        _window(x, p)
     return w, mean, gamma

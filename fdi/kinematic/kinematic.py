@@ -35,8 +35,8 @@ What kinematics cannot tell: a constant error of a rate from a slow one of what 
 theta", "r or psi", "n_x or v_ground" is named until another row tells. When such a drift stops, and stays off, the
 alarm ends as if the rate were right again.
 
-Thresholds are those of the noise that is specified. A row whose second difference, over the time of learning, is larger
-than the specified noise of its sensors makes has its threshold and its jump larger by as much.
+Thresholds are those of the noise that is specified. A row whose readings, over the time of learning, have larger second
+differences than specified noise makes has its threshold and its jump larger by as much.
 """
 
 import math
@@ -69,7 +69,7 @@ POWER = np.array([GUSTY.get(name, 0) for name in SENSORS])
 # what it was off by. One that came without a jump, a drift or a frozen reading, ends with one
 SHOWN_S, BACK, SEEN, OFF_S = 5.0, 0.3, 0.75, 120.0
 LEFT = 4.0  # thresholds: from there a row is quiet within 1.4 of its time constants
-FADING, STAYING, NOISE, JUMPED_BACK = 0.0, 1.0, 2.0, 3.0
+FADING, STAYING, NOISY, JUMPED_BACK = 0.0, 1.0, 2.0, 3.0
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
 
 PARAMS = dtype(
@@ -126,11 +126,12 @@ STATE = dtype(
         *wind.STATE,
         ("offset", "f8", (NR,)),
         ("limit", "f8", (NR,)),  # thresholds now
-        ("raw_1", "f8", (NR,)),  # residuals of the tick before, and of the one before that
-        ("raw_2", "f8", (NR,)),
-        ("run", "f8", (NR,)),  # ticks in a row that had one, at most 3
-        ("excess", "f8", (NR,), "-"),  # learned mean square of their second difference over the specified one
-        ("grown", "f8", (NR,), "-"),  # what the threshold and the jump grow by with it
+        (
+            "grown",
+            "f8",
+            (NR,),
+            "-",
+        ),  # what threshold and jump grow by where its readings have more noise than specified
         ("y", "f8", (NS,)),  # readings
         ("ok", "f8", (NS,)),
         ("y_1", "f8", (NS,)),  # and those of the two ticks before
@@ -150,7 +151,7 @@ STATE = dtype(
         ("held", "f8", (NR,)),  # residuals that were beyond their thresholds, the last of each row
         ("refuted", "f8", "s"),  # time for which those of the named error would be there and are not
         ("leapt", "f8", "-"),  # 1 where the reading that is named jumped at first
-        ("shows", "f8", "-"),  # how that error shows: FADING, STAYING, NOISE, JUMPED_BACK
+        ("shows", "f8", "-"),  # how that error shows: FADING, STAYING, NOISY, JUMPED_BACK
     ]
 )
 OUTPUTS = ("r", "alarm", "verdict", "culprit", "second", "verdict_2", "valid", "why", "res")
@@ -285,7 +286,7 @@ def _noise(x, p, dt):
 @kernel
 def _explains(x, s):
     """Return whether signature s explains what fired and jumped; what x.known has, another sensor may have done."""
-    first = table.FIRST[s]
+    first = table.FIRST_ROW[s]
     jumped = x.jumped[first] > 0.0
     if x.known[first] > 0.5 or (table.JUMPS[s] > 0.5 and not jumped) or (table.JUMPS[s] < -0.5 and jumped):
         return False
@@ -294,11 +295,11 @@ def _explains(x, s):
             if table.MAY[s, i] < 0.5 and x.known[i] < 0.5:
                 return False
         elif table.MUST[s, i] > 0.5:
-            power = table.POWERS[s, i]
+            power = table.SPEED_POWERS[s, i]
             fast = x.y[15] if power > 0.0 else 1.0 / max(x.y[15], 1.0) if power < 0.0 else 1.0
-            size = math.fabs(x.res[first]) * table.SHOWS[s, i] * fast
+            size = math.fabs(x.res[first]) * table.SIZES[s, i] * fast
             # gusts may hide it there
-            if x.fired[first] <= 0.0 or table.SHOWS[s, i] <= 0.0 or size > HIDDEN * x.limit[i]:
+            if x.fired[first] <= 0.0 or table.SIZES[s, i] <= 0.0 or size > HIDDEN * x.limit[i]:
                 return False
     return True
 
@@ -320,8 +321,8 @@ def _again(x, p, dt):
     """Name a second sensor: by rows that do not read the first one, or by its noise."""
     if x.noisy > 0.5 and x.noisy != x.culprit:
         row = table.FADES[int(x.noisy) - 1]
-        if row >= 0 and table.STAYS[int(x.culprit) - 1, row] > 0.5:
-            x.culprit, x.shows = x.noisy, NOISE  # an attitude that is frozen looks like an error of its rate, too
+        if row >= 0 and table.CONSTANT_IN[int(x.culprit) - 1, row] > 0.5:
+            x.culprit, x.shows = x.noisy, NOISY  # an attitude that is frozen looks like an error of its rate, too
             return
         x.second, x.verdict_2 = x.noisy, SENSOR
     left = False
@@ -340,7 +341,7 @@ def _seek(x, p, any_row):
     """Name the sensor when the rows that belong together are in, or say that there is none."""
     sought = x.alarm < 0.5 or x.verdict == AMBIGUOUS
     if x.noisy > 0.5 and sought:
-        x.alarm, x.verdict, x.culprit, x.shows = 1.0, SENSOR, x.noisy, NOISE
+        x.alarm, x.verdict, x.culprit, x.shows = 1.0, SENSOR, x.noisy, NOISY
     elif any_row and x.since >= p.t_collect and (sought or x.culprit >= EITHER):
         count, best = _named(x)
         if count == 1 and (sought or table.HOLDS[int(x.culprit), int(best)] > 0.5):
@@ -380,7 +381,11 @@ def _would_show(x):
         return x.shows > STAYING
     for i in range(NR):
         held = math.fabs(x.held[i])
-        if table.STAYS[int(x.culprit) - 1, i] > 0.5 and held >= SEEN * x.limit[i] and math.fabs(x.res[i]) < 0.5 * held:
+        if (
+            table.CONSTANT_IN[int(x.culprit) - 1, i] > 0.5
+            and held >= SEEN * x.limit[i]
+            and math.fabs(x.res[i]) < 0.5 * held
+        ):
             return True
     return False
 
@@ -401,11 +406,9 @@ def _rest(x, p, why):
     x.seen[:] = 0.0
     x.res[:] = 0.0
     x.jumped[:] = 0.0
-    x.run[:] = 0.0
     if x.age <= p.t_learn:
         x.age, x.n_learn = 0.0, 0.0
         x.offset[:] = 0.0
-        x.excess[:] = 0.0
         x.level[:] = 0.0
     x.since, x.noisy, x.quiet, x.valid, x.why, x.r = 0.0, 0.0, 0.0, 0.0, why, 0.0
     _clear(x)
@@ -430,11 +433,12 @@ def step(x, u, p, dt):
         return
     read(x, u)
     compare(x, p, dt)
-    weigh(x, p)
     x.age += dt
     if p.t_settle < x.age <= p.t_learn:
         x.n_learn += 1.0
     r = max(_residuals(x, p, dt), _noise(x, p, dt))
+    if x.age <= p.t_learn:
+        weigh(x)
     live = 0.0
     for i in range(NR):
         live += x.live[i]

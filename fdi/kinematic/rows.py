@@ -12,10 +12,6 @@ from fdi.kinematic.wind import blow, plane
 SPREAD = 3.0  # half of what lateral velocity may be off by, over the rms of lateral gusts: half of `side_gust`
 EARTH = 6.356766e6  # radius that makes a geometric altitude one of the standard atmosphere [m]
 
-# specified noise per sample, of the sensor set `transport`: attitudes, inertial angle of attack [rad], speed over the
-# ground, vertical speed, airspeeds [m/s], inertial and barometric altitude [m], Mach number
-SIGMA_ANGLE, SIGMA_PATH, SIGMA_GROUND, SIGMA_CLIMB, SIGMA_SPEED = 3.5e-4, 4.4e-4, 0.05, 0.05, 0.051
-SIGMA_HEIGHT, SIGMA_BARO, SIGMA_MACH = 0.02, 0.7, 2e-4
 WORN = 1.25  # times it thresholds hold: they are trained at 1.2, and what is learned of it in 6 s is within 4 %
 
 
@@ -121,7 +117,6 @@ def _lateral(x, p, dt, steep):
     x.lateral[TURN] += fade * (p.tau * math.fabs(y[0]) - x.lateral[TURN])
     x.lateral[SPEED] += fade * (p.tau * G0 * bank / max(y[15], 1.0) - x.lateral[SPEED])
     for i in range(NR):
-        x.grown[i] = math.sqrt(max(x.excess[i], 1.0)) if x.age > p.t_learn else 1.0
         x.limit[i] = x.grown[i] * p.threshold[i] + p.gust[i] * x.rough
         x.limit[i] += x.lateral[i] * (p.side[i] * y[15] + p.side_gust[i] * x.rough)
     for i in range(3):
@@ -129,23 +124,15 @@ def _lateral(x, p, dt, steep):
 
 
 @kernel
-def weigh(x, p):
-    """Learn the mean square of the second difference of every row's residual over that of the specified noise."""
-    v = x.y[15]
-    path = v * v * SIGMA_PATH * SIGMA_PATH
-    mach = x.y[11] * SIGMA_MACH / max(x.y[13], 0.05)
-    impact = 2.0 * (SIGMA_SPEED / max(x.y[12], 10.0) + SIGMA_MACH / max(x.y[13], 0.05))  # at most
-    specified = (
-        SIGMA_ANGLE * SIGMA_ANGLE, SIGMA_ANGLE * SIGMA_ANGLE, SIGMA_ANGLE * SIGMA_ANGLE,
-        SIGMA_CLIMB * SIGMA_CLIMB + 2.0 * path, path, SIGMA_GROUND * SIGMA_GROUND, SIGMA_HEIGHT * SIGMA_HEIGHT,
-        SIGMA_SPEED * SIGMA_SPEED + mach * mach, impact * impact, SIGMA_BARO * SIGMA_BARO,
-    )  # fmt: skip
+def weigh(x):
+    """Set by how much more noise than specified the readings of each row have, as learned: x.grown."""
     for i in range(NR):
-        x.run[i] = min(x.run[i] + 1.0, 3.0) if x.live[i] > 0.5 else 0.0
-        if x.run[i] > 2.5 and p.t_settle < x.age <= p.t_learn:
-            d = x.raw[i] - 2.0 * x.raw_1[i] + x.raw_2[i]
-            x.excess[i] += (d * d / (6.0 * specified[i] * WORN * WORN) - x.excess[i]) / max(x.n_learn, 1.0)
-        x.raw_2[i], x.raw_1[i] = x.raw_1[i], x.raw[i]
+        most = 1.0
+        for s in range(NS):
+            if table.READ_BY[i, s] > 0.5:
+                sigma = WORN * table.SIGMA[s]
+                most = max(most, x.level[s] / (6.0 * sigma * sigma))
+        x.grown[i] = math.sqrt(most)
 
 
 @kernel

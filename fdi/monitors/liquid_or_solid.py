@@ -2,7 +2,7 @@
 
 It is told by the command's own part of the rod's motion: over the last samples since the first crossing
 
-    y = g (m + sum_k theta_k L_k m) + A cos w t + B sin w t + rest
+    y = g m + A cos w t + B sin w t + rest
 
 where the sine also takes up what the control law answers at the oscillation's own frequency. Added, g is 1; in place,
 0. Its deviation follows from the rest and from how far the command has moved; while both are possible the name is
@@ -83,15 +83,17 @@ def weigh(x, p, h):
     off = SURE * x.gain_sigma
     if x.residual > SWINGS:
         return AMBIGUOUS
-    if x.gain - off > 0.5 and math.fabs(x.gain - 1.0) < NEAR + off:
-        return OFC_LIQUID
-    return OFC_SOLID if x.gain + off < 0.5 and math.fabs(x.gain) < NEAR + off else AMBIGUOUS
+    nearest = 1.0 if x.gain > 0.5 else 0.0
+    away = math.fabs(x.gain - nearest)
+    if away > NEAR + off or away + off > 0.5:
+        return AMBIGUOUS
+    return OFC_LIQUID if nearest > 0.5 else OFC_SOLID
 
 
 @kernel
 def name(x, p, dt):
-    """Weigh the oscillation of an alarm at every EVERY-th sample; what several evaluations agree on is the verdict."""
-    if x.alarm > 0.5 and x.ticks == 0.0 and int(x.since) % EVERY == 0:
+    """Weigh an oscillation while it is counted, at every EVERY-th sample; what several agree on is the verdict."""
+    if x.timer == p.t_release and x.ticks == 0.0 and int(x.since) % EVERY == 0:
         hz = x.sine_hz
         said = weigh(x, p, p.even * dt)
         same = said == x.vote and math.fabs(x.sine_hz - hz) <= STEADY * hz

@@ -255,36 +255,51 @@ def _start(x, u, p):
 
 
 @kernel
-def step(x, u, p, dt):
-    """Estimate the rod from the command, split the residual, count, name."""
-    if math.isfinite(u.command):
-        x.target = min(max(p.arm * u.command, p.r_lo), p.r_hi)
+def _read(x, u, p, dt):
+    """Take the rod's reading into the residual; return whether there has been one."""
     good = usable(u.y_rod, u.y_rod_valid)
-    if x.started < 0.5:
-        if good < 0.5:
-            return
+    if x.started < 0.5 and good > 0.5:
         _start(x, u, p)
-    reference = x.past[int(p.delay)]
-    if good > 0.5 and math.fabs(u.y_rod - reference - x.e) > WILD and x.age < T_WILD:
+    if x.started < 0.5:
+        return False
+    e = u.y_rod - x.past[int(p.delay)]
+    if good > 0.5 and math.fabs(e - x.e) > WILD and x.age < T_WILD:
         good = 0.0
     x.age = 0.0 if good > 0.5 else x.age + dt
     if good > 0.5:
-        x.e = u.y_rod - reference
-    _, off = _filtered(x.wide[0], x.e, p.wide)
-    _, m = _filtered(x.wide[1], reference, p.wide)
-    keep_sample(x, off + m, m, p)
-    x.r, oscillates = 0.0, False
+        x.e = e
+    return True
+
+
+@kernel
+def _oscillates(x, p, off, m, dt):
+    """Split residual `off` and reference `m` [m] into bands; return whether the swings of one are an oscillation."""
+    x.r, found = 0.0, False
     for b in range(B):
         _, high = _filtered(x.ref_high[b], m, p.high[b])
         moves, _ = _filtered(x.ref_low[b], high, p.low[b])
         x.ref_peak[b] = max(math.fabs(moves), x.ref_peak[b] * (1.0 - dt * p.f_low[b] / MEMORY))
         x.r = max(x.r, _count(x, p, b, x.e if b == 0 else off, dt))
         if x.counts[b] > 0.5:
-            oscillates = True
+            found = True
             if x.verdict == NONE:
                 x.since = min(x.since, x.ages[b, int(p.half_periods) - 1] / (p.even * dt))
+    return found
+
+
+@kernel
+def step(x, u, p, dt):
+    """Estimate the rod from the command, split the residual, count, name."""
+    if math.isfinite(u.command):
+        x.target = min(max(p.arm * u.command, p.r_lo), p.r_hi)
+    if not _read(x, u, p, dt):
+        return
+    _, off = _filtered(x.wide[0], x.e, p.wide)
+    _, m = _filtered(x.wide[1], x.past[int(p.delay)], p.wide)
+    keep_sample(x, off + m, m, p)
+    found = _oscillates(x, p, off, m, dt)
     x.valid = 1.0 if x.age <= p.t_invalid else 0.0
-    x.timer = p.t_release if oscillates and x.valid > 0.5 else max(x.timer - dt, 0.0)
+    x.timer = p.t_release if found and x.valid > 0.5 else max(x.timer - dt, 0.0)
     x.alarm = 1.0 if x.timer > 0.0 else 0.0
     if x.alarm < 0.5:
         x.verdict = x.vote = NONE

@@ -103,12 +103,7 @@ def decide(x, p, dt):
         _oscillation(x, p)
     x.timer, x.static = confirm(x.timer, x.static, still >= 1.0, dt, p.t_static, p.t_release)
     oscillates = x.ofc_timer > 0.0
-    if not oscillates:
-        x.both = 0.0
-    elif p.nf > 1.0:
-        other = x.energy[1 - suspect]
-        if other >= SECOND * SECOND * x.energy[suspect] and 2.0 * other >= x.most * x.most:
-            x.both = 1.0
+    x.both = (1.0 if _other_side(x, p, suspect) else x.both) if oscillates else 0.0
     x.r = max(x.r_ofc, still)
     x.alarm = 1.0 if oscillates or x.static > 0.5 else 0.0
     if x.alarm < 0.5:
@@ -116,6 +111,14 @@ def decide(x, p, dt):
         return
     x.verdict = x.ofc_class if oscillates else AMBIGUOUS
     x.culprit = 3.0 if x.both > 0.5 else 1.0 + (suspect if oscillates else x.blamed)
+
+
+@kernel
+def _other_side(x, p, suspect):
+    """Return whether the side that is not the suspect oscillates as well."""
+    other = x.energy[1 - suspect]
+    least = max(SECOND * SECOND * x.energy[suspect], 0.5 * x.most * x.most)
+    return p.nf > 1.0 and other >= least
 
 
 @kernel
@@ -145,7 +148,7 @@ def _slow_parts(x, p, dt):
 @kernel
 def shaped(x, p, k, b):
     """Return whether f_hat + b u has the shape of an oscillation at frequency k; b = 1 where u is cut off (solid)."""
-    agreement, purity, _ = bank.character(x, p, k, 1.0, b)
+    agreement, purity = bank.character(x, p, k, 1.0, b)
     return agreement >= p.coherence and purity >= p.purity
 
 

@@ -164,7 +164,6 @@ def step(x, u, p, dt):
         servo.follow(x, p, dt)
         known = learned(x, p, good)
         if good > 0.5:
-            servo.learn(x, p, dt)
             segments.compare(x, u, p, dt)
         if known:
             estimate(x, p, good, dt)  # its model holds beyond the rate limit, too

@@ -12,7 +12,8 @@ import math
 
 from actuators.block import kernel
 from actuators.constants import RAD_PER_DEG
-from fdi.rfafe.servo import D, R, residual
+from fdi.rfafe.core import AIRFRAME
+from fdi.rfafe.servo import D, R
 
 ONE, BOTH = 0.3, 0.45  # amplitude of one segment over that of the other
 NAMES = ("", "elevator_left_outer", "elevator_left_inner", "elevator_right_inner", "elevator_right_outer")
@@ -37,7 +38,8 @@ def compare(x, u, p, dt):
             x.apart[j] += (d - x.apart[j]) / max(x.seen, 1.0)
             continue
         d -= x.apart[j]
-        e = residual(x, p, j)
+        i = AIRFRAME + j
+        e = x.y[i] - x.y0[i] - (x.act[j] - p.gain[j] * x.u0[j])
         for i in range(one, two + 1):
             own = e + (0.5 * d if i == one else -0.5 * d)
             x.part_slow[i] += a * (own - x.part_slow[i])

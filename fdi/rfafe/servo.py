@@ -1,17 +1,12 @@
 """Model of the servos between the elevator's command and the surfaces, with every limit of theirs.
 
     chain    r''' = k3 (a - r''),  a = k2 (v - r'),  v = k1 (u - r), each clipped       actuators/common/reference.py
-    friction d' = (lag tanh(r' / v_lag) - d) / t_lag,  m = r - d_0 - mu (d - d_0)
+    friction d' = (lag tanh(r' / v_lag) - d) / t_lag,  m = r - d
 
 A servo tracks its reference r closely, but for what friction holds back while its observer or integrator has yet to
-take it up: a time constant lag / v_lag longer for slow motion, a constant `lag` behind fast motion. A piston or a
-supply that is not as stated moves the surface by more or less than the reference asks until the observer has taken that
-up, too, in the same time t_lag: mu is 1 on the mean, with deviation 1, and each side's is learned in the first T_MU
-seconds after the trim, the regularised least squares of its position beyond r on d, with the variance of what d does
-not explain. Then it stays: a fault that comes later is not learned, and while an alarm stands nothing is. Of a fault
-that is there before it takes no more than tolerances make. A side's m is the mean of its two segments. Condition (ii)
-of [Sun13] lets the design have no more than a first order per side, m' = a (gain u - m): it is driven by the u that
-makes its m that of the servos,
+take it up: a time constant lag / v_lag longer for slow motion, a constant `lag` behind fast motion. A side's m is the
+mean of its two segments. Condition (ii) of [Sun13] lets the design have no more than a first order per side, m' = a
+(gain u - m): it is driven by the u that makes its m that of the servos,
 
     u = (m + m' / a) / gain,
 
@@ -32,10 +27,6 @@ from fdi.rfafe import core as rfafe_core
 
 K1, K2, K3, V_MAX, A_MAX, J_MAX, LAG, V_LAG, T_LAG = range(9)  # of a segment's row in `servo`
 R, RD, RDD, D = range(4)  # of its row in `ref`
-T_MU = 8.0  # for so long mu is learned [s]
-# a piston 10 % off makes up to 1.4 of mu - 1; of what d does not explain the time for which it is alike, and the least
-# variance times that: 0.07 deg
-MOST, ALIKE, LEAST = 1.5, 0.2, 1e-3  # -, s, deg2 s
 
 PARAMS = [
     ("servo", "f8", (4, 9)),      # 1/s, deg/s, deg/s2, deg/s3, deg, deg/s, s; k1 = 0: a lag with a rate limit instead
@@ -44,10 +35,6 @@ PARAMS = [
 ]
 STATE = [
     ("ref", "f8", (4, 4), "deg"),  # r, r', r'' and d of each segment [deg, deg/s, deg/s2, deg]
-    ("more", "f8", (2,), "-"),     # mu - 1 of each side
-    ("d_0", "f8", (2,), "deg"),    # mean of d while the trim was learned
-    ("dd", "f8", (2,)), ("ed", "f8", (2,)), ("ee", "f8", (2,)),  # sums of learning [deg2 s]
-    ("ran", "f8", "s"),            # time in them
 ]
 
 
@@ -101,9 +88,9 @@ def follow(x, p, dt):
             r, c = x.ref[i], p.servo[i]
             if x.fresh == 0.0:
                 r[R] = x.u_in[j]
-            was += 0.5 * (r[R] - r[D] - x.more[j] * (r[D] - x.d_0[j]))
+            was += 0.5 * (r[R] - r[D])
             move(r, c, x.u_in[j], dt)
-            now += 0.5 * (r[R] - r[D] - x.more[j] * (r[D] - x.d_0[j]))
+            now += 0.5 * (r[R] - r[D])
         if x.fresh == 0.0:
             x.act[j] = was
         share = 1.0 - math.exp(-p.act_a[j] * dt)
@@ -113,30 +100,3 @@ def follow(x, p, dt):
         x.rest[j] = x.act[j] / p.gain[j]
         x.u[j], x.u_late[j] = u - x.u0[j], late - x.u0[j]
     rfafe_core.turn(x)
-
-
-@kernel
-def residual(x, p, j):
-    """Return by how much the position of side j in x.y, trim included, is beyond the model's [deg]."""
-    i = rfafe_core.AIRFRAME + j
-    return x.y[i] - x.y0[i] - (x.act[j] - p.gain[j] * x.u0[j])
-
-
-@kernel
-def learn(x, p, dt):
-    """Learn d_0 with the trim, then mu, from this sample."""
-    if x.ran >= T_MU or x.alarm > 0.5:
-        return
-    for j in range(2):
-        d = 0.5 * (x.ref[2 * j, D] + x.ref[2 * j + 1, D])
-        if x.seen < p.n_trim:
-            x.d_0[j] += (d - x.d_0[j]) / max(x.seen, 1.0)
-            continue
-        d -= x.d_0[j]
-        e = x.more[j] * d - residual(x, p, j)
-        x.dd[j] += dt * d * d
-        x.ed[j] += dt * d * e
-        x.ee[j] += dt * e * e
-        noise = max(LEAST, ALIKE * (x.ee[j] - x.ed[j] * x.ed[j] / max(x.dd[j], 1e-12)) / (x.ran + dt))
-        x.more[j] = min(max(x.ed[j] / (x.dd[j] + noise), -MOST), MOST)
-    x.ran += dt if x.seen >= p.n_trim else 0.0

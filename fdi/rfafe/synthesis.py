@@ -14,6 +14,7 @@ effect. All is solved in balanced states and in units of the disk's centre, and 
 caller's units.
 """
 
+import itertools
 import math
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -191,20 +192,18 @@ def _region(region, bandwidth, alpha, zeros):
 
 def _solve(A1, C, TF, scales, region, alpha):
     """Return P >= I, Y and the scale they were found in, the first of `scales` and of MARGINS that works."""
-    for margin in MARGINS:
-        for scale in scales:
-            try:
-                P, Y = _attempt(*_scaled(A1, C, TF, scale), region, alpha, margin)
-            except lmi.Infeasible as error:
-                last = error
-                continue
-            low, high = np.linalg.eigvalsh(P)[[0, -1]]
-            least = low / np.max(scale) ** 2  # bound of the least eigenvalue in the caller's units
-            P, Y = P / np.outer(scale, scale), Y / scale[:, None]
-            low, high = np.linalg.eigvalsh(P)[[0, -1]]
-            known = low - 8.0 * np.finfo(float).eps * len(P) * high  # the same less what rounding hides
-            least = known if known > 0.0 else least
-            return P * (1.0 + 1e-9) / least, Y * (1.0 + 1e-9) / least, scale  # homogeneous: P >= I fixes the scale
+    for margin, scale in itertools.product(MARGINS, scales):
+        try:
+            P, Y = _attempt(*_scaled(A1, C, TF, scale), region, alpha, margin)
+        except lmi.Infeasible as error:
+            last = error
+            continue
+        bound = np.linalg.eigvalsh(P)[0] / np.max(scale) ** 2  # of the least eigenvalue in the caller's units
+        P, Y = P / np.outer(scale, scale), Y / scale[:, None]
+        low, high = np.linalg.eigvalsh(P)[[0, -1]]
+        known = low - 8.0 * np.finfo(float).eps * len(P) * high  # the same less what rounding hides
+        size = (1.0 + 1e-9) / (known if known > 0.0 else bound)  # homogeneous: P >= I fixes the scale
+        return P * size, Y * size, scale
     raise lmi.Infeasible(f"no P, Y satisfy (15), (16), (30), (31) for alpha = {alpha:g} and {region}; try alpha of "
                          f"{region.centre / 3:.3g} and above, or a slower region [{last}]")  # fmt: skip
 

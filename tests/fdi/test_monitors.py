@@ -110,7 +110,7 @@ def test_what_swings_with_the_command_is_no_oscillation(seed):
 @pytest.mark.parametrize(("size", "lasts"), [(2e-3, 0.6), (3e-3, 1.1), (6e-3, 2.5), (15e-3, 2.0), (40e-3, 20.0)])
 def test_a_rod_that_is_off_for_a_while_does_not_oscillate_nor_does_the_servo_answer_so(size, lasts):
     """Off by `size` [m] for `lasts` [s], as while a sensor in the loop is: a step, or two, are no half periods."""
-    u = _missing(0.1, 1)
+    u = _missing(0.1)
     t = np.arange(u.shape[1]) * DT
     u["y_rod"][0] += size * ((t > 17.0) & (t < 17.0 + lasts))
     assert not roll(ofc_monitor, ofc_monitor.params(), u)["alarm"].any()
@@ -127,25 +127,28 @@ def test_the_alarm_of_a_rod_that_has_jammed_ends_in_time():
     t = np.arange(u.shape[1]) * DT
     u["y_rod"][0] = np.where(t < 20.0, u["y_rod"][0] + 20e-3 * (t > 15.0), u["y_rod"][0][round(14.0 / DT)])
     alarm = roll(ofc_monitor, ofc_monitor.params(), u)[0]["alarm"] > 0.5
-    assert alarm[round(19.9 / DT)] and not alarm[round(23.75 / DT) :].any()  # three half periods
+    assert alarm[round(19.9 / DT)] and not alarm[round(25.0 / DT) :].any()
 
 
-def _missing(share, late, seconds=40.0):
-    """Return INPUTS of a rod that lacks a `share` of its reference's motion and is `late` [ticks] beyond it."""
-    rng = np.random.default_rng(7)
-    n = round(seconds / DT)
-    t = np.arange(n) * DT
-    waves = [(a, f, rng.uniform(0.0, 6.28)) for a, f in ((0.4, 0.5), (0.4, 0.83), (0.35, 1.3), (0.3, 1.9), (0.2, 2.7))]
-    u = np.zeros((1, n), ofc_monitor.INPUTS)
-    u["command"] = np.radians(sum(a * np.sin(2 * np.pi * f * t + phase) for a, f, phase in waves))
-    u["y_rod_valid"] = u["y_dp_valid"] = 1.0
+def _tracked(command, rod):
+    """Return INPUTS under a command (ticks,) [deg] of a rod at rod(q), q (ticks,) where a healthy one is [m]."""
+    u = np.zeros((1, len(command)), ofc_monitor.INPUTS)
+    u["command"], u["y_rod_valid"], u["y_dp_valid"] = np.radians(command), 1.0, 1.0
     q = roll(ofc_monitor, ofc_monitor.params(), u)["q_est"][0]
-    u["y_rod"] = (1.0 - share) * q[np.maximum(np.arange(n) - 2 - late, 0)]
+    u["y_rod"] = rod(q[np.maximum(np.arange(len(q)) - 2, 0)])
     return u
 
 
+def _missing(share):
+    """Return INPUTS of a rod that lacks a `share` of its reference's motion and is a tick late."""
+    t, rng = np.arange(round(40.0 / DT)) * DT, np.random.default_rng(7)
+    waves = ((0.4, 0.5), (0.4, 0.83), (0.35, 1.3), (0.3, 1.9), (0.2, 2.7))
+    command = sum(a * np.sin(2 * np.pi * f * t + rng.uniform(0.0, 6.28)) for a, f in waves)
+    return _tracked(command, lambda q: (1.0 - share) * np.concatenate([q[:1], q[:-1]]))
+
+
 def test_a_servo_that_misses_a_share_of_its_reference_is_no_oscillation():
-    u = _missing(0.15, 1)
+    u = _missing(0.15)
     assert not roll(ofc_monitor, ofc_monitor.params(), u)["alarm"].any()
     t = np.arange(u.shape[1]) * DT
     u["y_rod"][0] += np.where(t > 30.0, 2.5e-3 * np.sin(2 * np.pi * 2.3 * t), 0.0)
@@ -153,20 +156,14 @@ def test_a_servo_that_misses_a_share_of_its_reference_is_no_oscillation():
     assert not seen[: round(30.0 / DT)].any() and seen[round(32.0 / DT) :].all()
 
 
-def _swinging(follows, hz, amplitude=2e-3, moves=1.0, seconds=30.0, begins=15.0):
-    """Return INPUTS of a rod that oscillates from `begins` on [s] and then follows its command by the share `follows`,
-    and by which its command `moves` then [deg]."""
-    rng = np.random.default_rng(3)
-    t = np.arange(round(seconds / DT)) * DT
-    own = np.interp(t, [0.0, begins - 4.0, begins - 3.0], [0.5, 0.5, moves])
-    u = np.zeros((1, len(t)), ofc_monitor.INPUTS)
-    u["command"] = np.radians(own * (np.sin(2 * np.pi * 0.37 * t) + 0.5 * np.sin(2 * np.pi * 0.83 * t + 1.0)))
-    u["y_rod_valid"] = u["y_dp_valid"] = 1.0
-    q = roll(ofc_monitor, ofc_monitor.params(), u)["q_est"][0][np.maximum(np.arange(len(t)) - 2, 0)]
-    after = t > begins
-    swing = amplitude * np.sin(2 * np.pi * hz * (t - begins)) * after
-    u["y_rod"] = np.where(after, follows, 1.0) * q + swing + 1e-4 * rng.standard_normal(len(t))
-    return u
+def _swinging(follows, hz, amplitude=2e-3, moves=1.0):
+    """Return INPUTS of a rod that oscillates from 15 s on and then follows its command by the share `follows`, and by
+    which its command `moves` then [deg]."""
+    t, rng = np.arange(round(30.0 / DT)) * DT, np.random.default_rng(3)
+    own = np.interp(t, [0.0, 11.0, 12.0], [0.5, 0.5, moves])
+    swing = amplitude * np.sin(2 * np.pi * hz * (t - 15.0)) * (t > 15.0) + 1e-4 * rng.standard_normal(len(t))
+    command = own * (np.sin(2 * np.pi * 0.37 * t) + 0.5 * np.sin(2 * np.pi * 0.83 * t + 1.0))
+    return _tracked(command, lambda q: np.where(t > 15.0, follows, 1.0) * q + swing)
 
 
 @pytest.mark.parametrize("hz", [0.7, 1.9, 6.0])

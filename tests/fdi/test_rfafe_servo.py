@@ -65,32 +65,6 @@ def test_at_another_rate_the_model_has_the_same_response():
     assert np.abs(out[0.0025] - out[0.005]).max() < 0.02 and np.abs(out[0.02] - out[0.005]).max() < 0.06
 
 
-def test_a_piston_that_is_not_as_stated_is_learned_but_no_fault_that_comes_later_and_little_of_one_before():
-    """The flow of its valve moves a smaller piston further than asked until its observer has taken that up."""
-    t = np.arange(round(30.0 / DT)) * DT
-    c = np.array(servo.row(read("rfafe")["servos"]["hydraulic"], DT))
-    command = 0.8 * np.sin(2 * np.pi * 0.4 * t) + 0.5 * np.sin(2 * np.pi * 1.63 * t) + 0.3 * np.sin(2 * np.pi * 1.3 * t)
-    r, m, d = np.zeros(4), np.zeros(len(t)), np.zeros(len(t))
-    for k, u in enumerate(command):
-        m[k], d[k] = r[servo.R] - r[servo.D], r[servo.D]
-        servo.move(r, c, u, DT)
-    more = -1.2
-    late = np.concatenate([[0.0], (m - more * d)[:-1]])
-    log = judged(command * RAD_PER_DEG, late * RAD_PER_DEG)
-    after = slice(round(10.0 / DT), None)
-    assert not log["alarm"].any() and np.abs(log["more"][-1] - more).max() < 0.1
-    assert np.abs(log["f"][after]).max() < 0.03 * RAD_PER_DEG < 0.2 * np.abs(more * d[after]).max()
-
-    def fault(begins):
-        return np.where(t > begins, np.sin(2 * np.pi * (t - begins)), 0.0)
-
-    found = judged(command * RAD_PER_DEG, (late + fault(14.0)) * RAD_PER_DEG)
-    assert found["alarm"][-1] and not found["alarm"][t < 14.0].any()
-    assert (found["more"][-1] == log["more"][-1]).all()
-    early = judged(command * RAD_PER_DEG, (late + fault(1.0)) * RAD_PER_DEG)
-    assert early["alarm"][-1] and np.ptp(early["f"][after], axis=0).min() > 1.6 * RAD_PER_DEG
-
-
 @pytest.mark.parametrize(("who", "kind"), [((0,), "ofc_liquid"), ((1,), "ofc_solid"), ((2,), "bias"),
                                             ((0, 1), "ofc_liquid"), ((2, 3), "bias")])  # fmt: skip
 def test_the_segment_that_alone_does_not_follow_is_named(who, kind):

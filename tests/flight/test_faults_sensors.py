@@ -71,7 +71,8 @@ PART_SIZE = {"rod": ("mm", 0.3), "surface": ("deg", 0.1), "pressure": ("pct", 1.
 @pytest.mark.parametrize("kind", c.SENSOR_SUMMARIES)
 def test_fault_of_an_actuators_sensor_enters_the_copies_of_its_path_and_heals(kind, path):
     start, end = 2.0, 3.0
-    lanes = [("left_inner", s) for s in c.SENSORS_OF["hydraulic"]] + [("right_inner", s) for s in c.SENSORS_OF["ema"]]
+    own = {"left_inner": "hydraulic", "right_inner": "ema"}
+    lanes = [(segment, sensor) for segment, tech in own.items() for sensor in c.TECHNOLOGIES[tech].own_sensors]
     keys = {}
     for i, (segment, sensor) in enumerate(lanes):
         suffix, value = PART_SIZE[sensor]

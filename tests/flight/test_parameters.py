@@ -28,7 +28,7 @@ def load_table(scenario):
     return tomllib.loads(scenario.expanded_toml())
 
 
-@pytest.mark.parametrize("text", ["threshold=5", "threshold[1]=5", "t_release=2", "half_periods=2"])
+@pytest.mark.parametrize("text", ["threshold=5", "threshold[1]=5", "t_release=3", "half_periods=2"])
 def test_a_scenario_and_a_replay_take_the_same_names(text):
     name, _, value = text.partition("=")
     made = module("ofc_monitor")

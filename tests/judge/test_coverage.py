@@ -20,7 +20,7 @@ def all_cases():
         for kind, spec in c.ELEVATOR_KINDS.items():
             if tech in spec.technologies:
                 out |= {coverage.case_of(kind, "elevator.left_inner", own, at) for at in spec.at or ("",)}
-        out |= {coverage.case_of("bias", f"elevator.left_inner.{s}", own) for s in c.SENSORS_OF[tech]}
+        out |= {coverage.case_of("bias", f"elevator.left_inner.{s}", own) for s in c.TECHNOLOGIES[tech].own_sensors}
     return out
 
 

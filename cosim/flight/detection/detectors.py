@@ -238,7 +238,7 @@ def chosen(scenario: Scenario) -> list:
 
 
 def ordered(found: list[Installed]) -> list[Installed]:
-    """Return detectors with each after those whose outputs it reads, in their order else.
+    """Return detectors with each after those whose outputs it reads: first those that read none, in their order.
 
     Raises ScenarioError for an output that none of them has, for detectors that wait for each other, and for one that
     steps more often than what it reads.

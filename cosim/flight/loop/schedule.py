@@ -58,7 +58,6 @@ class Tape:
         self._kept: list[Any] = [v]  # every array, and every block, that a row points to
         self._rows: list[tuple[int, ...]] = []
         self.parts: list[Callable[[int], Any]] = []  # of a tick: callables that take k
-        self._whole: Callable[[int, int], Any] | None = None  # the last segment over many ticks
 
     def call(self, function: Callable[..., Any]) -> None:
         """Call `function(k)` in Python."""
@@ -138,16 +137,6 @@ class Tape:
         for part in self.parts:
             part(k)
 
-    def through(self, first: int, stop: int) -> None:
-        """Do all of the ticks first <= k < stop, without Python in between where there is none in a tick."""
-        if self._rows:
-            self._cut()
-        if len(self.parts) == 1 and self._whole is not None:
-            self._whole(first, stop)
-        else:
-            for k in range(first, stop):
-                self.run(k)
-
     def _at(self, array):
         """Return the address of an array without gaps, which is kept from now on."""
         if not array.flags.c_contiguous:
@@ -164,5 +153,4 @@ class Tape:
             table = np.array(self._rows, np.int64)
             self._rows = []
             walk, rows, n, v = WALK.call, self._at(table), len(table), self._at(self.v)
-            self._whole = lambda first, stop: walk(rows, n, v, first, stop)
             self.parts.append(lambda k: walk(rows, n, v, k, k + 1))
