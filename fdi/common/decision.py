@@ -59,6 +59,7 @@ PAIR_STATE = [
 ]
 RIGGING_SD, LEVER_SD, LAG_SD = 5e-3, 6e-3, 1.0  # of rigging [m], of the length of a machined lever [1], of a tick [1]
 RIGGING_WALK, LEVER_WALK = 2.6e-13, 1e-12  # random walks of the first two [m^2/s], [1/s]
+STEP_ERROR = 0.3  # share by which a prediction errs of what the rod moves in a tick while it accelerates
 LEVER_KNOWN = 2.5  # standard deviations that what is not known of the lever may put the two sensors apart by
 LEVER_STATE = [
     ("lever_offset", "f8", "m"),  # learned rod - arm surface at the rod's zero
@@ -150,7 +151,7 @@ def learn_lever(x, apart, q, step, r, dt):
     if P[2] <= 0.0:
         forget_lever(x)
     a, b, c = lever_gain(x, q, step)
-    s = a + q * b + step * c + r
+    s = a + q * b + step * c + r + STEP_ERROR * STEP_ERROR * step * step
     e = apart - lever_at(x, q, step)
     if e * e < FOREIGN * FOREIGN * s:  # beyond it is of a fault
         x.lever_offset += a * e / s

@@ -2,8 +2,8 @@
 
     theta' = q cos phi - r sin phi
 
-A first-order observer of theta has, for an error b of q, the innovation -TAU b cos phi. Who takes q for true takes b
-for an error of n_z, V b / g of it, or of the angle of attack: while it stands none of these is to be blamed.
+A first-order observer of theta has, for an error b of q, the innovation -TAU_GYRO b cos phi. Who takes q for true takes
+b for an error of n_z, V b / g of it, or of the angle of attack: while it stands none of these is to be blamed.
 """
 
 import math
@@ -12,7 +12,7 @@ from actuators.block import kernel
 from actuators.constants import RAD_PER_DEG
 from fdi.common.decision import usable
 
-TAU, TAU_LAG = 0.5, 0.15  # time constant of the observer, lag of the error it finds [s]
+TAU_GYRO, TAU_LAG = 0.5, 0.15  # time constant of the observer, lag of the error it finds [s]
 # twelve sigma of that error: 0.02 deg of theta and 0.02 deg/s of q and r in samples of 5 ms make 0.008 deg/s
 OFF = 0.1 * RAD_PER_DEG
 T_GYRO = 2.0  # an error is held to be there for so long after it was last found: what it disturbed rings on [s]
@@ -40,8 +40,8 @@ def compare(x, u, dt):
     else:
         ahead = x.gyro_theta + 0.5 * dt * (rate + x.gyro_rate)
         e = u.theta - ahead
-        x.gyro_theta = ahead + dt / TAU * e
-        x.gyro_error += (1.0 - math.exp(-dt / TAU_LAG)) * (-e / TAU - x.gyro_error)
+        x.gyro_theta = ahead + dt / TAU_GYRO * e
+        x.gyro_error += (1.0 - math.exp(-dt / TAU_LAG)) * (-e / TAU_GYRO - x.gyro_error)
     x.gyro_rate = rate
     if math.fabs(x.gyro_error) > OFF:
         x.gyro_off = T_GYRO

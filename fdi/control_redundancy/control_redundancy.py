@@ -44,9 +44,14 @@ from fdi.control_redundancy.decide import decide, withdraw
 
 EFFECTORS = ("elevator", "aileron", "rudder", "engine")
 CULPRITS = ("", *EFFECTORS)
-LEARN = 8.0  # in flight, as the other observers of the aircraft [s]
+LEARN_S = 8.0  # in flight, as the other observers of the aircraft [s]
 STRIDE = 0.005  # [s] from one command kept to the next, at least
-LAG = (0.06, 0.06, 0.09, 0.0)  # [s]: servos near 30 rad/s, the rudder's 20 rad/s, damping 0.9; the stabiliser creeps
+SERVO_LAG = (
+    0.06,
+    0.06,
+    0.09,
+    0.0,
+)  # [s]: servos near 30 rad/s, the rudder's 20 rad/s, damping 0.9; the stabiliser creeps
 
 PARAMS = dtype(
     [
@@ -222,7 +227,7 @@ DETECTOR = Detector(
 
 def params(
     which: str = "flight", *, model: force_model.ForceModel, dt: float = 0.005, delay: float = 2,
-    lag: Sequence[float] = LAG, rate: Sequence[float] = (0.0, 0.0, 0.0, 0.0), t_mean: float = 0.5,
+    lag: Sequence[float] = SERVO_LAG, rate: Sequence[float] = (0.0, 0.0, 0.0, 0.0), t_mean: float = 0.5,
     t_learn: float = 20.0, own: Any = None,
 ) -> np.ndarray:  # fmt: skip
     """Return PARAMS for a `ForceModel`; `t_mean`, `t_learn` 0 switch the aids off.
@@ -264,7 +269,7 @@ def _each(elevator, aileron, rudder, stabiliser):
 def fitted(site: Site) -> np.ndarray:
     """Return PARAMS for a loop, on the force model of the aircraft that flies."""
     about = site.aircraft()
-    return params(model=about.model, dt=site.dt, t_learn=LEARN, own=site.own, delay=1.0 + site.ticks("n_z"),
+    return params(model=about.model, dt=site.dt, t_learn=LEARN_S, own=site.own, delay=1.0 + site.ticks("n_z"),
                   lag=about.delays, rate=about.rates)  # fmt: skip
 
 

@@ -8,8 +8,8 @@ from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, THRUST
 from fdi.control_redundancy.core import COMMAND, NH, fit_hypothesis, row_threshold
 
 HEALED_S = 5.0  # so long what a declared fault would do now, were it still there, is not there [s]
-SUSPECTED_S = 5.0  # for so long a sensor may be wrong after kinematics have found it so: an oscillation has zeros [s]
-SHOWS = (0.5, 0.75, 1.0)  # of a threshold: a fault that no longer shows, one that would, one that does
+SUSPECTED_S = 2.0  # for so long a sensor may be wrong after kinematics have found it so: an oscillation has zeros [s]
+SHARES = (0.5, 0.75, 1.0)  # of a threshold: a fault that no longer shows, one that would, one that does
 SURFACES = 3  # hypotheses of surfaces; the last is thrust, of which a fault is a share
 HOME = 0.02  # of what was commanded before the alarm: the error of the position that forces tell, 1 deg [rad]
 ASKED_S = 20.0  # for so long a command is remembered [s]
@@ -125,11 +125,11 @@ def _follow(x, p, h, dt):
         if x.used[i] > 0.5:
             moved = max(moved, math.fabs(x.S[i, h] * f) / x.tau[i])
             asked = max(asked, math.fabs(x.S[i, h] * (x.held[h] - command)) / x.tau[i])
-    x.quiet[h] = 0.0 if moved >= SHOWS[0] else x.quiet[h] + dt
-    if moved >= SHOWS[2] or x.held[h] == 0.0:
+    x.quiet[h] = 0.0 if moved >= SHARES[0] else x.quiet[h] + dt
+    if moved >= SHARES[2] or x.held[h] == 0.0:
         x.held[h] = command + f
     # a surface that stands where the command is shows nothing; elsewhere it would
-    x.refuted[h] = x.refuted[h] + dt if moved < SHOWS[0] and asked >= SHOWS[1] else 0.0
+    x.refuted[h] = x.refuted[h] + dt if moved < SHARES[0] and asked >= SHARES[1] else 0.0
     if x.quiet[h] > p.t_release or x.refuted[h] > HEALED_S:
         x.declared[h] = 0.0
         x.culprit = 0.0 if x.culprit == h + 1.0 else x.culprit

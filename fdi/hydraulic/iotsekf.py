@@ -114,7 +114,7 @@ DETECTOR = Detector(
     estimates=(Estimate("valve", "f_hat", "u"),),
     finer={"kind": {
         by_evidence.WEAK: ("loss_of_effectiveness", "supply_pressure_drop", "internal_leakage", "air_in_oil"),
-        by_evidence.OF_LOAD: ("friction",), by_evidence.APART: ("backlash",), by_evidence.FREE_FLOAT: ("free_float",),
+        by_evidence.OF_LOAD: ("friction",), by_evidence.GAP: ("backlash",), by_evidence.FREE_FLOAT: ("free_float",),
     }},
     looks_back={"delay": "u_old", "lag_ticks": "u_old"},
     places={"likely_octave": ("own_class", 0), "likely_fault": ("ev", 0)},
@@ -212,9 +212,8 @@ def travel(x, u, dt):
 
 
 @kernel
-def name(x):
-    """Return (verdict, culprit) of what stands: first what can be nothing else, then what it may be taken for."""
-    moved, likely = x.rod_high - x.rod_low >= STILL, x.likely
+def by_plain_tests(x, moved):
+    """Return (verdict, culprit) of what can be nothing else; NONE where no plain test says so."""
     if x.frozen > 0.5:
         return SENSOR, x.frozen
     if x.loose > 0.5:
@@ -225,16 +224,26 @@ def name(x):
         return SENSOR, x.blame
     if x.jump_of > 0.5:
         return SENSOR, x.jump_of
-    if x.misread > 0.5 and x.jam < 0.5:
-        return SENSOR, 3.0
-    if x.jam > 0.5 and moved and (likely == by_evidence.WEAK or likely == by_evidence.OF_LOAD):
+    if x.jam < 0.5:
+        return (SENSOR, 3.0) if x.misread > 0.5 else (NONE, 0.0)
+    if moved and (x.likely == by_evidence.WEAK or x.likely == by_evidence.OF_LOAD):
         return EFFECTIVENESS, 0.0
-    if x.jam > 0.5 and (x.jam_s > LASTS_S or likely != by_evidence.OF_PRESSURE):
-        rubs = x.jam_most < RUBS_MOST and (x.jam_s < HOLDS_S or moved)
-        return AMBIGUOUS if rubs else JAM_SOLID, 0.0
+    if x.jam_s <= LASTS_S and x.likely == by_evidence.OF_PRESSURE:
+        return NONE, 0.0
+    rubs = x.jam_most < RUBS_MOST and (x.jam_s < HOLDS_S or moved)
+    return (AMBIGUOUS if rubs else JAM_SOLID), 0.0
+
+
+@kernel
+def name(x):
+    """Return (verdict, culprit) of what stands: first what can be nothing else, then what it may be taken for."""
+    moved, likely = x.rod_high - x.rod_low >= STILL, x.likely
+    verdict, culprit = by_plain_tests(x, moved)
+    if verdict != NONE:
+        return verdict, culprit
     # the evidence of a pressure sensor knows no model of joined chambers: while these lead, they outrank it
     pressure = likely == by_evidence.OF_PRESSURE or x.candidate == by_evidence.OF_PRESSURE
-    joined = x.rival_lead[multiple_models.JOINED] > multiple_models.SURE
+    joined = x.rival_lead[multiple_models.JOINED] > multiple_models.NAMED
     if max(x.shown[0], x.shown[1]) > 0.5 and x.sensor < 0.5 and (joined or not pressure):
         return EFFECTIVENESS, 0.0
     if (likely == by_evidence.OF_PRESSURE or (likely == by_evidence.WEAK and x.dp_out > 0.5)) and x.sensor < 0.5:
@@ -251,8 +260,8 @@ def name(x):
 
 
 @kernel
-def conclude(x, dt):
-    """Write alarm, verdict, culprit and kind; a name, and what takes its place, has stood for HOLD_S."""
+def alarmed(x):
+    """Write the alarm: of a plain test, or of the evidence."""
     rests = x.rod_high - x.rod_low < STILL and x.likely == by_evidence.OF_LOAD and x.since < JAM_S
     if x.evidence_timer > 0.0 and (rests or x.at_stop > 0.5):  # a rod at rest shows nothing; nor does one at its stop
         x.evidence_timer = by_evidence.RELEASE_S
@@ -262,6 +271,12 @@ def conclude(x, dt):
         x.rival_s, x.likely = -1.0, 0.0
         x.shown[0] = x.shown[1] = 0.0
         likelihood.restart(x)
+
+
+@kernel
+def conclude(x, dt):
+    """Write alarm, verdict, culprit and kind; a name, and what takes its place, has stood for HOLD_S."""
+    alarmed(x)
     if x.alarm < 0.5:
         x.verdict, x.culprit, x.kind, x.next_s, x.dp_out = NONE, 0.0, 0.0, 0.0, 0.0
         return
@@ -274,10 +289,8 @@ def conclude(x, dt):
     elif x.verdict == NONE:
         x.verdict = AMBIGUOUS
     x.dp_out = 1.0 if x.verdict == SENSOR and x.culprit == 3.0 else 0.0
-    x.kind = x.likely
-    if x.loose > 0.5:
-        x.kind = by_evidence.APART
-    elif x.verdict == EFFECTIVENESS and max(x.shown[0], x.shown[1]) > 0.5:
+    x.kind = by_evidence.GAP if x.loose > 0.5 else x.likely
+    if x.loose < 0.5 and x.verdict == EFFECTIVENESS and max(x.shown[0], x.shown[1]) > 0.5:
         x.kind = by_evidence.FREE_FLOAT if x.shown[multiple_models.JOINED] > 0.5 else by_evidence.WEAK
 
 

@@ -30,7 +30,7 @@ NOISE = 0.4  # ... and this of the threshold of an input fault, which noise seld
 RISE, RISE_S = 0.45, 0.06
 FIRST = 0.5  # share of the opening that it begins with, as a slow sine does not
 FIRST_S = 0.1  # after the onset of the input fault that the opening has begun by: an oscillation comes to a crest later
-HISTORY = 6  # samples of w in RISE_S
+OPENINGS = 6  # samples of w in RISE_S
 MISREAD_S = 0.1  # flow that an excess of pressure takes is missing for [s]
 UNLEARNED = 4.0  # standard deviations of the valve's gain as the flight has taught it, 0.2 before it has
 # an input fault beyond its threshold counts in proportion up to this: against the servo a runaway comes and goes
@@ -64,7 +64,7 @@ STATE = [
     ("load_d", "f8", "1/s"),  # its derivative
     ("f_slow", "f8", "-"),  # lagged input fault, less what learned errors leave in it
     ("u_slow", "f8", "-"),  # lagged valve command
-    ("w_old", "f8", (HISTORY,), "-"),  # their sum, over the last RISE_S, newest first
+    ("w_old", "f8", (OPENINGS,), "-"),  # their sum, over the last RISE_S, newest first
     ("w_clock", "f8", "s"),  # since the last of these
     ("w_flat", "f8", "-"),  # valve opening that w keeps to
     ("w_first", "f8", "-"),  # the same as it began
@@ -138,9 +138,9 @@ def by_model(x, bend, p, dt):
     root, k = max(opening(x.drive, x.load_lag), lu17.ROOT_FLOOR), stiffness(x.x_hat[0], p)
     stiff = x.fed[filter.SOFT] - p.prior_mean[filter.SOFT]
     soft = stiff / (1.0 + stiff) * x.load_d / k
-    late = (x.fed[filter.OLDER] - x.fed[filter.YOUNGER]) * (bend / k + p.L * x.load_d)
+    late = dt * (x.fed[filter.OLDER] - x.fed[filter.YOUNGER]) * (bend / k + p.L * x.load_d)
     supply = 0.5 * x.fed[filter.SUPPLY] * x.drive / (root * root)
-    return (soft - dt * late) * p.A_p / (p.phi_n * root) - supply + x.fed[filter.GAIN] * x.drive
+    return (soft - late) * p.A_p / (p.phi_n * root) - supply + x.fed[filter.GAIN] * x.drive
 
 
 @kernel
@@ -168,11 +168,11 @@ def runaway(x, noise, p, dt):
     w = x.f_slow + x.u_slow
     x.w_flat_s += dt
     if math.fabs(w - x.w_flat) > FLAT * math.fabs(x.w_flat) + NOISE * noise * p.run_threshold:
-        x.w_flat, x.w_first, x.w_before, x.w_flat_s = w, w, x.w_old[HISTORY - 1], 0.0
+        x.w_flat, x.w_first, x.w_before, x.w_flat_s = w, w, x.w_old[OPENINGS - 1], 0.0
     x.w_flat += dt / FLAT_TAU * (w - x.w_flat)
     x.w_clock += dt
-    if x.w_clock >= RISE_S / HISTORY - 0.5 * dt:
-        for i in range(HISTORY - 1, 0, -1):
+    if x.w_clock >= RISE_S / OPENINGS - 0.5 * dt:
+        for i in range(OPENINGS - 1, 0, -1):
             x.w_old[i] = x.w_old[i - 1]
         x.w_old[0], x.w_clock = w, 0.0
     full = x.w_flat * x.w_flat

@@ -33,7 +33,7 @@ from fdi.common.linalg import congruence
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, JAM_LIQUID, JAM_SOLID, NONE, RUNAWAY
-from fdi.hydraulic.two_stage_ekf import transition
+from fdi.hydraulic.two_stage_ekf import HISTORY, predict_now, remember, transition
 
 CULPRITS = ("", "rod")
 FORMS = {"hinge model": 1, "published": 0}  # how the load is known: load form
@@ -44,7 +44,6 @@ MOVED = 0.3e-3  # a lagged rod that has moved further has moved: eight sigma [m]
 STILL = 0.15e-3  # one that has moved less in `t_rest` is at rest [m]
 JUMP = 1e-3  # in one tick: a sensor's, no rod's; ten sigma of the sensor [m]
 LARGEST = 10.0 * JUMP  # beyond it a jump is not remembered longer: a wild sample may be kilometres away [m]
-HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 
 PARAMS = dtype(
     [
@@ -227,9 +226,7 @@ def start(x, u, p):
     x.x_hat[0] = u.y_rod
     x.x_hat[2] = -force(x, u, p) / (p.A_p * p.P_s)
     x.y = x.y_last = x.y_slow = x.rest = x.leave = x.far = u.y_rod
-    x.f_slow = x.f_was = x.f_last = x.jump = 0.0
-    x.timer = 0.0
-    x.age = 0.0
+    x.f_slow = x.f_was = x.f_last = x.jump = x.timer = x.age = 0.0
     x.started = 1.0
 
 
@@ -286,10 +283,7 @@ def decide(x, p, dt):
 @kernel
 def step(x, u, p, dt):
     """Run the three steps on a measurement that is `delay` ticks old, then decide."""
-    for i in range(HISTORY, 0, -1):
-        x.u_old[i] = x.u_old[i - 1]
-    if math.isfinite(u.u):
-        x.u_old[0] = min(max(u.u, -1.0), 1.0)
+    remember(x, u)
     good = usable(u.y_rod, u.y_rod_valid)
     if x.started < 0.5:
         x.valid = 0.0
@@ -306,12 +300,9 @@ def step(x, u, p, dt):
         correct(x, u.y_rod, p)
     if d > 0:
         predict(x, u, x.u_old[d - 1], p, dt)
-    q, v, x3 = x.x_hat[0], x.x_hat[1], x.x_hat[2]
-    for i in range(d - 2, -1, -1):
-        q, v, x3 = rk4(q, v, x3, x.u_old[i], x.u_old[i], 0.0, force(x, u, p), p, dt)
-    x.q_now, x.v_now, x.x3_now = q, v, x3
+    predict_now(x, 0.0, force(x, u, p), p, dt)
     x.f_sigma = math.sqrt(max(x.P_f, 0.0))
-    if math.isfinite(q + v + x3 + x.f_hat):
+    if math.isfinite(x.q_now + x.v_now + x.x3_now + x.f_hat):
         if good > 0.5:
             decide(x, p, dt)
     else:

@@ -31,10 +31,9 @@ from fdi.common.linalg import congruence, joseph
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
-from fdi.hydraulic.two_stage_ekf import transition
+from fdi.hydraulic.two_stage_ekf import HISTORY, predict_now, remember, transition
 
 CULPRITS = ("", "rod", "surface")
-HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 TRAINED = 1.2 * 1.2  # variance of the noise in training flights over the specified one (`noise_scale` of the trainer)
 MOVES = 0.04  # rod velocity from which on the lag is learned: six deviations of its estimate [m/s]
 NOISE_LAG = 10.0  # lag of the noise that is seen [s]: longer than a fault takes to be found
@@ -216,8 +215,7 @@ def start(x, y, dp, p):
     x.x_hat[0] = y
     x.x_hat[2] = dp
     x.x_hat[3] = -dp
-    x.refused = 0.0
-    x.age = 0.0
+    x.refused = x.age = 0.0
     x.started = 1.0
 
 
@@ -225,27 +223,23 @@ def start(x, y, dp, p):
 def correct(x, u, rod, surface, p, dt):
     """Use what is usable: both positions in three steps, or the healthy one alone; then the pressure."""
     y_surface = p.arm * u.y_surface + decision.lever_at(x, x.x_hat[0], dt * x.x_hat[1])
-    learned = x.pair_time > 0.0
+    learned, used = x.pair_time > 0.0, 0.0
     plausible = math.fabs(y_surface - x.x_hat[0]) < p.gate * math.sqrt(x.P[0, 0] + p.r_surface)
     x.age += dt
     if rod > 0.5 and surface > 0.5 and learned and (plausible or x.blame == 2.0):
         three_steps(x, u.y_rod, y_surface, p)
-        x.refused = 0.0
-        x.age = 0.0
-    else:
-        used = 0.0
-        if rod > 0.5 and x.blame != 1.0:
-            used = one(x, 0, u.y_rod, p.r_rod, p)
-        elif surface > 0.5 and learned and x.blame != 2.0:
-            used = one(x, 0, y_surface, p.r_surface, p)
-        if used > 0.5:
-            x.refused = 0.0
-            x.age = 0.0
-        elif rod > 0.5 or surface > 0.5:
-            x.refused += 1.0
-            if x.refused > 4.0:  # several agree: the estimate is what is wrong
-                x.P[0, 0] += p.P0[0] * p.gate * p.gate * x.refused
-    if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp):
+        used = 1.0
+    elif rod > 0.5 and x.blame != 1.0:
+        used = one(x, 0, u.y_rod, p.r_rod, p)
+    elif surface > 0.5 and learned and x.blame != 2.0:
+        used = one(x, 0, y_surface, p.r_surface, p)
+    if used > 0.5:
+        x.refused = x.age = 0.0
+    elif rod > 0.5 or surface > 0.5:
+        x.refused += 1.0
+        if x.refused > 4.0:  # several agree: the estimate is what is wrong
+            x.P[0, 0] += p.P0[0] * p.gate * p.gate * x.refused
+    if usable(u.y_dp, u.y_dp_valid) > 0.5:
         one(x, 2, u.y_dp, p.r_dp, p)
 
 
@@ -292,16 +286,13 @@ def decide(x, u, rod, surface, q, step, p, dt):
 @kernel
 def step(x, u, p, dt):
     """Run the three steps on measurements that are `delay` ticks old, then decide."""
-    for i in range(HISTORY, 0, -1):
-        x.u_old[i] = x.u_old[i - 1]
-    if math.isfinite(u.u):
-        x.u_old[0] = min(max(u.u, -1.0), 1.0)
+    remember(x, u)
     rod, surface = usable(u.y_rod, u.y_rod_valid), usable(u.y_surface, u.y_surface_valid)
     if x.started < 0.5:
         x.valid = 0.0
         if rod < 0.5:
             return
-        start(x, u.y_rod, u.y_dp if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp) else 0.0, p)
+        start(x, u.y_rod, u.y_dp if usable(u.y_dp, u.y_dp_valid) > 0.5 else 0.0, p)
     d = int(p.delay)
     if d == 0:
         predict(x, x.u_old[0], p, dt)
@@ -310,12 +301,9 @@ def step(x, u, p, dt):
     decide(x, u, rod, surface, q, step_of_rod, p, dt)
     if d > 0:
         predict(x, x.u_old[d - 1], p, dt)
-    q, v, x3 = x.x_hat[0], x.x_hat[1], x.x_hat[2]
-    for i in range(d - 2, -1, -1):
-        q, v, x3 = rk4(q, v, x3, x.u_old[i], x.u_old[i], 0.0, p.A_p * p.P_s * x.x_hat[3], p, dt)
-    x.q_now, x.v_now, x.x3_now = q, v, x3
+    predict_now(x, 0.0, p.A_p * p.P_s * x.x_hat[3], p, dt)
     x.f_sigma = math.sqrt(max(x.P_f, 0.0))
-    if not math.isfinite(q + v + x3 + x.f_hat + x.x_hat[3]):
+    if not math.isfinite(x.q_now + x.v_now + x.x3_now + x.f_hat + x.x_hat[3]):
         x.started = x.valid = 0.0
         x.f_hat = x.q_now = x.v_now = x.x3_now = 0.0
 

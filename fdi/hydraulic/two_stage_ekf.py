@@ -25,6 +25,7 @@ import math
 from actuators.block import kernel
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import jacobian, rk4
+from fdi.common.decision import usable
 from fdi.common.linalg import congruence_walk, integral, joseph
 
 ITERATIONS = 4  # bound of (21)-(24)
@@ -114,24 +115,18 @@ def force(x, u, p):
 def start(x, q, dp, u, p):
     """Begin at the measurement, at rest, in equilibrium with the load."""
     for i in range(4):
-        x.x_bar[i] = 0.0
-        x.U[i] = 0.0
-        x.V[i] = 0.0
+        x.x_bar[i] = x.U[i] = x.V[i] = 0.0
         for j in range(4):
             x.P_bar[i, j] = 0.0
         x.P_bar[i, i] = p.P0[i]
-    x.x_bar[0] = q
-    x.x_hat[0] = q
+    x.x_bar[0] = x.x_hat[0] = q
     if p.load == 2.0:
-        x.x_bar[2] = dp
-        x.x_bar[3] = -dp
+        x.x_bar[2], x.x_bar[3] = dp, -dp
     else:
         x.P_bar[3, 3] = 0.0
         x.x_bar[2] = -force(x, u, p) / (p.A_p * p.P_s)
-    x.f_hat = 0.0
     x.P_f = p.P0_f
-    x.age = 0.0
-    x.skip_rod = x.skip_dp = 0.0
+    x.f_hat = x.age = x.skip_rod = x.skip_dp = 0.0
     combine(x)
     x.started = 1.0
 
@@ -183,11 +178,8 @@ def time_update(x, u, v, p, dt):
     # state
     if p.centre > 0.5:
         x1, x2, x3 = rk4(a[0], a[1], a[2], side, v, f, F, p, dt)
-        x4 = a[3]
-        x.x_bar[0] = x1 - x.U[0] * f
-        x.x_bar[1] = x2 - x.U[1] * f
-        x.x_bar[2] = x3 - x.U[2] * f
-        x.x_bar[3] = x4 - x.U[3] * f
+        x.x_bar[0], x.x_bar[1] = x1 - x.U[0] * f, x2 - x.U[1] * f
+        x.x_bar[2], x.x_bar[3] = x3 - x.U[2] * f, a[3] - x.U[3] * f
     else:
         b = x.x_bar
         if p.load == 2.0:
@@ -261,8 +253,9 @@ def measure(x, j, y, r, gate, p):
 @kernel
 def measurement_update(x, u, p, dt):
     """Take the rod (or, without it, the surface) and the pressure; refuse spikes, but not for long."""
-    rod = u.y_rod_valid > 0.5 and math.isfinite(u.y_rod) and x.blame != 1.0
-    spare = not rod and u.y_surface_valid > 0.5 and math.isfinite(u.y_surface) and x.blame != 2.0 and x.pair_time > 0.0
+    rod = usable(u.y_rod, u.y_rod_valid) > 0.5 and x.blame != 1.0
+    surface = usable(u.y_surface, u.y_surface_valid) > 0.5 and x.blame != 2.0
+    spare = surface and not rod and x.pair_time > 0.0
     x.age = 0.0 if rod or spare else x.age + dt
     x.age_rod = 0.0 if rod else x.age_rod + dt
     if rod or spare:
@@ -275,7 +268,7 @@ def measurement_update(x, u, p, dt):
             x.skip_rod = 0.0
     if p.load == 2.0:
         x.age_dp += dt
-        if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp) and x.dp_out < 0.5:
+        if usable(u.y_dp, u.y_dp_valid) > 0.5 and x.dp_out < 0.5:
             gamma, s, used = measure(x, 2, u.y_dp, p.r_dp, p.gate_rod, p)
             x.gamma_dp, x.nis_dp = gamma, gamma * gamma / s
             x.age_dp *= 1.0 - used
@@ -289,69 +282,67 @@ def measurement_update(x, u, p, dt):
 
 
 @kernel
-def sane(x, q, v, x3):
+def sane(x):
     """Return whether estimate and covariance are finite and within what an actuator can be."""
     total = 0.0
     for i in range(4):
         total += math.fabs(x.V[i]) / V_SANE
         for j in range(4):
             total += math.fabs(x.P_bar[i, j]) / P_SANE
-    worst = max(max(math.fabs(x3), math.fabs(x.x_hat[3])), math.fabs(x.f_hat)) / X_SANE
+    worst = max(max(math.fabs(x.x3_now), math.fabs(x.x_hat[3])), math.fabs(x.f_hat)) / X_SANE
     # a comparison with what is not a number is false
-    return max(total, worst) < 1.0 and x.P_f < P_SANE and math.isfinite(q + v + x3 + x.f_hat + x.P_f + total)
+    finite = math.isfinite(x.q_now + x.v_now + x.x3_now + x.f_hat + x.P_f + total)
+    return max(total, worst) < 1.0 and x.P_f < P_SANE and finite
 
 
 @kernel
 def clear(x):
     """Forget estimate and covariance: the filter begins again at the next usable rod sample."""
-    x.started = 0.0
-    for i in range(4):
-        x.x_bar[i] = 0.0
-        x.x_hat[i] = 0.0
-        x.G[i] = 0.0
-        x.U[i] = 0.0
-        x.V[i] = 0.0
-        x.K[i] = 0.0
-        x.eta[i] = 0.0
-        for j in range(4):
-            x.P_bar[i, j] = 0.0
-            x.Phi[i, j] = 0.0
-            x.W[i, j] = 0.0
-    x.f_hat = 0.0
-    x.f_sigma = 0.0
-    x.P_f = 0.0
-    x.q_now = x.v_now = x.x3_now = 0.0
-    x.gamma_rod = x.gamma_dp = 0.0
-    x.nis_rod = x.nis_dp = 0.0
+    for v in (x.x_bar, x.x_hat, x.G, x.U, x.V, x.K, x.eta):
+        for i in range(4):
+            v[i] = 0.0
+    for A in (x.P_bar, x.Phi, x.W):
+        for i in range(4):
+            for j in range(4):
+                A[i, j] = 0.0
+    x.started = x.f_hat = x.f_sigma = x.P_f = x.q_now = x.v_now = x.x3_now = 0.0
+    x.gamma_rod = x.gamma_dp = x.nis_rod = x.nis_dp = 0.0
+
+
+@kernel
+def remember(x, u):
+    """Keep the valve command, newest first; the last one stands where it is not a number."""
+    for i in range(HISTORY, 0, -1):
+        x.u_old[i] = x.u_old[i - 1]
+    if math.isfinite(u.u):
+        x.u_old[0] = min(max(u.u, -1.0), 1.0)
+
+
+@kernel
+def predict_now(x, f, F, p, dt):
+    """Write the state at present from that of the last prediction, under input fault `f` and force `F` [N]."""
+    q, v, x3 = x.x_hat[0], x.x_hat[1], x.x_hat[2]
+    for i in range(int(p.delay) - 2, -1, -1):
+        q, v, x3 = rk4(q, v, x3, x.u_old[i], x.u_old[i], f, F, p, dt)
+    x.q_now, x.v_now, x.x3_now = q, v, x3
 
 
 @kernel
 def estimate(x, u, p, dt):
     """Run the filter for one tick: [Lu17] (14)-(36) on measurements that are `delay` ticks old."""
-    for i in range(HISTORY, 0, -1):
-        x.u_old[i] = x.u_old[i - 1]
-    if math.isfinite(u.u):
-        x.u_old[0] = min(max(u.u, -1.0), 1.0)
+    remember(x, u)
     if x.started < 0.5:
-        if u.y_rod_valid > 0.5 and math.isfinite(u.y_rod):
-            dp = u.y_dp if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp) else 0.0
-            start(x, u.y_rod, dp, u, p)
-        else:
+        if usable(u.y_rod, u.y_rod_valid) < 0.5:
             x.age += dt
             return
+        start(x, u.y_rod, u.y_dp if usable(u.y_dp, u.y_dp_valid) > 0.5 else 0.0, u, p)
     d = int(p.delay)
     if d == 0:
         predict(x, u, x.u_old[0], p, dt)
-        measurement_update(x, u, p, dt)
-    else:
-        measurement_update(x, u, p, dt)
+    measurement_update(x, u, p, dt)
+    if d > 0:
         predict(x, u, x.u_old[d - 1], p, dt)
-    q, v, x3 = x.x_hat[0], x.x_hat[1], x.x_hat[2]
-    F = force(x, u, p)
-    for i in range(d - 2, -1, -1):
-        w = x.u_old[i]
-        q, v, x3 = rk4(q, v, x3, w, w, x.f_hat, F, p, dt)
-    x.q_now, x.v_now, x.x3_now = q, v, x3
+    predict_now(x, x.f_hat, force(x, u, p), p, dt)
     x.f_sigma = math.sqrt(max(x.P_f, 0.0))
-    if not sane(x, q, v, x3):
+    if not sane(x):
         clear(x)

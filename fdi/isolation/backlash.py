@@ -14,7 +14,7 @@ from actuators.block import kernel
 
 SWINGS = 0.5 * (1.0 - 8.0 / (math.pi * math.pi))  # share of d^2 that two levels may leave: half of what a sine has left
 NO_LEVELS = 1.5  # times SWINGS, from which on d has no two levels
-LEAST = 0.1  # on either side, three lags of d [s]
+SIDE_S = 0.1  # on either side, three lags of d [s]
 
 STATE = [
     ("gap_s", "f8", (2,), "s"),  # time since the alarm that d was below and above zero
@@ -38,7 +38,7 @@ def update(x, q, dt):
             x.gap_s[i] = x.gap_d[i] = 0.0
         x.gap_dd = x.gap_q = x.gap_qq = x.gap_qd = x.loose = 0.0
         return
-    if x.pair_age < LEAST:
+    if x.pair_age < SIDE_S:
         return
     d, i = x.pair_d, 1 if x.pair_d > 0.0 else 0
     x.gap_s[i] += dt
@@ -49,7 +49,7 @@ def update(x, q, dt):
     x.gap_qd += dt * q * d
     n, total, mean = x.gap_s[0] + x.gap_s[1], x.gap_d[0] + x.gap_d[1], x.gap_d[1] - x.gap_d[0]
     level = total / n
-    if min(x.gap_s[0], x.gap_s[1]) <= LEAST:
+    if min(x.gap_s[0], x.gap_s[1]) <= SIDE_S:
         return
     held = True  # each side has the level
     for i in range(2):

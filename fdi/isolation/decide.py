@@ -17,10 +17,10 @@ from fdi.isolation import sums
 from fdi.isolation.filter import N
 from fdi.isolation.sums import OCTAVES
 
-LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, APART, FREE_FLOAT, DRIVEN = range(1, 12)
+LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, GAP, FREE_FLOAT, DRIVEN = range(1, 12)
 CLASS_OF = (  # of the hypotheses of `evidence`, in their order
     LIQUID, SOLID, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, WEAK, WEAK, WEAK, WEAK, OF_LOAD, OPENED, FREE_FLOAT,
-    OF_ROD, OF_SURFACE, OF_PRESSURE, APART, OF_PRESSURE, OF_PRESSURE, DRIVEN,
+    OF_ROD, OF_SURFACE, OF_PRESSURE, GAP, OF_PRESSURE, OF_PRESSURE, DRIVEN,
 )  # fmt: skip
 CALM = 0.35  # of a threshold: down to it an alarm stands
 CLEAR = 40.0  # evidence of a plain onset, at which all windows begin anew
@@ -182,6 +182,20 @@ def healed(x, p, o, dt):
 
 
 @kernel
+def nominate(x):
+    """Write the class that leads now, 0 where none does that has a name."""
+    c, row = leader(x), x.row > 0.0 and x.row + x.row_last > SURE and x.alarm > 0.5
+    found = x.own_class[c] if c >= 0 else (float(LIQUID) if row else 0.0)
+    if found == OPENED or found == GAP or found == DRIVEN:  # they have no name
+        found = 0.0
+    x.candidate_s *= 1.0 if x.candidate == found else 0.0
+    x.candidate, x.candidate_hz = found, x.own_hz[c] if c >= 0 else 0.0
+    x.candidate_octave = float(c) if c >= 0 else OCTAVES - 1.0
+    if c >= 0 and (found == x.likely or x.likely == 0.0):
+        x.likely_fault, x.likely_hz = x.own_fault[c], x.own_hz[c]
+
+
+@kernel
 def judge(x, p, o, dt):
     """Take the evaluation of octave `o`; return whether all windows are to begin anew."""
     compare(x, p, o)
@@ -195,15 +209,7 @@ def judge(x, p, o, dt):
         x.evidence_timer = RELEASE_S
     if o == OCTAVES - 1:
         in_a_row(x, p)
-    c, row = leader(x), x.row > 0.0 and x.row + x.row_last > SURE and x.alarm > 0.5
-    found = x.own_class[c] if c >= 0 else (float(LIQUID) if row else 0.0)
-    if found == OPENED or found == APART or found == DRIVEN:  # they have no name
-        found = 0.0
-    x.candidate_s *= 1.0 if x.candidate == found else 0.0
-    x.candidate, x.candidate_hz = found, x.own_hz[c] if c >= 0 else 0.0
-    x.candidate_octave = float(c) if c >= 0 else OCTAVES - 1.0
-    if c >= 0 and (found == x.likely or x.likely == 0.0):
-        x.likely_fault, x.likely_hz = x.own_fault[c], x.own_hz[c]
+    nominate(x)
     if x.own[o] > CLEAR and x.own_ratio[o] >= 1.0 and x.emptied < 0.5:
         x.emptied = 1.0
         return True

@@ -33,7 +33,7 @@ ALL = 2.0  # of `asks`: every block is asked, as in training
 STILL_HZ = 0.02  # slow enough for a constant
 # Least threshold. Evidence of k to one against health comes by chance with a probability of 1 / k at most; in 60 s a
 # hypothesis is asked over 480 windows: 1e-3 per flight asks for k = 4.8e5
-LEAST = 13.1
+BY_CHANCE = 13.1
 SLOW = 2.2  # at 50 and 60 Hz 24 fault-free flights reach 2.0 thresholds: over such a tick the load is not held
 
 PARAMS = [
@@ -68,9 +68,9 @@ def design(dt: float, arm: float, travel: tuple[float, float], asks: bool) -> di
 
 
 def respond(p: np.ndarray, dt: float) -> None:
-    """Write the responses of PARAMS record `p` to sines and to a constant; let no threshold be below LEAST, and that of
-    ticks beyond STEP_MOST be SLOW times that."""
-    p["limit"] = np.maximum(p["limit"], LEAST) * (SLOW if dt > STEP_MOST else 1.0)
+    """Write the responses of PARAMS record `p` to sines and to a constant; let no threshold be below BY_CHANCE, and
+    those of ticks beyond STEP_MOST be SLOW times theirs."""
+    p["limit"] = np.maximum(p["limit"], BY_CHANCE) * (SLOW if dt > STEP_MOST else 1.0)
     if p["asks"][0] < 0.5:
         return
     hz = p["hz"][0].ravel()

@@ -31,7 +31,7 @@ RIVALS = 4
 N = 5
 MEMORY = 2.0  # of the likelihoods [s]
 SETTLES = 0.1  # after the start [s]
-LEAST = 0.2  # for which likelihoods are gathered before they say anything [s]
+GATHERED_S = 0.2  # for which likelihoods are gathered before they say anything [s]
 P0 = (1e-7, 1e-2, 1e-2, 1e-1)  # variances of (q, q', z, F) at the start
 THETA, THETA_SD = (-1.6, 0.0, 0.0, 0.0), (0.9, 0.006, 0.03, 0.03)  # theta at the start
 WALK = (0.1, 0.0, 0.03, 0.03)  # of theta: a fault that grows, a valve that moves [1/sqrt s, -, m/s/sqrt s]
@@ -39,9 +39,9 @@ SOFT_MOST = -0.4  # two thirds of the stiffness are left: more may be tolerances
 SOFT_LEAST = -3.0  # 5 % of the stiffness are left: softer, and the oil follows any valve, too
 OFFSET_MOST = 0.015  # of a pressure sensor within tolerances [1]
 RUBS = 3e-4  # what friction, of which joined chambers show more, may do to the rod [m^2/s^3]
-FAIR = 1.25  # times noise that a model leaves if it holds
+HOLDS = 1.25  # times noise that a model leaves if it holds
 BESIDE = 1.11  # ... and times what IN_PLACE leaves, which follows part of the noise
-SURE = 30.0  # lead of a name
+NAMED = 30.0  # lead of a name
 LOST_S = 0.2  # without a sensor for longer nothing is asked [s]
 
 STATE = [
@@ -50,6 +50,7 @@ STATE = [
     ("rival_P", "f8", (RIVALS, N, N)),
     ("rival_Phi", "f8", (3, N)),  # of one prediction
     ("rival_W", "f8", (3, N)),  # scratch
+    ("rival_K", "f8", (N,)),  # scratch: gain of one sensor
     ("rival_load", "f8", (RIVALS,)),  # by the hinge-moment model, one tick ago
     ("rival_n", "f8"),  # samples, forgotten over MEMORY
     ("rival_Q", "f8", (RIVALS + 1,)),  # squared innovations over their variances; the last: of the healthy filter
@@ -83,12 +84,12 @@ def take(x, h, j, y, p):
     hat, P = x.rival_hat[h], x.rival_P[h]
     row = 2 if j == PRESSURE else 0
     off = 1.0 if h == JOINED and j == PRESSURE else 0.0
-    k0, k1, k2 = P[0, row] + off * P[0, 4], P[1, row] + off * P[1, 4], P[2, row] + off * P[2, 4]
-    k3, k4 = P[3, row] + off * P[3, 4], P[4, row] + off * P[4, 4]
-    s = (k2 + off * k4 if j == PRESSURE else k0) + p.h_r[j]
+    s = P[row, row] + off * (2.0 * P[row, 4] + P[4, 4]) + p.h_r[j]
     limit = filter.GATE * math.sqrt(s)
     e = min(max(y - hat[row] - off * hat[4], -limit), limit)
-    K = (k0 / s, k1 / s, k2 / s, k3 / s, k4 / s)
+    K = x.rival_K
+    for i in range(N):
+        K[i] = (P[i, row] + off * P[i, 4]) / s
     for i in range(N):
         hat[i] += K[i] * e
         for k in range(i + 1):
@@ -124,39 +125,61 @@ def measure(x, u, p, dt):
 
 
 @kernel
+def valve(x, h, v, p):
+    """Return what filter `h` makes of the valve command `v`: (flow [m/s], its slope over the pressure, leakage [m/s],
+    stiffness of the oil [1/m])."""
+    q, z, theta, mu = x.rival_hat[h, 0], x.rival_hat[h, 2], x.rival_hat[h, 4], x.mu
+    k, leak, gain = lu17.stiffness(q, p) * (1.0 + mu[filter.SOFT]), p.L + mu[LEAK], p.phi_n / p.A_p
+    root = opening(v, z)
+    held = max(root, filter.ROOT_LEAST)
+    flow = gain * (root * (v + mu[FAST] * x.u_fast + mu[GAIN] * (v - x.u_fast)) - 0.5 * mu[SUPPLY] * v / held)
+    slope = -0.5 * gain * math.fabs(v) / held
+    if h == SOFT:
+        return flow, slope, leak, k * math.exp(theta)
+    if h == ADDED:
+        return flow + theta, slope, leak, k
+    if h == IN_PLACE:
+        return theta, 0.0, leak, k
+    return 0.0, 0.0, p.bypass, k
+
+
+@kernel
 def predict(x, h, u, v, p, dt):
     """Predict filter `h` over one tick under valve command `v`, by the exponential of its model about the estimate."""
     hat, P, Phi, W, mu = x.rival_hat[h], x.rival_P[h], x.rival_Phi, x.rival_W, x.mu
-    q, w, z, theta = hat[0], hat[1], hat[2], hat[4]
-    k, leak, gain = lu17.stiffness(q, p) * (1.0 + mu[filter.SOFT]), p.L + mu[LEAK], p.phi_n / p.A_p
-    root, held = opening(v, z), max(opening(v, z), 0.3)
-    flow = root * (v + mu[FAST] * x.u_fast + mu[GAIN] * (v - x.u_fast)) - 0.5 * mu[SUPPLY] * v / held
-    flow, slope = gain * flow, -0.5 * gain * math.fabs(v) / held
-    if h == SOFT:
-        k *= math.exp(theta)
-    elif h == ADDED:
-        flow += theta
-    elif h == IN_PLACE:
-        flow, slope = theta, 0.0
-    else:
-        flow, slope, leak = 0.0, 0.0, p.bypass
+    w, z = hat[1], hat[2]
+    flow, slope, leak, k = valve(x, h, v, p)
     net = flow + mu[FLOW] - leak * z - w
     force, B = p.A_p * p.P_s, -p.B / p.M
     push, back = force / p.M, k * (slope - leak)
     k1, k2, k3, l1, l2, l3, m1, m2, m3 = integral(0.0, B, push, 0.0, -k, back, dt)
-    Phi[0, 0], Phi[1, 0], Phi[2, 0] = 1.0, 0.0, 0.0
-    Phi[0, 1], Phi[1, 1], Phi[2, 1] = k1 + B * l1 - k * m1, 1.0 + k2 + B * l2 - k * m2, k3 + B * l3 - k * m3
-    Phi[0, 2], Phi[1, 2], Phi[2, 2] = push * l1 + back * m1, push * l2 + back * m2, 1.0 + push * l3 + back * m3
-    Phi[0, 3], Phi[1, 3], Phi[2, 3] = push * l1, push * l2, push * l3
     by = 0.0 if h == JOINED else k * (net if h == SOFT else 1.0)
-    Phi[0, 4], Phi[1, 4], Phi[2, 4] = by * m1, by * m2, by * m3
+    K, L, M = (k1, k2, k3), (l1, l2, l3), (m1, m2, m3)
     pushed = (z + hat[3]) * (1.0 - mu[MASS]) - p.B * w / force - mu[FRICTION] * w / (filter.CREEP + math.fabs(w))
-    hat[0] += dt * w + Phi[0, 3] * pushed + k * m1 * net
-    hat[1] += Phi[1, 3] * pushed + k * m2 * net
-    hat[2] += Phi[2, 3] * pushed + k * m3 * net
+    hat[0] += dt * w
+    for i in range(3):  # I + Psi A
+        Phi[i, 0] = 1.0 if i == 0 else 0.0
+        Phi[i, 1] = K[i] + B * L[i] - k * M[i] + (1.0 if i == 1 else 0.0)
+        Phi[i, 2] = push * L[i] + back * M[i] + (1.0 if i == 2 else 0.0)
+        Phi[i, 3], Phi[i, 4] = push * L[i], by * M[i]
+        hat[i] += push * L[i] * pushed + k * M[i] * net
     load = (u.hm0_model + u.hmd_model * hat[0] / p.arm) / (p.arm * force)
     hat[3] += load - x.rival_load[h] if x.rival_s > 0.0 else 0.0
     x.rival_load[h] = load
+    congruence_walks(P, Phi, W)
+    rubs = RUBS if h == JOINED else 0.0
+    in_doubt = (0.0, rubs, k * k * p.flow_share * p.flow_share * flow * flow * filter.RATE_TAU,
+                p.load_share * p.load_share * x.load_rate2 * filter.RATE_TAU)  # fmt: skip
+    for i in range(4):
+        P[i, i] += (p.h_q[i] + in_doubt[i]) * dt
+    P[4, 4] += WALK[h] * WALK[h] * dt
+    if not (math.fabs(hat[0]) < 1.0 and math.fabs(hat[1]) < 5.0 and math.fabs(hat[2]) < 5.0):
+        x.rival_s = -1.0
+
+
+@kernel
+def congruence_walks(P, Phi, W):
+    """Replace P by Phi P Phi^T, where the last two rows of Phi, left out of it, are those of random walks."""
     for i in range(3):
         for j in range(N):
             s = 0.0
@@ -170,15 +193,8 @@ def predict(x, h, u, v, p, dt):
                 s += W[i, a] * Phi[j, a]
             P[i, j] = s
             P[j, i] = s
-        P[i, 3] = P[3, i] = W[i, 3]
-        P[i, 4] = P[4, i] = W[i, 4]
-    P[0, 0] += p.h_q[0] * dt
-    P[1, 1] += (p.h_q[1] + (RUBS if h == JOINED else 0.0)) * dt
-    P[2, 2] += (p.h_q[2] + k * k * p.flow_share * p.flow_share * flow * flow * filter.RATE_TAU) * dt
-    P[3, 3] += (p.h_q[3] + p.load_share * p.load_share * x.load_rate2 * filter.RATE_TAU) * dt
-    P[4, 4] += WALK[h] * WALK[h] * dt
-    if not (math.fabs(hat[0]) < 1.0 and math.fabs(hat[1]) < 5.0 and math.fabs(hat[2]) < 5.0):
-        x.rival_s = -1.0
+        for j in range(3, N):
+            P[i, j] = P[j, i] = W[i, j]
 
 
 @kernel
@@ -186,7 +202,7 @@ def lead(x, h):
     """Return by how much the logarithm of the likelihood of filter `h` leads all others, 0 where its model is poor."""
     if h == SOFT and x.rival_hat[SOFT, 4] > SOFT_MOST:
         return 0.0
-    if x.rival_s < LEAST or x.rival_Q[h] > min(FAIR * x.rival_n, BESIDE * x.rival_Q[IN_PLACE]):
+    if x.rival_s < GATHERED_S or x.rival_Q[h] > min(HOLDS * x.rival_n, BESIDE * x.rival_Q[IN_PLACE]):
         return 0.0
     least = 1e300
     for i in range(RIVALS + 1):
@@ -196,22 +212,27 @@ def lead(x, h):
 
 
 @kernel
-def update(x, u, p, dt):
-    """Run the filters for one tick while an alarm stands, after `filter.advance`; keep what they have shown."""
-    for h in range(2):
-        x.rival_lead[h] = 0.0
+def runs(x, u):
+    """Return whether the filters run at this tick: while an alarm stands and what the filter without a fault hears."""
     if x.alarm < 0.5 or x.h_clock == 0.0:
-        x.rival_s = -1.0
         x.shown[SOFT] = x.shown[JOINED] = 0.0
-        return
-    position = min(x.h_lost[ROD], x.h_lost[SURFACE])
-    if position > LOST_S or x.h_lost[PRESSURE] > LOST_S or x.at_stop > 0.5:
-        x.rival_s = -1.0
-        return
+        return False
+    if min(x.h_lost[ROD], x.h_lost[SURFACE]) > LOST_S or x.h_lost[PRESSURE] > LOST_S or x.at_stop > 0.5:
+        return False
     if x.rival_s < 0.0:
         if x.h_lost[ROD] > 0.0 or x.h_lost[PRESSURE] > 0.0:
-            return
+            return False
         start(x, u)
+    return True
+
+
+@kernel
+def update(x, u, p, dt):
+    """Run the filters for one tick, after `filter.advance`; keep what they have shown."""
+    x.rival_lead[SOFT] = x.rival_lead[JOINED] = 0.0
+    if not runs(x, u):
+        x.rival_s = -1.0
+        return
     d = int(p.delay)
     if d > 0:
         measure(x, u, p, dt)
@@ -227,5 +248,5 @@ def update(x, u, p, dt):
         x.rival_poor[h] = x.rival_poor[h] + dt if x.rival_lead[h] <= 0.0 else 0.0
         if x.rival_poor[h] > MEMORY:  # it does not hold: a small oscillation in place fits at first
             x.shown[h] = 0.0
-        if x.rival_lead[h] > SURE:
+        if x.rival_lead[h] > NAMED:
             x.shown[h], x.shown[1 - h] = 1.0, 0.0

@@ -69,7 +69,7 @@ POWER = np.array([GUSTY.get(name, 0) for name in SENSORS])
 # what it was off by. One that came without a jump, a drift or a frozen reading, ends with one
 SHOWN_S, BACK, SEEN, OFF_S = 5.0, 0.3, 0.75, 120.0
 LEFT = 4.0  # thresholds: from there a row is quiet within 1.4 of its time constants
-FADING, STAYING, NOISE, JUMPED_BACK = 0.0, 1.0, 2.0, 3.0
+FADING, STAYING, NOISY, JUMPED_BACK = 0.0, 1.0, 2.0, 3.0
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
 
 PARAMS = dtype(
@@ -151,7 +151,7 @@ STATE = dtype(
         ("held", "f8", (NR,)),  # residuals that were beyond their thresholds, the last of each row
         ("refuted", "f8", "s"),  # time for which those of the named error would be there and are not
         ("leapt", "f8", "-"),  # 1 where the reading that is named jumped at first
-        ("shows", "f8", "-"),  # how that error shows: FADING, STAYING, NOISE, JUMPED_BACK
+        ("shows", "f8", "-"),  # how that error shows: FADING, STAYING, NOISY, JUMPED_BACK
     ]
 )
 OUTPUTS = ("r", "alarm", "verdict", "culprit", "second", "verdict_2", "valid", "why", "res")
@@ -286,7 +286,7 @@ def _noise(x, p, dt):
 @kernel
 def _explains(x, s):
     """Return whether signature s explains what fired and jumped; what x.known has, another sensor may have done."""
-    first = table.FIRST[s]
+    first = table.FIRST_ROW[s]
     jumped = x.jumped[first] > 0.0
     if x.known[first] > 0.5 or (table.JUMPS[s] > 0.5 and not jumped) or (table.JUMPS[s] < -0.5 and jumped):
         return False
@@ -295,11 +295,11 @@ def _explains(x, s):
             if table.MAY[s, i] < 0.5 and x.known[i] < 0.5:
                 return False
         elif table.MUST[s, i] > 0.5:
-            power = table.POWERS[s, i]
+            power = table.SPEED_POWERS[s, i]
             fast = x.y[15] if power > 0.0 else 1.0 / max(x.y[15], 1.0) if power < 0.0 else 1.0
-            size = math.fabs(x.res[first]) * table.SHOWS[s, i] * fast
+            size = math.fabs(x.res[first]) * table.SIZES[s, i] * fast
             # gusts may hide it there
-            if x.fired[first] <= 0.0 or table.SHOWS[s, i] <= 0.0 or size > HIDDEN * x.limit[i]:
+            if x.fired[first] <= 0.0 or table.SIZES[s, i] <= 0.0 or size > HIDDEN * x.limit[i]:
                 return False
     return True
 
@@ -321,8 +321,8 @@ def _again(x, p, dt):
     """Name a second sensor: by rows that do not read the first one, or by its noise."""
     if x.noisy > 0.5 and x.noisy != x.culprit:
         row = table.FADES[int(x.noisy) - 1]
-        if row >= 0 and table.STAYS[int(x.culprit) - 1, row] > 0.5:
-            x.culprit, x.shows = x.noisy, NOISE  # an attitude that is frozen looks like an error of its rate, too
+        if row >= 0 and table.CONSTANT_IN[int(x.culprit) - 1, row] > 0.5:
+            x.culprit, x.shows = x.noisy, NOISY  # an attitude that is frozen looks like an error of its rate, too
             return
         x.second, x.verdict_2 = x.noisy, SENSOR
     left = False
@@ -341,7 +341,7 @@ def _seek(x, p, any_row):
     """Name the sensor when the rows that belong together are in, or say that there is none."""
     sought = x.alarm < 0.5 or x.verdict == AMBIGUOUS
     if x.noisy > 0.5 and sought:
-        x.alarm, x.verdict, x.culprit, x.shows = 1.0, SENSOR, x.noisy, NOISE
+        x.alarm, x.verdict, x.culprit, x.shows = 1.0, SENSOR, x.noisy, NOISY
     elif any_row and x.since >= p.t_collect and (sought or x.culprit >= EITHER):
         count, best = _named(x)
         if count == 1 and (sought or table.HOLDS[int(x.culprit), int(best)] > 0.5):
@@ -381,7 +381,11 @@ def _would_show(x):
         return x.shows > STAYING
     for i in range(NR):
         held = math.fabs(x.held[i])
-        if table.STAYS[int(x.culprit) - 1, i] > 0.5 and held >= SEEN * x.limit[i] and math.fabs(x.res[i]) < 0.5 * held:
+        if (
+            table.CONSTANT_IN[int(x.culprit) - 1, i] > 0.5
+            and held >= SEEN * x.limit[i]
+            and math.fabs(x.res[i]) < 0.5 * held
+        ):
             return True
     return False
 

@@ -50,7 +50,7 @@ def _table(*columns):
 
 MUST, MAY = _table(1), _table(1, 2)
 JUMPS = np.array([{None: 0.0, True: 1.0, False: -1.0}[c[3]] for c in SIGNATURES])
-FIRST = np.array([ROWS.index(c[1][0]) for c in SIGNATURES])
+FIRST_ROW = np.array([ROWS.index(c[1][0]) for c in SIGNATURES])
 OF = np.array([SENSORS.index(c[0]) for c in SIGNATURES])
 CULPRITS = ("", *SENSORS, *(" or ".join(pair) for pair in PAIRS))
 EITHER = len(SENSORS) + 1  # the first of the pairs
@@ -64,14 +64,16 @@ FADES = np.array(
 INTEGRATES = np.array([float(row in ("phi", "theta", "psi", "turn", "speed", "height")) for row in ROWS])
 _RATES = [name.split(" or ")[0] for name in CULPRITS[1:]]  # a pair's rate
 # rows in which a constant error of a culprit stays: those that integrate nothing, and its rate's
-STAYS = np.array([[float(any(c[0] == name and row in (*c[1], *c[2]) and (row in ("climb", "sound", "impact", "baro")
-                                                                        or (c[3] is False and row == c[1][0]))
-                             for c in SIGNATURES)) for row in ROWS] for name in _RATES])  # fmt: skip
+_PLAIN = ("climb", "sound", "impact", "baro")
+CONSTANT_IN = np.array([
+    [float(any(c[0] == name and row in (*c[1], *c[2]) and (row in _PLAIN or (c[3] is False and row == c[1][0]))
+               for c in SIGNATURES)) for row in ROWS] for name in _RATES
+])  # fmt: skip
 # how large an error of this size in the first row is in a row whose threshold may hide it: so many times, and times so
 # many powers of the speed; a relative error of Mach number is twice that, or more, in the impact pressure
 _SHOWN = {("q", "turn"): (1.0, 1.0), ("alpha_ground", "climb"): (1.0, 0.0), ("hdot", "climb"): (0.5, 0.0),
           ("mach", "impact"): (2.0, -1.0)}  # fmt: skip
-SHOWS, POWERS = (
+SIZES, SPEED_POWERS = (
     np.array([[_SHOWN.get((c[0], row), (0.0, 0.0))[k] for row in ROWS] for c in SIGNATURES]) for k in (0, 1)
 )
 # the sensors that each row reads, in its order of ROWS: what it shows while one of them is wrong tells of no other

@@ -18,11 +18,11 @@ from actuators.constants import G0
 from fdi.kinematic.signatures import CLIMB
 
 PRIOR = 20.0  # rms of the wind before anything is known [m/s]: 60 kt is one and a half of it
-WALK = 0.15  # of the wind [m/s per root s]: 10 kt/1000 ft at 2000 ft/min is 0.17 m/s2, for a second
+WIND_WALK = 0.15  # of the wind [m/s per root s]: 10 kt/1000 ft at 2000 ft/min is 0.17 m/s2, for a second
 GUST_S = 2.7  # for which a gust is alike [s]: 1750 ft, the scale of MIL-F-8785C above 2000 ft, at 200 m/s
 ALONG, ACROSS = 0.5, 0.06  # rms of the readings without gusts, correlated for GUST_S [m/s]: air data; hdot and attitude
-OFFSET = 1.0  # rms of the climb's offset before anything is known [m/s]: half a degree of attitude at 115 m/s
-SURE = 2.5  # deviations of the wind that widen a limit
+OFFSET_SD = 1.0  # rms of the climb's offset before anything is known [m/s]: half a degree of attitude at 115 m/s
+DEVIATIONS = 2.5  # deviations of the wind that widen a limit
 LEARNED = 6.0  # of level flight without gusts: what is uncertain of the offset then is in the trained threshold [s]
 
 STATE = [
@@ -57,15 +57,15 @@ def blow(x, p, dt):
     """Advance the wind by one tick of readings; set the lateral velocity over the ground and what limits widen by."""
     y, ok, P = x.y, x.ok, x.cov
     if P[0, 0] == 0.0:
-        P[0, 0], P[1, 1], P[2, 2] = PRIOR * PRIOR, PRIOR * PRIOR, OFFSET * OFFSET
+        P[0, 0], P[1, 1], P[2, 2] = PRIOR * PRIOR, PRIOR * PRIOR, OFFSET_SD * OFFSET_SD
     sp, cp, st, ct = math.sin(y[3]), math.cos(y[3]), math.sin(y[4]), math.cos(y[4])
     rates, air = ok[0] * ok[1] * ok[2] * ok[3] * ok[4], ok[11] * ok[16] * ok[17]
     turn = dt * rates * (y[1] * sp + y[2] * cp) / ct
     a, b = x.wind[0], x.wind[1]
     x.wind[0], x.wind[1] = a + turn * b, b - turn * a
     p00, p11, p01 = P[0, 0], P[1, 1], P[0, 1]
-    P[0, 0] = p00 + 2.0 * turn * p01 + WALK * WALK * dt
-    P[1, 1] = p11 - 2.0 * turn * p01 + WALK * WALK * dt
+    P[0, 0] = p00 + 2.0 * turn * p01 + WIND_WALK * WIND_WALK * dt
+    P[1, 1] = p11 - 2.0 * turn * p01 + WIND_WALK * WIND_WALK * dt
     P[0, 1] = P[1, 0] = p01 + turn * (p11 - p00)
     a, b = P[0, 2], P[1, 2]
     P[0, 2] = P[2, 0] = a + turn * b
@@ -86,9 +86,9 @@ def blow(x, p, dt):
             gust = x.rough if ok[17] > 0.5 else PRIOR  # without the vane the lateral velocity is anything
             _update(x, h0, h1, 1.0, e, white * (ACROSS * ACROSS + sp * sp * gust * gust))
         x.lateral_ground = lateral + cp * x.wind[1] + sp * st * x.wind[0]
-    sigma, fade = SURE * math.sqrt(P[1, 1]), dt / p.tau
+    sigma, fade = DEVIATIONS * math.sqrt(P[1, 1]), dt / p.tau
     climb = max(_variance(x, h0, h1, 1.0) - 2.0 * GUST_S * ACROSS * ACROSS / LEARNED, 0.0)
-    x.doubt[0] += (1.0 - math.exp(-dt / p.tau_r)) * (SURE * math.sqrt(climb) - x.doubt[0])
+    x.doubt[0] += (1.0 - math.exp(-dt / p.tau_r)) * (DEVIATIONS * math.sqrt(climb) - x.doubt[0])
     x.doubt[1] += fade * (p.tau * math.fabs(y[0]) * sigma - x.doubt[1])
     x.doubt[2] += fade * (p.tau * G0 * math.fabs(sp) / max(y[15], 1.0) * sigma - x.doubt[2])
     x.offset[CLIMB] = x.wind[2]

@@ -8,7 +8,7 @@ from actuators.block import kernel
 from actuators.constants import G0, M_S_PER_KT, RAD_PER_DEG
 from fdi.common.decision import held, usable
 from fdi.common.why import BOX_MASS, LOST_SENSOR, VALID
-from fdi.kinematic.wind import ACROSS, ALONG, GUST_S, PRIOR, SURE, WALK
+from fdi.kinematic.wind import ACROSS, ALONG, DEVIATIONS, GUST_S, PRIOR, WIND_WALK
 from fdi.lpv_smo.kernels import affine, affine_scalar, held_first_order, trim_map, unit_vector_step
 
 N, P, M, R, T = 7, 6, 2, 4, 35  # states, outputs, inputs, scheduling parameters, terms of a cubic trim map
@@ -148,8 +148,8 @@ def drift(x, u, p, dt):
     lateral = u.tas * math.sin(u.beta) if vane else 0.0
     turn = dt * (u.q * sp + yaw * cp) / math.cos(u.theta)
     x.ahead, x.across = x.ahead - turn * x.across, x.across + turn * x.ahead
-    x.ahead_var += WALK * WALK * dt
-    x.across_var += WALK * WALK * dt
+    x.ahead_var += WIND_WALK * WIND_WALK * dt
+    x.across_var += WIND_WALK * WIND_WALK * dt
     c = 1.0 - math.exp(-dt / p.tau_f)  # slip has passed that lag
     x.lean += c * (sp * lateral - x.lean)
     x.tilt += c * (sp * cp - x.tilt)
@@ -176,7 +176,7 @@ def drift(x, u, p, dt):
     x.blown, x.lateral, x.vane = blown, lateral, 1.0 if vane else 0.0
     x.side = math.atan((lateral + cp * x.across) / speed)
     x.spin += c * (roll * math.cos(x.over) + yaw * math.sin(x.over) - x.spin)
-    x.doubt = SURE * math.sqrt(x.across_var) * cp / speed * math.fabs(x.spin) / max(-x.A[0, 0], 0.1)
+    x.doubt = DEVIATIONS * math.sqrt(x.across_var) * cp / speed * math.fabs(x.spin) / max(-x.A[0, 0], 0.1)
 
 
 @kernel

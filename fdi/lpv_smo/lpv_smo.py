@@ -61,12 +61,12 @@ from fdi.lpv_smo.core import DELAY, NB, M, N, P, R, T, drift, gust, inputs, late
 from fdi.lpv_smo.model import LpvModel, powers
 from fdi.lpv_smo.synthesis import Design, load, load_boxes
 
-LEARN = 8.0  # in flight: the paper's faults come at 10 s [s]
+LEARN_S = 8.0  # in flight: the paper's faults come at 10 s [s]
 GRADIENT = 0.6  # of the damping in pitch: what a gust that grows along the body does, by training flights
 CULPRITS = ("", "elevator", "n_z", "alpha")
-STAYS = 0.7  # of its threshold: above it a fault that is declared has not ended
+RELEASED_AT = 0.7  # of its threshold: above it a fault that is declared has not ended
 TREND = 3.0  # lag of alpha_eq, which follows airspeed, where its change is judged: gusts change airspeed, too [s]
-NEAR = 0.9  # of the largest rms of gusts: beyond it nothing is judged
+GUST_SHARE = 0.9  # of the largest rms of gusts: beyond it nothing is judged
 HELD = 0.6  # an oscillation is held to be there for so long after the last fit that found it [s]
 
 PARAMS = dtype(
@@ -322,7 +322,7 @@ def fitted(site: Site, paper: bool = False) -> np.ndarray:
     model = about.model
     xx, yy, zz, xz = model.gyration2
     (tx, _, tz), (rx, _, rz) = model.thrust_axis, np.mean(model.engine, axis=0)
-    common = {"t_learn": LEARN, "delay": site.ticks("q"), "omega_a": 1.0 / about.delays[0],
+    common = {"t_learn": LEARN_S, "delay": site.ticks("q"), "omega_a": 1.0 / about.delays[0],
               "inertia": ((zz - xx) / yy, xz / yy)}  # fmt: skip
     if paper:
         return params(dt=site.dt, own=site.own, **common)
@@ -373,7 +373,7 @@ def _decide(x, p, dt):
         score = math.fabs(estimates[i]) / (p.limit[i] + p.limit_away[i] * x.apart + p.limit_gust[i] * x.rms)
         on = _above(x.held[i])
         # an oscillation is beyond its threshold for less than the confirmation time at once
-        beyond = score >= (STAYS if on > 0.5 else 1.0) or (i == 0 and oscillates)
+        beyond = score >= (RELEASED_AT if on > 0.5 else 1.0) or (i == 0 and oscillates)
         x.timer[i], on = confirm(x.timer[i], on, beyond, dt, p.t_confirm, p.t_release)
         x.held[i] = x.held[i] + dt if on > 0.5 else 0.0
         x.r = max(x.r, score)
@@ -428,7 +428,7 @@ def _weigh(x, p, dt):
     flown = max(x.path, x.path - x.slip * RAD_PER_DEG)
     # where lift has bent, gust_hat is what is missing of it: level flight in the gusts that blow must not get there
     most = max(flown + max(x.gust_hat, 0.0), x.eq[0] * RAD_PER_DEG + math.sqrt(x.gust))
-    blown = math.fabs(x.gust_hat) > p.gust_max or x.gust > NEAR * NEAR * p.gust_max * p.gust_max
+    blown = math.fabs(x.gust_hat) > p.gust_max or x.gust > GUST_SHARE * GUST_SHARE * p.gust_max * p.gust_max
     x.calm = x.calm + dt if math.fabs(x.away) <= p.away_max and most <= p.alpha_max and not blown else 0.0
 
 

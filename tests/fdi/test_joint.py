@@ -103,7 +103,7 @@ def test_an_ambiguous_alarm_of_one_filter_is_no_sure_name():
     said = ("iotsekf", "left_inner", "ambiguous", "", 1.0)
     assert name(heard(said)) == ("ambiguous", "elevator_left_inner")
     of_backlash = heard(said, ("rtsekf_flight", "left_inner", "ambiguous", "", 1.0),
-                        finer=[("iotsekf", "left_inner", "kind", decide.APART)])  # fmt: skip
+                        finer=[("iotsekf", "left_inner", "kind", decide.GAP)])  # fmt: skip
     assert name(of_backlash)[0] in ("ambiguous", "sensor")  # it has not said so surely
 
 

@@ -56,9 +56,9 @@ def test_scenario_with_an_index_beyond_its_array_is_refused(key):
         {d.id: d for d in detectors.chosen(scenario)}[name].params(scenario, DT)
 
 
-def test_forged_parameters_and_states_are_refused(tmp_path):
+def test_forged_parameters_and_states_are_refused(tmp_path, monkeypatch):
     log = open_log(GOLDEN)
-    assert replay(forge(log, tmp_path / "same")).exact
+    assert replay(forge(log, tmp_path / "same", {})).exact
     wrong = (("params", "delay", 1e7, "beyond the detector's arrays"),
              ("initial", "likely_octave", 4e6, r"likely_octave = 4e\+06 would reach beyond"))  # fmt: skip
     for name, field, value, said in wrong:
@@ -66,7 +66,10 @@ def test_forged_parameters_and_states_are_refused(tmp_path):
         array[field] = value
         np.save(out, array)
         with pytest.raises(LogError, match=said):
-            replay(forge(log, tmp_path / name, attachments={f"iotsekf.{name}.npy": out.getvalue()}))
-    late = forge(log, tmp_path / "late", samples=[("/state/iotsekf/left_inner", "likely_octave", -1e6)])
-    with pytest.raises(LogError, match=r"tick \d+: likely_octave"):
-        replay(late, start_s=3.0)
+            replay(forge(log, tmp_path / name, {f"iotsekf.{name}.npy": out.getvalue()}))
+    state, real = "/state/iotsekf/left_inner", log.array
+    wild = real(state).copy()
+    wild[:, log.topics[state].fields.index("likely_octave")] = -1e6
+    monkeypatch.setattr(log, "array", lambda name: wild if name == state else real(name))
+    with pytest.raises(LogError, match=r"tick \d+: iotsekf\.likely_octave"):
+        replay(forge(log, tmp_path / "late", {}), start_s=3.0)

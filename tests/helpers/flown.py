@@ -4,10 +4,11 @@ import math
 from types import SimpleNamespace
 
 import numpy as np
-from manoeuvre_flights import POINTS
 
 import cosim
+from cosim.flight.plant.point import SIX
 
+POINTS = SIX | {"low slow": {"mass_t": 200, "cg_pct": 30, "altitude_ft": 2000, "cas_kt": 160}}
 LAW = ("de_cmd", "da_cmd", "dr_cmd", "stab_cmd", "throttle_cmd", "protection", "alpha_lim", "n_c")
 TRUTH = ("alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "cas", "h", "hdot", "nz", "de_li", "da_l", "dr", "stab")
 
@@ -28,22 +29,14 @@ def fault(i, target, kind, start, end, **numbers):
     return {f"faults__{i}__{k}": v for k, v in keys.items()}
 
 
-def fly(s, *more, change=None):
+def fly(s, *more):
     """Fly `s`; return as attributes the signals TRUTH and LAW, the last two parts of `more`, joined by "_", `t` [s],
     `status` and `setup`.
-
-    `change(setup)` may alter parameters before the first tick.
     """
     kept = SimpleNamespace()
-
-    def prepare(setup):
-        kept.setup = setup
-        if change:
-            change(setup)
-
     names = {f"truth.aircraft.{n}": n for n in TRUTH} | {f"law.law.{n}": n for n in LAW}
     names |= {n: "_".join(n.split(".")[1:]) for n in more}
-    table = cosim.fly(s, list(names), prepare=prepare)
+    table = cosim.fly(s, list(names), prepare=lambda setup: setattr(kept, "setup", setup))
     for path, name in names.items():
         setattr(kept, name, table[path].to_numpy())
     kept.t, kept.status = table.index.to_numpy(), table.attrs["status"]

@@ -12,25 +12,29 @@ READ = ("bias", "scale", "drift", "freeze", "noise", "oscillation", "dropout")
 SWUNG = {"bias": "jam_liquid", "oscillation": "ofc_liquid"}  # what a sensor that closes the loop makes of them
 
 
-def classes(kind, sensor):
-    """Return the classes that name a fault of `kind` on `sensor`, "" for the actuator."""
+def classes(kind, sensor, at=""):
+    """Return the classes that name a fault of `kind` on `sensor`, "" for the actuator, which enters `at` a place."""
     if sensor and kind in READ:
         return {"sensor"} | ({SWUNG[kind]} if sensor in ("rod", "position") and kind in SWUNG else set())
     if kind == "jam_liquid":  # the sensor that closes the loop
         return {kind, "sensor"}
-    return {kind if kind in OWN else ONE.get(kind, "effectiveness")}
+    own = {kind if kind in OWN else ONE.get(kind, "effectiveness")}
+    return own | {"sensor"} if at == "sensor" and kind in ("ofc_liquid", "bias") else own
 
 
 def word(fault, level, lane, verdict, part):
     """Return "right", "wrong" or "ambiguous" of a class and a part that a lane names."""
     place, *rest = fault["target"].split(".")
     sensor = rest[1] if place == "elevator" and len(rest) > 1 else rest[0] if place == "sensor" else ""
-    parts = {sensor, "rod", "position"} if fault["kind"] == "jam_liquid" else {sensor}
+    at = fault.get("at", "")
+    parts = {sensor, "rod", "position"} if fault["kind"] == "jam_liquid" or at == "sensor" else {sensor}
     if level == "aircraft" and place != "sensor":
         parts = {place, f"{place}_{rest[0]}", f"{place}_{rest[0].split('_')[0]}"} if rest else {place}
         parts |= {"thrust"} if place == "engine" else set()
         parts |= {"elevator_left and elevator_right"} if fault["target"] == "elevator.all" else set()
-    good = verdict in classes(fault["kind"], sensor)
+    good = verdict in classes(fault["kind"], sensor, at)
+    if " or " in part and parts & {*part.split(" or ")}:  # a set that holds it
+        part = ""
     given = part or level == "local"
     if not good and verdict not in ("ambiguous", "none"):
         return "wrong"

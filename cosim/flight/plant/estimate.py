@@ -25,9 +25,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from pydantic import Field, ValidationError, create_model
 
 from actuators.constants import M_PER_FT
-from cosim.errors import ScenarioError, joined
+from cosim.errors import ScenarioError
 from cosim.scenario.aircraft import Aircraft
-from cosim.scenario.problem import Table
+from cosim.scenario.problem import Origin, Table, explained
 from cosim.texts import read, toml
 
 ALPHA = np.radians(
@@ -73,13 +73,13 @@ def _group(name, rows):
 def numbers(path: Path) -> SimpleNamespace:
     """Return a numbers.toml as names: numbers(path).wing.span_m. Raises ScenarioError with every number that is
     missing, unknown, out of BOUNDS or without its provenance."""
-    table = toml(read(path, error=ScenarioError), place=str(path), error=ScenarioError)
+    text = read(path, error=ScenarioError)
+    table = toml(text, place=str(path), error=ScenarioError)
     try:
         groups: dict[str, Any] = {name: _group(name, rows) for name, rows in BOUNDS.items()}
         create_model("Numbers", __base__=Table, **groups).model_validate(table)
     except ValidationError as error:
-        places = ((f"{path}: {'.'.join(map(str, one['loc']))}", one["msg"]) for one in error.errors())
-        raise joined([ScenarioError(said, place=place) for place, said in places]) from None
+        raise explained(error, table, Origin.of_toml(text, str(path))) from None
     values = {g: {name: number["value"] for name, number in rows.items()} for g, rows in table.items()}
     return SimpleNamespace(**{group: SimpleNamespace(**own) for group, own in values.items()})
 
