@@ -1,5 +1,6 @@
 """The command line: `cosim` and its commands."""
 
+import os
 import signal
 import sys
 
@@ -10,8 +11,10 @@ def main() -> None:
         for number in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
             if signal.getsignal(number) != signal.SIG_IGN:  # under nohup a terminal that goes away is ignored
                 signal.signal(number, _interrupt)
-        for stream in (sys.stdout, sys.stderr):
-            stream.reconfigure(errors="replace")  # type: ignore[union-attr]
+        for name in ("stdout", "stderr"):
+            if getattr(sys, name) is None:  # closed by who called
+                setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
+            getattr(sys, name).reconfigure(errors="replace")
         from cosim.cli.commands import app
 
         app(prog_name="cosim")

@@ -16,7 +16,7 @@ tick that ends there: signals at the valve are taken one tick back.
 
 import functools
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from actuators.common.linkage import ARM
 from actuators.ema import jay
 from actuators.simple import actuator as simple
+from cosim.judge.store import release
 from fdi import registry
 
 if TYPE_CHECKING:
@@ -48,11 +49,15 @@ class Estimate:
     start: float  # [s], after settling
     end: float  # [s]
 
-    def error(self, trace: NDArray, dt: float) -> NDArray:
-        """Return f_hat - f on the settled ticks, none when there are no such ticks."""
+    def error(self, trace: NDArray, dt: float) -> Iterator[NDArray]:
+        """Yield f_hat - f on the settled ticks, block by block, none when there are no such ticks."""
         first, stop = round(self.start / dt), round(min(self.end / dt, len(trace)))
-        f = self.truth(trace[:stop, list(self.columns)].T.astype(float), dt, {}) if first < stop else np.zeros(0)
-        return (trace[: len(f), self.column].astype(float) - f)[first:]
+        kept: dict = {}
+        for a in range(0, stop if first < stop else 0, BLOCK):
+            rows = trace[a : min(a + BLOCK, stop)]
+            f = self.truth(rows[:, list(self.columns)].T.astype(float), dt, kept)
+            yield (rows[:, self.column].astype(float) - f)[max(0, first - a) :]
+            release(trace)
 
 
 def plan(scenario: "Scenario", detector: str, lane: str, columns: Callable[[str], int]) -> Estimate | None:
@@ -109,13 +114,9 @@ def _beyond_healthy(v, dt, kept):
     actual, p = v[1:].mean(axis=0), simple.params()
     if "x" not in kept:
         kept |= {"x": simple.init_at(p, actual[0]), "healthy": actual[:1]}
-    healthy = [kept["healthy"]]  # before the first tick; a command acts from the next one on
-    for a in range(0, len(actual), BLOCK):  # bounds the memory of the records
-        part = v[0, a : a + BLOCK]
-        u, log = np.zeros((1, len(part)), simple.INPUTS), np.zeros((1, len(part)), simple.STATE)
-        u["command"] = part
-        simple.rollout(kept["x"], u, p, dt, log)
-        healthy.append(log["delta"][0].copy())  # a view would keep the records
-    found = np.concatenate(healthy)
-    kept["healthy"] = found[-1:]
-    return actual - found[:-1]
+    u, log = np.zeros((1, len(actual)), simple.INPUTS), np.zeros((1, len(actual)), simple.STATE)
+    u["command"] = v[0]  # acts from the next tick on
+    simple.rollout(kept["x"], u, p, dt, log)
+    healthy = np.append(kept["healthy"], log["delta"][0])
+    kept["healthy"] = healthy[-1:]
+    return actual - healthy[:-1]

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from cosim.judge import coverage
 from cosim.judge.alarms import acts, during
 from cosim.judge.detection import ABLE, NO_FAULT, UNSEEN, Heard, JudgedLane, Runs, Said, noticed
-from cosim.judge.store import release
 from cosim.scenario import Scenario
 
 __all__ = ["Errors", "JudgedLane", "Result", "concerns", "entry_of", "judge", "judged", "plain"]
@@ -100,8 +99,10 @@ def judge(lane: JudgedLane, trace: NDArray, dt: float, faults: Sequence[Mapping]
     see `entry_of`."""
     entry = entry_of(Said(lane, dt, faults).add(trace), dt, faults)
     if lane.estimate:
-        entry |= Errors().add(lane.estimate.error(trace, dt)).entry(lane.estimate.unit)
-        release(trace)
+        sums = Errors()
+        for error in lane.estimate.error(trace, dt):
+            sums.add(error)
+        entry |= sums.entry(lane.estimate.unit)
     return entry
 
 
@@ -156,13 +157,12 @@ class Errors:
     squares: float = 0.0
     largest: float = 0.0
 
-    def add(self, error: NDArray) -> "Errors":
-        """Take more errors (n,); return itself."""
+    def add(self, error: NDArray) -> None:
+        """Take more errors (n,)."""
         self.n += len(error)
         self.total += float(np.sum(error))
         self.squares += float(np.sum(error**2))
         self.largest = max(self.largest, float(np.max(np.abs(error), initial=0.0)))
-        return self
 
     def entry(self, unit: str) -> dict:
         """Return RMSE, bias (mean) and largest magnitude [unit]; {} without a sample."""

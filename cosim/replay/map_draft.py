@@ -11,6 +11,7 @@ from typing import NamedTuple
 from cosim.errors import LogError
 from cosim.replay import clock
 from cosim.replay.foreign import columns_of
+from cosim.replay.map_signals import HINGE, readable
 from cosim.replay.units import factor
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
 from cosim.scenario.toml import inline
@@ -63,9 +64,10 @@ def draft(path: str | Path, *, aircraft: str | None = None) -> str:
     lines += [f"aircraft = {inline(own.name)}"] * (own.name != DEFAULT)
     lines += [f"{key} = {value:g}  # not in the recording" for key, value in _point(own).items()]
     taken: dict[str, str] = {}
+    read = {*readable(own), *(f"{segment}{HINGE}" for segment in own.segments)}
     for channel in channels:
         guess = guessed(channel, own)
-        if guess and guess.signal not in taken:
+        if guess and guess.signal not in taken and guess.signal in read:
             taken[guess.signal] = _line(channel, guess)
         elif channel.isprintable():
             texts.append(channel)

@@ -8,7 +8,7 @@ prediction, its stiffness stands inside A, and what that model misses is a bound
 | relation | broken by | in |
 |---|---|---|
 | position - surface - velocity's integral | a sensor, named by the other two; backlash | `position_consistency` |
-| current - demand | the drive, or the current sensor: what the motor has felt tells which | `drive` |
+| current - demand | the drive, or the current sensor: what the motor has felt tells which | `drive`, `shapes` |
 | torque - motion | what holds the surface: a load that no hinge explains | `vote` |
 
 On a verdict on the position sensor `reconf` asks to close the loop on pos_hat. With a lost sensor the rest goes on:
@@ -311,14 +311,20 @@ def _engage(x, u, p):
 
 
 @kernel
-def step(x, u, p, dt):
-    """Predict to this sample, correct, test, name, and say how well the position is known."""
+def _hold(x, u):
+    """Keep the hinge model and the demands of the last ticks."""
     if math.isfinite(u.hm0_model) and math.isfinite(u.hmd_model):
         x.hm0, x.hmd = u.hm0_model, u.hmd_model
     for i in range(HISTORY, 0, -1):
         x.u_old[i] = x.u_old[i - 1]
     if math.isfinite(u.u):
         x.u_old[0] = u.u
+
+
+@kernel
+def step(x, u, p, dt):
+    """Predict to this sample, correct, test, name, and say how well the position is known."""
+    _hold(x, u)
     if x.started < 0.5:
         if usable(u.y_position, u.position_valid) > 0.5:
             _engage(x, u, p)

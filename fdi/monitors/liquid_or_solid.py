@@ -2,7 +2,7 @@
 
 It is told by the command's own part of the rod's motion: over the last samples since the first crossing
 
-    y = g (m + sum_k theta_k L_k m) + A cos w t + B sin w t + rest
+    y = g m + A cos w t + B sin w t + rest
 
 where the sine also takes up what the control law answers at the oscillation's own frequency. Added, g is 1; in place,
 0. Its deviation follows from the rest and from how far the command has moved; while both are possible the name is

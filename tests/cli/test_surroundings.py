@@ -22,6 +22,12 @@ def test_few_letters_are_no_error():
     assert told.returncode == 0 and b"Traceback" not in told.stderr, told.stderr.decode()
 
 
+@pytest.mark.skipif(os.name == "nt", reason="a shell that closes streams")
+def test_closed_streams_are_no_error():
+    told = subprocess.run(f'"{sys.executable}" -m cosim list classes >&- 2>&-', shell=True)
+    assert told.returncode == 0
+
+
 def ended(command, number, ready, **how):
     """Send a signal to a command when it is `ready(process)`; return what that said, and the command."""
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, **how) as flight:

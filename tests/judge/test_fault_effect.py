@@ -101,7 +101,7 @@ def test_error_of_an_estimate_counts_settled_ticks_only_after_the_ramp_and_three
     history = np.zeros((50, 2), np.float32)
     history[:, 0], history[30:, 1] = 1.5, 1.0
     estimate = Estimate(0, (1,), lambda v, dt, kept: v[0], "m", start=2.0, end=4.0)
-    assert estimate.error(history, 0.1).tolist() == [1.5] * 10 + [0.5] * 10
+    assert np.concatenate([*estimate.error(history, 0.1)]).tolist() == [1.5] * 10 + [0.5] * 10
     at = dict.fromkeys(("alarm", "verdict", "culprit"), 1)
     entry = judge(JudgedLane("x", "local", "aircraft", ("",), at, estimate), history, 0.1, [])
     told = [entry[f"estimate_{n}"] for n in ("rmse", "bias", "max", "unit")]
