@@ -29,7 +29,7 @@ import numpy as np
 
 from actuators.kernels import Native
 
-SAYS = ("r", "alarm", "verdict", "culprit", "valid")  # outputs of every detector
+SAYS = ("r", "alarm", "verdict", "isolated_part", "valid")  # outputs of every detector
 NOT_FINITE = 11.0  # among the codes of fdi/common/why.py
 EXPONENT = 0x7FF0000000000000  # all ones in the exponent: infinite or not a number
 
@@ -103,8 +103,8 @@ class Kernel:
 
 @kernel
 def _mark_invalid(x):
-    """Set alarm, verdict, culprit and valid to 0."""
-    x.alarm, x.verdict, x.culprit, x.valid = 0.0, 0.0, 0.0, 0.0
+    """Set alarm, verdict, isolated_part and valid to 0."""
+    x.alarm, x.verdict, x.isolated_part, x.valid = 0.0, 0.0, 0.0, 0.0
 
 
 @kernel

@@ -24,7 +24,7 @@ LAST_S = 1.0  # the name at the end is the one that stood longest over this last
 GAP_S = 0.5  # an alarm that comes back sooner than this is the same alarm
 ABLE = 0.5  # share of the time in which a lane that missed must have been valid for this to count as a miss
 MOVES = ("jam_solid", "jam", "runaway")  # kinds that show only where the rod is not where it should be
-SAID = ("verdict", "culprit", "alarm", "second", "verdict_2")  # `second`: the other part of a lane that names two
+SAID = ("verdict", "isolated_part", "alarm", "second", "verdict_2")  # `second`: the other part of a lane that names two
 OUTPUTS = (*SAID, "r", "valid", "why")
 NO_FAULT: Mapping = {"targets": (), "start_s": math.inf, "end_s": math.inf}
 BLOCK = 1 << 16  # ticks of a trace that are looked at together
@@ -224,7 +224,7 @@ def _says(lane, said, fault, mine, theirs):
     lane names those count that are not `theirs`, with the class of the first that is left.
     """
     parts = dict(enumerate(lane.parts))
-    alarm, verdict, part = said["alarm"] > 0.5, said["verdict"], parts.get(int(said["culprit"]), "")
+    alarm, verdict, part = said["alarm"] > 0.5, said["verdict"], parts.get(int(said["isolated_part"]), "")
     if not fault["targets"]:
         return alarm, verdict, part
     if "second" in said:

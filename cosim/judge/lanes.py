@@ -112,7 +112,7 @@ def table(lanes: Sequence[Mapping[str, Any]], cases: Sequence[str] = ()) -> Tabl
 
 def _blamed(v):
     said = v.get("isolated")
-    return f"{said['class']} {(said.get('culprit') or '').replace('_', ' ')}".strip() if said else DASH
+    return f"{said['class']} {(said.get('isolated_part') or '').replace('_', ' ')}".strip() if said else DASH
 
 
 def verdicts(lanes: Sequence[Mapping[str, Any]]) -> Table:

@@ -152,5 +152,5 @@ def about(part: Any) -> dict:
     record = {k: getattr(own, k) for k in keys}
     record["estimates"] = [[e.of, e.output, e.unit] for e in own.estimates]
     form = "python" if isinstance(part, PlainDetector) else "block"
-    return {"form": form, "file": Path(part.file).name, "sha256": part.sha256, "culprits": list(part.CULPRITS),
-            "record": record}  # fmt: skip
+    about = {"form": form, "file": Path(part.file).name, "sha256": part.sha256}
+    return about | {"isolable_parts": list(part.ISOLABLE_PARTS), "record": record}

@@ -4,7 +4,8 @@
         id, level, technologies = "parity", "local", ("hydraulic",)   # level "aircraft": no technologies
         inputs = ("valve_command", "rod")                             # words of `cosim list signals`, or outputs of
                                                                       # detectors: "iotsekf.left_inner.alarm"
-        designed_for = ("ofc_liquid",)                                # optional, as may_see, blind, estimates, culprits
+        designed_for = ("ofc_liquid",)                                # optional, as may_see, blind, estimates,
+                                                                      # isolable_parts
 
         def __init__(self, dt, threshold=0.003): ...                  # one object per lane; numbers with a default are
                                                                       # parameters that a scenario sets
@@ -12,8 +13,8 @@
             return {"r": 0.3, "alarm": False}
 
 `update` gets the time [s] and the measurements of that time, as a tuple that nobody can write to, and returns a mapping
-of some of: r (1 at the threshold), alarm, verdict (a class, or {class: probability}; `cosim list classes`), culprit,
-estimate, valid. None says that nothing is new.
+of some of: r (1 at the threshold), alarm, verdict (a class, or {class: probability}; `cosim list classes`),
+isolated_part, estimate, valid. None says that nothing is new.
 
 A kind of fault (`ofc_liquid`, `rod`) in designed_for, may_see or blind stands for that kind on the detector's own
 technologies; what holds a dot or a * is a case pattern as in cosim/judge/coverage.py. What is not declared is called
@@ -40,14 +41,14 @@ from cosim.scenario import catalog, vocabulary
 from fdi.common.record import Detector, Estimate
 from fdi.common.verdict import AMBIGUOUS, NAMES, NONE
 
-BLOCK = ("PARAMS", "INPUTS", "STATE", "OUTPUTS", "CULPRITS", "DETECTOR", "init", "rollout")
+BLOCK = ("PARAMS", "INPUTS", "STATE", "OUTPUTS", "ISOLABLE_PARTS", "DETECTOR", "init", "rollout")
 OTHER = ("aileron", "rudder", "stabiliser", "engine")  # cases without a technology
 LIMIT_S = 0.5  # for one step, by default; a detector's own parameter limit_s changes it
 FIRST = 20.0  # so many times as long may the first step of a lane take: models load
-OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "estimate", "probability", "status")
+OUTPUTS = ("r", "alarm", "verdict", "isolated_part", "valid", "estimate", "probability", "status")
 GOOD, RAISED, NONSENSE, SLOW = 0.0, 1.0, 2.0, 3.0  # of status
 _CODES = {name: float(code) for code, name in enumerate(NAMES)}
-_KEYS = {"r", "alarm", "verdict", "culprit", "estimate", "valid"}
+_KEYS = {"r", "alarm", "verdict", "isolated_part", "estimate", "valid"}
 
 
 class PartError(CosimError):
@@ -85,7 +86,7 @@ class PlainDetector:
         """`cls` is a class by the contract; raises PartError where it is not."""
         self.cls, self.file, self.sha256 = cls, file, sha256
         own, self._defaults = record_of(cls), parameters(cls)
-        self.CULPRITS = ("", *getattr(cls, "culprits", ()))
+        self.ISOLABLE_PARTS = ("", *getattr(cls, "isolable_parts", ()))
         units = {field: vocabulary.find(word).unit for field, word in own.inputs.items()}
         self.INPUTS = dtype([(field, "f8", unit) for field, unit in units.items()])
         self.PARAMS = dtype([("limit_s", "f8", "s"), *((name, "f8") for name in self._defaults)])
@@ -138,14 +139,15 @@ class PlainDetector:
             for name, other in (("r", 0.0), ("alarm", False), ("valid", True), ("estimate", 0.0))
         )
         verdict, probability = _verdict(said.get("verdict"), alarm > 0.5)
-        culprit = said.get("culprit", "")
-        if culprit not in self.CULPRITS:
-            raise _nonsense(f"culprit {culprit!r} is not one of its culprits: {', '.join(self.CULPRITS[1:])}")
+        isolated_part = said.get("isolated_part", "")
+        if isolated_part not in self.ISOLABLE_PARTS:
+            allowed = ", ".join(self.ISOLABLE_PARTS[1:])
+            raise _nonsense(f"isolated_part {isolated_part!r} is not one of its isolable_parts: {allowed}")
         if not math.isfinite(r):
             if not notes:
                 notes.append(f"{self.DETECTOR.id}: r = {r} at {t:.3f} s; it counts as not valid while so")
             r, valid = 0.0, 0.0
-        code, on = float(self.CULPRITS.index(culprit)), float(alarm > 0.5)
+        code, on = float(self.ISOLABLE_PARTS.index(isolated_part)), float(alarm > 0.5)
         return r, on, verdict, code, float(valid > 0.5), estimate, probability, GOOD
 
 
@@ -186,7 +188,7 @@ class BlockDetector:
             raise PartError("DETECTOR is no fdi.common.record.Detector", place=file)
         for word in module.DETECTOR.inputs.values():
             _signal(word, f"{file}: inputs")
-        if lacking := {"r", "alarm", "verdict", "culprit", "valid"} - set(module.OUTPUTS):
+        if lacking := {"r", "alarm", "verdict", "isolated_part", "valid"} - set(module.OUTPUTS):
             raise PartError(f"OUTPUTS lacks {', '.join(sorted(lacking))}", place=file)
         if not isinstance(module.rollout, Entry):
             self.runner = self._python

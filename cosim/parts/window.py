@@ -63,12 +63,13 @@ def window_model(
                 said[kind] += float(value)
             best = max(said, key=lambda kind: said[kind])
             part = max((float(v), name) for v, kind, name in zip(p, kinds, parts) if kind == best)[1]
-            return {"r": other / self._threshold, "alarm": other >= self._threshold, "verdict": said, "culprit": part}
+            alarm = other >= self._threshold
+            return {"r": other / self._threshold, "alarm": alarm, "verdict": said, "isolated_part": part}
 
     own: Any = WindowModel
     own.id, own.inputs, own.designed_for = id, tuple(inputs), tuple(designed_for)
     own.level, own.technologies = ("local" if technologies else "aircraft"), tuple(technologies)
-    own.culprits = tuple(dict.fromkeys(part for part in parts if part))
+    own.isolable_parts = tuple(dict.fromkeys(part for part in parts if part))
     own.__module__ = sys._getframe(1).f_globals["__name__"]  # the class is that of the module that calls
     return own
 

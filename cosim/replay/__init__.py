@@ -139,7 +139,7 @@ def replay(
     for own in fresh:
         for lane, rows in lanes.outputs_of_user(log, own, scenario.elevator.technology).items():
             names = dict(lanes.elements(own.STATE, own.OUTPUTS))
-            new = lanes.judgement(own.DETECTOR, lane, own.CULPRITS, names, rows, tick_of(log), faults)
+            new = lanes.judgement(own.DETECTOR, lane, own.ISOLABLE_PARTS, names, rows, tick_of(log), faults)
             result.detectors.append(_both(None, new))
     return result
 
@@ -208,11 +208,11 @@ class _Member:
         self.w, self.dt, self.differences = w, tick_of(log), {}
         self.fields = log.topics[w.topic].fields
         self.hidden = log.topics[w.hidden].fields if w.hidden in log.topics else ()
-        self.names = outputs_read(w.module.CULPRITS, self.fields)
+        self.names = outputs_read(w.module.ISOLABLE_PARTS, self.fields)
         self.columns = [self.fields.index(n) for n in self.names]
         self.rows = self.values = self.skipped = 0
         at = {n: i for i, n in enumerate(self.names)}
-        own = JudgedLane(w.id, w.level, lanes.target_of(w.level, w.lane), w.module.CULPRITS, at)
+        own = JudgedLane(w.id, w.level, lanes.target_of(w.level, w.lane), w.module.ISOLABLE_PARTS, at)
         self._faults = faults
         # zero where the log has no row; the same while nothing differs
         self.logged = self.again = Said(own, self.dt * w.every, faults)

@@ -293,12 +293,12 @@ def tell(entry: dict) -> None:
         registry.tell(Detector(id=entry["id"], level=entry["level"], every=entry["every"], **own))
 
 
-def culprits_of(entry: dict) -> tuple:
+def isolable_parts_of(entry: dict) -> tuple:
     """Return what a detector of a log can blame."""
     about = entry.get("user_detector")
     if about and entry["id"] not in registry.SHIPPED:
-        return tuple(about["culprits"])
-    return registry.module(entry["id"]).CULPRITS if registry.known(entry["id"]) else ("",)
+        return tuple(about["isolable_parts"])
+    return registry.module(entry["id"]).ISOLABLE_PARTS if registry.known(entry["id"]) else ("",)
 
 
 def missing(entry: dict) -> str:

@@ -217,7 +217,7 @@ def _scenario(m, chosen, place):
 def _verdict(d, lane, again, made):
     """Return one row of the verdict table; times are the recording's."""
     names = output_names(d)
-    found = judgement(d, lane, d.module.CULPRITS, names, again, made.dt, [])
+    found = judgement(d, lane, d.module.ISOLABLE_PARTS, names, again, made.dt, [])
     at, valid = found["detected_at_s"], again[:, names.index("valid")] > 0.5
     return {
         **{name: found[name] for name in ("id", "level", "target", "alarm")},

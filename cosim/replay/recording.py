@@ -21,7 +21,7 @@ from cosim.judge.detection import JudgedLane, Said
 from cosim.judge.result import Errors, entry_of, judged
 from cosim.log import open_log
 from cosim.replay import log_schema
-from cosim.replay.detector_replay import culprits_of, elements, outputs_of_user, target_of, tell, values
+from cosim.replay.detector_replay import isolable_parts_of, elements, outputs_of_user, target_of, tell, values
 from cosim.replay.thinned import envelope, peaks
 from cosim.scenario.catalog import ACTUATOR_SENSORS, SENSORS
 from cosim.scenario.vocabulary import place
@@ -41,19 +41,19 @@ class Lane:
     """
 
     def __init__(
-        self, record: Any, lane: str, culprits: tuple, fields: Mapping[str, str], rows: int, main: str, dt: float,
+        self, record: Any, lane: str, isolable_parts: tuple, fields: Mapping[str, str], rows: int, main: str, dt: float,
         faults: Sequence[Mapping] = (),
     ):  # fmt: skip
         """`record` has id, level and ticks `every` of the detector, `fields` {output: unit} are its outputs in order,
         `rows` is their number, `dt` the flight's tick [s]."""
         self.id, self.level, self.every = record.id, record.level, record.every
-        self.lane, self.culprits = lane, culprits
+        self.lane, self.isolable_parts = lane, isolable_parts
         self.target, self.units, self.main = target_of(record.level, lane), dict(fields), main
         self.entry: dict = {}
         self.truth: tuple[tuple[np.ndarray, float], str] | None = None
         self.at = {n: i for i, n in enumerate(fields)}
         self._dt, self._faults = dt * record.every, faults
-        self.said = Said(JudgedLane(record.id, record.level, self.target, culprits, self.at), self._dt, faults)
+        self.said = Said(JudgedLane(record.id, record.level, self.target, isolable_parts, self.at), self._dt, faults)
         (self._r, self._r_every), (self._f, self._f_every) = peaks(rows), envelope(rows)
         estimates = [n for n in fields if n.startswith("f_hat")]
         named = f"f_sigma{main.removeprefix('f_hat')}"
@@ -205,7 +205,7 @@ class LoggedFlight:
         for part in (g for g in self._user_detectors if g.DETECTOR.id not in flew):
             fields = dict(elements(part.STATE, part.OUTPUTS))
             for name, rows in outputs_of_user(self.log, part, self.scenario.elevator.technology).items():
-                own = Lane(part.DETECTOR, name, part.CULPRITS, fields, len(rows), "", self.dt, self.faults)
+                own = Lane(part.DETECTOR, name, part.ISOLABLE_PARTS, fields, len(rows), "", self.dt, self.faults)
                 own.add(rows)
                 out.append(own.end())
         return sorted(out, key=lambda lane: lane.level == "local")
@@ -219,8 +219,8 @@ class LoggedFlight:
         for lane, truth in truths.items():
             info = self.log.topics[topics[lane]]
             own = main or next((n for n in info.fields if n.startswith("f_hat")), "")
-            fields = dict(zip(info.fields, info.units))
-            yield Lane(record, lane, culprits_of(d), fields, info.rows, own, self.dt, self.faults), info.name, truth
+            fields, parts = dict(zip(info.fields, info.units)), isolable_parts_of(d)
+            yield Lane(record, lane, parts, fields, info.rows, own, self.dt, self.faults), info.name, truth
 
     def _truth(self, detector, lane):
         """Return the _Truth of a lane, None where it estimates no fault of the flight."""

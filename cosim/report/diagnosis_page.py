@@ -60,8 +60,8 @@ class Watched:
         level = "aircraft" if lane == "aircraft" else "local"
         record = SimpleNamespace(id=name, level=level, every=info.every)
         main = next((n for n in info.fields if n.startswith("f_hat")), "")
-        culprits = getattr(registry.find(name), "culprits", ())
-        own = Lane(record, lane, culprits, dict(zip(info.fields, info.units)), len(rows), main, self.dt)
+        isolable_parts = getattr(registry.find(name), "isolable_parts", ())
+        own = Lane(record, lane, isolable_parts, dict(zip(info.fields, info.units)), len(rows), main, self.dt)
         own.add(rows)
         alarm = bool(self.verdicts.get((name, own.target), {}).get("alarm"))
         own.entry = {"concerned": alarm, "able": True, "alarm": alarm}

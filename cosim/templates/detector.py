@@ -8,11 +8,11 @@ class CLASS:
     inputs = ("rod", "surface")  # of this actuator; `cosim list signals` has every word
     designed_for = ("rod", "surface")  # faults of these sensors; or kinds of fault: `cosim list faults`
     blind = ("ofc_liquid", "ofc_solid")  # what it cannot see; or a text: why it sees nothing else
-    culprits = ("rod", "surface")
+    isolable_parts = ("rod", "surface")
 
     def __init__(self, dt, arm=0.30, threshold=0.004, confirm_s=0.1):  # set in a scenario: detectors.NAME.threshold
         self.dt, self.arm, self.threshold, self.confirm_s = dt, arm, threshold, confirm_s
-        self.before, self.away, self.culprit = None, 0.0, ""
+        self.before, self.away, self.isolated_part = None, 0.0, ""
 
     def update(self, t, y):
         """Judge the measurements of time t [s]: SI, NaN while invalid."""
@@ -22,7 +22,8 @@ class CLASS:
         r = abs(now[0] - now[1]) / self.threshold
         if r > 1.0 and self.away == 0.0 and self.before:  # which of the two has jumped?
             moved = [abs(a - b) for a, b in zip(now, self.before)]
-            self.culprit = self.culprits[moved.index(max(moved))]
+            self.isolated_part = self.isolable_parts[moved.index(max(moved))]
         self.before, self.away = now, self.away + self.dt if r > 1.0 else 0.0
-        alarm = self.away > self.confirm_s
-        return {"r": r, "alarm": alarm, "verdict": "sensor" if alarm else "none", "culprit": self.culprit * alarm}
+        if self.away <= self.confirm_s:
+            return {"r": r, "alarm": False}
+        return {"r": r, "alarm": True, "verdict": "sensor", "isolated_part": self.isolated_part}

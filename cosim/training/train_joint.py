@@ -59,7 +59,7 @@ def surveyed(index: int, first_seed: int = FIRST_SEED) -> list[tuple[str, str, d
 
 def columns(lanes: list[tuple[str, str]]) -> list[tuple[str, str, str]]:
     """Return (detector, lane, output) of all that is read of each lane."""
-    outputs = ("alarm", "verdict", "culprit", "valid")
+    outputs = ("alarm", "verdict", "isolated_part", "valid")
     return [(d, lane, o) for d, lane in lanes for o in (*outputs, *registry.record(d).finer)]
 
 
@@ -90,11 +90,11 @@ def _text(detector, values, segments):
     if not values["alarm"]:
         return "|".join(likelihood.SILENT) if values["valid"] else ""
     told = (likelihood.word(of[values[o]]) for o, of in registry.record(detector).finer.items() if values[o] in of)
-    culprit = registry.module(detector).CULPRITS[values["culprit"]]
+    isolated_part = registry.module(detector).ISOLABLE_PARTS[values["isolated_part"]]
     verdict = NAMES[values["verdict"] or -1]
-    one = likelihood.index(detector, verdict, culprit, next(told, ""))
-    verdict, culprit, word = likelihood.tokens(detector)[one]
-    return "|".join((verdict, turned(culprit, segments), word))
+    one = likelihood.index(detector, verdict, isolated_part, next(told, ""))
+    verdict, isolated_part, word = likelihood.tokens(detector)[one]
+    return "|".join((verdict, turned(isolated_part, segments), word))
 
 
 def key_of(scenario: Scenario) -> tuple[str, tuple[str, ...]]:

@@ -35,7 +35,7 @@ PAIR_PARAMS = [
     ("pair_release", "f8", "s"),
     ("pair_teach", "f8", "1/s"),  # rate at which the model's gain is learned in motion
     ("pair_judge", "f8", "s"),  # the model is trusted for this long after the alarm
-    ("pair_ratio", "f8", "-"),  # the culprit is this many times further from the model than the other
+    ("pair_ratio", "f8", "-"),  # the isolated_part is this many times further from the model than the other
 ]
 PAIR_STATE = [
     ("pair_time", "f8", "s"),  # usable time so far

@@ -1,7 +1,7 @@
 """The record of a detector: what a loop, a log, a judgement and a report need to know about it, in its own module.
 
-A module of a detector is a block (actuators/block.py) with CULPRITS, the names of what it can blame, the first being
-"" for none, and DETECTOR, its record. A loop that flies it makes its parameters by `DETECTOR.fit(site)`.
+A module of a detector is a block (actuators/block.py) with ISOLABLE_PARTS, the names of what it can blame, the first
+being "" for none, and DETECTOR, its record. A loop that flies it makes its parameters by `DETECTOR.fit(site)`.
 """
 
 import math
@@ -83,9 +83,9 @@ class Detector:
     range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     # whether it flies where a detector among its inputs does not: that input is then 0 all the time
     may_lack: bool = False
-    shares: tuple[tuple[str, ...], ...] = ()  # culprits whose faults one equation cannot tell apart
-    # what it tells beyond class and culprit: output -> its value -> kinds of fault that it then means where the class
-    # is open, or the part of the culprit, "" for all of it
+    shares: tuple[tuple[str, ...], ...] = ()  # isolable_parts whose faults one equation cannot tell apart
+    # what it tells beyond class and part: output -> its value -> kinds of fault that it then means where the class
+    # is open, or the part of the isolated_part, "" for all of it
     finer: Mapping[str, Mapping[int, tuple[str, ...] | str]] = field(default_factory=dict)
     # parameters where a recording has the command of a valve or motor less often than every tick
     slow: Mapping[str, float] = field(default_factory=dict)

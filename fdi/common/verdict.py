@@ -1,9 +1,9 @@
 """Class codes of a verdict: what a detector says is wrong. They are floats because a tick is one float64 vector.
 
-A detector that can hold several faults at once has, beside the summary `alarm`, `verdict` and `culprit`, one output
-`alarm_<culprit>` for each of its CULPRITS (`alarm_elevator`, `alarm_n_z`, ...): 1 while that part is declared, whatever
-else is. The summary is then: `alarm` is 1 while any of them is; `culprit` is the one declared first of those that
-still stand, and `verdict` is its class. Names of a detector without such outputs come from `culprit` alone.
+A detector that can hold several faults at once has, beside the summary `alarm`, `verdict` and `isolated_part`, one
+output `alarm_<part>` for each of its ISOLABLE_PARTS (`alarm_elevator`, `alarm_n_z`, ...): 1 while that part is declared,
+whatever else is. The summary is then: `alarm` is 1 while any of them is; `isolated_part` is the one declared first of those that
+still stand, and `verdict` is its class. Names of a detector without such outputs come from `isolated_part` alone.
 """
 
 NONE = 0.0
@@ -24,7 +24,7 @@ MEANINGS = {  # of every class, in the order of the codes above
     "jam_liquid": "the position that closes a loop has a bias: the surface stands off by it",
     "jam_solid": "the surface does not move",
     "runaway": "the surface moves uncommanded, to its stop",
-    "sensor": "a sensor, which the culprit names",
+    "sensor": "a sensor, which the isolated_part names",
     "effectiveness": "the actuator obeys, but too little",
     "thrust": "an engine",
     "ambiguous": "something is wrong; the detector cannot tell what",
@@ -37,12 +37,12 @@ def code(name: str) -> float:
     return float(NAMES.index(name))
 
 
-def alarm_fields(culprits: tuple, outputs: tuple) -> dict:
-    """Return {culprit: output that holds its own alarm}, empty for a detector that names one part at a time.
+def alarm_fields(isolable_parts: tuple, outputs: tuple) -> dict:
+    """Return {isolated_part: output that holds its own alarm}, empty for a detector that names one part at a time.
 
-    `culprits` and `outputs` are a detector's CULPRITS and OUTPUTS.
+    `isolable_parts` and `outputs` are a detector's ISOLABLE_PARTS and OUTPUTS.
     """
-    return {name: f"alarm_{name}" for name in culprits if name and f"alarm_{name}" in outputs}
+    return {name: f"alarm_{name}" for name in isolable_parts if name and f"alarm_{name}" in outputs}
 
 
 def class_name(code: float) -> str:

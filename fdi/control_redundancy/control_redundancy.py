@@ -43,7 +43,7 @@ from fdi.control_redundancy.core import BLOCKS, DELAY, NC, NF, NH, NR, NX
 from fdi.control_redundancy.decide import decide, withdraw
 
 EFFECTORS = ("elevator", "aileron", "rudder", "engine")
-CULPRITS = ("", *EFFECTORS)
+ISOLABLE_PARTS = ("", *EFFECTORS)
 LEARN_S = 8.0  # in flight, as the other observers of the aircraft [s]
 STRIDE = 0.005  # [s] from one command kept to the next, at least
 SERVO_LAG = (
@@ -102,16 +102,16 @@ STATE = dtype(
         ("r", "f8", "-"),  # largest residual in use over its threshold
         ("alarm", "f8", "-"),  # 1 while an effector is declared or residuals fire without a single explanation
         ("verdict", "f8", "-"),  # of the last declared: THRUST, JAM_SOLID, AMBIGUOUS
-        ("culprit", "f8", "-"),  # index into CULPRITS, of the last declared
+        ("isolated_part", "f8", "-"),  # index into ISOLABLE_PARTS, of the last declared
         ("valid", "f8", "-"),  # 1 when learned and the averages are full
         ("why", "f8", "-"),  # code of fdi.common.why, 0 while valid
-        ("f_hat", "f8", "rad, fraction"),  # fault of the culprit: rad, or fraction of thrust (negative = lost)
+        ("f_hat", "f8", "rad, fraction"),  # fault of the isolated_part: rad, or fraction of thrust (negative = lost)
         ("f_hat_elevator", "f8", "rad"),  # actual less commanded, under the hypothesis that this effector alone failed
         ("f_hat_aileron", "f8", "rad"),
         ("f_hat_rudder", "f8", "rad"),
         ("f_hat_thrust", "f8", "fraction"),  # fraction of total thrust
         ("bias", "f8", (2,), "g"),  # errors of n_x and n_z by kinematics
-        ("candidates", "f8", "-"),  # bit h is set when effector h + 1 of CULPRITS explains the residuals
+        ("candidates", "f8", "-"),  # bit h is set when effector h + 1 of ISOLABLE_PARTS explains the residuals
         ("declared", "f8", (NH,), "-"),  # 1 per declared effector
         ("res", "f8", (NF,), "g"),  # residuals of the families
         ("tau", "f8", (NF,), "g"),  # their thresholds
@@ -172,7 +172,7 @@ OUTPUTS = (
     "r",
     "alarm",
     "verdict",
-    "culprit",
+    "isolated_part",
     "valid",
     "why",
     "f_hat",

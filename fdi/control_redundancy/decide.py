@@ -109,7 +109,7 @@ def _confirm(x, p, count, best, dt):
         if x.timer >= p.t_confirm - 0.5 * dt:
             h = best - 1
             x.declared[h], x.quiet[h], x.held[h], x.refuted[h] = 1.0, 0.0, 0.0, 0.0
-            x.culprit, x.timer = best, 0.0
+            x.isolated_part, x.timer = best, 0.0
             x.low[:] = FAR
             x.high[:] = -FAR
     x.timer_any, x.on = confirm(x.timer_any, x.on, x.r >= 1.0 and count != 1, dt, p.t_ambiguous, p.t_release)
@@ -132,10 +132,10 @@ def _follow(x, p, h, dt):
     x.refuted[h] = x.refuted[h] + dt if moved < SHARES[0] and asked >= SHARES[1] else 0.0
     if x.quiet[h] > p.t_release or x.refuted[h] > HEALED_S:
         x.declared[h] = 0.0
-        x.culprit = 0.0 if x.culprit == h + 1.0 else x.culprit
+        x.isolated_part = 0.0 if x.isolated_part == h + 1.0 else x.isolated_part
     else:
         x.alarm = 1.0
-        x.f_hat = f if x.culprit == h + 1.0 else x.f_hat
+        x.f_hat = f if x.isolated_part == h + 1.0 else x.f_hat
 
 
 @kernel
@@ -143,11 +143,11 @@ def _name(x, p):
     """Set the verdict: THRUST for engines; a surface that stands while its command moves is JAM_SOLID."""
     x.verdict = AMBIGUOUS
     if x.alarm < 0.5:
-        x.verdict, x.culprit, x.f_hat = NONE, 0.0, 0.0
-    elif x.culprit > 3.5:
+        x.verdict, x.isolated_part, x.f_hat = NONE, 0.0, 0.0
+    elif x.isolated_part > 3.5:
         x.verdict = THRUST
-    elif x.culprit > 0.5:
-        h = int(x.culprit) - 1
+    elif x.isolated_part > 0.5:
+        h = int(x.isolated_part) - 1
         command = x.avg[COMMAND + h]
         x.low[0], x.high[0] = min(x.low[0], command), max(x.high[0], command)
         x.low[1], x.high[1] = min(x.low[1], command + x.f_hat), max(x.high[1], command + x.f_hat)
@@ -162,5 +162,5 @@ def withdraw(x):
     """Take back what was declared: nothing has been measured for long."""
     x.declared[:] = 0.0
     x.on, x.timer, x.timer_any, x.last, x.suspicion = 0.0, 0.0, 0.0, 0.0, 0.0
-    x.r, x.alarm, x.verdict, x.culprit, x.f_hat = 0.0, 0.0, NONE, 0.0, 0.0
+    x.r, x.alarm, x.verdict, x.isolated_part, x.f_hat = 0.0, 0.0, NONE, 0.0, 0.0
     x.f_hat_elevator, x.f_hat_aileron, x.f_hat_rudder, x.f_hat_thrust = 0.0, 0.0, 0.0, 0.0

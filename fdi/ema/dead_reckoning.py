@@ -53,9 +53,9 @@ def _slot(x, p, h):
     if seen:
         x.R1 = mean - x.c
     witnessed = seen and x.age_surface == 0.0 and x.r_pair < DOUBT
-    if (seen and x.culprit == VELOCITY) or (witnessed and x.alarm < 0.5 and math.fabs(x.R1) >= p.th_R1):
+    if (seen and x.isolated_part == VELOCITY) or (witnessed and x.alarm < 0.5 and math.fabs(x.R1) >= p.th_R1):
         _anchor(x, p, h / T_ANCHOR)
-    elif x.culprit == POSITION and x.age_surface == 0.0:
+    elif x.isolated_part == POSITION and x.age_surface == 0.0:
         x.c += h / T_SURFACE * (x.y_arm + x.rigging - x.reckon - x.c)
         x.P_cc += h / T_SURFACE * (p.sigma_rig * p.sigma_rig - x.P_cc)
         x.P_cb = 0.0

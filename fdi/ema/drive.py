@@ -127,7 +127,7 @@ def sample(x, measured, p, dt):
     if whole and measured and plain and math.fabs(f) < 3.0 * usual:
         gains.gains(x, p, d, dt)
     x.gain_tick[:] = 0.0
-    if x.culprit == VELOCITY:  # of a rate that is wrong nothing is learned
+    if x.isolated_part == VELOCITY:  # of a rate that is wrong nothing is learned
         x.gain_timer = x.hot_gain = 0.0
         x.gain_sum[:] = 0.0
     if x.hot_f < 0.5 and x.f_timer <= 0.0:

@@ -26,7 +26,7 @@ from fdi.common.decision import usable
 from fdi.common.record import Detector
 from fdi.common.verdict import NONE, SENSOR
 
-CULPRITS = ("", "velocity", "position", "current")
+ISOLABLE_PARTS = ("", "velocity", "position", "current")
 VELOCITY, POSITION, CURRENT = 1.0, 2.0, 3.0
 N = 10  # samples of the innovation mean; [Jay] section 4.1
 
@@ -57,7 +57,7 @@ STATE = dtype([
     ("r", "f8", "-"),        # largest of the tests that count, over its threshold
     ("alarm", "f8", "-"),    # 1 while a sensor fault is declared
     ("verdict", "f8", "-"),  # NONE or SENSOR
-    ("culprit", "f8", "-"),  # index into CULPRITS
+    ("isolated_part", "f8", "-"),  # index into ISOLABLE_PARTS
     ("valid", "f8", "-"),    # 1 while the velocity sensor is believed
     ("reconf", "f8", "-"),        # 1: close the loop on pos_hat
     ("pos_hat", "f8", "m"),  # estimated rod position N x3
@@ -74,7 +74,8 @@ STATE = dtype([
     ("P", "f8", (6, 6)),     # covariance
     ("W", "f8", (6, 6)),     # scratch of the covariance propagation
 ])
-OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "reconf", "pos_hat", "pos_sigma", "eta", "eta_bar", "R1", "R2")
+OUTPUTS = ("r", "alarm", "verdict", "isolated_part", "valid", "reconf", "pos_hat", "pos_sigma", "eta", "eta_bar", "R1",
+           "R2")  # fmt: skip
 DETECTOR = Detector(
     id="ema_kalman",
     level="local",
@@ -196,19 +197,19 @@ def _decide(x, p):
     velocity = math.fabs(x.eta_bar) / p.th_eta
     position = math.fabs(x.R1) / p.th_R1
     current = math.fabs(x.R2) / p.th_R2
-    x.culprit = 0.0
+    x.isolated_part = 0.0
     x.r = velocity
     if velocity >= 1.0:
-        x.culprit = VELOCITY
+        x.isolated_part = VELOCITY
     else:
         x.r = max(velocity, max(position, current))
         if position >= 1.0:
-            x.culprit = POSITION
+            x.isolated_part = POSITION
             x.reconf = 1.0
         elif current >= 1.0:
-            x.culprit = CURRENT
-    x.alarm = 1.0 if x.culprit > 0.0 else 0.0
-    x.verdict = SENSOR if x.culprit > 0.0 else NONE
+            x.isolated_part = CURRENT
+    x.alarm = 1.0 if x.isolated_part > 0.0 else 0.0
+    x.verdict = SENSOR if x.isolated_part > 0.0 else NONE
 
 
 @kernel

@@ -48,9 +48,9 @@ from fdi.ema.dead_reckoning import reckon_position, slot
 from fdi.ema.ema_kalman import VELOCITY
 from fdi.ema.model import designed
 from fdi.ema.velocity import correct, predict
-from fdi.ema.vote import CULPRITS, decide, size
+from fdi.ema.vote import ISOLABLE_PARTS, decide, size
 
-__all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "init", "params", "rollout", "step"]
+__all__ = ["ISOLABLE_PARTS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "init", "params", "rollout", "step"]
 
 HISTORY = 10  # ticks of demand kept for the delay: 5 ms at 2 kHz
 
@@ -121,7 +121,7 @@ STATE = dtype([
     ("r", "f8", "-"),         # largest test over its threshold
     ("alarm", "f8", "-"),     # 1 while a fault is declared
     ("verdict", "f8", "-"),   # NONE, SENSOR or AMBIGUOUS
-    ("culprit", "f8", "-"),   # index into CULPRITS
+    ("isolated_part", "f8", "-"),   # index into ISOLABLE_PARTS
     ("valid", "f8", "-"),     # 1 while pos_hat can be trusted
     ("reconf", "f8", "-"),         # 1: close the loop on pos_hat
     ("pos_hat", "f8", "m"),   # estimated rod position, as the healthy sensor would read it
@@ -175,7 +175,7 @@ STATE = dtype([
     *sensor_noise.STATE,
 ])
 OUTPUTS = (
-    "r", "alarm", "verdict", "culprit", "valid", "reconf", "pos_hat", "pos_sigma", "f_hat", "f_sigma", "eta",
+    "r", "alarm", "verdict", "isolated_part", "valid", "reconf", "pos_hat", "pos_sigma", "f_hat", "f_sigma", "eta",
     "R1", "R2", "load_hat", "hot_friction", "pair_name", "drive_lost",
 )
 DETECTOR = Detector(
@@ -346,7 +346,7 @@ def step(x, u, p, dt):
         x.sum_R2 = x.n_current = 0.0
     reckon_position(x, u, p, dt, gap and x.age_vel == 0.0 and x.alarm < 0.5)
     position_consistency.update(x, u, mean, p, dt)
-    x.age_doubt = 0.0 if x.culprit == VELOCITY else x.age_doubt + dt
+    x.age_doubt = 0.0 if x.isolated_part == VELOCITY else x.age_doubt + dt
     believed = x.age_vel == 0.0 and x.r_speed < 0.5 and x.age_doubt > p.t_doubt
     told = x.age_vel == 0.0 and x.at_limit < 0.5
     torque.rub(x, x.x_hat[3], gamma, told and p.stop_low < x.pos_hat < p.stop_high, p, dt)
@@ -357,7 +357,7 @@ def step(x, u, p, dt):
     decide(x, p, dt)
     size(x, p)
     x.load_hat = x.x_hat[5]
-    fresh = x.age_vel < 0.2 and x.culprit != VELOCITY
+    fresh = x.age_vel < 0.2 and x.isolated_part != VELOCITY
     x.valid = 1.0 if fresh and x.pos_sigma < p.sigma_max else 0.0
 
 

@@ -94,7 +94,7 @@ def compare(x, y, q, step, p, dt):
 @kernel
 def speed(x, w, bias, aged, p, dt):
     """Test what both positions, or the one that is left, say of the velocity's integral; learn its `bias` [m/s]."""
-    e, wrong = 0.0, x.culprit == VELOCITY
+    e, wrong = 0.0, x.isolated_part == VELOCITY
     if x.e_rod * x.e_surface > 0.0:  # what both say is learned, as far as a healthy velocity sensor may be off
         e = x.e_rod if math.fabs(x.e_rod) < math.fabs(x.e_surface) else x.e_surface
     x.model_bias = bias
@@ -130,12 +130,12 @@ def update(x, u, w, p, dt):
     decision.pair_test(x, u.y_position, position, x.y_arm, surface, p.lead * w, load, slack, True, p, dt)
     if position > 0.5 and surface > 0.5:
         compare(x, u.y_position, q, step, p, dt)
-    if x.culprit == 0.0 and max(math.fabs(x.e_rod), math.fabs(x.e_surface)) < BLAMED * p.pair_threshold + aged:
+    if x.isolated_part == 0.0 and max(math.fabs(x.e_rod), math.fabs(x.e_surface)) < BLAMED * p.pair_threshold + aged:
         x.blame = 0.0  # which of them has left the integral cannot be seen yet
     if x.impact > 0.0:  # within a tick the integral is not known
         follow(x, 1.0)
         x.e_rod = x.e_surface = 0.0
-    if x.culprit == VELOCITY:  # what is left tells of the velocity as it is
+    if x.isolated_part == VELOCITY:  # what is left tells of the velocity as it is
         follow(x, min(dt / WASH_FAULT, 1.0))
     x.r_pair = math.fabs(x.pair_d) / x.pair_limit
     speed(x, w, bias, aged, p, dt)

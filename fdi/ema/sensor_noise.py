@@ -15,7 +15,7 @@ from actuators.block import kernel
 from fdi.common.decision import confirm, usable
 from fdi.ema.ema_kalman import CURRENT, POSITION, VELOCITY
 
-SURFACE = 4.0  # index into the culprits of `vote`
+SURFACE = 4.0  # index into the isolable_parts of `vote`
 WHO = (POSITION, VELOCITY, SURFACE, CURRENT)
 N = len(WHO)
 LESS_F, DEMAND = N, N + 1  # beside them: innovation less what f has done, current that the demand makes
@@ -116,7 +116,7 @@ def wrong(x, p, dt):
     frozen stays so until its reading changes."""
     noisy = 0.0
     for k in range(N):
-        lively = x.rough_power[k] > LIVELY * LIVELY * p.th_rough[k] * p.th_rough[k] or x.culprit == WHO[k]
+        lively = x.rough_power[k] > LIVELY * LIVELY * p.th_rough[k] * p.th_rough[k] or x.isolated_part == WHO[k]
         if lively and x.same_n[k] >= SAME and x.same_n[k] * dt >= T_SAME:
             return WHO[k]
         if x.rough_hot[k] > 0.5:

@@ -81,7 +81,8 @@ def rub(x, w, gamma, told, p, dt):
     sign = math.tanh(w / CREEP)
     a, b = push(x, 1, -sign * per_torque, p), push(x, 2, -w * per_torque, p)
     s = x.rub_sum
-    if x.hot_f > 0.5 or x.hot_gain > 0.5 or x.hot_load > 0.5 or x.sensor > 0.5 or x.hot_speed > 0.5 or x.culprit > 0.5:
+    elsewhere = x.hot_f > 0.5 or x.hot_gain > 0.5 or x.hot_load > 0.5 or x.hot_speed > 0.5
+    if elsewhere or x.sensor > 0.5 or x.isolated_part > 0.5:
         s[:] = 0.0
         x.friction = x.r_friction = x.friction_timer = x.hot_friction = 0.0
     elif told:

@@ -10,12 +10,12 @@ from actuators.block import kernel
 from fdi.common.decision import confirm
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, SENSOR
 from fdi.ema import sensor_noise, torque
-from fdi.ema.ema_kalman import CULPRITS as PUBLISHED
+from fdi.ema.ema_kalman import ISOLABLE_PARTS as PUBLISHED
 from fdi.ema.ema_kalman import CURRENT, POSITION, VELOCITY
 from fdi.ema.position_consistency import WASH_FAULT
 from fdi.ema.sensor_noise import SURFACE
 
-CULPRITS = (*PUBLISHED, "surface")
+ISOLABLE_PARTS = (*PUBLISHED, "surface")
 T_AGAIN = 3.0  # an alarm that comes back within that time had not healed: it is held twice as long [s]
 HEAVY = 0.4  # of the load that is a jam's: what winds the screw up while the filter has yet to learn it
 JAMMED = 1.5  # of the load that nothing explains: less may be friction
@@ -41,7 +41,7 @@ def _blame(x, p):
 
 @kernel
 def _drive(x, p):
-    """Return (class, culprit) of what the current says, NONE while it is not sure."""
+    """Return (class, isolated_part) of what the current says, NONE while it is not sure."""
     if x.drive_name != NONE:
         return x.drive_name, x.drive_who
     felt = x.felt_J[0] >= SURE and x.felt_b[0] >= p.felt_least * x.felt_J[0]
@@ -72,11 +72,11 @@ def _name(x, who, p):
     load = math.fabs(x.x_hat[5]) / p.th_load
     calm = x.sensor < 0.5 and x.r_speed < 0.7 and x.r_pair < 1.0
     if who > 0.5:
-        x.verdict, x.culprit, x.reconf = SENSOR, who, 1.0 if who == POSITION else 0.0
+        x.verdict, x.isolated_part, x.reconf = SENSOR, who, 1.0 if who == POSITION else 0.0
     elif x.pair_name == EFFECTIVENESS and x.hot_f < 0.5 and load < HEAVY:
         x.verdict = EFFECTIVENESS
     elif calm and x.alarm_age >= p.t_name and x.age_vel == 0.0 and _drive(x, p)[0] != NONE:
-        x.verdict, x.culprit = _drive(x, p)
+        x.verdict, x.isolated_part = _drive(x, p)
     elif load >= 1.0 and x.hot_load > 0.5 and x.hot_f < 0.5 and x.hot_speed < 0.5 and x.blame < 0.5:
         if math.fabs(x.w_slow) < 0.1 * p.gate:
             x.verdict = JAM_SOLID if load >= JAMMED else AMBIGUOUS
@@ -91,7 +91,7 @@ def decide(x, p, dt):
     x.quiet_timer = 0.0 if sign else x.quiet_timer + dt
     x.hold_age = x.hold_age + dt if x.hold_age > 0.0 else 0.0
     if not sign and (x.alarm < 0.5 or x.quiet_timer >= x.hold):
-        x.alarm = x.culprit = x.reconf = x.alarm_age = x.drive_lost = 0.0
+        x.alarm = x.isolated_part = x.reconf = x.alarm_age = x.drive_lost = 0.0
         x.verdict = NONE
         return
     if x.alarm < 0.5:
@@ -108,12 +108,12 @@ def decide(x, p, dt):
 def size(x, p):
     """State the declared fault's size in its sensor's unit."""
     x.f_hat = x.f_sigma = 0.0
-    if x.culprit == POSITION:
+    if x.isolated_part == POSITION:
         x.f_hat = x.R1
         x.f_sigma = math.sqrt(x.P_cc + p.sigma_pos * p.sigma_pos / p.n_sub)  # R1 is a mean
-    elif x.culprit == CURRENT:
+    elif x.isolated_part == CURRENT:
         x.f_hat = x.R2
         x.f_sigma = p.th_f  # the model's error, not the noise, limits it
-    elif x.culprit == VELOCITY:  # both positions leave the integral, which follows within WASH_FAULT
+    elif x.isolated_part == VELOCITY:  # both positions leave the integral, which follows within WASH_FAULT
         x.f_hat = -0.5 * (x.e_rod + x.e_surface) / (p.lead * WASH_FAULT)
         x.f_sigma = 0.5 * p.sigma_pos / (p.lead * WASH_FAULT)

@@ -36,7 +36,7 @@ from fdi.isolation import backlash, likelihood, multiple_models
 from fdi.isolation import decide as by_evidence
 from fdi.isolation.evidence import HYPOTHESES
 
-CULPRITS = ("", "rod", "surface", "pressure")
+ISOLABLE_PARTS = ("", "rod", "surface", "pressure")
 FORMS: dict[str, dict] = {  # how the load is known: what `params` is told; "published" is (14)-(36) as printed
     "pressure": {"load": 2},
     "hinge model": {"load": 1},
@@ -68,19 +68,19 @@ STATE = dtype(
         ("rod_high", "f8", "m"),
         ("rod_slow", "f8", "m"),
         ("next_verdict", "f8", "-"),  # name that stands now,
-        ("next_culprit", "f8", "-"),
+        ("next_isolated_part", "f8", "-"),
         ("next_s", "f8", "s"),  # and for how long it has
         ("kind", "f8", "-"),  # class of `fdi.isolation.decide`, which tells kinds of fault with one verdict apart
         ("r", "f8", "-"),  # largest of all tests over their thresholds
         ("alarm", "f8", "-"),  # 1 while a fault is declared
         ("verdict", "f8", "-"),  # class code
-        ("culprit", "f8", "-"),  # index into CULPRITS
+        ("isolated_part", "f8", "-"),  # index into ISOLABLE_PARTS
         ("valid", "f8", "-"),  # 1 while the estimate can be trusted
     ]
 )
 OUTPUTS = (
-    *("r", "alarm", "verdict", "culprit", "valid", "f_hat", "f_sigma", "q_now", "v_now", "x3_now", "nis_rod", "nis_dp"),
-    *("r_run", "r_jam", "evidence", "pair_d", "rigging", "likely_hz", "kind"),
+    *("r", "alarm", "verdict", "isolated_part", "valid", "f_hat", "f_sigma", "q_now", "v_now", "x3_now", "nis_rod"),
+    *("nis_dp", "r_run", "r_jam", "evidence", "pair_d", "rigging", "likely_hz", "kind"),
 )
 DETECTOR = Detector(
     id="iotsekf",
@@ -213,7 +213,7 @@ def travel(x, u, dt):
 
 @kernel
 def by_plain_tests(x, moved):
-    """Return (verdict, culprit) of what can be nothing else; NONE where no plain test says so."""
+    """Return (verdict, isolated_part) of what can be nothing else; NONE where no plain test says so."""
     if x.frozen > 0.5:
         return SENSOR, x.frozen
     if x.loose > 0.5:
@@ -236,11 +236,11 @@ def by_plain_tests(x, moved):
 
 @kernel
 def name(x):
-    """Return (verdict, culprit) of what stands: first what can be nothing else, then what it may be taken for."""
+    """Return (verdict, isolated_part) of what stands: first what can be nothing else, then what it may be taken for."""
     moved, likely = x.rod_high - x.rod_low >= STILL, x.likely
-    verdict, culprit = by_plain_tests(x, moved)
+    verdict, isolated_part = by_plain_tests(x, moved)
     if verdict != NONE:
-        return verdict, culprit
+        return verdict, isolated_part
     # the evidence of a pressure sensor knows no model of joined chambers: while these lead, they outrank it
     pressure = likely == by_evidence.OF_PRESSURE or x.candidate == by_evidence.OF_PRESSURE
     joined = x.rival_lead[multiple_models.JOINED] > multiple_models.NAMED
@@ -275,20 +275,20 @@ def alarmed(x):
 
 @kernel
 def conclude(x, dt):
-    """Write alarm, verdict, culprit and kind; a name, and what takes its place, has stood for HOLD_S."""
+    """Write alarm, verdict, isolated_part and kind; a name, and what takes its place, has stood for HOLD_S."""
     alarmed(x)
     if x.alarm < 0.5:
-        x.verdict, x.culprit, x.kind, x.next_s, x.dp_out = NONE, 0.0, 0.0, 0.0, 0.0
+        x.verdict, x.isolated_part, x.kind, x.next_s, x.dp_out = NONE, 0.0, 0.0, 0.0, 0.0
         return
-    verdict, culprit = name(x)
-    x.next_s = x.next_s + dt if verdict == x.next_verdict and culprit == x.next_culprit else 0.0
-    x.next_verdict, x.next_culprit = verdict, culprit
+    verdict, isolated_part = name(x)
+    x.next_s = x.next_s + dt if verdict == x.next_verdict and isolated_part == x.next_isolated_part else 0.0
+    x.next_verdict, x.next_isolated_part = verdict, isolated_part
     sure = max(x.frozen, max(x.sensor, max(x.jump_of, x.misread))) > 0.5 or x.stands_open != 0.0  # has been confirmed
     if sure or x.next_s >= HOLD_S:
-        x.verdict, x.culprit = verdict, culprit
+        x.verdict, x.isolated_part = verdict, isolated_part
     elif x.verdict == NONE:
         x.verdict = AMBIGUOUS
-    x.dp_out = 1.0 if x.verdict == SENSOR and x.culprit == 3.0 else 0.0
+    x.dp_out = 1.0 if x.verdict == SENSOR and x.isolated_part == 3.0 else 0.0
     x.kind = by_evidence.GAP if x.loose > 0.5 else x.likely
     if x.loose < 0.5 and x.verdict == EFFECTIVENESS and max(x.shown[0], x.shown[1]) > 0.5:
         x.kind = by_evidence.FREE_FLOAT if x.shown[multiple_models.JOINED] > 0.5 else by_evidence.WEAK

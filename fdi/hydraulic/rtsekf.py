@@ -35,7 +35,7 @@ from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, JAM_LIQUID, JAM_SOLID, NONE, RUNAWAY
 from fdi.hydraulic.two_stage_ekf import HISTORY, predict_now, remember, transition
 
-CULPRITS = ("", "rod")
+ISOLABLE_PARTS = ("", "rod")
 FORMS = {"hinge model": 1, "published": 0}  # how the load is known: load form
 FASTEST = 0.5  # a rod and its model part by less: each moves at 45 deg/s of surface at most, 0.24 m/s
 WILD = 2.0  # times a threshold: so far a slow error of the model is still learned, a wild sample is not [-]
@@ -114,11 +114,11 @@ STATE = dtype(
         ("r", "f8", "-"),  # fault over its threshold
         ("alarm", "f8", "-"),  # 1 while a fault is declared
         ("verdict", "f8", "-"),  # class code
-        ("culprit", "f8", "-"),  # index into CULPRITS
+        ("isolated_part", "f8", "-"),  # index into ISOLABLE_PARTS
         ("valid", "f8", "-"),  # 1 while the rod measurement is fresh
     ]
 )
-OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "f_hat", "f_sigma", "q_now", "v_now", "x3_now")
+OUTPUTS = ("r", "alarm", "verdict", "isolated_part", "valid", "f_hat", "f_sigma", "q_now", "v_now", "x3_now")
 DETECTOR = Detector(
     id="rtsekf",
     level="local",
@@ -277,7 +277,7 @@ def decide(x, p, dt):
         if before < 0.5:
             x.verdict, x.began, x.moved, x.turned = AMBIGUOUS, x.y_slow, 0.0, 0.0
         name(x, away, p)
-    x.culprit = 1.0 if x.verdict == JAM_LIQUID else 0.0
+    x.isolated_part = 1.0 if x.verdict == JAM_LIQUID else 0.0
 
 
 @kernel

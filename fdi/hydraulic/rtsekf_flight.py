@@ -8,7 +8,7 @@ surface sensor is blamed, then the surface. The differential pressure, where val
 a fault (it does not replace the second position: 1 % of bias drifts 8 mm). A jam or a runaway moves both position
 sensors alike, and this detector stays quiet.
 
-Alarm and culprit come from `decision.pair_test`: rod against surface, and each against the motion that valve and
+Alarm and isolated_part come from `decision.pair_test`: rod against surface, and each against the motion that valve and
 pressure imply. The rigging of the surface sensor is learned over the first second and slowly after it, the length of
 its lever while rod and surface move; a fault that is there from the start is taken for rigging.
 
@@ -33,7 +33,7 @@ from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
 from fdi.hydraulic.two_stage_ekf import HISTORY, predict_now, remember, transition
 
-CULPRITS = ("", "rod", "surface")
+ISOLABLE_PARTS = ("", "rod", "surface")
 TRAINED = 1.2 * 1.2  # variance of the noise in training flights over the specified one (`noise_scale` of the trainer)
 MOVES = 0.04  # rod velocity from which on the lag is learned: six deviations of its estimate [m/s]
 NOISE_LAG = 10.0  # lag of the noise that is seen [s]: longer than a fault takes to be found
@@ -93,12 +93,12 @@ STATE = dtype(
         ("r", "f8", "-"),  # disagreement of both sensors over its threshold
         ("alarm", "f8", "-"),  # 1 while a fault is declared
         ("verdict", "f8", "-"),  # class code
-        ("culprit", "f8", "-"),  # index into CULPRITS
+        ("isolated_part", "f8", "-"),  # index into ISOLABLE_PARTS
         ("valid", "f8", "-"),  # 1 while the estimate can be trusted
     ]
 )
 OUTPUTS = (
-    *("r", "alarm", "verdict", "culprit", "valid", "f_hat", "f_sigma", "q_now", "v_now", "x3_now"),
+    *("r", "alarm", "verdict", "isolated_part", "valid", "f_hat", "f_sigma", "q_now", "v_now", "x3_now"),
     *("pair_d", "rigging", "e_rod", "e_surface"),
 )
 DETECTOR = Detector(
@@ -276,7 +276,7 @@ def decide(x, u, rod, surface, q, step, p, dt):
         moves = step if math.fabs(step) > MOVES * dt else 0.0
         decision.learn_lever(x, u.y_rod - y_surface, q, moves, p.r_rod + p.r_surface, dt)
     x.alarm = x.sensor
-    x.culprit = 0.0 if x.blame == 2.0 and x.backlash_suspected > 0.5 else x.blame
+    x.isolated_part = 0.0 if x.blame == 2.0 and x.backlash_suspected > 0.5 else x.blame
     x.verdict = NONE
     if x.sensor > 0.5:
         x.verdict = SENSOR if x.blame == 1.0 or (x.blame == 2.0 and x.backlash_suspected < 0.5) else AMBIGUOUS

@@ -111,7 +111,7 @@ def _actuators(group, own, here):
 
 
 _LAYOUTS = [dict.fromkeys(own, t) for own in (SEGMENTS, TWO.values()) for t in TECHNOLOGIES]
-CULPRITS = ("", *dict.fromkeys(n for t in _LAYOUTS for h in hypotheses(t) for n in h.names if n))
+ISOLABLE_PARTS = ("", *dict.fromkeys(n for t in _LAYOUTS for h in hypotheses(t) for n in h.names if n))
 
 
 def turned(name: str, own: tuple[str, ...]) -> str:

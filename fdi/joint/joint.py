@@ -13,9 +13,9 @@ Lanes of one detector that the same fault moves see much the same: of the second
 one before it says] + (1 - ALIKE) P(token | h). A lane that does not fly, or is silent and not valid, says nothing. An
 alarm that comes while its lane is not valid is not heard, one that came before is.
 
-`joint` alarms while a lane does; a name is given when what is heard has stood for SETTLE. The culprit is the finest
+`joint` alarms while a lane does; a name is given when what is heard has stood for SETTLE. The part is the finest
 name that holds SURE of the probability, the verdict the class that holds SURE_CLASS of the probability of that name,
-else AMBIGUOUS, as it is while every lane says so; `p` is the probability of the culprit.
+else AMBIGUOUS, as it is while every lane says so; `p` is the probability of the isolated_part.
 """
 
 import functools
@@ -29,7 +29,7 @@ from fdi import registry
 from fdi.common.record import Detector, Site
 from fdi.common.verdict import AMBIGUOUS, NAMES, NONE, code
 from fdi.joint import likelihood
-from fdi.joint.hypotheses import AIRCRAFT, CULPRITS, LANES, LOCAL, SEGMENTS, hypotheses, segments
+from fdi.joint.hypotheses import AIRCRAFT, ISOLABLE_PARTS, LANES, LOCAL, SEGMENTS, hypotheses, segments
 
 # chosen on the training flights, rates from one half of them and names from the other:
 SURE, SURE_CLASS = 0.85, 0.85  # probabilities from which a place and a class are named
@@ -39,37 +39,37 @@ SEVERAL = 0.1  # such a fault, of parts that have no common command, against one
 # (lane, detector, output) of what tells more than a class; of one lane the first that says anything counts
 FINER = [(i, d, output) for i, (d, _) in enumerate(LANES) for output in registry.record(d).finer]
 LANE_OF = tuple(i for i, _, _ in FINER)
-NL, NF, NC, NN, NLEVEL = len(LANES), len(FINER), len(NAMES), len(CULPRITS), 4
+NL, NF, NC, NN, NLEVEL = len(LANES), len(FINER), len(NAMES), len(ISOLABLE_PARTS), 4
 NH, NR, NT = 192, 640, 49  # most hypotheses, rows, tokens
-NCUL, NW, NV = 25, 8, 16  # most culprits and words of a detector, values of an output that tells more
+NCUL, NW, NV = 25, 8, 16  # most isolable_parts and words of a detector, values of an output that tells more
 PARAMS = dtype([
     ("n_h", "f8"),  # hypotheses
     ("prior", "f8", (NH,)),
-    ("names", "f8", (NH, NLEVEL)),  # index into CULPRITS, from the finest, 0 for none
+    ("names", "f8", (NH, NLEVEL)),  # index into ISOLABLE_PARTS, from the finest, 0 for none
     ("verdict", "f8", (NH,)),  # class code
     ("row", "f8", (NH, NL)),  # of `p_token`
     ("twin", "f8", (NH, NL)),  # 1 + the lane of the same detector before it that the hypothesis moves, 0 for none
     ("p_token", "f8", (NR, NT)),  # P(token | row)
     ("use", "f8", (NL,)),  # 1 where the lane is listened to
-    ("token", "f8", (NL, NW, NC, NCUL)),  # of word, class code and culprit
+    ("token", "f8", (NL, NW, NC, NCUL)),  # of word, class code and isolated_part
     ("word", "f8", (NF, NV)),  # that a value of an output is
 ])  # fmt: skip
-WORDS = ("alarm", "verdict", "culprit", "valid")
+WORDS = ("alarm", "verdict", "isolated_part", "valid")
 INPUTS = dtype([*((n, "f8", (NL,), "-") for n in WORDS), ("finer", "f8", (NF,), "-")])
-OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "p")
+OUTPUTS = ("r", "alarm", "verdict", "isolated_part", "valid", "p")
 STATE = dtype([
     ("r", "f8", "-"),  # lanes that alarm
     ("alarm", "f8", "-"),
     ("verdict", "f8", "-"),
-    ("culprit", "f8", "-"),  # index into CULPRITS
+    ("isolated_part", "f8", "-"),  # index into ISOLABLE_PARTS
     ("valid", "f8", "-"),
-    ("p", "f8", "-"),  # probability of the culprit, 0 while none is named
+    ("p", "f8", "-"),  # probability of the isolated_part, 0 while none is named
     ("stood", "f8", "s"),  # time since anything new was heard
     ("heard", "f8", (NL,)),  # token of each lane, 0 silent, -1 where it says nothing
     ("named", "f8"),  # 1 while a lane that alarms names a class
     ("weight", "f8", (NH,)),  # of each hypothesis
     ("share", "f8", (NN,)),  # of each name
-    ("class_share", "f8", (NC,)),  # of each class within the culprit
+    ("class_share", "f8", (NC,)),  # of each class within the isolated_part
 ])  # fmt: skip
 DETECTOR = Detector(
     id="joint",
@@ -118,15 +118,15 @@ def params(
     p_token, where = np.unique(p_token, axis=0, return_inverse=True)
     p["row"][0, :n], p["p_token"][0, : len(p_token), : p_token.shape[1]] = where[row.astype(int)], p_token
     p["prior"][0, :n] = _prior(found)
-    p["names"][0, :n] = [[CULPRITS.index(name) for name in h.names] for h in found]
+    p["names"][0, :n] = [[ISOLABLE_PARTS.index(name) for name in h.names] for h in found]
     p["verdict"][0, :n] = [code(h.verdict) for h in found]
     own = {"both": (*LOCAL, *AIRCRAFT), "local": LOCAL, "aircraft": AIRCRAFT}[levels]
     for i, (detector, lane) in enumerate(LANES):
         p["use"][0, i] = detector in own and (lane == "aircraft" or lane in here)
-        culprits = registry.module(detector).CULPRITS
+        isolable_parts = registry.module(detector).ISOLABLE_PARTS
         for w, told in enumerate(likelihood.words(detector)):
-            said = [[likelihood.index(detector, v, c, told) for c in culprits] for v in NAMES[1:]]
-            p["token"][0, i, w, 1:, : len(culprits)] = said
+            said = [[likelihood.index(detector, v, c, told) for c in isolable_parts] for v in NAMES[1:]]
+            p["token"][0, i, w, 1:, : len(isolable_parts)] = said
         before = [k for k in range(i) if LANES[k][0] == detector]
         for h, one in enumerate(found):
             moved = [k for k in before if LANES[k][1] in one.segments and here[LANES[k][1]] == here.get(lane)]
@@ -171,7 +171,7 @@ def _said(x, u, p, i):
     able = u.valid[i] > 0.5
     if u.alarm[i] < 0.5 or not (able or x.heard[i] > 0.5):
         return 0.0 if able else -1.0
-    c, k, w = int(u.verdict[i]), int(u.culprit[i]), 0
+    c, k, w = int(u.verdict[i]), int(u.isolated_part[i]), 0
     for f in range(NF):
         v = int(u.finer[f])
         if w == 0 and LANE_OF[f] == i and 0 <= v < NV:
@@ -204,21 +204,21 @@ def _weigh(x, p):
 @kernel
 def _name(x, p):
     """Name the finest place that holds SURE, and the class that holds SURE_CLASS of it, where a lane names any."""
-    x.culprit, x.p, held = 0.0, 0.0, 1.0
+    x.isolated_part, x.p, held = 0.0, 0.0, 1.0
     for level in range(NLEVEL):
         for n in range(NN):
             x.share[n] = 0.0
         for h in range(int(p.n_h)):
             x.share[int(p.names[h, level])] += x.weight[h]
         for n in range(1, NN):
-            if x.culprit == 0.0 and x.share[n] >= SURE:
-                x.culprit, x.p, held = float(n), x.share[n], x.share[n]
+            if x.isolated_part == 0.0 and x.share[n] >= SURE:
+                x.isolated_part, x.p, held = float(n), x.share[n], x.share[n]
     for c in range(NC):
         x.class_share[c] = 0.0
     for h in range(int(p.n_h)):
-        within = x.culprit == 0.0
+        within = x.isolated_part == 0.0
         for level in range(NLEVEL):
-            within = within or p.names[h, level] == x.culprit
+            within = within or p.names[h, level] == x.isolated_part
         if within:
             x.class_share[int(p.verdict[h])] += x.weight[h]
     x.verdict = AMBIGUOUS
@@ -243,7 +243,7 @@ def step(x, u, p, dt):
     settled = not new and x.stood < SETTLE <= x.stood + dt
     x.stood = 0.0 if new else x.stood + dt
     if x.r == 0.0:
-        x.alarm, x.verdict, x.culprit, x.p = 0.0, NONE, 0.0, 0.0
+        x.alarm, x.verdict, x.isolated_part, x.p = 0.0, NONE, 0.0, 0.0
         return
     if x.alarm < 0.5:
         x.alarm, x.verdict = 1.0, AMBIGUOUS

@@ -34,7 +34,7 @@ SHARES = {"designed": (0.2, 0.6, 0.15, 0.05), "may": (0.6, 0.15, 0.2, 0.05), "bl
 
 @functools.cache
 def words(detector: str) -> tuple[str, ...]:
-    """Return what a detector tells beyond class and culprit: kinds joined by commas, or a part; the first: nothing."""
+    """Return what a detector tells beyond class and part: kinds joined by commas, or a part; the first: nothing."""
     return ("", *dict.fromkeys(word(w) for of in registry.record(detector).finer.values() for w in of.values() if w))
 
 
@@ -43,28 +43,28 @@ def word(told: tuple[str, ...] | str) -> str:
     return told if isinstance(told, str) else ",".join(told)
 
 
-def token(detector: str, verdict: str, culprit: str, told: str) -> Token:
+def token(detector: str, verdict: str, isolated_part: str, told: str) -> Token:
     """Return the token of what a lane says; of its parts stays what a detector of its level means by them."""
     if told.startswith("elevator"):
         return verdict, told, ""
     if detector in LOCAL and verdict != "sensor":
-        culprit = ""
-    return verdict, culprit, told if verdict == "effectiveness" else ""
+        isolated_part = ""
+    return verdict, isolated_part, told if verdict == "effectiveness" else ""
 
 
 @functools.cache
 def tokens(detector: str) -> tuple[Token, ...]:
     """Return all tokens of a detector, silence first."""
-    record, parts = registry.record(detector), registry.module(detector).CULPRITS
+    record, parts = registry.record(detector), registry.module(detector).ISOLABLE_PARTS
     said = {v for cases in (record.designed_for, record.may_see) for of in cases.values() for v in of} | {"ambiguous"}
     every = itertools.product([v for v in NAMES if v in said], parts, words(detector))
     return (SILENT, *dict.fromkeys(token(detector, *one) for one in every))
 
 
-def index(detector: str, verdict: str, culprit: str, told: str) -> int:
+def index(detector: str, verdict: str, isolated_part: str, told: str) -> int:
     """Return the index in `tokens` of what a lane says; a class that its record does not have counts as open."""
-    every, one = tokens(detector), token(detector, verdict, culprit, told)
-    return every.index(one) if one in every else every.index(token(detector, "ambiguous", culprit, told))
+    every, one = tokens(detector), token(detector, verdict, isolated_part, told)
+    return every.index(one) if one in every else every.index(token(detector, "ambiguous", isolated_part, told))
 
 
 @functools.cache
@@ -84,13 +84,13 @@ def outcomes(detector: str, h: Hypothesis) -> np.ndarray:
     parts = _parts(detector, h)
     kind = h.case.partition(".")[2].partition("@")[0]
     out = []
-    for verdict, culprit, told in tokens(detector):
-        fits = not culprit or culprit in parts
+    for verdict, isolated_part, told in tokens(detector):
+        fits = not isolated_part or isolated_part in parts
         if not verdict:
             out.append(0)
         elif not fits or (told and kind not in told.split(",")):
             out.append(3)
-        elif verdict in classes and (culprit or detector in LOCAL):
+        elif verdict in classes and (isolated_part or detector in LOCAL):
             out.append(1)
         else:
             out.append(2 if verdict == "ambiguous" or verdict in classes else 3)
@@ -98,7 +98,7 @@ def outcomes(detector: str, h: Hypothesis) -> np.ndarray:
 
 
 def _parts(detector, h):
-    """Return the culprits of a detector that are right for a hypothesis; one equation's are as right."""
+    """Return the isolable_parts of a detector that are right for a hypothesis; one equation's are as right."""
     if h.segments and detector in LOCAL:
         return {h.names[0].removesuffix("_sensor").rpartition("_")[2]} if h.verdict == "sensor" else {""}
     parts = {n for n in h.names if n}
@@ -118,7 +118,7 @@ _CANON = {
 
 def isolates(detector: str) -> bool:
     """Return whether a detector is made to tell the faults of its actuator apart."""
-    return detector in LOCAL and len(registry.module(detector).CULPRITS) > 2
+    return detector in LOCAL and len(registry.module(detector).ISOLABLE_PARTS) > 2
 
 
 def undecided(detector: str, rates: dict[str, Any]) -> float:
@@ -149,8 +149,8 @@ def likelihood(detector: str, h: Hypothesis, rates: dict[str, Any], shares: dict
     base /= base.sum()
     counts = np.zeros(len(every))
     for text, n in rates.get(detector, {}).get(h.key, {}).items():
-        verdict, culprit, told = text.split("|")
-        counts[every.index((verdict, turned(culprit, h.segments), told))] += n
+        verdict, isolated_part, told = text.split("|")
+        counts[every.index((verdict, turned(isolated_part, h.segments), told))] += n
     p = (WEIGHT * base + counts) / (WEIGHT + counts.sum())
     p = (1.0 - UNSEEN) * p + UNSEEN * base if counts.any() else p
     if isolates(detector):  # what it leaves open no count of a kind decides

@@ -56,7 +56,7 @@ from fdi.kinematic import wind
 from fdi.kinematic.rows import compare, read, weigh
 from fdi.kinematic.signatures import CLIMB, EITHER, NR, NS, SENSORS
 
-CULPRITS = table.CULPRITS
+ISOLABLE_PARTS = table.ISOLABLE_PARTS
 SPEEDS = ("tas", "cas", "v_ground")
 TICK = 0.005  # of the training flights [s]
 # a gust changes by sigma sqrt(2 V dt / L) from tick to tick [Dryden]: the variance of airspeed goes with V, that of a
@@ -103,7 +103,7 @@ STATE = dtype(
         ("r", "f8", "-"),  # largest row, or noise, over its threshold
         ("alarm", "f8", "-"),
         ("verdict", "f8", "-"),  # SENSOR, AMBIGUOUS
-        ("culprit", "f8", "-"),  # index into CULPRITS
+        ("isolated_part", "f8", "-"),  # index into ISOLABLE_PARTS
         ("second", "f8", "-"),  # the other one where two sensors are wrong, 0 where one explains all
         ("verdict_2", "f8", "-"),
         ("valid", "f8", "-"),
@@ -154,7 +154,7 @@ STATE = dtype(
         ("shows", "f8", "-"),  # how that error shows: FADING, STAYING, NOISY, JUMPED_BACK
     ]
 )
-OUTPUTS = ("r", "alarm", "verdict", "culprit", "second", "verdict_2", "valid", "why", "res")
+OUTPUTS = ("r", "alarm", "verdict", "isolated_part", "second", "verdict_2", "valid", "why", "res")
 DETECTOR = Detector(
     id="kinematic",
     level="aircraft",
@@ -197,7 +197,7 @@ def _residuals(x, p, dt):
     c, largest = 1.0 - math.exp(-dt / p.tau_r), 0.0
     learning, fades, back = x.age <= p.t_learn, -1, False
     if x.alarm > 0.5 and x.verdict == SENSOR:
-        fades = table.FADES[int(x.culprit) - 1]
+        fades = table.FADES[int(x.isolated_part) - 1]
     for i in range(NR):
         x.fired[i], x.jumped[i] = max(x.fired[i] - dt, 0.0), max(x.jumped[i] - dt, 0.0)
         if x.jumped[i] == 0.0 and x.alarm < 0.5:
@@ -233,7 +233,7 @@ def _restart(x):
     """Start what integrates anew from the reading that is right again [Lu15]."""
     x.shows = JUMPED_BACK
     for i in range(NR):
-        if table.KNOWN[int(x.culprit), i] > 0.5:
+        if table.KNOWN[int(x.isolated_part), i] > 0.5:
             x.seen[i], x.res[i], x.fired[i] = 0.0, 0.0, 0.0
 
 
@@ -244,7 +244,7 @@ def _saturate(x):
     for i in range(NR):
         e = x.raw[i] - x.offset[i]
         excess = math.fabs(e) - LEFT * x.limit[i]
-        if table.KNOWN[int(x.culprit), i] * table.INTEGRATES[i] > 0.5 and excess > 0.0:
+        if table.KNOWN[int(x.isolated_part), i] * table.INTEGRATES[i] > 0.5 and excess > 0.0:
             x.model[i] += math.copysign(excess, e)
             x.raw[i] -= math.copysign(excess, e)
             x.last[i] = x.raw[i]
@@ -319,15 +319,15 @@ def _named(x):
 @kernel
 def _again(x, p, dt):
     """Name a second sensor: by rows that do not read the first one, or by its noise."""
-    if x.noisy > 0.5 and x.noisy != x.culprit:
+    if x.noisy > 0.5 and x.noisy != x.isolated_part:
         row = table.FADES[int(x.noisy) - 1]
-        if row >= 0 and table.CONSTANT_IN[int(x.culprit) - 1, row] > 0.5:
-            x.culprit, x.shows = x.noisy, NOISY  # an attitude that is frozen looks like an error of its rate, too
+        if row >= 0 and table.CONSTANT_IN[int(x.isolated_part) - 1, row] > 0.5:
+            x.isolated_part, x.shows = x.noisy, NOISY  # an attitude that is frozen looks like an error of its rate, too
             return
         x.second, x.verdict_2 = x.noisy, SENSOR
     left = False
     for i in range(NR):
-        x.known[i] = table.KNOWN[int(x.culprit), i]
+        x.known[i] = table.KNOWN[int(x.isolated_part), i]
         left = left or (x.fired[i] > 0.0 and x.known[i] < 0.5)
     x.beyond = x.beyond + dt if left else 0.0
     if x.beyond >= p.t_collect:
@@ -341,16 +341,16 @@ def _seek(x, p, any_row):
     """Name the sensor when the rows that belong together are in, or say that there is none."""
     sought = x.alarm < 0.5 or x.verdict == AMBIGUOUS
     if x.noisy > 0.5 and sought:
-        x.alarm, x.verdict, x.culprit, x.shows = 1.0, SENSOR, x.noisy, NOISY
-    elif any_row and x.since >= p.t_collect and (sought or x.culprit >= EITHER):
+        x.alarm, x.verdict, x.isolated_part, x.shows = 1.0, SENSOR, x.noisy, NOISY
+    elif any_row and x.since >= p.t_collect and (sought or x.isolated_part >= EITHER):
         count, best = _named(x)
-        if count == 1 and (sought or table.HOLDS[int(x.culprit), int(best)] > 0.5):
-            x.alarm, x.verdict, x.culprit = 1.0, SENSOR, best
+        if count == 1 and (sought or table.HOLDS[int(x.isolated_part), int(best)] > 0.5):
+            x.alarm, x.verdict, x.isolated_part = 1.0, SENSOR, best
             row = table.FADES[int(best) - 1]
             x.shows = FADING if row >= 0 else STAYING
             x.leapt = 1.0 if row >= 0 and x.off_most[row] > 0.0 else 0.0
         elif sought and x.since >= p.t_ambiguous:
-            x.alarm, x.verdict, x.culprit = 1.0, AMBIGUOUS, 0.0
+            x.alarm, x.verdict, x.isolated_part = 1.0, AMBIGUOUS, 0.0
 
 
 @kernel
@@ -382,7 +382,7 @@ def _would_show(x):
     for i in range(NR):
         held = math.fabs(x.held[i])
         if (
-            table.CONSTANT_IN[int(x.culprit) - 1, i] > 0.5
+            table.CONSTANT_IN[int(x.isolated_part) - 1, i] > 0.5
             and held >= SEEN * x.limit[i]
             and math.fabs(x.res[i]) < 0.5 * held
         ):
@@ -392,7 +392,7 @@ def _would_show(x):
 
 @kernel
 def _clear(x):
-    x.alarm, x.verdict, x.culprit, x.second, x.verdict_2, x.beyond = 0.0, NONE, 0.0, 0.0, NONE, 0.0
+    x.alarm, x.verdict, x.isolated_part, x.second, x.verdict_2, x.beyond = 0.0, NONE, 0.0, 0.0, NONE, 0.0
     x.shows = x.refuted = x.leapt = 0.0
     x.fired[:] = 0.0
     x.held[:] = 0.0

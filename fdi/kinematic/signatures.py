@@ -52,18 +52,18 @@ MUST, MAY = _table(1), _table(1, 2)
 JUMPS = np.array([{None: 0.0, True: 1.0, False: -1.0}[c[3]] for c in SIGNATURES])
 FIRST_ROW = np.array([ROWS.index(c[1][0]) for c in SIGNATURES])
 OF = np.array([SENSORS.index(c[0]) for c in SIGNATURES])
-CULPRITS = ("", *SENSORS, *(" or ".join(pair) for pair in PAIRS))
+ISOLABLE_PARTS = ("", *SENSORS, *(" or ".join(pair) for pair in PAIRS))
 EITHER = len(SENSORS) + 1  # the first of the pairs
 # [a, b]: b is one of a
-HOLDS = np.array([[float(b != "" and b in a.split(" or ")) for b in CULPRITS] for a in CULPRITS])
+HOLDS = np.array([[float(b != "" and b in a.split(" or ")) for b in ISOLABLE_PARTS] for a in ISOLABLE_PARTS])
 PAIR_OF = np.array([next((k + EITHER for k, pair in enumerate(PAIRS) if c[0] in pair), 0) for c in SIGNATURES])
-# of every culprit the row that integrates it, from which its error fades; -1 where an error stays
+# of every isolated_part the row that integrates it, from which its error fades; -1 where an error stays
 FADES = np.array(
-    [next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] == name and c[3]), -1) for name in CULPRITS[1:]]
+    [next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] == name and c[3]), -1) for name in ISOLABLE_PARTS[1:]]
 )
 INTEGRATES = np.array([float(row in ("phi", "theta", "psi", "turn", "speed", "height")) for row in ROWS])
-_RATES = [name.split(" or ")[0] for name in CULPRITS[1:]]  # a pair's rate
-# rows in which a constant error of a culprit stays: those that integrate nothing, and its rate's
+_RATES = [name.split(" or ")[0] for name in ISOLABLE_PARTS[1:]]  # a pair's rate
+# rows in which a constant error of a isolated_part stays: those that integrate nothing, and its rate's
 _PLAIN = ("climb", "sound", "impact", "baro")
 CONSTANT_IN = np.array([
     [float(any(c[0] == name and row in (*c[1], *c[2]) and (row in _PLAIN or (c[3] is False and row == c[1][0]))
@@ -84,7 +84,7 @@ READS = (
     ("phi", "theta", "n_x", "n_y", "n_z", "alpha_ground", "v_ground"), ("hdot", "h_inertial"),
     ("tas", "mach", "h_inertial"), ("cas", "mach", "h_baro"), ("hdot", "h_inertial", "h_baro"),
 )  # fmt: skip
-KNOWN = np.array([[float(bool(set(c.split(" or ")) & set(row))) for row in READS] for c in CULPRITS])
+KNOWN = np.array([[float(bool(set(c.split(" or ")) & set(row))) for row in READS] for c in ISOLABLE_PARTS])
 # specified noise per sample of the inertial and barometric readings, sensor set `transport` [rad, rad/s, m, m/s]; gusts
 # are in the second differences of the others, which learn no noise of their rows
 _SPECIFIED = {

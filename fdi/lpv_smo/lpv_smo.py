@@ -63,7 +63,7 @@ from fdi.lpv_smo.synthesis import Design, load, load_boxes
 
 LEARN_S = 8.0  # in flight: the paper's faults come at 10 s [s]
 GRADIENT = 0.6  # of the damping in pitch: what a gust that grows along the body does, by training flights
-CULPRITS = ("", "elevator", "n_z", "alpha")
+ISOLABLE_PARTS = ("", "elevator", "n_z", "alpha")
 RELEASED_AT = 0.7  # of its threshold: above it a fault that is declared has not ended
 TREND = 3.0  # lag of alpha_eq, which follows airspeed, where its change is judged: gusts change airspeed, too [s]
 GUST_SHARE = 0.9  # of the largest rms of gusts: beyond it nothing is judged
@@ -139,8 +139,8 @@ STATE = dtype(
     [
         ("r", "f8", "-"),  # largest of the three estimates over its threshold
         ("alarm", "f8", "-"),  # 1 while a fault is declared
-        ("verdict", "f8", "-"),  # of the culprit: SENSOR; OFC_LIQUID or AMBIGUOUS for the elevator (side unknown)
-        ("culprit", "f8", "-"),  # index into CULPRITS: of what is declared, what has been so longest
+        ("verdict", "f8", "-"),  # of the isolated_part: SENSOR; OFC_LIQUID or AMBIGUOUS for the elevator (side unknown)
+        ("isolated_part", "f8", "-"),  # index into ISOLABLE_PARTS: of what is declared, what has been so longest
         ("alarm_elevator", "f8", "-"),  # 1 while this part is declared, whatever else is
         ("alarm_n_z", "f8", "-"),
         ("alarm_alpha", "f8", "-"),
@@ -223,7 +223,7 @@ STATE = dtype(
     ]
 )
 OUTPUTS = (
-    "r", "alarm", "verdict", "culprit", "alarm_elevator", "alarm_n_z", "alarm_alpha", "valid", "why", "box",
+    "r", "alarm", "verdict", "isolated_part", "alarm_elevator", "alarm_n_z", "alarm_alpha", "valid", "why", "box",
     "f_hat_elevator", "f_hat_n_z", "f_hat_n_z_raw", "f_hat_alpha", "f_sigma", "alpha_hat", "gust_hat", "e_norm",
     "nu_norm",
 )  # fmt: skip
@@ -368,7 +368,7 @@ def _decide(x, p, dt):
     """Declare each fault by its own estimate; of those declared the summary names the one that has been so longest."""
     oscillates = _oscillates(x, p, dt)
     estimates = (x.f_hat_elevator, x.f_hat_n_z, x.f_hat_alpha)
-    x.r, x.culprit, longest = 0.0, 0.0, 0.0
+    x.r, x.isolated_part, longest = 0.0, 0.0, 0.0
     for i in range(3):
         score = math.fabs(estimates[i]) / (p.limit[i] + p.limit_away[i] * x.apart + p.limit_gust[i] * x.rms)
         on = _above(x.held[i])
@@ -378,12 +378,12 @@ def _decide(x, p, dt):
         x.held[i] = x.held[i] + dt if on > 0.5 else 0.0
         x.r = max(x.r, score)
         if x.held[i] > longest:
-            longest, x.culprit = x.held[i], i + 1.0
+            longest, x.isolated_part = x.held[i], i + 1.0
     x.alarm_elevator, x.alarm_n_z, x.alarm_alpha = _above(x.held[0]), _above(x.held[1]), _above(x.held[2])
     x.alarm = _above(longest)
-    x.verdict = NONE if x.alarm < 0.5 else SENSOR if x.culprit > 1.5 else OFC_LIQUID if oscillates else AMBIGUOUS
+    x.verdict = NONE if x.alarm < 0.5 else SENSOR if x.isolated_part > 1.5 else OFC_LIQUID if oscillates else AMBIGUOUS
     if x.alarm > 0.5 and x.gyro_off > 0.0:  # all three estimates take q for true
-        x.verdict, x.culprit = AMBIGUOUS, 0.0
+        x.verdict, x.isolated_part = AMBIGUOUS, 0.0
         x.alarm_elevator, x.alarm_n_z, x.alarm_alpha = 0.0, 0.0, 0.0
 
 
@@ -391,7 +391,7 @@ def _decide(x, p, dt):
 def _withhold(x, why):
     """Judge nothing, for the reason `why`."""
     x.valid, x.why = 0.0, why
-    x.r, x.alarm, x.verdict, x.culprit, x.swing = 0.0, 0.0, NONE, 0.0, 0.0
+    x.r, x.alarm, x.verdict, x.isolated_part, x.swing = 0.0, 0.0, NONE, 0.0, 0.0
     x.alarm_elevator, x.alarm_n_z, x.alarm_alpha = 0.0, 0.0, 0.0
     x.held[:] = 0.0
     x.timer[:] = 0.0

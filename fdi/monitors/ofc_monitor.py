@@ -29,7 +29,7 @@ from fdi.common.verdict import AMBIGUOUS, NONE
 from fdi.monitors import liquid_or_solid
 from fdi.monitors.liquid_or_solid import SAMPLE, keep_sample, name
 
-CULPRITS = ("",)
+ISOLABLE_PARTS = ("",)
 BANDS = ((0.4, 1.3), (1.3, 4.0), (4.0, 12.0))  # [Hz]; 0.5 to 10 Hz is considered
 B = len(BANDS)
 COUNT = 4  # swings kept
@@ -100,11 +100,11 @@ STATE = dtype(
         ("r", "f8", "-"),  # largest band residual over its threshold
         ("alarm", "f8", "-"),  # 1 while a fault is declared
         ("verdict", "f8", "-"),  # class code
-        ("culprit", "f8", "-"),  # 0
+        ("isolated_part", "f8", "-"),  # 0
         ("valid", "f8", "-"),  # 1 while the rod measurement is fresh
     ]
 )
-OUTPUTS = ("r", "e", "ofc_hz", "alarm", "verdict", "culprit", "valid")
+OUTPUTS = ("r", "e", "ofc_hz", "alarm", "verdict", "isolated_part", "valid")
 DETECTOR = Detector(
     id="ofc_monitor",
     level="local",

@@ -33,7 +33,7 @@ from fdi.common.record import Detector
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, RUNAWAY, SENSOR
 
-CULPRITS = ("", "surface")
+ISOLABLE_PARTS = ("", "surface")
 
 PARAMS = dtype(
     [
@@ -95,11 +95,11 @@ STATE = dtype(
         ("r", "f8", "-"),  # deviation over threshold, signed
         ("alarm", "f8", "-"),  # 1 while a fault is declared
         ("verdict", "f8", "-"),  # class code
-        ("culprit", "f8", "-"),  # 1 where the surface sensor is named
+        ("isolated_part", "f8", "-"),  # 1 where the surface sensor is named
         ("valid", "f8", "-"),  # 1 while the measurement is fresh
     ]
 )
-OUTPUTS = ("r", "model", "rate", "alarm", "verdict", "culprit", "valid")
+OUTPUTS = ("r", "model", "rate", "alarm", "verdict", "isolated_part", "valid")
 DETECTOR = Detector(
     id="position_monitor",
     level="local",
@@ -270,7 +270,7 @@ def step(x, u, p, dt):
     x.timer, x.alarm = confirm(x.timer, x.alarm, math.fabs(x.r) >= 1.0, dt, p.t_confirm, p.t_release)
     x.verdict = _name(x, p, runs) if x.alarm > 0.5 else NONE
     x.turned *= x.alarm
-    x.culprit = 1.0 if x.verdict == SENSOR else 0.0
+    x.isolated_part = 1.0 if x.verdict == SENSOR else 0.0
 
 
 rollout = entry(step, STATE, INPUTS, PARAMS)

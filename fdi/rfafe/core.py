@@ -64,7 +64,7 @@ STATE = [
     ("fresh", "f8", "-"),              # 0 before the first input
     ("age", "f8", "s"),           # since the start
     *rfafe_decision.STATE,
-    ("r", "f8", "-"), ("alarm", "f8", "-"), ("verdict", "f8", "-"), ("culprit", "f8", "-"), ("valid", "f8", "-"),
+    ("r", "f8", "-"), ("alarm", "f8", "-"), ("verdict", "f8", "-"), ("isolated_part", "f8", "-"), ("valid", "f8", "-"),
     ("why", "f8", "-"),  # code of fdi.common.why, 0 while valid
 ]
 

@@ -78,7 +78,7 @@ def forget(x, p, dt):
     x.lost += dt
     if x.lost > T_HOLD:
         x.ofc_timer = x.timer = x.static = 0.0
-        x.alarm = x.culprit = x.both = 0.0
+        x.alarm = x.isolated_part = x.both = 0.0
         x.verdict = NONE
 
 
@@ -91,7 +91,7 @@ def _clear(x):
 
 @kernel
 def decide(x, p, dt):
-    """Judge the estimates x.f beside the commands x.u less trim; set r, alarm, verdict, culprit."""
+    """Judge the estimates x.f beside the commands x.u less trim; set r, alarm, verdict, isolated_part."""
     if x.lost > 0.0 and x.ofc_timer > 0.0:
         x.ofc_timer = max(x.ofc_timer, T_HOLD)
     x.lost = 0.0
@@ -107,10 +107,10 @@ def decide(x, p, dt):
     x.r = max(x.r_ofc, still)
     x.alarm = 1.0 if oscillates or x.static > 0.5 else 0.0
     if x.alarm < 0.5:
-        x.verdict, x.culprit = NONE, 0.0
+        x.verdict, x.isolated_part = NONE, 0.0
         return
     x.verdict = x.ofc_class if oscillates else AMBIGUOUS
-    x.culprit = 3.0 if x.both > 0.5 else 1.0 + (suspect if oscillates else x.blamed)
+    x.isolated_part = 3.0 if x.both > 0.5 else 1.0 + (suspect if oscillates else x.blamed)
 
 
 @kernel

@@ -27,7 +27,7 @@ from fdi.rfafe import segments, servo
 from fdi.rfafe.core import advance, estimate, fill, learned, read_airframe
 from fdi.rfafe.store import choose, lacks, read, side_kinds
 
-CULPRITS = ("", "elevator_left", "elevator_right", "elevator_left and elevator_right")
+ISOLABLE_PARTS = ("", "elevator_left", "elevator_right", "elevator_left and elevator_right")
 # What an oscillation of the command of a side of this kind comes out as, f_hat over fault, beyond a first-order model:
 # a resonance (rad/s, damping), fitted to flights with 1 deg at 0.4 to 6.1 Hz. An electromechanical side has none to
 # 4.3 Hz, and at 6.1 Hz its rate limit lets half of 1 deg through
@@ -58,7 +58,7 @@ STATE = dtype([
     ("alarm_elevator_right", "f8", "-"),
     ("past", "f8", (2, 4), "rad"),  # of the filters: in, in before, out, out before
 ])
-OUTPUTS = ("f_hat", "f_hat_left", "f_hat_right", "r", "alarm", "verdict", "culprit", "alarm_elevator_left",
+OUTPUTS = ("f_hat", "f_hat_left", "f_hat_right", "r", "alarm", "verdict", "isolated_part", "alarm_elevator_left",
            "alarm_elevator_right", "segment", "valid", "why")
 DETECTOR = Detector(
     id="rfafe",
@@ -171,8 +171,8 @@ def step(x, u, p, dt):
     x.f_hat_right = _evened(x, p, 1)
     x.f_hat = x.f_hat_left if math.fabs(x.f_hat_left) >= math.fabs(x.f_hat_right) else x.f_hat_right
     segments.name(x)
-    x.alarm_elevator_left = 1.0 if x.culprit == 1.0 or x.culprit == 3.0 else 0.0
-    x.alarm_elevator_right = 1.0 if x.culprit >= 2.0 else 0.0
+    x.alarm_elevator_left = 1.0 if x.isolated_part == 1.0 or x.isolated_part == 3.0 else 0.0
+    x.alarm_elevator_right = 1.0 if x.isolated_part >= 2.0 else 0.0
 
 
 @kernel

@@ -26,7 +26,7 @@ from fdi.rfafe import core as rfafe_core
 from fdi.rfafe.core import advance, fill, read_airframe
 from fdi.rfafe.store import choose, lacks, read, side_kinds
 
-CULPRITS = ("", "elevator")
+ISOLABLE_PARTS = ("", "elevator")
 DT = 0.005  # base tick [s]
 
 PARAMS = dtype(rfafe_core.PARAMS)
@@ -38,7 +38,7 @@ STATE = dtype([
     *rfafe_core.STATE,
     ("f_hat", "f8", "rad"),  # mean over the four segments
 ])
-OUTPUTS = ("f_hat", "r", "alarm", "verdict", "culprit", "valid", "why")
+OUTPUTS = ("f_hat", "r", "alarm", "verdict", "isolated_part", "valid", "why")
 DETECTOR = Detector(
     id="rfafe_airframe",
     level="aircraft",

@@ -56,7 +56,7 @@ def name(x):
     still = 0.0 if x.ofc_timer > 0.0 else 1.0
     which, most, next_ = 0.0, 0.0, 0.0
     for i in range(4):
-        if x.culprit == 3.0 or (i < 2) == (x.culprit < 1.5):
+        if x.isolated_part == 3.0 or (i < 2) == (x.isolated_part < 1.5):
             size = x.part_power[i] + still * x.part_slow[i] ** 2
             if size > most:
                 which, most, next_ = 1.0 + i, size, most

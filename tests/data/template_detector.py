@@ -10,16 +10,16 @@ from fdi.common.decision import confirm, usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.verdict import NONE, SENSOR
 
-CULPRITS = ("", "rod", "surface")
+ISOLABLE_PARTS = ("", "rod", "surface")
 PARAMS = dtype([("threshold", "f8", "m"), ("t_confirm", "f8", "s"), ("t_release", "f8", "s")])
 INPUTS = dtype([
     ("rod", "f8", "m"), ("rod_valid", "f8", "-"), ("surface", "f8", "rad"), ("surface_valid", "f8", "-"),
 ])  # fmt: skip
 STATE = dtype([
     ("timer", "f8", "s"), ("f_hat", "f8", "m"), ("r", "f8", "-"), ("alarm", "f8", "-"), ("verdict", "f8", "-"),
-    ("culprit", "f8", "-"), ("valid", "f8", "-"),
+    ("isolated_part", "f8", "-"), ("valid", "f8", "-"),
 ])  # fmt: skip
-OUTPUTS = ("f_hat", "r", "alarm", "verdict", "culprit", "valid")
+OUTPUTS = ("f_hat", "r", "alarm", "verdict", "isolated_part", "valid")
 DETECTOR = Detector(
     id="template",
     level="local",
@@ -53,7 +53,7 @@ def step(x, u, p, dt):
     x.r = math.fabs(x.f_hat) / p.threshold
     x.timer, x.alarm = confirm(x.timer, x.alarm, x.r >= 1.0, dt, p.t_confirm, p.t_release)
     x.verdict = SENSOR if x.alarm > 0.5 else NONE
-    x.culprit = x.alarm
+    x.isolated_part = x.alarm
 
 
 rollout = entry(step, STATE, INPUTS, PARAMS)

@@ -126,7 +126,7 @@ def test_the_talks_scenarios_are_isolated_in_order(number):
     found, right = mar10_flights.judge(number, flown, log)
     assert right, found
     last = mar10_flights.TRUTH[number][-1][0]
-    assert control_redundancy.CULPRITS[int(log["culprit"][-1])] == last
+    assert control_redundancy.ISOLABLE_PARTS[int(log["isolated_part"][-1])] == last
 
 
 def test_verdicts_and_the_size_of_the_loss():
@@ -158,7 +158,7 @@ def test_a_dropout_leaves_no_nan():
     log = lost({"n_z": (4200, 4300), "alpha": (4400, 4700), "cas": (100, 120)})
     assert all(np.isfinite(log[name]).all() for name in control_redundancy.OUTPUTS)
     assert log["valid"][4250] == 0 and log["valid"][-1] == 1
-    assert control_redundancy.CULPRITS[int(log["culprit"][-1])] == "engine"
+    assert control_redundancy.ISOLABLE_PARTS[int(log["isolated_part"][-1])] == "engine"
 
 
 def test_what_was_declared_is_taken_back_when_nothing_is_measured_for_long():
@@ -185,7 +185,7 @@ def cruising(*told):
     return fly(load_scenario("cruise", ["detectors.enabled=[]", "manoeuvre.kind=cruise", *told]), WIRES.values())
 
 
-SAID = ("valid", "why", "alarm", "learned", "culprit", "verdict")
+SAID = ("valid", "why", "alarm", "learned", "isolated_part", "verdict")
 heard = functools.partial(of_flight, control_redundancy, fields=SAID)
 
 
@@ -200,7 +200,7 @@ def test_the_error_of_a_sensor_is_no_effectors(healthy, sensor, error):
     assert (quiet["valid"][t > 8.6] == 1.0).all() and not quiet["alarm"].any()
     frame[f"sensors.{sensor}.y_obs"] += np.where(t >= 12.0, error, 0.0)
     log = heard(frame)
-    assert log["alarm"].any() and not log["culprit"].any()
+    assert log["alarm"].any() and not log["isolated_part"].any()
     assert (log["verdict"][log["alarm"] > 0] == AMBIGUOUS).all()
 
 

@@ -71,7 +71,7 @@ def test_gain_vanishes_so_that_a_velocity_bias_stays_in_the_innovation_and_out_o
     assert share[:20].max() > 0.1 and share[100] < 5e-3 and share[400] < 1e-5
     assert log["eta_bar"][-1] == pytest.approx(5.0 * jay.K_V / np.sqrt(p["R"][0]), rel=0.05)
     assert abs(log["pos_hat"][-1]) < 0.05e-3
-    assert log["culprit"][-1] == 1.0 and log["verdict"][-1] == SENSOR and log["valid"][-1] == 0.0
+    assert log["isolated_part"][-1] == 1.0 and log["verdict"][-1] == SENSOR and log["valid"][-1] == 0.0
 
 
 @pytest.mark.parametrize("name", ["u", "y_velocity", "y_position", "y_current"])

@@ -142,7 +142,7 @@ def test_a_fault_inside_the_loop_of_the_current_names_no_other_sensor():
     for seed in SEEDS:
         for monitor in (0.0, 0.1 * STALL):
             log = drawn(seed, f_i=0.1 * STALL, f_c=monitor).log
-            assert not log["reconf"].any() and not np.isin(log["culprit"], (1.0, 2.0)).any()
+            assert not log["reconf"].any() and not np.isin(log["isolated_part"], (1.0, 2.0)).any()
 
 
 # --- healthy drives

@@ -21,17 +21,17 @@ VALVE = ("iotsekf", "left_inner", "ofc_liquid", "", 1.0)
 
 
 def heard(*said, technology=MIXED, without=(), until=8.0, finer=(), **how):
-    """Return the STATE log of lanes that alarm from a time [s] until 8 s or `until`: (detector, lane, class, culprit,
-    from when); `finer` are (detector, lane, output, value)."""
+    """Return the STATE log of lanes that alarm from a time [s] until 8 s or `until`: (detector, lane, class,
+    isolated part, from when); `finer` are (detector, lane, output, value)."""
     p = joint.params(technology, **how)
     u, here = np.zeros((1, round(10.0 / DT)), joint.INPUTS), table.segments(technology)
     for i, (detector, lane) in enumerate(table.LANES):
         flies = lane == AIRCRAFT or here.get(lane) in registry.record(detector).technologies
         u["valid"][0, :, i] = flies and detector not in without
-    for detector, lane, class_, culprit, start in said:
+    for detector, lane, class_, isolated_part, start in said:
         i, k = table.LANES.index((detector, lane)), slice(round(start / DT), round(until / DT))
         u["alarm"][0, k, i], u["verdict"][0, k, i] = 1.0, verdict.code(class_)
-        u["culprit"][0, k, i] = registry.module(detector).CULPRITS.index(culprit)
+        u["isolated_part"][0, k, i] = registry.module(detector).ISOLABLE_PARTS.index(isolated_part)
     for detector, lane, output, value in finer:
         u["finer"][0, :, joint.FINER.index((table.LANES.index((detector, lane)), detector, output))] = value
     log = np.zeros(u.shape, joint.STATE)
@@ -40,9 +40,9 @@ def heard(*said, technology=MIXED, without=(), until=8.0, finer=(), **how):
 
 
 def name(log, at=7.0):
-    """Return (class, culprit) at a time [s]."""
+    """Return (class, isolated_part) at a time [s]."""
     k = round(at / DT)
-    return verdict.class_name(log["verdict"][k]), joint.CULPRITS[int(log["culprit"][k])]
+    return verdict.class_name(log["verdict"][k]), joint.ISOLABLE_PARTS[int(log["isolated_part"][k])]
 
 
 @pytest.mark.parametrize("technology", [
@@ -112,7 +112,7 @@ def test_it_alarms_with_the_first_alarm_names_what_has_settled_and_ends_with_the
     on = np.arange(100) * DT
     assert np.array_equal(log["alarm"] > 0.5, (on >= 1.0 - 1e-9) & (on < 8.0 - 1e-9))
     assert name(log, 1.2) == ("ambiguous", "") and name(log, 1.0 + joint.SETTLE + DT)[1] == "elevator_left_inner_valve"
-    assert not log["verdict"][80:].any() and not log["culprit"][80:].any() and not log["p"][80:].any()
+    assert not log["verdict"][80:].any() and not log["isolated_part"][80:].any() and not log["p"][80:].any()
     assert log["valid"].all() and not heard()["alarm"].any()
 
 
@@ -120,7 +120,7 @@ def test_an_alarm_of_a_lane_that_is_not_valid_is_not_heard_but_one_that_made_it_
     p, i = joint.params(MIXED), table.LANES.index(("ema_kalman_flight", "right_inner"))
     u = np.zeros((1, 80), joint.INPUTS)
     u["alarm"][0, 10:, i], u["verdict"][0, 10:, i] = 1.0, verdict.code("sensor")
-    u["culprit"][0, 10:, i] = registry.module("ema_kalman_flight").CULPRITS.index("velocity")
+    u["isolated_part"][0, 10:, i] = registry.module("ema_kalman_flight").ISOLABLE_PARTS.index("velocity")
     logs = []
     for until in (0, 15):  # never valid; valid until it has named the sensor that it has lost
         u["valid"][0, :, i] = np.arange(80) < until

@@ -51,7 +51,7 @@ def watched(flown, sensor="", change=None, p=None, start=START):
 
 def said(log):
     last = log[-1]
-    return kinematic.CULPRITS[int(last["culprit"])] if last["alarm"] and last["verdict"] == SENSOR else ""
+    return kinematic.ISOLABLE_PARTS[int(last["isolated_part"])] if last["alarm"] and last["verdict"] == SENSOR else ""
 
 
 def test_quiet_without_a_fault_and_not_ready_before_it_has_learned(flown):
@@ -66,8 +66,8 @@ def test_quiet_without_a_fault_and_not_ready_before_it_has_learned(flown):
 def test_a_step_of_each_sensor_is_named_and_nothing_else_first(flown, sensor):
     log = watched(flown, sensor, lambda y: y + STEPS[sensor])
     assert said(log) in (sensor, PAIRED.get(sensor))
-    first = np.flatnonzero(log["culprit"] > 0)[0]
-    assert sensor in kinematic.CULPRITS[int(log["culprit"][first])].split(" or ")
+    first = np.flatnonzero(log["isolated_part"] > 0)[0]
+    assert sensor in kinematic.ISOLABLE_PARTS[int(log["isolated_part"][first])].split(" or ")
     assert flown.index[first] - START < 3.0
 
 
@@ -102,7 +102,7 @@ def test_severe_gusts_in_a_turn_are_no_sensor_and_hide_none():
     flown = fly(load_scenario("cruise", given), WIRES.values())
     assert not watched(flown)["alarm"].any()
     log = watched(flown, "theta", lambda y: y + DEG, start=18.0)
-    assert {kinematic.CULPRITS[int(c)] for c in log["culprit"][log["alarm"] > 0]} == {"theta"}
+    assert {kinematic.ISOLABLE_PARTS[int(c)] for c in log["isolated_part"][log["alarm"] > 0]} == {"theta"}
 
 
 @pytest.mark.parametrize(("sensor", "rate"), [("phi", "p"), ("psi", "r")])
@@ -116,7 +116,8 @@ def test_a_drift_of_roll_or_heading_is_not_called_its_gyro(flown, sensor, rate):
 def test_no_kind_of_fault_of_a_sensor_is_surely_another_sensors(flown, sensor, kind):
     t = flown.index.to_numpy()[flown.index >= START] - START
     log = watched(flown, sensor, lambda y: KINDS[kind](y, t, SLOW[sensor]))
-    sure = {kinematic.CULPRITS[int(c)] for c in log["culprit"][(log["alarm"] > 0) & (log["verdict"] == SENSOR)]}
+    named = log["isolated_part"][(log["alarm"] > 0) & (log["verdict"] == SENSOR)]
+    sure = {kinematic.ISOLABLE_PARTS[int(c)] for c in named}
     assert all(sensor in name.split(" or ") for name in sure)
 
 
@@ -167,7 +168,7 @@ def test_a_second_sensor_is_named_beside_the_first_by_a_row_that_does_not_read_i
     for sensor, start in zip(sensors, (START, START + 3.0)):
         frame.loc[frame.index >= start, WIRES[sensor]] += STEPS[sensor]
     log = detect(frame, kinematic, WIRES)
-    assert (said(log), kinematic.CULPRITS[int(log["second"][-1])]) == sensors and log["verdict_2"][-1] == SENSOR
+    assert (said(log), kinematic.ISOLABLE_PARTS[int(log["second"][-1])]) == sensors and log["verdict_2"][-1] == SENSOR
     assert not log["second"][frame.index < START + 3.0].any()
 
 

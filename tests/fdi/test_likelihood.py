@@ -18,7 +18,7 @@ from fdi.isolation import adaptation, decide, evidence, filter, response, sums
 DT, ONSET, HEALED = 0.005, 10.0, 16.0
 FIELDS = {name: f"iotsekf_in.{{}}.{name}" for name in iotsekf.INPUTS.names}
 VALVE = {"kind": "ofc_liquid", "at": "valve", "amplitude_mm": 0.6, "frequency_hz": 2.0}
-FAULTS = {  # segment -> (part, fault, verdict, culprit)
+FAULTS = {  # segment -> (part, fault, verdict, isolated_part)
     "left_outer": ("", VALVE, verdict.OFC_LIQUID, ""),
     "left_inner": ("", VALVE | {"kind": "ofc_solid"}, verdict.OFC_SOLID, ""),
     "right_inner": ("", {"kind": "loss_of_effectiveness", "at": "valve", "loss_pct": 50.0}, verdict.EFFECTIVENESS, ""),
@@ -60,11 +60,11 @@ def test_each_fault_has_its_name_at_its_end_and_no_alarm_before_it_or_after_it_h
     log = watched(flown(True))
     assert not log["alarm"][:, : int(ONSET / DT)].any()
     for lane, segment in enumerate(SEGMENTS):
-        _, fault, right, culprit = FAULTS[segment]
+        _, fault, right, isolated_part = FAULTS[segment]
         late = 3.0 / fault.get("frequency_hz", 1.0)
         assert log["alarm"][lane, int((ONSET + late) / DT)] == 1.0, segment
         end = log[lane, int(HEALED / DT) - 1]
-        assert (end["verdict"], iotsekf.CULPRITS[int(end["culprit"])]) == (right, culprit), segment
+        assert (end["verdict"], iotsekf.ISOLABLE_PARTS[int(end["isolated_part"])]) == (right, isolated_part), segment
     assert not log["alarm"][:, int((HEALED + 3.0) / DT) :].any()
     assert log["likely_hz"][SEGMENTS.index("left_outer"), int(HEALED / DT) - 1] == pytest.approx(2.0, rel=0.15)
 

@@ -20,8 +20,8 @@ from fdi.lpv_smo import lpv_smo, synthesis
 WIRES, ONSET = sources("lpv_smo"), 14.0
 ESTIMATES = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha")
 FIELDS = (
-    *ESTIMATES, "alarm", "alarm_elevator", "alarm_n_z", "alarm_alpha", "verdict", "culprit", "valid", "why", "gust",
-    "box", "path", "learned", "offset", "apart", "alpha_0", "over", "alpha_hat", "gust_hat",
+    *ESTIMATES, "alarm", "alarm_elevator", "alarm_n_z", "alarm_alpha", "verdict", "isolated_part", "valid", "why",
+    "gust", "box", "path", "learned", "offset", "apart", "alpha_0", "over", "alpha_hat", "gust_hat",
     "ahead", "rms",
 )  # fmt: skip
 LIGHT = ("flight.mass_t=215", "flight.cg_pct=30", "flight.altitude_ft=15000", "flight.cas_kt=300", "duration_s=16",
@@ -111,7 +111,7 @@ def test_an_error_of_the_pitch_rate_is_called_neither_n_z_nor_the_vane():
     log = watched(frame)
     said = log[log["alarm"] > 0.5]
     assert len(said) > 300 and not (log["alarm_n_z"] + log["alarm_alpha"]).any()
-    assert (said["verdict"] == AMBIGUOUS).all() and not said["culprit"].any()
+    assert (said["verdict"] == AMBIGUOUS).all() and not said["isolated_part"].any()
 
 
 def test_an_oscillation_far_below_the_threshold_of_a_step_is_found_within_four_periods(oscillating):

@@ -115,7 +115,7 @@ def test_a_dropout_leaves_no_nan_and_the_estimates_come_back():
 
 
 @pytest.mark.parametrize(
-    "faults, verdict, culprit",
+    "faults, verdict, isolated_part",
     [
         ((3.0, 0.0, 0.0), AMBIGUOUS, "elevator"),
         ((0.0, 0.5, 0.0), SENSOR, "n_z"),
@@ -123,12 +123,12 @@ def test_a_dropout_leaves_no_nan_and_the_estimates_come_back():
         ((0.0, 0.0, 0.0), 0.0, ""),
     ],
 )
-def test_single_faults_are_named(faults, verdict, culprit):
+def test_single_faults_are_named(faults, verdict, isolated_part):
     log = run(plant.fly(MODEL, E, lpv_smo, faults=faults, noise=1.0))
     assert log["alarm"][:2000].max() == 0
     end = log[2300:2600]
     assert set(end["verdict"]) == {verdict}
-    assert {lpv_smo.CULPRITS[int(c)] for c in end["culprit"]} == {culprit}
+    assert {lpv_smo.ISOLABLE_PARTS[int(c)] for c in end["isolated_part"]} == {isolated_part}
 
 
 def test_a_model_without_scheduling_is_designed_too():

@@ -213,7 +213,7 @@ def test_a_surface_sensor_that_is_frozen_is_named_and_one_without_noise_that_sta
         assert not log["alarm"][:2000].any()
         named = log[2020:][log["alarm"][2020:] > 0.5]
         assert len(named) and ((named["verdict"] == verdict.SENSOR) == (sigma > 0.0)).all()
-        assert (named["culprit"] == (1.0 if sigma > 0.0 else 0.0)).all()
+        assert (named["isolated_part"] == (1.0 if sigma > 0.0 else 0.0)).all()
 
 
 @pytest.mark.parametrize("which", ["flight", "flight_ema"])

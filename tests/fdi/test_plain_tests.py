@@ -10,7 +10,7 @@ from fdi.hydraulic import iotsekf, plain_tests
 P = iotsekf.params()[0]
 T = np.arange(400) * DT
 ONSET = 1.0
-PRESSURE = iotsekf.CULPRITS.index("pressure")
+PRESSURE = iotsekf.ISOLABLE_PARTS.index("pressure")
 
 
 def opens(w):
@@ -47,7 +47,7 @@ def test_a_sensor_that_freezes_is_named_and_used_again_when_it_moves(flown):
     log = roll(iotsekf, np.repeat(iotsekf.params(), 4), u)
     on = log["alarm"] > 0.5
     assert not on[:, :at].any() and on[:, at + round(0.2 / DT) : thaws].all()
-    named = (log["verdict"] == verdict.SENSOR) & (log["culprit"] == PRESSURE)
+    named = (log["verdict"] == verdict.SENSOR) & (log["isolated_part"] == PRESSURE)
     assert (named | (log["verdict"] == verdict.AMBIGUOUS))[on].all() and named[:, thaws - 1].all()
     assert not on[:, thaws + 2 :].any()
 
@@ -63,5 +63,5 @@ def test_a_pressure_that_drifts_is_no_jam(flown, rate):
     u, at = flown.copy(), round(8.0 / DT)
     u["y_dp"][:, at:] += rate * DT * np.arange(u.shape[1] - at)
     log = roll(iotsekf, np.repeat(iotsekf.params(), 4), u)
-    assert (log["verdict"][:, -1] == verdict.SENSOR).all() and (log["culprit"][:, -1] == PRESSURE).all()
+    assert (log["verdict"][:, -1] == verdict.SENSOR).all() and (log["isolated_part"][:, -1] == PRESSURE).all()
     assert not (log["verdict"] == verdict.JAM_SOLID).any()

@@ -14,7 +14,7 @@ from fdi.kinematic import kinematic
 
 PARAMS = dtype([("growth", "f8")])
 INPUTS = dtype([("y", "f8")])
-SAYS = [(n, "f8") for n in ("r", "alarm", "verdict", "culprit", "valid", "why")]
+SAYS = [(n, "f8") for n in ("r", "alarm", "verdict", "isolated_part", "valid", "why")]
 STATE = dtype([("hidden", "f8", (3,)), *SAYS])
 DT = 0.005
 
@@ -24,7 +24,7 @@ def step(x, u, p, dt):
     """Overflow in a hidden state; where it has, a comparison makes the statistic zero, as it would in a detector."""
     x.hidden[1] = (x.hidden[1] + u.y) * p.growth
     x.r = x.hidden[1] if x.hidden[1] - x.hidden[1] == 0.0 else 0.0
-    x.alarm, x.verdict, x.culprit, x.valid, x.why = 1.0, 2.0, 1.0, 1.0, 0.0
+    x.alarm, x.verdict, x.isolated_part, x.valid, x.why = 1.0, 2.0, 1.0, 1.0, 0.0
 
 
 rollout = entry(step, STATE, INPUTS, PARAMS)

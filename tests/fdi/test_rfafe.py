@@ -81,7 +81,7 @@ def test_block_estimates_and_alarms_on_the_right_side(published, side):
     late, names = t > 4.0, ("f_hat_left", "f_hat_right")
     assert amplitude(t[late], log[names[side]][late], 2 * math.pi) == pytest.approx(0.64 * RAD_PER_DEG, rel=0.05)
     assert amplitude(t[late], log[names[1 - side]][late], 2 * math.pi) < 0.02 * 0.64 * RAD_PER_DEG
-    assert rfafe.CULPRITS[int(log["culprit"][-1])] == ("elevator_left", "elevator_right")[side]
+    assert rfafe.ISOLABLE_PARTS[int(log["isolated_part"][-1])] == ("elevator_left", "elevator_right")[side]
     assert t[np.argmax(log["alarm"] > 0.5)] < 1.0 + 3.0  # settling, then three periods
 
 
@@ -89,7 +89,7 @@ def test_the_other_side_is_declared_with_the_suspect_from_the_threshold_on(publi
     one, other, healthy = (flight(published, 1.0, size, 2400, side) for size, side in ((1.2, 0), (0.6, 1), (0.0, 0)))
     one["surface"] += other["surface"] - healthy["surface"]
     p = params(published)
-    assert rfafe.CULPRITS[int(fly(p, one)["culprit"][-1])] == "elevator_left and elevator_right"
+    assert rfafe.ISOLABLE_PARTS[int(fly(p, one)["isolated_part"][-1])] == "elevator_left and elevator_right"
     p["bank_threshold"] = np.radians(0.9)  # between the two
     log = fly(p, one)
     assert log["alarm_elevator_left"].any() and not log["alarm_elevator_right"].any()
@@ -105,7 +105,7 @@ def test_class_of_an_oscillation_needs_a_command_that_moves(published, kind):
     log = fly(params(published), held_inputs(published, u, s - u * (t >= 4.0) if kind == "ofc_solid" else s))
     assert log["alarm"][t < 4.0].max() == 0.0
     assert verdict.class_name(log["verdict"][-1]) == kind
-    assert rfafe.CULPRITS[int(log["culprit"][-1])] == "elevator_left"
+    assert rfafe.ISOLABLE_PARTS[int(log["isolated_part"][-1])] == "elevator_left"
 
 
 def test_healthy_flight_is_quiet_a_dropout_leaves_no_trace_and_the_airframe_is_not_needed(published):
@@ -140,14 +140,14 @@ def test_an_alarm_without_an_estimate_is_withdrawn_after_five_seconds(published)
     log = fly(params(published), u)
     assert log["alarm"][1499] == 1.0 and log["valid"][1501] == 0.0
     assert log["alarm"][1500 + 999] == 1.0 and log["alarm"][1500 + 1001] == 0.0
-    assert log["verdict"][-1] == verdict.NONE and log["culprit"][-1] == 0.0
+    assert log["verdict"][-1] == verdict.NONE and log["isolated_part"][-1] == 0.0
 
 
 @pytest.mark.parametrize("side", [0, 1])
 def test_a_slow_oscillation_is_not_the_other_sides_while_it_passes_zero(published, side):
     log = fly(params(published), flight(published, 0.2, 2.0, 6000, side))
     on = log["alarm"] > 0.5
-    assert on.any() and set(log["culprit"][on]) == {1.0 + side}
+    assert on.any() and set(log["isolated_part"][on]) == {1.0 + side}
 
 
 def test_r_counts_what_has_the_shape_of_an_oscillation(published):

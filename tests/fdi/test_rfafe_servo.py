@@ -83,7 +83,7 @@ def test_the_segment_that_alone_does_not_follow_is_named(who, kind):
     assert set(late["segment"]) == {1.0 + who[0] if len(who) == 1 else 0.0}
     assert not log["segment"][log["alarm"] < 0.5].any()
     if len(who) == 1:
-        assert segments.NAMES[1 + who[0]].startswith(rfafe.CULPRITS[int(late["culprit"][-1])])
+        assert segments.NAMES[1 + who[0]].startswith(rfafe.ISOLABLE_PARTS[int(late["isolated_part"][-1])])
 
 
 @pytest.mark.parametrize("hz", [1.0, 3.0, 8.0])

@@ -17,7 +17,7 @@ def flights():
 
 
 def blame(log):
-    return [rtsekf_flight.CULPRITS[int(c)] for c in log["culprit"][:, -1]]
+    return [rtsekf_flight.ISOLABLE_PARTS[int(c)] for c in log["isolated_part"][:, -1]]
 
 
 def test_in_flight_it_does_not_grow_in_ten_minutes():

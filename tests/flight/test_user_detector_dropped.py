@@ -84,7 +84,7 @@ def rollout(x, u, p, dt, log=None):
 """
 ODD = """
     x.verdict = 42.0 if x.valid > 0.5 else math.nan
-    x.culprit = -7.0
+    x.isolated_part = -7.0
     x.alarm = 1.0
 
 
@@ -121,7 +121,10 @@ def test_a_compiled_block_that_answers_nonsense_ends_no_flight(tmp_path):
         ("raise SystemExit(3)", "does not run: SystemExit: 3 (own.py:1)"),
         ("import nothing_of_the_kind", "does not run: ModuleNotFoundError: No module named 'nothing_of_the_kind' (own"),
         ("x = 1", "holds no detector; allowed: one class"),
-        (BLOCK.read_text().replace("x.culprit = x.alarm", "x.nowhere = x.alarm"), "does not compile: KeyError: 'nowh"),
+        (
+            BLOCK.read_text().replace("x.isolated_part = x.alarm", "x.nowhere = x.alarm"),
+            "does not compile: KeyError: 'nowh",
+        ),
     ],
 )
 def test_a_file_that_gives_no_detector_is_refused(text, told, tmp_path):

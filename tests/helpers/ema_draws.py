@@ -7,7 +7,7 @@ import numpy as np
 from ema_bench import DT, NO_LOAD, SIGMA, Flight, fly_bench, script, three_two_one_one
 
 from fdi.common import verdict
-from fdi.ema.ema_kalman_flight import CULPRITS
+from fdi.ema.ema_kalman_flight import ISOLABLE_PARTS
 
 SECONDS, START, END = 16.0, 5.0, 10.0
 T = np.arange(round(SECONDS / DT)) * DT
@@ -37,6 +37,6 @@ def drawn(seed: int, *, command: Any = None, noise: float = 1.0, heals: bool = T
 
 def said(log: np.ndarray) -> list[str]:
     """Return the names from START to END, without repetitions."""
-    told = zip(log["verdict"][ON].astype(int), log["culprit"][ON].astype(int))
-    names = [verdict.NAMES[c] + (f" {CULPRITS[w]}" if w else "") for c, w in told]
+    told = zip(log["verdict"][ON].astype(int), log["isolated_part"][ON].astype(int))
+    names = [verdict.NAMES[c] + (f" {ISOLABLE_PARTS[w]}" if w else "") for c, w in told]
     return [b for a, b in zip([None, *names], names) if a != b and b != "none"]

@@ -55,7 +55,7 @@ def judged(path):
         at = (*fault["target"].split("."), "")[1]
         if level == "local" and at not in (lane, lane.split("_")[0], "all"):
             continue
-        f = log.frame(topic, fields=["alarm", "verdict", "culprit"])
+        f = log.frame(topic, fields=["alarm", "verdict", "isolated_part"])
         t, up = f.index.to_numpy(), f["alarm"].to_numpy() > 0.5
         rises = t[up & ~(f["alarm"].shift(fill_value=0.0).to_numpy() > 0.5)]
         rises = rises[(rises >= start - 1e-6) & (rises < end + 2.0)]
@@ -64,9 +64,9 @@ def judged(path):
             one["delay"] = rises[0] - start
             named = f[up & (t >= rises[0] - 1e-6) & (t < end - 1e-6) & (f["verdict"].to_numpy() > 0.5)]
             tail = named[named.index > named.index[-1] - 1.0] if len(named) else named
-            most = tail.groupby(["verdict", "culprit"]).size()
+            most = tail.groupby(["verdict", "isolated_part"]).size()
             if len(tail) and 2 * most.max() >= len(tail):
-                verdict, culprit = most.idxmax()
-                part = registry.module(detector).CULPRITS[int(culprit)]
+                verdict, isolated_part = most.idxmax()
+                part = registry.module(detector).ISOLABLE_PARTS[int(isolated_part)]
                 one["word"] = word(fault, level, lane, NAMES[int(verdict)], part)
     return out

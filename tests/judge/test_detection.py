@@ -17,7 +17,7 @@ from fdi.common import verdict as v
 from fdi.common import why
 
 DT = 0.1
-FIELDS = ("alarm", "verdict", "culprit", "r", "valid", "why")
+FIELDS = ("alarm", "verdict", "isolated_part", "r", "valid", "why")
 OFC = {"fault": 0, "case": "hydraulic.ofc_liquid", "kind": "ofc_liquid", "targets": ("elevator.left_inner",),
        "start_s": 2.0, "end_s": math.inf, "period_s": 0.5}  # fmt: skip
 JAM = OFC | {"fault": 1, "case": "hydraulic.jam_solid", "kind": "jam_solid", "start_s": 5.0}

@@ -83,7 +83,7 @@ def test_excursions_of_the_aircraft_count_from_the_onset_on():
 def test_a_lane_that_met_two_faults_has_two_rows_and_counts_its_false_alarms_once():
     two = ["faults.1.target=elevator.left_inner.rod", "faults.1.kind=bias", "faults.1.start_s=20",
            "faults.1.path=monitor", "faults.1.bias_mm=2"]  # fmt: skip
-    at = {n: i for i, n in enumerate(("alarm", "verdict", "culprit", "r", "valid"))}
+    at = {n: i for i, n in enumerate(("alarm", "verdict", "isolated_part", "r", "valid"))}
     history = np.zeros((300, 5))
     history[:, 4] = 1.0
     for span, said in ((slice(50, 55), (1, 1, 0)), (slice(125, 180), (1, 1, 0)), (slice(205, 300), (1, 6, 1))):
@@ -102,7 +102,7 @@ def test_error_of_an_estimate_counts_settled_ticks_only_after_the_ramp_and_three
     history[:, 0], history[30:, 1] = 1.5, 1.0
     estimate = Estimate(0, (1,), lambda v, dt, kept: v[0], "m", start=2.0, end=4.0)
     assert np.concatenate([*estimate.error(history, 0.1)]).tolist() == [1.5] * 10 + [0.5] * 10
-    at = dict.fromkeys(("alarm", "verdict", "culprit"), 1)
+    at = dict.fromkeys(("alarm", "verdict", "isolated_part"), 1)
     entry = judge(JudgedLane("x", "local", "aircraft", ("",), at, estimate), history, 0.1, [])
     told = [entry[f"estimate_{n}"] for n in ("rmse", "bias", "max", "unit")]
     assert told == [pytest.approx(math.sqrt(1.25)), 1.0, 1.5, "m"]

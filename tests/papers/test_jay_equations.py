@@ -52,7 +52,7 @@ def test_means_residuals_and_blame_of_figures_6_to_11_are_those_of_5_to_9_and_of
     )
     velocity, position, current = (np.abs(out[n]) >= x for n, x in zip(("eta_bar", "R1", "R2"), (3.0, 5e-4, 0.5)))
     blamed = np.where(velocity, 1, np.where(position, 2, np.where(current, 3, 0)))
-    assert blamed.any() and np.array_equal(blamed, out["culprit"])
+    assert blamed.any() and np.array_equal(blamed, out["isolated_part"])
 
 
 def _same(ours, theirs):
@@ -85,8 +85,8 @@ def test_blame_and_reconfiguration_follow_sections_3_3_and_4_5_about_the_thresho
         x["eta_bar"], x["R1"], x["R2"] = over * (3.0, 5e-4, 0.5)
         ema_kalman._decide(x[0], p)
         beyond = np.abs(over) >= 1.0
-        culprit = 0 if not beyond.any() else 1 + int(np.argmax(beyond))
-        assert (x["culprit"][0], x["alarm"][0], x["reconf"][0]) == (culprit, culprit > 0, culprit == 2)
+        part = 0 if not beyond.any() else 1 + int(np.argmax(beyond))
+        assert (x["isolated_part"][0], x["alarm"][0], x["reconf"][0]) == (part, part > 0, part == 2)
 
 
 def test_the_form_that_flies_is_1_and_5_with_a_load_and_noise_at_rest():

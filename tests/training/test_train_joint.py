@@ -38,7 +38,7 @@ def test_a_flight_counts_once_for_each_lane_that_its_fault_concerns():
     flown["iotsekf", "right_outer", "verdict"][8:16] = int(verdict.AMBIGUOUS)
     flown["iotsekf", "right_outer", "verdict"][16:] = int(verdict.OFC_LIQUID)
     flown["rfafe", "aircraft", "alarm"][24:], flown["rfafe", "aircraft", "verdict"][24:] = 1, int(verdict.OFC_LIQUID)
-    flown["rfafe", "aircraft", "culprit"][24:] = registry.module("rfafe").CULPRITS.index("elevator_right")
+    flown["rfafe", "aircraft", "isolated_part"][24:] = registry.module("rfafe").ISOLABLE_PARTS.index("elevator_right")
     found = train_joint.said(scenario, flown, dt)
     early = sum(age < 2.0 for age in train_joint.AGES_S) / len(train_joint.AGES_S)
     assert found == [

@@ -64,7 +64,7 @@ def wrong_parameter(record: Any, module: Any, p: np.ndarray, dt: float) -> tuple
 
 def wrong_state(record: Any, module: Any, x: np.ndarray) -> tuple[str, float, float, float] | None:
     """Return (name, value, lowest, highest) of the first index in STATE `x` that does not fit; None when all do."""
-    spans = {"culprit": len(module.CULPRITS) - 1.0}
+    spans = {"isolated_part": len(module.ISOLABLE_PARTS) - 1.0}
     spans |= {name: module.STATE[array].shape[axis] - 1.0 for name, (array, axis) in record.places.items()}
     for name, high in spans.items():
         if not _whole(x[name], 0.0, high):

@@ -53,7 +53,7 @@ class Trace:
         columns, technology = Columns(bus), scenario.elevator.technology
         self._lanes = []
         for d, lane in ((each, lane) for each in detectors for lane in each.lanes):
-            parts, outputs = d.module.CULPRITS, bus.kinds[d.id].names or ()
+            parts, outputs = d.module.ISOLABLE_PARTS, bus.kinds[d.id].names or ()
             at = {f: columns(f"{d.id}.{lane}.{f}") for f in outputs_read(parts, outputs)}
             estimate = plan(scenario, d.id, lane, columns)
             self._lanes.append(JudgedLane(d.id, d.level, d.target(lane), parts, at, estimate))

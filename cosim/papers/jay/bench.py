@@ -59,7 +59,7 @@ OUT = dtype(
         ("eta_bar", "f8"),
         ("R1", "f8"),  # [m]
         ("R2", "f8"),  # [A]
-        ("culprit", "f8"),
+        ("isolated_part", "f8"),
         ("u", "f8"),  # demand over the tick that ends here
         ("y_position", "f8"),  # read by the filter, [m], [rad/s], [A]
         ("y_velocity", "f8"),
@@ -110,7 +110,7 @@ def _fly(tick, Phi, G, Gamma, lead, pf, x, f, uf, reconfigure, out):
         out[k].u, out[k].y_position = u, position
         out[k].y_velocity, out[k].y_current = uf.y_velocity, uf.y_current
         out[k].position_hat, out[k].current_hat = f.pos_hat, f.x_hat[4]
-        out[k].eta_bar, out[k].R1, out[k].R2, out[k].culprit = f.eta_bar, f.R1, f.R2, f.culprit
+        out[k].eta_bar, out[k].R1, out[k].R2, out[k].isolated_part = f.eta_bar, f.R1, f.R2, f.isolated_part
         u = jay.K_P * (t.command - (f.pos_hat if reconfigure and f.reconf > 0.5 else position))
         for i in range(6):
             ahead[i] = G[i] * u + Gamma[i] * t.f_i

@@ -26,13 +26,13 @@ def _seeds(**how):
 
 def _first(out):
     """Return the sensor that is named first from the fault on, 0 for none."""
-    named = out["culprit"][round(FAULT / DT) :]
+    named = out["isolated_part"][round(FAULT / DT) :]
     return int(named[named > 0][0]) if named.any() else 0
 
 
 def right() -> tuple[float, str]:
     """Return (runs in which the faulty sensor is named first, of how many)."""
-    found = [_first(r) == ema_kalman.CULPRITS.index(FIGURES[f][0]) for f in FIGURES for r in _seeds(figure=f)]
+    found = [_first(r) == ema_kalman.ISOLABLE_PARTS.index(FIGURES[f][0]) for f in FIGURES for r in _seeds(figure=f)]
     return sum(found), f"of {len(found)}"
 
 

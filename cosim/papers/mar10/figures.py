@@ -66,7 +66,7 @@ def _scenario(number):
     ]
     declared = tuple(
         Curve(name, log["declared"][::4, h] * (h + 1.0), *ROLES[h], dt=dt)
-        for h, name in enumerate(control_redundancy.CULPRITS[1:5])
+        for h, name in enumerate(control_redundancy.ISOLABLE_PARTS[1:5])
         if log["declared"][:, h].any()
     )
     panels.append(Panel("declared", "", declared, limits=(-0.3, 4.5)))

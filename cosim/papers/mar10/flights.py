@@ -128,7 +128,7 @@ def raw(number: int, draw: int) -> Outcome:
     """Fly a draw of a scenario and judge it by raw samples: no mean, no learned offset."""
     flown = fly(number, draw)
     log = detector_log(flown, detector(t_mean=0.0, t_learn=0.0))
-    start, engine = dict(TRUTH[number])["engine"], control_redundancy.CULPRITS.index("engine")
+    start, engine = dict(TRUTH[number])["engine"], control_redundancy.ISOLABLE_PARTS.index("engine")
     onset = round(start / flown.attrs["dt"])
     first = np.flatnonzero(log["used"].max(axis=1) > 0.5)[0]  # the loss of scenario 3 comes while averages fill
     lost = LOSS[number] * abs(log["S"][max(onset - 1, int(first)), 0, engine - 1])
