@@ -21,7 +21,7 @@ from cosim.judge.detection import JudgedLane, Said
 from cosim.judge.result import Errors, entry_of, judged
 from cosim.log import open_log
 from cosim.replay import log_schema
-from cosim.replay.detector_replay import isolable_parts_of, elements, outputs_of_user, target_of, tell, values
+from cosim.replay.detector_replay import elements, isolable_parts_of, outputs_of_user, target_of, tell, values
 from cosim.replay.thinned import envelope, peaks
 from cosim.scenario.catalog import ACTUATOR_SENSORS, SENSORS
 from cosim.scenario.vocabulary import place

@@ -1,9 +1,10 @@
 """Class codes of a verdict: what a detector says is wrong. They are floats because a tick is one float64 vector.
 
 A detector that can hold several faults at once has, beside the summary `alarm`, `verdict` and `isolated_part`, one
-output `alarm_<part>` for each of its ISOLABLE_PARTS (`alarm_elevator`, `alarm_n_z`, ...): 1 while that part is declared,
-whatever else is. The summary is then: `alarm` is 1 while any of them is; `isolated_part` is the one declared first of those that
-still stand, and `verdict` is its class. Names of a detector without such outputs come from `isolated_part` alone.
+output `alarm_<part>` for each of its ISOLABLE_PARTS (`alarm_elevator`, `alarm_n_z`, ...): 1 while that part is
+declared, whatever else is. The summary is then: `alarm` is 1 while any of them is; `isolated_part` is the one declared
+first of those that still stand, and `verdict` is its class. Names of a detector without such outputs come from
+`isolated_part` alone.
 """
 
 NONE = 0.0

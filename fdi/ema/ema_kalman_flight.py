@@ -50,7 +50,7 @@ from fdi.ema.model import designed
 from fdi.ema.velocity import correct, predict
 from fdi.ema.vote import ISOLABLE_PARTS, decide, size
 
-__all__ = ["ISOLABLE_PARTS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "init", "params", "rollout", "step"]
+__all__ = ["INPUTS", "ISOLABLE_PARTS", "OUTPUTS", "PARAMS", "STATE", "init", "params", "rollout", "step"]
 
 HISTORY = 10  # ticks of demand kept for the delay: 5 ms at 2 kHz
 

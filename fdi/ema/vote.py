@@ -10,8 +10,8 @@ from actuators.block import kernel
 from fdi.common.decision import confirm
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, SENSOR
 from fdi.ema import sensor_noise, torque
-from fdi.ema.ema_kalman import ISOLABLE_PARTS as PUBLISHED
 from fdi.ema.ema_kalman import CURRENT, POSITION, VELOCITY
+from fdi.ema.ema_kalman import ISOLABLE_PARTS as PUBLISHED
 from fdi.ema.position_consistency import WASH_FAULT
 from fdi.ema.sensor_noise import SURFACE
 
