@@ -13,6 +13,7 @@ from fdi.lpv_smo.kernels import affine, affine_scalar, held_first_order, trim_ma
 
 N, P, M, R, T = 7, 6, 2, 4, 35  # states, outputs, inputs, scheduling parameters, terms of a cubic trim map
 NB = 32  # most boxes
+NOT_TAKEN_OUT = 2.0  # limits grow with what is left of a gust that is taken out; an unknown wind stays in
 MARGIN = 1.4  # of half a box from its middle: beyond a fifth of its width the affine model is no longer believed
 STAY = 1.25  # so far a box is kept though another one fits better
 BLOWN_S = 4.0  # for which a change of the wind across that only the vane tells is remembered [s]
@@ -176,7 +177,8 @@ def drift(x, u, p, dt):
     x.blown, x.lateral, x.vane = blown, lateral, 1.0 if vane else 0.0
     x.side = math.atan((lateral + cp * x.across) / speed)
     x.spin += c * (roll * math.cos(x.over) + yaw * math.sin(x.over) - x.spin)
-    x.doubt = DEVIATIONS * math.sqrt(x.across_var) * cp / speed * math.fabs(x.spin) / max(-x.A[0, 0], 0.1)
+    angle = DEVIATIONS * math.sqrt(x.across_var) * cp / speed * math.fabs(x.spin) / max(-x.A[0, 0], 0.1)
+    x.doubt = NOT_TAKEN_OUT * angle
 
 
 @kernel
