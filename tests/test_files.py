@@ -2,9 +2,7 @@
 
 import json
 import os
-import resource
 import shutil
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -82,22 +80,6 @@ def test_a_cache_that_others_can_write_to_is_not_used(tmp_path, monkeypatch):
         kernels.cache.cache_clear()
         assert kernels.cache() is None
     kernels.cache.cache_clear()
-
-
-def test_a_file_that_cannot_be_written_whole_stays_as_it_was(tmp_path):
-    path = tmp_path / "README.md"
-    path.write_text("mine\n" * 10_000)
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1024, before[1]))
-    try:
-        with pytest.raises(OutputError, match=r"README\.md: cannot be written"):
-            replace_text(path, "theirs\n" * 10_000)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-        signal.signal(signal.SIGXFSZ, ignored)
-    assert path.read_text() == "mine\n" * 10_000
-    assert [p.name for p in tmp_path.iterdir()] == ["README.md"]
 
 
 def test_a_replaced_file_keeps_its_mode_and_a_link_its_target(tmp_path):

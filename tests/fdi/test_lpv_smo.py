@@ -12,7 +12,6 @@ from cosim.papers.alwi14.flights import POINTS
 from cosim.training import designs
 from cosim.training import lpv as training
 from fdi.common.verdict import AMBIGUOUS, SENSOR
-from fdi.lpv_smo import kernels as lpv_kernels
 from fdi.lpv_smo import lpv_smo, synthesis
 from fdi.lpv_smo import model as lpv_model
 
@@ -50,17 +49,6 @@ def test_the_stored_design_verifies_and_a_spoilt_one_does_not():
     assert synthesis.verify(STORED)["ok"]
     assert not synthesis.verify(dataclasses.replace(STORED, gamma=0.5 * STORED.gamma))["ok"]
     assert not synthesis.verify(dataclasses.replace(STORED, L=-STORED.L))["ok"]
-
-
-def test_the_implicit_step_solves_its_own_equation():
-    rng = np.random.default_rng(3)
-    a22 = -(10 + 0.1 * np.arange(1, 7))
-    for scale in (1e-8, 1e-4, 1.0, 1e3):
-        b, e = scale * rng.normal(size=6), np.zeros(6)
-        lpv_kernels.unit_vector_step(e, b, a22, 30.0, 1e-4, 0.005)
-        p = -0.5 / a22
-        nu = -30.0 * p * e / (np.linalg.norm(p * e) + 1e-4)
-        np.testing.assert_allclose(e, b + 0.005 * (a22 * e + nu), rtol=1e-9, atol=1e-12 * scale)
 
 
 @pytest.mark.parametrize(

@@ -1,18 +1,8 @@
-"""The project's judge against a second one (tests/helpers/second_judge.py) that reads nothing but a log's frames.
+"""The project's judge against a second one (tests/helpers/second_judge.py) that reads nothing but a log's frames."""
 
-A whole campaign, each flight with a log of its own: COSIM_CAMPAIGN=ema-faults COSIM_FLIGHTS=300 pytest -n 0 -s -m slow
-tests/judge/test_second_judge.py (2 s of processor a flight). Flights with one fault are compared; COSIM_DETECTORS, with
-commas, fly instead of the campaign's, COSIM_SEED draws other flights.
-"""
-
-import dataclasses
-import os
-
-import numpy as np
 import pytest
 from second_judge import judged
 
-from cosim.campaign.spec import load_campaign
 from cosim.flight.simulate import simulate
 from cosim.scenario import load_scenario
 
@@ -62,24 +52,3 @@ def test_both_judges_say_the_same_of_a_flight(name, tmp_path):
     texts = [f"{k}={v}" for k, v in values.items()] + [f"detectors.enabled={list(own['detectors'])}"]
     differ, same = disagreements(load_scenario("cruise", texts), tmp_path / "flight.mcap")
     assert not differ and same >= 3
-
-
-@pytest.mark.slow
-def test_both_judges_say_the_same_of_a_campaign(tmp_path):
-    made = load_campaign(os.environ.get("COSIM_CAMPAIGN", "ema-faults"))
-    if seed := int(os.environ.get("COSIM_SEED", "0")):
-        made = dataclasses.replace(made, seed=seed, first_seed=1000 * seed)
-    scenarios = made.scenarios()[0]
-    if enabled := os.environ.get("COSIM_DETECTORS"):
-        own = {"enabled": tuple(enabled.split(","))}
-        scenarios = [s.model_copy(update={"detectors": s.detectors.model_copy(update=own)}) for s in scenarios]
-    one = [s for s in scenarios if len(s.faults) == 1 and s.rate_hz <= 200]
-    number = min(int(os.environ.get("COSIM_FLIGHTS", "300")), len(one))
-    differ, same = [], 0
-    for k in np.linspace(0, len(one) - 1, number).astype(int):
-        new, agree = disagreements(one[k], tmp_path / "flight.mcap")
-        (tmp_path / "flight.mcap").unlink()
-        differ += [(int(k), *row) for row in new]
-        same += agree
-    print(f"{number} flights: {same} entries agree, {len(differ)} differ", *differ[:40], sep="\n")
-    assert len(differ) <= 0.01 * same

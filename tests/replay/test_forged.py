@@ -1,15 +1,12 @@
 """What our log format holds without our texts is an error of one line, and a log never has code run."""
 
-import resource
-import signal
-
 import pytest
 from forged import forge
 
 import cosim
 from cosim.compare import compare
 from cosim.errors import CosimError
-from cosim.log import open_log, recover
+from cosim.log import open_log
 from cosim.log.overview import log_info
 from cosim.replay import replay
 from cosim.report import flight_report
@@ -52,20 +49,3 @@ def test_no_code_that_a_log_names_is_run(table, log, tmp_path):
     for door in (log_info, replay, lambda p: flight_report(p, tmp_path / "page.html"), lambda p: compare([p])):
         door(path)
     assert not (tmp_path / "ran").exists()
-
-
-def test_a_result_that_cannot_be_written_leaves_what_was_there(log, tmp_path):
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    out = tmp_path / "mine.mcap"
-    out.write_bytes(mine := open(log.path, "rb").read(500))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
-    try:
-        for work in (lambda: replay(log.path, output=out), lambda: recover(log.path, out)):
-            with pytest.raises(CosimError, match=r"mine\.mcap.*cannot write the log") as told:
-                work()
-            assert "recover" not in str(told.value)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-        signal.signal(signal.SIGXFSZ, ignored)
-    assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("mine.mcap", mine)]
