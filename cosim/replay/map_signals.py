@@ -83,8 +83,11 @@ def _shares(scenario: Scenario, name: str, signal: Signal) -> dict[str, float]:
 
 
 def readable(aircraft: Aircraft) -> dict[str, Signal]:
-    """Return {name in a map: Signal} of what some detector reads on an aircraft, in segments of the aircraft's own."""
-    out: dict[str, Signal] = {}
+    """Return {name in a map: Signal} of what detectors read on an aircraft, in segments of the aircraft's own.
+
+    A signal of the aircraft that none reads today may stand in a map, too: a map serves other detectors and versions.
+    """
+    out = {name: s for name, s in words().items() if s.kind in ("sensor", "command") and not s.technologies}
     for record in registry.records().values():
         for lane in aircraft.segments if record.level == "local" else ("",):
             out |= {w.signal.word: w.signal for w in wires(record, lane, aircraft=aircraft)}
