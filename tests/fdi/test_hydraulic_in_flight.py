@@ -101,20 +101,6 @@ def test_every_hypothesis_has_its_share_of_the_probability():
     assert out["run_threshold"] == train_hydraulic.PEAK
 
 
-@pytest.mark.parametrize(("feedback", "late"), [("measured", 0.73), ("rtsekf_flight", 0.0)])
-def test_a_loop_that_believes_a_wrong_rod_sensor_stands_off_by_its_bias(feedback, late):
-    """5 mm are 0.95 deg, of which the law takes back a quarter with all segments."""
-    elevator = {**dict.fromkeys(SEGMENTS, "hydraulic"), "feedback": feedback}
-    bias = {"target": "elevator.left_inner", "kind": "jam_liquid", "start_s": 8.0, "bias_mm": 5.0}
-
-    def flown(faults):
-        made = scenario(duration=14.0, seed=3, faults=faults, elevator=elevator,
-                        detectors={"enabled": ["rtsekf_flight"]})  # fmt: skip
-        return fly(made, ["hydraulic.left_inner.delta"]).to_numpy()[round(10.0 / DT) :]
-
-    assert np.degrees(np.abs(flown([bias]) - flown([])).max()) == pytest.approx(late, abs=0.15)
-
-
 @pytest.mark.parametrize("seed", [1, 2])
 def test_alarms_of_healed_runaways_end_with_the_servo_on_the_estimate(seed):
     """They end on a stop: the rod is driven off it by the whole supply, which is no jump of the pressure sensor."""

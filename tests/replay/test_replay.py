@@ -5,8 +5,7 @@ import pytest
 
 import cosim
 from cosim.log import open_log
-from cosim.replay import ReplayError, replay, replay_lane
-from cosim.replay.detector_replay import describe, fill
+from cosim.replay import ReplayError, replay
 from cosim.replay.write import Overlay
 
 
@@ -33,25 +32,6 @@ def test_restart_from_the_middle_is_exact(flight, whole, start):
     r = replay(flight, start_s=start)
     assert r.exact, r.differences
     assert 0 < r.rows < whole.rows or start < 1.0
-
-
-def test_batch_of_all_lanes_equals_live(flight):
-    log = open_log(flight)
-    by_id = {}
-    for lane in fill(log, describe(log)):
-        by_id.setdefault(lane.id, []).append(lane)
-    for members in by_id.values():
-        module, n = members[0].module, len(members)
-        x, p = np.concatenate([m.x for m in members]), np.concatenate([m.p for m in members])
-        u = np.concatenate([m.u for m in members])
-        states = np.zeros((n, u.shape[1]), module.STATE)
-        module.rollout(x, u, p, 0.005 * members[0].every, states)
-        for i, m in enumerate(members):
-            alone, _, _ = replay_lane(m, 0.005)
-            names = [name for name in module.STATE.names if name in module.OUTPUTS]
-            flat = np.concatenate([states[name][i].reshape(u.shape[1], -1) for name in names], axis=1)
-            assert (flat.view(np.int64) == alone.view(np.int64)).all()
-            assert (alone.view(np.int64) == m.logged.view(np.int64)).all()
 
 
 def test_one_ulp_in_one_logged_input_is_found_and_located(flight, tmp_path):
