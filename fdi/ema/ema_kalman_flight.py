@@ -82,7 +82,7 @@ PARAMS = dtype([
     ("sigma_tie", "f8", "m"),  # position noise that the anchor assumes: large, so that it ties slowly
     ("th_R1", "f8", "m"),     # ramp of R1
     # load that no hinge explains, as large as a fault is to be: 0.4 of the stall moment, which jams and stops pass. A
-    # false alarm is far below: training `ema` asks for 0.18 of that moment (fdi/thresholds: found, load)
+    # false alarm is far below: training `ema` asks for 0.16 of that moment (fdi/thresholds: found, load)
     ("th_load", "f8", "N m"),
     ("stop_low", "f8", "m"),  # rod at the stops, less a margin: a drive that presses there is not jammed
     ("stop_high", "f8", "m"),
@@ -94,7 +94,7 @@ PARAMS = dtype([
     ("t_bad", "f8", "s"),     # velocity samples missing or rejected for longer: start again, or a fault
     ("t_start", "f8", "s"),   # after engage: the load estimate settles, no test counts
     ("t_doubt", "f8", "s"),   # a velocity sensor that was wrong tells nothing of the magnets for so long
-    ("t_name", "f8", "s"),    # an alarm is AMBIGUOUS for so long at least, but for what is sure at once
+    ("t_name", "f8", "s"),    # a name of the drive follows the alarm after so long at least
     ("phi_load", "f8", "rad/s/N m"),  # rate from the load state over a tick
     ("leak", "f8", "-"),  # of the load state over a tick
     ("felt_least", "f8", "-"),  # share of a gain that is off that the motor must have felt
@@ -120,7 +120,7 @@ INPUTS = dtype([
 STATE = dtype([
     ("r", "f8", "-"),         # largest test over its threshold
     ("alarm", "f8", "-"),     # 1 while a fault is declared
-    ("verdict", "f8", "-"),   # NONE, SENSOR or AMBIGUOUS
+    ("verdict", "f8", "-"),   # NONE, SENSOR, JAM_SOLID, EFFECTIVENESS, AMBIGUOUS or of the drive
     ("isolated_part", "f8", "-"),   # index into ISOLABLE_PARTS
     ("valid", "f8", "-"),     # 1 while pos_hat can be trusted
     ("reconf", "f8", "-"),         # 1: close the loop on pos_hat

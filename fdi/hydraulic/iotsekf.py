@@ -92,7 +92,7 @@ DETECTOR = Detector(
         "hmd_model": "hmd",
     },
     group="actuator filters",
-    designed_for={  # [Lu17]; five tests, fdi/hydraulic/iotsekf.py
+    designed_for={  # [Lu17]; four plain tests and evidence
         "hydraulic.ofc_liquid": ("ofc_liquid",),
         "hydraulic.ofc_solid": ("ofc_solid",),
         "hydraulic.jam_solid": ("jam_solid",),

@@ -1,4 +1,4 @@
-"""Gains of the control law (cosim/law) from the linear model of the flight point, and its angle-of-attack limit."""
+"""Gains of the control law from the linear model of the flight point, and its angle-of-attack limit."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""Roll and yaw axes of the control law: bank or heading in, ailerons and rudder out (cosim/law)."""
+"""Roll and yaw axes of the control law: bank or heading in, ailerons and rudder out."""
 
 import math
 

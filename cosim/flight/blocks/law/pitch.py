@@ -1,4 +1,4 @@
-"""Pitch axis of the control law (cosim/law): who asks for load factor, within which limits, by which elevator."""
+"""Pitch axis of the control law: who asks for load factor, within which limits, by which elevator."""
 
 import math
 
