@@ -163,7 +163,8 @@ def _thresholds(own, values, answers, flights, first_seed):
         if "alpha_max" in registry.module(t.detector).PARAMS.names:
             fields["alpha_max"] = math.radians(reach(own)[0])
         if t.detector == "control_redundancy":
-            fields |= {f"t_{axis}": max(fields[f"t_{axis}"], FLOOR * TRANSPORT[f"n_{axis}"][1]) for axis in "xyz"}
+            noise = [TRANSPORT[f"n_{axis}"][1] for axis in "xyz"]
+            fields["threshold"] = np.maximum(fields["threshold"], FLOOR * np.array(noise)).tolist()
         about = {**how, **{k: t.found[k] for k in ("probability_per_flight", "air")}}
         written.append(_write(own, "thresholds", t.detector, {"flight": fields, "training": about}))
     about = {**how, "margin": train_rfafe.MARGIN, "air": list(TURBULENCE)}
