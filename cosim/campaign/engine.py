@@ -26,6 +26,7 @@ from pathlib import Path
 import pandas as pd
 import pyarrow as pa
 
+from cosim import parts
 from cosim.campaign import store
 from cosim.campaign.pool import finished
 from cosim.campaign.spec import load_campaign
@@ -33,7 +34,6 @@ from cosim.campaign.store import CampaignResult, fingerprint, table
 from cosim.campaign.worker import Flown, Packed, Signals, failed, fly, fly_packed, run_id
 from cosim.errors import CampaignError, did_you_mean, told_at_call
 from cosim.files import beside, replace_text
-from cosim.parts import with_detectors
 from cosim.scenario import Scenario
 from cosim.scenario.user_parts import identified
 
@@ -103,6 +103,7 @@ def run_campaign(
     detectors (cosim/parts), which every worker finds under the same name. With `resume` it goes on in its folder. The
     rest as in `run_many`. Raises CampaignError, ScenarioError.
     """
+    parts.loaded(user_detectors)  # the campaign may set their parameters
     made = load_campaign(campaign)
     scenarios, labels = made.scenarios()
     with nullcontext((None, workers)) if scheduler is None else cluster(scheduler) as (executor, threads):
@@ -124,6 +125,7 @@ def rerun(
     """
     from cosim.flight.simulate import simulate
 
+    parts.loaded(user_detectors)
     runs = {run_id(s): s for s in _with(load_campaign(campaign).scenarios()[0], user_detectors)}
     if run not in runs:
         near = did_you_mean(run, runs)
@@ -168,7 +170,7 @@ def _runs(scenarios, labels):
 def _with(scenarios, user_detectors):
     """Return the scenarios with user detectors, by files that every process finds."""
     files = [Path(g).resolve() if os.path.isfile(g) else g for g in user_detectors]
-    return (identified(with_detectors(s, files)) for s in scenarios)
+    return (identified(parts.with_detectors(s, files)) for s in scenarios)
 
 
 def _told(scenarios):

@@ -98,11 +98,12 @@ def run(
 
 def loaded(scenario: str, overrides: Any, detectors: Any = ()) -> Any:
     """Return the Scenario of a command; of a campaign's file say which command flies it. Raises CosimError."""
-    from cosim.parts import with_detectors
+    from cosim import parts
     from cosim.scenario import load_scenario
     from cosim.scenario.user_parts import identified
     from cosim.texts import read, toml
 
+    parts.loaded(detectors)  # the scenario may set their parameters
     try:
         flown = load_scenario(scenario, overrides)
     except CosimError:
@@ -111,7 +112,7 @@ def loaded(scenario: str, overrides: Any, detectors: Any = ()) -> Any:
             raise CosimError("is the file of a campaign, no scenario", place=scenario, remedy=remedy) from None
         raise
     with named(scenario):
-        return identified(with_detectors(flown, detectors) if detectors else flown)
+        return identified(parts.with_detectors(flown, detectors) if detectors else flown)
 
 
 def _prepared(flown):

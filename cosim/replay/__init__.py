@@ -108,6 +108,8 @@ def replay(
     entries = lanes.manifest(log)
     flew = {d["id"] for d in entries}
     fresh = [g for g in given if g.DETECTOR.id not in flew]
+    if said := next((why for e in entries if e["id"] in (overrides or {}) and (why := lanes.missing(e))), ""):
+        raise ReplayError(said, place="--set")
     wired = lanes.describe(log, detectors, overrides) if flew or not fresh else []
     scenario = log_schema.scenario(log)
     faults = judged(scenario)

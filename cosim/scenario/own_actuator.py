@@ -44,6 +44,8 @@ class OwnActuator(Table):
         if (self.file is None) == (self.fmu is None):
             raise problem("needs one of file, fmu", key="file" if self.file else "fmu", allowed="one of the two")
         if self.file is not None:
+            if given := next((n for n in ("inputs", "outputs", "start", "parameters") if getattr(self, n)), None):
+                raise problem("is of an FMU", key=given, remedy="Those of a block stand in its file: params()")
             return self
         own, other = ("valve_command", "command") if self.servo else ("command", "valve_command")
         inputs = {word: si for word, si in INPUTS.items() if word != other}
