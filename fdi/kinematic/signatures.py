@@ -63,7 +63,7 @@ FADES = np.array(
 )
 INTEGRATES = np.array([float(row in ("phi", "theta", "psi", "turn", "speed", "height")) for row in ROWS])
 _RATES = [name.split(" or ")[0] for name in ISOLABLE_PARTS[1:]]  # a pair's rate
-# rows in which a constant error of a isolated_part stays: those that integrate nothing, and its rate's
+# rows in which a constant error of a part stays: those that integrate nothing, and its rate's
 _PLAIN = ("climb", "sound", "impact", "baro")
 CONSTANT_IN = np.array([
     [float(any(c[0] == name and row in (*c[1], *c[2]) and (row in _PLAIN or (c[3] is False and row == c[1][0]))
