@@ -30,7 +30,7 @@ def shown(found: dict[str, Any], scenario: "Scenario", details: bool = False) ->
     parts: list[Any] = [Text(text, style="bold") for text in narrator.sentences(found, scenario)]
     parts += [lanes.table(rows, of).upto(lanes.ALL if details else 0)] if rows else []
     beside = narrator.false(found) if told else ["no detector ran"]
-    dropped = sum(" is dropped on " in note for note in found["notes"])
+    dropped = sum(" is dropped on " in note for note in found.get("notes", ()))
     quiet = f"{len(told) - len(rows)} other lanes: no alarm{f', {dropped} dropped' if dropped else ''}; "
     beside[0] = quiet * (len(told) > len(rows)) + beside[0]
     beside += narrator.silent(found, scenario) if details else []
