@@ -186,9 +186,9 @@ def by_level(found: Sequence[dict]) -> Table:
     joint = (
         Column("joint", doc="the joint verdict alarmed"),
         Column("its place right", "right", doc="valve, command, surface or sensor of the segment, sensor, engine"),
+        Column("wrong", lambda d: Cell(d["wrong"], "bad" if d["wrong"] else "muted")),
         Column("coarser", "coarse", doc="right by segment, side or axis"),
         Column("not given", "open", doc="a set that holds it, or no place"),
-        Column("wrong", lambda d: Cell(d["wrong"], "bad" if d["wrong"] else "muted")),
     )
     return of((*columns, *joint) if any(d["joint"] for d in found) else columns, found)
 

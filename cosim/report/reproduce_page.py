@@ -16,7 +16,7 @@ TITLES = {
     "alwi14": "Alwi14: sliding-mode observer over the flight envelope",
 }
 ROLES = {"ours": "--blue", "true": "--ink", "quiet": "--muted", "second": "--orange", "third": "--green"}
-NARROW = {1: 320, 2: 560, 3: 780}  # least width of a figure [px] by its columns of panels
+NARROW = {1: 320, 2: 480, 3: 640}  # least width of a figure [px] by its columns of panels
 
 
 def reproduction_report(rows: list[PaperRow], drawings: list, output: str | Path) -> Path:
