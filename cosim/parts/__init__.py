@@ -148,7 +148,7 @@ def _made(part, source):
 def about(part: Any) -> dict:
     """Return what a log tells of a user's detector, so that it can be judged and shown without its code."""
     own = part.DETECTOR
-    keys = ("summary", "technologies", "inputs", "group", "designed_for", "may_see", "blind", "blind_to", "remark")
+    keys = ("summary", "technologies", "inputs", "group", "designed_for", "may_see", "blind", "blind_to")
     record = {k: getattr(own, k) for k in keys}
     record["estimates"] = [[e.of, e.output, e.unit] for e in own.estimates]
     form = "python" if isinstance(part, PlainDetector) else "block"

@@ -67,7 +67,6 @@ class Detector:
     may_see: Cases = field(default_factory=dict)  # they can move the statistic, depending on size and motion
     blind: str = ""  # why it is blind to the rest
     blind_to: tuple[str, ...] = ("*",)  # cases that it is blind to where it is neither; beyond them: not declared
-    remark: str = ""  # what has to be said whenever its results are shown
     estimates: tuple[Estimate, ...] = ()
     # parameters and states that compiled code uses as indices:
     looks_back: Mapping[str, str] = field(default_factory=dict)  # parameter: how far back -> array of STATE

@@ -211,7 +211,6 @@ DETECTOR = Detector(
         ), ("ambiguous",)),
     },
     blind="static force equations: faults inside an actuator move no force, and a transport's aileron shows in none",
-    remark="a sensor other than n_x, n_z, alpha, or a stabiliser, that acts like an effector is named as that effector",
     estimates=(Estimate("elevator", "f_hat_elevator", "rad"), Estimate("thrust", "f_hat_thrust", "fraction")),
     looks_back={"late": "line"},
     sizes={

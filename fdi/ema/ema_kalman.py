@@ -93,8 +93,6 @@ DETECTOR = Detector(
         ), ()),
     },
     blind="compares the sensors of one electromechanical drive with the model of its own demand",
-    remark="as published it knows no load: on an elevator in flight it alarms all the time, which is why "
-    "ema_kalman_flight exists",
     places={"head": ("window", 0)},
     fit=lambda site: params("elevator", dt=site.dt, **site.actuator),
 )

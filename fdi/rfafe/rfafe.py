@@ -84,8 +84,6 @@ DETECTOR = Detector(
         ), ("ambiguous",)),
     },
     blind="reads only the elevator positions (its whole gain stands there): no other effector and no aircraft sensor",
-    remark="as published its whole gain stands on the elevator position sensors: a position monitor with a model "
-    "of the actuator, at aircraft level by name",
     estimates=(Estimate("elevator.left", "f_hat_left", "rad"), Estimate("elevator.right", "f_hat_right", "rad")),
     finer={"segment": dict(enumerate(segments.NAMES))},
     looks_back={"u_delay": "line"},
