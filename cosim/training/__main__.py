@@ -2,14 +2,12 @@
 
 import argparse
 import sys
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
 from cosim.errors import CosimError, DesignError
 from cosim.progress import Progress
-from cosim.scenario.aircraft import load_aircraft
 from cosim.table import Row, Table
 from cosim.training import NAMES, load
 from cosim.training import designs as stored
@@ -58,7 +56,7 @@ def _thresholds(name: str) -> Any:
 
     def make(check: bool) -> int:
         with Progress(f"training {name}", "flights", waiting="preparing", console=err) as progress:
-            made = training.train(folder=Path("logs") / f"training-{name}", progress=progress)
+            made = training.train(progress=progress)
         changes = [(*where, f"{old:.9g}", f"{new:.9g}") for *where, old, new in training.changes(made) if old != new]
         if not check:
             training.store(made)
@@ -77,9 +75,8 @@ def _another(name: str, aircraft: str, check: bool) -> int:
     if name != ALL:
         raise DesignError(f"{name!r} with --aircraft", allowed=ALL, remedy="its parts are made together")
     if not check:
-        folder = Path("logs") / f"training-{load_aircraft(aircraft).name}"
         with Progress("training", "jobs", waiting="preparing", console=err) as progress:
-            aircraft_designs.make(aircraft, folder=folder, progress=progress, tell=_tell)
+            aircraft_designs.make(aircraft, progress=progress, tell=_tell)
     return _state(aircraft_designs.check(aircraft))
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from actuators.constants import M_PER_FT
-from cosim.campaign.jobs import work
+from cosim.campaign.pool import work
 from cosim.errors import DesignError
 from cosim.files import replace_text
 from cosim.flight.blocks.sensors import TRANSPORT
@@ -40,15 +40,14 @@ WIDEST = {"mass": 1.75, "cas": 1.35, "cg": 25.0}  # of a box: ratio, ratio, per 
 
 
 def make(
-    aircraft: str, *, flights: int = FLIGHTS, first_seed: int = FIRST_SEED, folder: str | Path | None = None,
-    workers: int | None = None, progress: Callable[[int, int], None] | None = None,
+    aircraft: str, *, flights: int = FLIGHTS, first_seed: int = FIRST_SEED, workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
     tell: Callable[[str], None] = lambda text: None,
 ) -> list[Path]:  # fmt: skip
     """Make and store designs and thresholds for `aircraft`, a name or a folder; return the files.
 
-    Takes 3 minutes of processor time at 128 `flights`. `folder` keeps what is done, so that a killed run goes on;
-    `tell` hears each stage, `progress(done, total)` its jobs. Raises DesignError for the default aircraft, and
-    where no flight point of the envelope has a steady flight.
+    Takes 3 minutes of processor time at 128 `flights`. `tell` hears each stage, `progress(done, total)` its jobs.
+    Raises DesignError for the default aircraft, and where no flight point of the envelope has a steady flight.
     """
     own = load_aircraft(aircraft)
     if own.own_designs is None:
@@ -63,7 +62,7 @@ def make(
         )
     name, digest = str(own.folder), stored_designs.digest(own)
     given = {"aircraft": name, "digest": digest}
-    run: Any = partial(work, folder=folder, workers=workers, progress=progress)
+    run: Any = partial(work, workers=workers, progress=progress)
     for detector in train_aircraft.DETECTORS:
         if why := unfit(registry.record(detector), own):
             tell(f"nothing for {detector}: {why}")

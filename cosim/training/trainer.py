@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import fdi
-from cosim.campaign.jobs import work
+from cosim.campaign.pool import work
 from cosim.files import replace_text
 from fdi.common import compact, tuning
 
@@ -64,7 +64,7 @@ class Training:
 
     def train(self, *, first_seed: int | None = None, number: int | None = None, **how: Any) -> list[Trained]:
         """Fly the training set and return its sets of thresholds, with their records; `how` as in
-        `cosim.campaign.jobs.work`."""
+        `cosim.campaign.pool.work`."""
         seed = self.first_seed if first_seed is None else first_seed
         flights = self.number if number is None else number
         made = self.limits(self.collect(seed, flights, partial(work, **how)))
