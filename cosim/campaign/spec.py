@@ -202,13 +202,13 @@ def load_campaign(name_or_path: str | Path) -> Campaign:
         if "part" in slips:
             wrong.check()
         file = _File.model_validate({key: value for key, value in table.items() if key not in slips})
+    slips_only = len(wrong)
     with wrong.caught():
-        base = _base(file.base, folder)
-        slipped = bool(wrong)
-        parts = [_part(file, i, *base, folder, origin, wrong) for i in range(len(file.part))]
+        base, written_at = _base(file.base, folder)
+        parts = [_part(file, i, base, written_at, folder, origin, wrong) for i in range(len(file.part))]
         about = file.model_dump(include={"title", "sampling", "seed", "first_seed", "paired"})
         made = Campaign(name, tuple(parts), **about)
-        if slipped and len(wrong) == 1:  # its runs can be checked all the same
+        if wrong and len(wrong) == slips_only:  # its runs can be checked all the same
             dataclasses.replace(made, sampling="random").scenarios()
     wrong.check()
     return made
