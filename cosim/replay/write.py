@@ -40,7 +40,8 @@ class Overlay:
             raise LogError("ticks are missing, and an overlay needs every one", place=str(log.path))
         self._log, self._names = log, [n for n in log.topics if not n.startswith("/replay/")]
         olds = [(n, log.topics[n], log.topics[n].group) for n in self._names]
-        news = [("/replay" + w.topic, log.topics[w.topic], "replay") for w in wired]
+        self._new = [w.topic for w in wired]
+        news = [("/replay" + topic, log.topics[topic], "replay") for topic in self._new]
         self._topics, self._n = stacked([*olds, *news])
         how: dict[str, Any] = {"attachments": {n: (log.media_types[n], data) for n, data in log.attachments.items()}}
         how["metadata"] = {n: v for n, v in log.metadata.items() if n not in RESERVED}
@@ -53,10 +54,10 @@ class Overlay:
                 end = event.end_time.ToNanoseconds() // log.dt_ns
             self._writer.window(k, begin, end, **{m.key: m.value for m in event.metadata})
 
-    def append(self, read: dict, new: Any, start: float, stop: Any) -> Any:
-        """Write the ticks start <= k < stop: `read` {topic: (rows, fields)} as logged, `new` (rows, n) of each lane."""
-        rows = np.zeros((min(stop, self._log.n_ticks) - start, self._n))
-        for t, values in zip(self._topics, (*(read[n] for n in self._names), *new)):
+    def append(self, read: dict, new: dict, start: int, stop: int) -> None:
+        """Write the ticks start <= k < stop: {topic: (rows, fields)} as logged, and of each lane as replayed."""
+        rows = np.zeros((stop - start, self._n))
+        for t, values in zip(self._topics, (*(read[n] for n in self._names), *(new[n] for n in self._new))):
             rows[-start % t.every :: t.every, t.index[0] : t.index[-1] + 1] = values
         for row in rows:
             self._writer.append(row)
