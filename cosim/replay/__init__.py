@@ -177,7 +177,8 @@ class _Member:
         lane = self.lane
         ticks, u = lane.inputs(log, read, start, stop)
         logged = read[lane.topic] if self.flew else np.zeros((len(ticks), len(self.fields)))
-        whole, held = (log.ticks(lane.hidden, start, stop), read[lane.hidden]) if self.hidden else (ticks[:0], None)
+        none = np.empty(0, np.int64), np.empty((0, 0))
+        whole, held = (log.ticks(lane.hidden, start, stop), read[lane.hidden]) if self.hidden else none
         out, at, i = logged.copy(), np.searchsorted(ticks, whole), 0
         while i < len(ticks):
             if ticks[i] != lane.at:

@@ -162,7 +162,7 @@ def _check(log, lane):
             raise schema.older(log, f"{source}.{column}, which {lane.id} reads as {name},")
 
 
-def unflown(log: Log, part: Any, technologies: Mapping[str, str]) -> list[Lane]:
+def unflown(log: Log, part: Any, technologies: dict[str, str]) -> list[Lane]:
     """Return the lanes of a user detector on a log in which it did not fly: it reads what the observers had.
 
     Raises ReplayError for a signal that the log lacks, or for a log with gaps.
@@ -258,7 +258,7 @@ def code_that_flew(entry: dict) -> str:
     name, about = entry["id"], entry.get("user_detector") or {}
     if not registry.known(name):
         return f"{name} is a user detector, and its code is not here: give it by --detector {about.get('file') or name}"
-    here = registry.USER_DETECTORS[name].sha256 if about and name in registry.USER_DETECTORS else about.get("sha256")
-    if here == about.get("sha256"):
+    flew, here = about.get("sha256", ""), registry.USER_DETECTORS.get(name)
+    if not flew or here is None or here.sha256 == flew:
         return ""
-    return f"{name} is not the code that flew: digest {here[:12]} here, {about['sha256'][:12]} in the log"
+    return f"{name} is not the code that flew: digest {here.sha256[:12]} here, {flew[:12]} in the log"
