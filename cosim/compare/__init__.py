@@ -120,11 +120,11 @@ class Comparison:
                                remedy=did_you_mean(name, self._ids))  # fmt: skip
         return self.rows[self.rows["id"].isin(detectors)]
 
-    def to_dict(self) -> dict:
-        """Return the JSON of `cosim compare`."""
+    def to_dict(self, fault_rates: Sequence[float] = ()) -> dict:
+        """Return the JSON of `cosim compare`, with what an alarm is worth at `fault_rates` (`predictive`)."""
         files = {key: str(path) if path else None for key, path in (("report", self.report), ("table", self.table))}
         keys = ("runs", "failed", "source", "headline", "detectors", "families", "levels", "sizes", "pairs")
-        return plain(files | {key: getattr(self, key) for key in keys})
+        return plain(files | {key: getattr(self, key) for key in keys} | {"predictive": self.predictive(fault_rates)})
 
 
 @told_at_call
