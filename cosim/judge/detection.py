@@ -312,8 +312,9 @@ class Heard:
     def given(self, first: int, stop: int, fault: Mapping | None = None) -> list[Word]:
         """Return the words of the ticks first <= k < stop in which an alarm stands with a name, as names of `fault`, by
         default the lane's own. Of the others those count that are there then."""
-        named = ((i, a, b) for i, a, b in zip(*self.runs.inside(first, stop)) if self.alarm[i] and self.words[i][0] > 0.5)
-        return [Word(int(a), int(b), self.words[i], self.name(i, fault)) for i, a, b in named]
+        inside = zip(*self.runs.inside(first, stop))
+        return [Word(int(a), int(b), self.words[i], self.name(i, fault)) for i, a, b in inside
+                if self.alarm[i] and self.words[i][0] > 0.5]  # fmt: skip
 
     def name(self, run: int, fault: Mapping | None = None) -> Name:
         """Return how what is said in a run stands to `fault`, by default the lane's own."""
