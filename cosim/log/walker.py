@@ -185,16 +185,15 @@ def _chunk(found, length, body):
     compression = body[32 : 32 + min(name_length, 16)].decode()
     if compression not in COMPRESSIONS or len(compression) != name_length:
         raise ValueError(f"unknown compression {compression!r}")
-    (data_size,) = struct.unpack_from("<Q", body, 32 + name_length)
     head = 40 + name_length
-    if data_size != length - head:
+    if struct.unpack_from("<Q", body, 32 + name_length) != (length - head,):
         raise ValueError("its length is wrong")
     if size > MOST_CHUNK:
         raise ValueError(f"{size} bytes of content are beyond the reader's limit")
     if not start <= end < 2**63 or (found.chunks and start <= found.chunks[-1].end_ns):
         raise ValueError(f"times {start} to {end} ns do not follow those before")
     begin = found.at + _RECORD.size
-    chunk = Chunk(found.at, begin + length, begin + head, data_size, compression, size, crc, start, end)
+    chunk = Chunk(found.at, begin + length, begin + head, length - head, compression, size, crc, start, end)
     if size < sum(found.layout.sizes(*found.ticks(chunk))):
         raise ValueError(f"{size} bytes of content cannot hold its ticks")
     return chunk

@@ -24,7 +24,7 @@ from cosim.replay.detector_replay import Lane, elements, flat, inputs, judged_la
 from cosim.replay.foreign import read_recording
 from cosim.replay.log_schema import ReplayError, check_start, chosen_overrides, override
 from cosim.replay.map_file import load_map
-from cosim.replay.write import stacked
+from cosim.replay.write import append, stacked
 from cosim.scenario import parse, vocabulary
 from cosim.scenario.user_parts import locate
 
@@ -94,6 +94,8 @@ def prepare(path: str | Path, map_path: Any, *, detectors: Any = None, start_s: 
         said = f"the channels have {len(at)} ticks of {m.rate_hz} Hz in common"
         raise ReplayError(said, place=str(path), allowed=f"2 to {MOST_TICKS}; {spans}", remedy=clock.UNSAID)
     told = f"each tick ({m.rate_hz} Hz) has the sample nearest to it, within {500 * dt:.3g} ms"
+    if any(clock.interval(t) > 1.01 * dt for t in used.values()):
+        told += "; between samples a sensor is interpolated and a command held"
     out = Prepared(m, text, scenario, f"clock: {read.clock}; {told}", found, wires, at, dt, list(read.notes))
     kept = {}
     for name, signal in ((n, s) for n, s in m.signals.items() if n in sources):
@@ -233,25 +235,23 @@ def _verdict(d, lane, again, made):
 
 def _write(path, done, out, text, dt):
     """Write inputs and outputs of every lane that ran to a log."""
-    infos, parts = [], []
+    infos, values = [], []
     for d, lane, u, again in done:
-        module = d.module
-        read = flat(np.ascontiguousarray(u))[0]
-        for name, own, values, every in (
-            (f"/input/{d.id}/{lane}", elements(module.INPUTS, module.INPUTS.names), read, 1),
-            (f"/replay/detectors/{d.id}/{lane}", elements(module.STATE, module.OUTPUTS), again, d.every),
+        read, module = flat(np.ascontiguousarray(u))[0], d.module
+        for where, kind, names, rows, every in (
+            ("/input", module.INPUTS, module.INPUTS.names, read, 1),
+            ("/replay/detectors", module.STATE, module.OUTPUTS, again, d.every),
         ):
-            fields, units = zip(*own)
-            infos.append((name, Topic(name, fields, units, every=every, channel=name.rpartition("/")[0]), "detectors"))
-            parts.append(np.zeros((u.shape[1], len(own))))
-            parts[-1][::every] = values
-    topics, n = stacked(infos)
+            fields, units = zip(*elements(kind, names))
+            topic = Topic(f"{where}/{d.id}/{lane}", fields, units, every=every, channel=f"{where}/{d.id}")
+            infos.append((topic.name, topic, "detectors"))
+            values.append(rows)
+    topics = stacked(infos)
     attachments = {"map.toml": ("application/toml", text.encode()), **viewer_layouts(topics)}
     metadata = {"run": {"title": f"diagnosis of {Path(out.recording).name}", "start_s": repr(out.start_s)}}
     kept: dict[str, Any] = {"metadata": metadata, "attachments": attachments, "rows_per_chunk": 500, "kept": False}
-    with LogWriter(path, topics, n_values=n, dt_ns=round(dt * 1e9), **kept) as log:
-        for row in np.concatenate(parts, axis=1):
-            log.append(row)
+    with LogWriter(path, topics, n_values=topics[-1].index[-1] + 1, dt_ns=round(dt * 1e9), **kept) as log:
+        append(log, topics, values, 0, len(values[0]))
         told = {"detectors": out.detectors, "caveats": [out.clock, *out.caveats], "not_run": out.not_run}
         kept = {name: json.dumps(plain(found), sort_keys=True) for name, found in told.items()}
         log.close(result={"status": "diagnosed", **kept})
