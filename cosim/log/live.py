@@ -120,7 +120,7 @@ class Live:
         self._target = target_of(block, topics, 1)
         ends = [*(at for _, at in block.channels[1:]), block.size]
         for (name, parts), (_, at), end in zip(sampled.items(), block.channels, ends):
-            channel = self._channel(name, schema_name(name), schema_data(name, parts), channel_metadata(parts))
+            channel = self._channel(name, schema_name(name), schema_data(name, tuple(parts)), channel_metadata(parts))
             self._channels.append((channel, slice(at + HEAD.size, end)))
         kinds = {name: foxglove.TOPICS[name] for name in ("/tf", "/fix")}
         self._places = {n: self._channel(n, m.DESCRIPTOR.full_name, foxglove.schema(m), {}) for n, m in kinds.items()}

@@ -16,7 +16,7 @@ import numpy as np
 from cosim.flight.detection import detectors as table
 from cosim.judge.result import judge, plain
 from cosim.log import LogWriter, Topic, viewer_layouts
-from cosim.parts import load, with_detectors
+from cosim.parts import loaded, with_detectors
 from cosim.replay import clock
 from cosim.replay import map_signals as signals_of
 from cosim.replay.caveats import caveats, lost
@@ -72,14 +72,13 @@ class Prepared:
 def prepare(path: str | Path, map_path: Any, *, detectors: Any = None, start_s: float = 0.0,
             user_detectors: Sequence[Any] = ()) -> Prepared:  # fmt: skip
     """Return the recording at `path` as the map at `map_path` has it; arguments and errors as of `diagnose`."""
-    made = [load(g).DETECTOR.id for g in user_detectors]
+    loaded(user_detectors)
     check_start(start_s)
     m, text = load_map(map_path)
     scenario = with_detectors(_scenario(m, detectors, map_path), user_detectors)
-    detectors = [*detectors, *made] if detectors else detectors
     m, dt = signals_of.with_hinge(m), 1.0 / m.rate_hz
     factors = signals_of.factors(m, map_path, scenario)
-    found = [d for d in table.chosen(scenario) if not detectors or d.id in detectors]
+    found = table.chosen(scenario)
     wires = {(d.id, lane): d.inputs(lane) for d in found for lane in d.lanes}
     sources = {w.signal.word: w.signal for own in wires.values() for w in own if w.signal.kind != "detector"}
     own = {name: s for name, s in m.signals.items() if s.channel}
@@ -180,10 +179,9 @@ def run_all(made: Prepared, overrides: Mapping[str, Any]) -> tuple[list, list]:
             if words[lane].keys() & made.unsure.keys():
                 for name, value in d.record.slow.items():
                     p[name][i] = value
-        override(d.record, d.module, p, overrides.get(d.id, {}), dt)
-        for i, lane in enumerate(ready.lanes):
-            u = lane_inputs(d.module, wires[d.id, lane], values, n)
-            own = Lane(d.id, lane, d.level, d.every, d.module, p[i : i + 1], d.module.init(p[i : i + 1]))
+            own_p, u = p[i : i + 1], lane_inputs(d.module, wires[d.id, lane], values, n)
+            override(d.record, d.module, own_p, overrides.get(d.id, {}), dt)
+            own = Lane(d.id, lane, d.level, d.every, d.module, own_p, d.module.init(own_p))
             again = own.step(u[:, :: d.every], dt)[0]
             done.append((ready, lane, u, again))
             if d.id in read:
