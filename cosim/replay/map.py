@@ -72,21 +72,21 @@ class Prepared:
 def prepare(path: str | Path, map_path: Any, *, detectors: Any = None, start_s: float = 0.0,
             user_detectors: Sequence[Any] = ()) -> Prepared:  # fmt: skip
     """Return the recording at `path` as the map at `map_path` has it; arguments and errors as of `diagnose`."""
-    loaded(user_detectors)
+    own = [part.DETECTOR.id for part in loaded(user_detectors)]
     check_start(start_s)
     m, text = load_map(map_path)
     scenario = with_detectors(_scenario(m, detectors, map_path), user_detectors)
     m, dt = signals_of.with_hinge(m), 1.0 / m.rate_hz
     factors = signals_of.factors(m, map_path, scenario)
-    found = table.chosen(scenario)
+    found = [d for d in table.chosen(scenario) if not detectors or d.id in (*detectors, *own)]
     wires = {(d.id, lane): d.inputs(lane) for d in found for lane in d.lanes}
     sources = {w.signal.word: w.signal for own in wires.values() for w in own if w.signal.kind != "detector"}
-    own = {name: s for name, s in m.signals.items() if s.channel}
-    if not own:
+    mapped = {name: s for name, s in m.signals.items() if s.channel}
+    if not mapped:
         raise ReplayError("no signal has a channel", place=str(map_path))
-    names = dict.fromkeys(name for s in own.values() for name in (s.channel, s.valid) if name)
+    names = dict.fromkeys(name for s in mapped.values() for name in (s.channel, s.valid) if name)
     read = read_recording(path, tuple(names), m.time)
-    used = {s.channel: read.times[read.channels[s.channel][0]] for s in own.values()}
+    used = {s.channel: read.times[read.channels[s.channel][0]] for s in mapped.values()}
     at = signals_of.ticks(list(used.values()), dt, start_s or None)
     if not 2 <= len(at) <= MOST_TICKS:
         spans = ", ".join(f"{name} {t[0]:.12g} to {t[-1]:.12g} s" for name, t in list(used.items())[:6])
