@@ -67,19 +67,13 @@ def without_rounding(X: np.ndarray, size: int) -> np.ndarray:
     return np.where(np.abs(X) <= 1e-13 * size, 0.0, X)
 
 
-def separate(
-    E: np.ndarray, F: np.ndarray, C: np.ndarray, *, min_ratio: float = 0.5, method: str = "remove"
-) -> np.ndarray:
+def separate(E: np.ndarray, F: np.ndarray, C: np.ndarray, *, min_ratio: float = 0.5) -> np.ndarray:
     """Return an orthonormal E* whose decoupling leaves |TF|/|F| >= min_ratio.
 
-    E (n, q) of any rank, its columns weighted by their length; F (n, l), C (m, n). Method "rank" drops the smallest
-    singular values, the largest stay [Sun13] (35)-(36); "remove" takes out the part of E along F first. Rank 0 always
-    suffices.
+    E (n, q) of any rank, its columns weighted by their length; F (n, l), C (m, n). The part of E along F is taken out,
+    then the smallest singular values are dropped [Sun13] (35)-(36). Rank 0 always suffices.
     """
-    if method not in ("remove", "rank"):
-        raise ValueError(f"method {method!r}; there is 'remove' and 'rank'")
-    if method == "remove":
-        E = E - F @ np.linalg.lstsq(F, E, rcond=None)[0]
+    E = E - F @ np.linalg.lstsq(F, E, rcond=None)[0]
     U, s, _ = np.linalg.svd(E, full_matrices=False)
     for k in range(rank_of(s), 0, -1):
         try:
