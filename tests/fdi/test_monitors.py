@@ -124,7 +124,7 @@ def _tracked(command, rod):
     """Return INPUTS under a command (ticks,) [deg] of a rod at rod(q), q (ticks,) where a healthy one is [m]."""
     u = np.zeros((1, len(command)), ofc_monitor.INPUTS)
     u["command"], u["y_rod_valid"], u["y_dp_valid"] = np.radians(command), 1.0, 1.0
-    q = roll(ofc_monitor, ofc_monitor.params(), u)["q_est"][0]
+    q = roll(ofc_monitor, ofc_monitor.params(), u)["est"][0, :, 0]
     u["y_rod"] = rod(q[np.maximum(np.arange(len(q)) - 2, 0)])
     return u
 
