@@ -198,7 +198,13 @@ def missing(x, p, k):
     """Return (share of the command that does not come through, 1 / its variance) by the full window of frequency k."""
     n, j = int(p.bank_n[k]), int(p.bank_level[k])
     first = (int(x.bank_head[j]) + bank.N - n) % bank.N
-    ff, fu, uu = beside(x.bank_ring[0, j], x.bank_ring[1, j], first, n, p.bank_angle[k])
+    f, u = x.bank_ring[0, j], x.bank_ring[1, j]
+    ff, fu, uu = beside(f, u, first, n, p.bank_angle[k])
+    f1, u1 = 0.0, 0.0
+    for m in range(first, first + n):
+        f1 += f[m % bank.N] / n
+        u1 += u[m % bank.N] / n
+    ff, fu, uu = ff - n * f1 * f1, fu - n * f1 * u1, uu - n * u1 * u1  # of two periods the mean is beside the sine
     if uu <= 0.0:
         return 0.0, 0.0
     left = max(ff - fu * fu / uu, 0.01 * ff) / (n - 2.0)

@@ -10,7 +10,7 @@ from rfafe_aircraft import CONDITIONS, E_SPEED, FIGHTER, NAVION, global_of, heff
 from actuators.constants import RAD_PER_DEG
 from fdi import rfafe
 from fdi.common import lmi
-from fdi.common.conditions import undetectability
+from fdi.common.conditions import detectable
 
 pytest.importorskip("cvxpy")
 REGION = rfafe.Region(20.0, 15.0, 8.0)
@@ -127,7 +127,7 @@ def test_light_and_unstable_aircraft_with_unknown_inputs(plant, rank):
 
 def test_undetectable_unstable_mode_is_named():
     with pytest.raises(rfafe.DesignError, match=r"condition \(iv\).*0\.3"):
-        undetectability(np.diag([0.3, -1.0, -2.0]), np.eye(3)[1:])
+        detectable(np.diag([0.3, -1.0, -2.0]), np.eye(3)[1:])
 
 
 def test_unknown_input_beside_the_fault_is_refused_or_separated():
