@@ -26,7 +26,7 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
 from fdi import registry
-from fdi.common.record import Detector
+from fdi.common.record import Detector, Site
 from fdi.common.verdict import AMBIGUOUS, NAMES, NONE, code
 from fdi.joint import likelihood
 from fdi.joint.hypotheses import AIRCRAFT, ISOLABLE_PARTS, LANES, LOCAL, SEGMENTS, hypotheses, segments
@@ -99,8 +99,7 @@ DETECTOR = Detector(
     any_aircraft=True,
     may_lack=True,
     options={"levels": ("both", "local", "aircraft"), "rates": ("measured", "none")},  # the first is the default
-    fit=lambda site, levels="both", rates="measured": of_layout(
-        tuple((site.technologies or {}).items()), levels, rates).copy(),
+    fit=lambda site, levels="both", rates="measured": fitted(site, levels, rates),
 )  # fmt: skip
 
 
@@ -148,6 +147,11 @@ def _prior(found):
     share = [(SEVERAL if len(h.segments) > 1 and "@command" not in h.key else 1.0)
              / (classes[h.names, h.segments] * kinds[h.names, h.segments, h.verdict]) for h in found]  # fmt: skip
     return np.array(share) / sum(share)
+
+
+def fitted(site: Site, levels: str = "both", rates: str = "measured") -> np.ndarray:
+    """Return PARAMS for a loop."""
+    return of_layout(tuple((site.technologies or {}).items()), levels, rates).copy()
 
 
 @functools.cache
