@@ -87,7 +87,6 @@ STATE = dtype(
         ("ref_low", "f8", (B, 2)),
         ("ref_peak", "f8", (B,), "m"),  # its largest motion in the band, fading
         ("wide", "f8", (2, 2)),  # filter states of the high-pass of residual, reference
-        ("e_band", "f8", (B,), "m"),  # residual by band
         ("side", "f8", (B,), "-"),  # sign of the last swing that counts, 0 for none in the window
         ("ages", "f8", (B, COUNT), "s"),  # time since the last swings that count, newest first
         ("counts", "f8", (B,), "-"),  # 1 where the band's swings make an oscillation
@@ -223,7 +222,6 @@ def _count(x, p, b, off, dt):
     v, _ = _filtered(x.low[b], high, p.low[b])
     limit = p.threshold[b] + (p.share[b] + LIMITED * x.limited) * x.ref_peak[b]
     n, half, side = int(p.half_periods), 0.5 / p.f_low[b], 1.0 if v > 0.0 else -1.0
-    x.e_band[b] = v
     if side != x.side[b] and math.fabs(v) >= limit:
         x.side[b] = side
         for i in range(COUNT - 1, 0, -1):
