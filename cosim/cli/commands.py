@@ -120,11 +120,10 @@ def log_name(scenario: str, overrides: Any = ()) -> str:
 
 def served(server: Any, layout: Path | None = None) -> None:
     """Say where Foxglove finds a flight, and write its `layout` for that flight."""
-    told = [f"in Foxglove: Open connection, {server.steer_url or server.url}"]
+    told = [f"in Foxglove: Open connection, {server.url}"]
     if layout:
         replace_text(layout, server.layout.decode(), LAYOUT)
         told.insert(0, f"layout {layout}: in Foxglove, Import from file")
-    told += [f"to watch only: {server.url}"] if server.steer_url else []
     err.print(whole("\n".join(told)), highlight=False)
 
 
