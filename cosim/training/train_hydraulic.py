@@ -33,12 +33,14 @@ MARGIN = 1.5  # of evidence: flights at points and in manoeuvres drawn otherwise
 NEVER = 1e9  # of evidence, that no flight has: an alarm teaches nothing
 EVIDENCE = "iotsekf flight_load2"  # the set whose likelihood ratios are asked for
 TESTS = {"iotsekf": ("run_threshold",), "rtsekf": ("threshold", "step"), "rtsekf_flight": ("pair_threshold",)}
+GRID = np.geomspace(0.1e-3, 8e-3, 32)  # thresholds tried for the crossing counter [m]
 LEAST_POSITION = math.radians(0.5)  # of the position monitor: rigging, a step that is not quite followed
 LEAST = 0.5e-3  # of the crossing counter's threshold: three times the noise of its residual, 0.17 mm at most [m]
 SPEEDS = (180.0, 365.0)  # calibrated airspeed [kt]
 # The signs for which a servo misses its reference most: each lowers the rod's speed per valve opening, which is
 # phi_n sqrt(P_s) / A_p
 WORST = {"A_p": 1.0, "phi_n": -1.0, "P_s": -1.0}
+SHARES = (0.1, 0.2, 0.25, 0.3, 0.4)  # of the reference's motion, tried beside them
 
 
 def survey_iotsekf(recorded: Any, load: float) -> dict[str, Any]:
@@ -113,17 +115,21 @@ def each(found: np.ndarray, probability: float) -> np.ndarray:
     return np.array([exceeded(c, probability / len(columns)) for c in columns]).reshape(found.shape[1:])
 
 
-def survey_ofc_monitor(recorded: Any) -> np.ndarray:
-    """Return of a flight (band,) the largest share of the reference's motion, to 1 %, at which a band still counts an
-    oscillation beyond the threshold, 0 for none."""
-    p = ofc_monitor.params()
-    p["threshold"] = LEAST
-    low, high = np.zeros(ofc_monitor.B), np.ones(ofc_monitor.B)
-    for _ in range(7):
-        p["share"] = middle = 0.5 * (low + high)
-        counts = watch(recorded, ofc_monitor, p, ("counts",))["counts"].any(axis=(0, 1))
-        low, high = np.where(counts, middle, low), np.where(counts, high, middle)
-    return low
+def survey_ofc_monitor(recorded: Any) -> dict[str, np.ndarray]:
+    """Return of a flight (band, share) the largest threshold of GRID [m] at which a band still counts an oscillation
+    beyond it and each of SHARES of the reference's motion, 0 for none, and (band,) that motion's mean [m]."""
+    p, out, motion = ofc_monitor.params(), np.zeros((ofc_monitor.B, len(SHARES))), np.zeros(ofc_monitor.B)
+    for k, share in enumerate(SHARES):
+        p["share"] = share
+        low, high = np.full(ofc_monitor.B, -1), np.full(ofc_monitor.B, len(GRID))
+        while (high - low > 1).any():  # the largest that counts is at or above low, below high
+            middle = np.clip((low + high) // 2, 0, len(GRID) - 1)
+            p["threshold"] = GRID[middle]
+            log = watch(recorded, ofc_monitor, p, ("counts", "ref_peak"))
+            counts, motion = log["counts"].any(axis=(0, 1)), log["ref_peak"].mean(axis=(0, 1))
+            low, high = np.where(counts, np.maximum(low, middle), low), np.where(counts, high, np.minimum(high, middle))
+        out[:, k] = np.where(low >= 0, GRID[low], 0.0)
+    return {"threshold": out, "motion": motion}
 
 
 def survey_position_monitor(recorded: Any) -> float:
@@ -150,17 +156,31 @@ def cornered(flight: dict[str, Any], first_seed: int = FIRST_SEED) -> dict[str, 
 def monitored(**flight: Any) -> dict[str, Any]:
     """Return what the surveys of the monitors find in one flight, as plain data."""
     recorded = fly_hydraulic(**somewhere(cornered(flight), SPEEDS))
-    return {"ofc_monitor": survey_ofc_monitor(recorded).tolist(), "position_monitor": survey_position_monitor(recorded)}
+    ofc = {key: value.tolist() for key, value in survey_ofc_monitor(recorded).items()}
+    return {"ofc_monitor": ofc, "position_monitor": survey_position_monitor(recorded)}
 
 
 def monitor_limits(flown: list[dict[str, Any]]) -> Limits:
     """Return the thresholds at PROBABILITY of what `monitored` found in every flight."""
-    out: Limits = {}
-    for name, threshold in (("position_monitor", LEAST_POSITION), ("ofc_monitor", LEAST)):
-        found = np.array([f[name] for f in flown])
-        fields = {"threshold": np.full(found.shape[1:], threshold), "share": each(found, PROBABILITY)}
-        out[name] = ({"flight": decimals(fields)}, {"found": {"largest_share": found.max(axis=0).tolist()}})
-    return out
+    shares = np.array([f["position_monitor"] for f in flown])
+    position = {"threshold": LEAST_POSITION, "share": exceeded(shares, PROBABILITY)}
+    ofc = [{key: np.array(value) for key, value in f["ofc_monitor"].items()} for f in flown]
+    motion = np.mean([f["motion"] for f in ofc], axis=0)
+    fields, largest = _shared(np.array([f["threshold"] for f in ofc]), motion)
+    return {"position_monitor": ({"flight": decimals(position)}, {"found": {"largest_share": float(shares.max())}}),
+            "ofc_monitor": ({"flight": decimals(fields)}, {"found": {"largest": largest}})}  # fmt: skip
+
+
+def _shared(found, motion):
+    """Return threshold and share of each band, of SHARES the one with the least limit at the mean `motion` (band,) of
+    the reference, and the largest that was seen there; `found` (flights, band, share)."""
+    each = np.array([[exceeded(found[:, b, k], PROBABILITY / ofc_monitor.B) for k in range(len(SHARES))]
+                     for b in range(ofc_monitor.B)])  # fmt: skip
+    each = np.maximum(each, LEAST)
+    best = (each + np.array(SHARES) * motion[:, None]).argmin(axis=1)
+    band = np.arange(ofc_monitor.B)
+    fields = {"threshold": each[band, best].tolist(), "share": np.array(SHARES)[best].tolist()}
+    return fields, found.max(axis=0)[band, best].tolist()
 
 
 _ABOUT = {"probability_per_flight": PROBABILITY, "flight_s": FLIGHT_S, "segments": 4, "noise_scale": NOISE_SCALE}
