@@ -38,8 +38,7 @@ class Comparison:
     table: Path | None = None  # the Parquet file of the rows, if one was written
 
     def __repr__(self) -> str:
-        rows = [f"  {d['id']:20}{d['detected']:>5} of {d['designed']:<5} seen" for d in self.detectors]
-        return "\n".join([f"Comparison: {self.runs} flights, {self.source}", *rows])
+        return f"Comparison: {self.runs} flights, {self.source}\n{tables.detectors(self.detectors).markdown()}"
 
     def _repr_html_(self) -> str:
         return tables.detectors(self.detectors)._repr_html_()
