@@ -3,7 +3,7 @@
 Everything of a tick is in one vector (cosim/flight/loop/bus.py). Each block below reads its own inputs there and leaves
 its state there; between blocks, wires copy (cosim/flight/loop/wiring.py). JSBSim is at t_k when the tick begins and at
 t_k+1 when it ends. `order` says once, to a tape, what every tick does; the tape does it without Python between the
-blocks (cosim/flight/loop/schedule.py).
+blocks (cosim/flight/loop/tape.py).
 """
 
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ import numpy as np
 
 from cosim.flight.blocks.noise import Draw
 from cosim.flight.loop.bus import Bus
-from cosim.flight.loop.schedule import Block, Tape
+from cosim.flight.loop.tape import Block, Tape
 from cosim.flight.plant.plant import Plant
 
 

@@ -74,4 +74,4 @@ class _One:
         """Schedule on a tape what stands at the positions `to` of the bus."""
         block = np.zeros((TICKS, len(to)))
         block[DISTURBED, self._lane] = self._size
-        tape.noise(to, block)
+        tape.table(to, block)

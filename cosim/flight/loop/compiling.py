@@ -9,7 +9,7 @@ from actuators.kernels import Native, compile_ahead
 from actuators.registry import SHIPPED
 from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
 from cosim.flight.detection import detectors
-from cosim.flight.loop import schedule
+from cosim.flight.loop import tape
 from cosim.flight.plant import gusts
 from cosim.progress import Compiling
 from cosim.scenario import Scenario
@@ -26,7 +26,7 @@ def shipped() -> dict[str, ModuleType]:
 
 def every() -> list[Native]:
     """Return the compiled functions of every block that ships, and of the tape."""
-    return [*(m.rollout.native for m in shipped().values()), schedule.WALK]
+    return [*(m.rollout.native for m in shipped().values()), tape.WALK]
 
 
 def _actuators(technologies):
@@ -43,7 +43,7 @@ def functions(scenario: Scenario) -> dict[str, Native]:
     own = [d.module for d in detectors.chosen(scenario)]
     modules = [m for m in own if isinstance(m, ModuleType)]  # what takes longest comes first; users' elsewhere
     blocks = _blocks([*modules, *_actuators(used), *LOOP])
-    return {**{name: m.rollout.native for name, m in blocks.items()}, schedule.__name__: schedule.WALK}
+    return {**{name: m.rollout.native for name, m in blocks.items()}, tape.__name__: tape.WALK}
 
 
 def prepare(scenario: Scenario, tell: Callable[[int, int], None] | None = None) -> int:

@@ -12,9 +12,11 @@ misspelt; AB2 integrators, five times more accurate than the default; pitch rate
 drifts; load factors from this frame's forces, as JSBSim's own are one frame old.
 """
 
+import ctypes
 import functools
+import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +25,12 @@ import numpy as np
 
 from actuators.constants import G0, M_PER_FT, M_S_PER_KT, N_PER_LBF
 from cosim.errors import ScenarioError, TrimError
+from cosim.flight.loop.tape import Tape
 from cosim.flight.plant import gusts
-from cosim.flight.plant.fast_properties import fast_access
-from cosim.flight.plant.jsbsim_signals import border, to_si
+from cosim.flight.plant.jsbsim_signals import border, last_step
 from cosim.flight.plant.model_load_check import fatal
 from cosim.flight.plant.point import POINTS, FlightPoint, loading
+from cosim.flight.plant.properties import NODE, Properties, exported
 from cosim.flight.plant.trim import EARTH_MERIDIAN, level, steady
 from cosim.scenario.aircraft import FOLDER
 
@@ -47,6 +50,11 @@ class Port:
         if not self._manager.hasNode(name):
             raise KeyError(f"JSBSim has no property {name!r}")
         return self._manager.get_node(name)
+
+    def row(self, units: Iterable[tuple[str, float]]) -> Properties:
+        """Return the Properties of (name, unit in SI)."""
+        names, factors = zip(*units)
+        return Properties([self.node(name) for name in names], factors)
 
     def getter(self, name: str) -> Callable[[], float]:
         """Return the call that reads property `name`, in JSBSim's unit."""
@@ -96,7 +104,7 @@ class Plant:
         if self.aircraft.folder.parent != FOLDER and (said := fatal(self.aircraft.folder, self.aircraft.name)):
             raise RuntimeError(said)
         self.border = border(self.aircraft)
-        read, geometry = self.border.read, self.aircraft.geometry
+        geometry = self.aircraft.geometry
         jsbsim.set_logger(self._logger)
         fdm = self._fdm = jsbsim.FGFDMExec(None)
         fdm.set_aircraft_path(str(self.aircraft.folder.parent))
@@ -105,15 +113,10 @@ class Plant:
         if not fdm.load_model(self.aircraft.name):
             raise RuntimeError("it is not loaded")
         self.port = Port(fdm)
-        self.reads = [self.port.node(name) for name, _ in read]  # what crosses the border
-        self.writes = [self.port.node(name) for name in self.border.controls.values()]
-        self._get = [node.get_double_value for node in self.reads]
-        self._set = [node.set_double_value for node in self.writes]
-        self._scale = np.array([factor for _, factor in read], float)
+        self.outputs = self.port.row(self.border.read)
+        self.inputs = self.port.row((name, 1.0) for name in self.border.controls.values())
         self._frame = np.array([geometry.reference_pct / 100.0, geometry.station_in, self.aircraft.chord_in])
-        self._raw = np.zeros(len(read))
-        self._gusts: tuple[gusts.Gusts, list, list] | None = None
-        self._advance = fdm.run
+        self._air: gusts.Gusts | None = None
         for name, value in loading(self.aircraft, flight.mass, flight.cg).items():
             self.port.setter(name)(value)
         for name, value in flight.multipliers.items():
@@ -197,11 +200,8 @@ class Plant:
             f.turbulence, self.dt, **self.aircraft.gusts, changes=f.changes, wind=f.wind, shear=f.shear,
             altitude=f.altitude, gusts=f.gusts,
         )  # fmt: skip
-        air = gusts.Gusts(p, self.dt, f.seed)
-        read, write = ([self.port.node(name) for name in names] for names in (_GUST_READ, GUST_WRITE))
-        get, put = [node.get_double_value for node in read], [node.set_double_value for node in write]
-        self._gusts = air, read, write
-        self._advance = functools.partial(_in_gusts, self._fdm.run, air, get, put)
+        self._air = gusts.Gusts(p, self.dt, f.seed)
+        self._met, self._moved = self.port.row(_MET), self.port.row(MOVED)
         if not any(f.wind):
             return
         if math.hypot(*f.wind) > WIND_SHARE * trim.tas:
@@ -211,7 +211,7 @@ class Plant:
                 allowed=f"at most {WIND_SHARE * flies:.0f} kt at this flight point",
                 remedy="Lower the wind or fly faster",
             )  # fmt: skip
-        _write(put, air.now)
+        self._moved.write(self._air.moved)
         (north, east), far = f.wind, EARTH_MERIDIAN + trim.altitude
         cf, sf, ct, st = math.cos(trim.phi), math.sin(trim.phi), math.cos(trim.theta), math.sin(trim.theta)
         wind = ct * north, sf * st * north + cf * east, cf * st * north - sf * east
@@ -233,68 +233,72 @@ class Plant:
     def truth(self) -> np.ndarray:
         """Return a new (1,) array of the truth, SI, of the present state."""
         out = np.zeros(1, self.border.truth)
-        self.fetch()
-        to_si(self._raw, self._scale, out.view("f8"), *self._frame)
+        self.outputs.read(out.view("f8"))
+        last_step(out.view("f8"), *self._frame)
         return out
 
-    def fetch(self) -> None:
-        """Read the properties behind the truth at t_k, in JSBSim's units."""
-        self._raw[:] = [get() for get in self._get]
-
-    def schedule_outputs(self, tape: Any, start: float) -> None:
+    def schedule_outputs(self, tape: Any, start: int) -> None:
         """Schedule on a tape to put the truth at t_k into the bus from position `start` on."""
-        if (how := fast_access()) is None:
-            tape.call(lambda k: self.fetch())
-        else:
-            tape.get(how.nodes(self.reads), how.get, self._raw)
-        tape.truth(self._raw, self._scale, start, self._frame)
+        out = tape.v[start : start + len(self.border.read)]
+        self.outputs.schedule_read(tape, out)
+        tape.truth(out, self._frame)
 
-    def write(self, surfaces: np.ndarray) -> None:
-        """Set the inputs that act at t_k+1: a vector in the order of the border's inputs, rad and fractions."""
-        for put, value in zip(self._set, surfaces.tolist()):
-            put(value)
-
-    def schedule_inputs(self, tape: Any, start: float) -> None:
+    def schedule_inputs(self, tape: Any, start: int) -> None:
         """Schedule on a tape to set the inputs that act at t_k+1 from the bus from position `start` on."""
-        vector = tape.v[start : start + len(self.writes)]
-        if (how := fast_access()) is None:
-            tape.call(lambda k: self.write(vector))
-        else:
-            tape.put(how.nodes(self.writes), how.put, vector)
-
-    def run(self) -> Any:
-        """Advance by one step, through this flight's gusts."""
-        self._advance()
+        self.inputs.schedule_write(tape, tape.v[start : start + len(self.border.inputs)])
 
     def schedule_integration(self, tape: Any) -> None:
         """Schedule on a tape that begins at tick 0 to advance by one step, through this flight's gusts."""
-        advance = self._advance
-        if self._gusts and (how := fast_access()):
-            air, read, write = self._gusts
-            air.schedule(tape, how, read, write)
-            advance = self._fdm.run
+        if self._air:
+            self._met.schedule_read(tape, self._air.met)
+            self._air.schedule(tape)
+            self._moved.schedule_write(tape, self._air.moved)
+        advance = self._fdm.run
         tape.call(lambda k: advance())
 
+    def write(self, surfaces: np.ndarray) -> None:
+        """Set the inputs that act at t_k+1: a vector in the order of the border's inputs, rad and fractions."""
+        self.inputs.write(surfaces)
 
-_GUST_READ = ("velocities/vt-fps", "attitude/phi-rad", "attitude/theta-rad", "attitude/psi-rad",
-              "position/h-sl-ft")  # fmt: skip
-GUST_WRITE = tuple(f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down")) + tuple(
-    f"ext/gust-{rate}-rad_sec" for rate in "pqr"
-)
-
-
-def _in_gusts(run, air, get, put):
-    """Advance by one step with the gusts of its end."""
-    tas, phi, theta, psi, h = (g() for g in get)
-    _write(put, air.next(tas * M_PER_FT, phi, theta, psi, h * M_PER_FT))
-    run()
+    @functools.cached_property
+    def run(self) -> Callable[[], None]:
+        """The call that advances by one step, through this flight's gusts."""
+        tape, ticks = Tape(np.zeros(1), self.dt), itertools.count()
+        self.schedule_integration(tape)
+        return lambda: tape.run(next(ticks))
 
 
-def _write(put, moved):
-    """Give JSBSim the air's velocity over the ground [m/s] and its gradients [rad/s]."""
-    north, east, down, *rates = moved
-    for write, value in zip(put, (north / M_PER_FT, east / M_PER_FT, down / M_PER_FT, *rates)):
-        write(value)
+_MET = (("velocities/vt-fps", M_PER_FT), ("attitude/phi-rad", 1.0), ("attitude/theta-rad", 1.0),
+        ("attitude/psi-rad", 1.0), ("position/h-sl-ft", M_PER_FT))  # fmt: skip
+MOVED = (*((f"atmosphere/gust-{axis}-fps", M_PER_FT) for axis in ("north", "east", "down")),
+         *((f"ext/gust-{rate}-rad_sec", 1.0) for rate in "pqr"))  # fmt: skip
+
+
+def verify(ticks: int = 300) -> bool:
+    """Tell whether the properties of a flight have the same bits by address as by Python's calls.
+
+    A wrong address may end this process: call it in one of its own.
+    """
+    plant, found = Plant(FlightPoint()), exported()
+    kind = type(plant.inputs.nodes[0])
+    if found is None or kind.__dictoffset__ or kind.__basicsize__ not in NODE:
+        return False
+    get = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_void_p)(found.get)
+    put = ctypes.PYFUNCTYPE(ctypes.c_bool, ctypes.c_void_p, ctypes.c_double)(found.put)
+    trim, moved = plant.trim(), plant.port.row(MOVED)
+    nodes, into = plant.inputs.nodes + moved.nodes, [*plant.inputs.addresses().tolist(), *moved.addresses().tolist()]
+    start = np.concatenate([trim.surfaces, np.ones(len(MOVED))])
+    for k in range(ticks):
+        given = (start * (1.0 + 0.02 * np.sin(0.05 * k + np.arange(len(start))))).tolist()
+        for address, value in zip(into, given):
+            put(address, value)
+        if [node.get_double_value() for node in nodes] != given:
+            return False
+        plant.run()
+        by_address = np.array([get(address) for address in plant.outputs.addresses().tolist()])
+        if by_address.tobytes() != np.array([node.get_double_value() for node in plant.outputs.nodes]).tobytes():
+            return False
+    return True
 
 
 def bare_model(path: Path, dt: float, start: dict[str, float]) -> tuple[Callable[[], bool], Port]:
