@@ -15,7 +15,7 @@ from cosim.flight.blocks.noise import Draw, generator
 from cosim.flight.blocks.pilot import steps
 from cosim.flight.blocks.servo_gain import SENSOR_DELAY
 from cosim.flight.detection import detectors
-from cosim.flight.detection.detectors import cost
+from cosim.flight.detection.detectors import Installed, cost
 from cosim.flight.faults import inject
 from cosim.flight.loop import wiring
 from cosim.flight.loop.bus import Bus
@@ -44,6 +44,7 @@ class Setup:
     loop: Loop
     trim: Trim
     lanes: list  # fault lanes
+    detectors: list[Installed]
     trace: Trace  # what a run keeps of every tick
     step_us: dict = field(default_factory=dict)
 
@@ -72,7 +73,7 @@ class Setup:
             if d in self.in_python:  # its objects are the flight's own: what its steps took in the loop
                 self.step_us[d.name] = d.rollout.seconds / max(1, d.rollout.steps * len(d.x)) * 1e6
                 continue
-            self.step_us[d.name] = cost(d.module, d.x, d.u, d.p, self.loop.dt * d.every)
+            self.step_us[d.name] = cost(d)
 
 
 def _sensor_lanes(scenario, dt):
@@ -134,7 +135,7 @@ def _wires(scenario, bus, chosen, fault_lanes):
         "law": wiring.law_wires(),
         "demand": wiring.demand_wires(),
         "hinge": wiring.hinge_wires(tech),
-        "servos": wiring.servo_wires(tech) + detectors.feedback_wires(scenario),
+        "servos": wiring.servo_wires(tech) + detectors.feedback_wires(scenario, chosen),
         "actuators": wiring.actuator_wires(scenario),
         "surfaces": wiring.surface_wires(scenario),
         "detectors": [w for d in chosen for w in d.wires(of_detectors=False)],
@@ -188,7 +189,7 @@ def build(scenario: Scenario) -> Setup:
         pilot=block("pilot", manoeuvre, pilot_p, manoeuvre.init(pilot_p)),
         law=block("law", law, law_p, law.init(law_p)),
         hinge=block("hinge_model", hinge_model, hinge_p, hinge_model.init(hinge_p)),
-        detectors=[block(d.id, d.module, p, d.module.init(p), d.every) for d in chosen
+        detectors=[block(d.id, d.module, p, d.module.init(p), d.record.every) for d in chosen
                    for p in [d.params(scenario, dt)]],
         servos=[b for b in actuator_blocks if b.name not in TECHNOLOGIES],
         actuators=[b for b in actuator_blocks if b.name in TECHNOLOGIES],
@@ -199,4 +200,4 @@ def build(scenario: Scenario) -> Setup:
     # what the actuators were last told: in equilibrium, the servo's holding command
     told, command = wires["actuators"]
     bus.v[told] = bus.v[command]
-    return Setup(scenario=scenario, loop=loop, trim=trim, lanes=fault_lanes, trace=Trace(scenario, bus, chosen))
+    return Setup(scenario, loop, trim, fault_lanes, chosen, Trace(scenario, bus, chosen))

@@ -80,7 +80,7 @@ def prepare(path: str | Path, map_path: Any, *, detectors: Any = None, start_s: 
     m, dt = signals_of.with_hinge(m), 1.0 / m.rate_hz
     factors = signals_of.factors(m, map_path, scenario)
     found = [d for d in table.chosen(scenario) if not detectors or d.id in detectors]
-    wires = {(d.id, lane): d.inputs(lane) for d in found for lane in d.lanes}
+    wires = {(d.id, lane): d.inputs[lane] for d in found for lane in d.lanes}
     sources = {w.signal.word: w.signal for own in wires.values() for w in own if w.signal.kind != "detector"}
     own = {name: s for name, s in m.signals.items() if s.channel}
     if not own:
@@ -170,7 +170,7 @@ def run_all(made: Prepared, overrides: Mapping[str, Any]) -> tuple[list, list]:
         spare = {w.source for lane in d.lanes for w in wires[d.id, lane] if d.record.may_lack}
         missing = {lane: [w for w in own if w not in values and w not in spare] for lane, own in words.items()}
         not_run += [{"id": d.id, "target": d.target(lane), "missing": lack} for lane, lack in missing.items() if lack]
-        ready = replace(d, lanes=tuple(lane for lane in d.lanes if not missing[lane]))
+        ready = replace(d, inputs={lane: own for lane, own in d.inputs.items() if not missing[lane]})
         if not ready.lanes:
             continue
         p = ready.params(made.scenario, dt)
@@ -181,10 +181,10 @@ def run_all(made: Prepared, overrides: Mapping[str, Any]) -> tuple[list, list]:
         override(d.record, d.module, p, overrides.get(d.id, {}), dt)
         for i, lane in enumerate(ready.lanes):
             u = lane_inputs(d.module, wires[d.id, lane], values, n)
-            again = replay_lane(unlogged(ready, lane, d.module, u, p[i : i + 1]), dt)[0]
+            again = replay_lane(unlogged(d.record, lane, d.module, u, p[i : i + 1]), dt)[0]
             done.append((ready, lane, u, again))
             if d.id in read:
-                outputs = zip(vocabulary.outputs(d.module), np.repeat(again, d.every, axis=0)[:n].T)
+                outputs = zip(vocabulary.outputs(d.module), np.repeat(again, d.record.every, axis=0)[:n].T)
                 values |= {f"{d.id}.{lane}.{name}": (y, np.ones(n)) for name, y in outputs}
     return done, not_run
 
@@ -217,7 +217,7 @@ def _scenario(m, chosen, place):
 def _verdict(d, lane, again, made):
     """Return one row of the verdict table; times are the recording's."""
     names = output_names(d)
-    found = judgement(d, lane, d.module.ISOLABLE_PARTS, names, again, made.dt, [])
+    found = judgement(d.record, lane, d.module.ISOLABLE_PARTS, names, again, made.dt, [])
     at, valid = found["detected_at_s"], again[:, names.index("valid")] > 0.5
     return {
         **{name: found[name] for name in ("id", "level", "target", "alarm")},
@@ -238,7 +238,7 @@ def _write(path, done, out, text, dt):
         read = flat(np.ascontiguousarray(u))[0]
         for name, own, values, every in (
             (f"/input/{d.id}/{lane}", elements(module.INPUTS, module.INPUTS.names), read, 1),
-            (f"/replay/detectors/{d.id}/{lane}", elements(module.STATE, module.OUTPUTS), again, d.every),
+            (f"/replay/detectors/{d.id}/{lane}", elements(module.STATE, module.OUTPUTS), again, d.record.every),
         ):
             fields, units = zip(*own)
             infos.append((name, Topic(name, fields, units, every=every, channel=name.rpartition("/")[0]), "detectors"))

@@ -95,7 +95,8 @@ class FaultFreeRun:
             i = 2 * list(scenario.aircraft.short).index(segment)
             own = slice(i, i + 2)
             flown = rows[:n, trace.moving[own]] * trace.gains[own]
-            out[segment] = moved(flown.astype(float) - reference[:n, own], faults, scenario.dt, scenario.aircraft.travel)
+            apart = flown.astype(float) - reference[:n, own]
+            out[segment] = moved(apart, faults, scenario.dt, scenario.aircraft.travel)
         return out
 
     def _reference(self, rows):

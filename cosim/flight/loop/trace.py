@@ -47,7 +47,7 @@ class Trace:
             parts, outputs = d.module.ISOLABLE_PARTS, bus.kinds[d.id].names or ()
             at = {f: columns(f"{d.id}.{lane}.{f}") for f in outputs_read(parts, outputs)}
             estimate = plan(scenario, d.id, lane, columns)
-            self._lanes.append(JudgedLane(d.id, d.level, d.target(lane), parts, at, estimate))
+            self._lanes.append(JudgedLane(d.id, d.record.level, d.target(lane), parts, at, estimate))
         moving = []
         for seg, short in aircraft.short.items():
             own, surface = TECHNOLOGIES[technology[seg]], f"truth.aircraft.de_{short}"

@@ -31,7 +31,7 @@ from cosim.flight.plant.jsbsim_signals import border, last_step
 from cosim.flight.plant.model_load_check import fatal
 from cosim.flight.plant.point import POINTS, FlightPoint, loading
 from cosim.flight.plant.properties import NODE, Properties, exported
-from cosim.flight.plant.trim import EARTH_MERIDIAN, level, steady
+from cosim.flight.plant.trim import EARTH_MERIDIAN, Trim, trim
 from cosim.scenario.aircraft import FOLDER
 
 WIND_SHARE = 0.8  # of the airspeed that a steady wind may have: the aircraft moves over the ground
@@ -185,13 +185,13 @@ class Plant:
             for name, idle in (("n1", 25.0), ("n2", 60.0)):
                 self.port.setter(f"propulsion/engine[{i}]/{name}")(idle + (100.0 - idle) * surfaces[at])
 
-    def trim(self) -> Any:
+    def trim(self) -> Trim:
         """Trim the flight point and stand ready at time 0: a Trim, or TrimError."""
-        trim = level(self) if self.flight == self.flight.level else steady(self)
+        found = trim(self)
         if not self.flight.windless:
-            self._into_the_air(trim)
+            self._into_the_air(found)
         self._engage()
-        return trim
+        return found
 
     def _into_the_air(self, trim):
         """Let the air move, and put the trimmed aircraft into it: trim is against the air."""
