@@ -1,8 +1,7 @@
 """Commands for what a user brings: a detector or an aircraft (`new`, `check`), a recording (`map`)."""
 
-import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.text import Text
@@ -70,24 +69,13 @@ def check(
     A detector: runs, deterministic, causal, live as in replay, lost samples. A law: runs, deterministic, lost samples.
     An aircraft: what is missing, signs, trim, hinge moments, effectors. Exit status 1: it does not.
     """
-    from cosim.scenario.aircraft import ships
+    from cosim.flight.check import check as checked
 
-    if ships(what) or os.path.isdir(what):
-        from cosim.flight.plant.check import check as of_aircraft
-
-        points = of_aircraft(what)
-        found: dict[str, Any] = {"aircraft": what, "keeps": all(p.good for p in points)}
-        found["findings"] = [vars(p) for p in points]
-        rows = [("good" if p.good else "bad", p.point, p.found) for p in points]
-    else:
-        from cosim.flight.check import check as of_detector
-
-        with progress("checking", unit="") as tell:
-            found = of_detector(what, progress=tell)
-        rows = [(line["result"], line["question"], line["answer"]) for line in found["checks"]]
+    with progress("checking", unit="") as tell:
+        found = checked(what, progress=tell)
     t = Table(what, "", "question", "answer")
-    for mark, question, said in rows:
-        t.add(MARKS[mark], question, said)
+    for line in found["checks"]:
+        t.add(MARKS[line["result"]], line["question"], line["answer"])
     answer(json_, found, lambda _: t)
     raise typer.Exit(0 if found["keeps"] else 1)
 

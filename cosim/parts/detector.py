@@ -34,7 +34,7 @@ import numpy as np
 
 from actuators.block import Entry, dtype, record
 from actuators.exception_text import sentence
-from actuators.python_block import PythonBlock, of_rollout
+from actuators.python_block import PythonBlock
 from cosim.errors import CosimError
 from cosim.judge.coverage import true_class
 from cosim.scenario import catalog, vocabulary
@@ -191,23 +191,12 @@ class BlockDetector:
         if lacking := {"r", "alarm", "verdict", "isolated_part", "valid"} - set(module.OUTPUTS):
             raise PartError(f"OUTPUTS lacks {', '.join(sorted(lacking))}", place=file)
         if not isinstance(module.rollout, Entry):
-            self.runner = self._python
-        else:
-            try:
-                _ = module.rollout.native.address
-            except Exception as error:  # the compiler has dozens of kinds
-                said = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-                raise PartError(f"does not compile: {said}", place=file) from None
-
-    def _python(self, lanes=(), *, limited=False):
-        """Return a rollout in plain Python, of one flight; a lane in which it raises is dropped."""
-
-        def failed(i, t, error):
-            made.notes.append(_dropped(self, lanes, i, t, error))
-            return 0.0
-
-        made = of_rollout(self._module.rollout, self.STATE, self.INPUTS, failed)
-        return made
+            raise PartError("rollout is not compiled", place=file, remedy="rollout = entry(step, STATE, INPUTS, PARAMS)")
+        try:
+            _ = module.rollout.native.address
+        except Exception as error:  # the compiler has dozens of kinds
+            said = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+            raise PartError(f"does not compile: {said}", place=file) from None
 
     def __getattr__(self, name):
         return getattr(self._module, name)
