@@ -191,7 +191,8 @@ class BlockDetector:
         if lacking := {"r", "alarm", "verdict", "isolated_part", "valid"} - set(module.OUTPUTS):
             raise PartError(f"OUTPUTS lacks {', '.join(sorted(lacking))}", place=file)
         if not isinstance(module.rollout, Entry):
-            raise PartError("rollout is not compiled", place=file, remedy="rollout = entry(step, STATE, INPUTS, PARAMS)")
+            remedy = "rollout = entry(step, STATE, INPUTS, PARAMS)"
+            raise PartError("rollout is not compiled", place=file, remedy=remedy)
         try:
             _ = module.rollout.native.address
         except Exception as error:  # the compiler has dozens of kinds

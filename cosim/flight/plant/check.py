@@ -74,10 +74,10 @@ def _words(point):
 
 
 def _geometry(plant, aircraft):
-    g, get = aircraft.geometry, plant.port.getter
+    g, get = aircraft.geometry, plant.port.get
     of_model = {"wing_area_ft2": "metrics/Sw-sqft", "span_ft": "metrics/bw-ft", "chord_ft": "metrics/cbarw-ft",
                 "station_in": "metrics/aero-rp-x-in"}  # fmt: skip
-    values = {key: (getattr(g, key), get(name)()) for key, name in of_model.items()}
+    values = {key: (getattr(g, key), get(name)) for key, name in of_model.items()}
     wrong = [f"{key} = {own:g}, the model has {value:g}" for key, (own, value) in values.items()
              if abs(value - own) > 1e-3 * abs(value)]  # fmt: skip
     said = "; ".join(wrong) or "record and model agree on area, span, chord and reference"

@@ -56,13 +56,13 @@ class Port:
         names, factors = zip(*units)
         return Properties([self.node(name) for name in names], factors)
 
-    def getter(self, name: str) -> Callable[[], float]:
-        """Return the call that reads property `name`, in JSBSim's unit."""
-        return self.node(name).get_double_value
+    def get(self, name: str) -> float:
+        """Return the value of property `name`, in JSBSim's unit."""
+        return self.node(name).get_double_value()
 
-    def setter(self, name: str) -> Callable[[float], None]:
-        """Return the call that sets property `name`, in JSBSim's unit."""
-        return self.node(name).set_double_value
+    def set(self, name: str, value: float) -> None:
+        """Set property `name`, in JSBSim's unit."""
+        self.node(name).set_double_value(value)
 
 
 class _Quiet(jsbsim.FGLogger):
@@ -105,61 +105,48 @@ class Plant:
             raise RuntimeError(said)
         self.border = border(self.aircraft)
         geometry = self.aircraft.geometry
-        jsbsim.set_logger(self._logger)
-        fdm = self._fdm = jsbsim.FGFDMExec(None)
-        fdm.set_aircraft_path(str(self.aircraft.folder.parent))
-        fdm.set_dt(dt)
-        fdm.disable_output()
-        if not fdm.load_model(self.aircraft.name):
-            raise RuntimeError("it is not loaded")
-        self.port = Port(fdm)
+        self._fdm = _executive(self.aircraft.folder, self.aircraft.name, dt, self._logger)
+        self.port = Port(self._fdm)
         self.outputs = self.port.row(self.border.read)
         self.inputs = self.port.row((name, 1.0) for name in self.border.controls.values())
         self._frame = np.array([geometry.reference_pct / 100.0, geometry.station_in, self.aircraft.chord_in])
         self._air: gusts.Gusts | None = None
-        for name, value in loading(self.aircraft, flight.mass, flight.cg).items():
-            self.port.setter(name)(value)
-        for name, value in flight.multipliers.items():
-            self.port.setter(f"aero/mult/{name}")(value)
-        self._ic = [
-            self.port.setter(f"ic/{name}")
-            for name in ("h-sl-ft", "psi-true-rad", "theta-rad", "phi-rad", "u-fps", "v-fps", "w-fps",
-                         "p-rad_sec", "q-rad_sec", "r-rad_sec")
-        ]  # fmt: skip
+        multipliers = {f"aero/mult/{name}": value for name, value in flight.multipliers.items()}
+        for name, value in (loading(self.aircraft, flight.mass, flight.cg) | multipliers).items():
+            self.port.set(name, value)
+        self._start = self.port.row(_START)
         self._initialise()
-        mass = self.port.getter("inertia/weight-lbs")() * N_PER_LBF / G0
+        mass = self.port.get("inertia/weight-lbs") * N_PER_LBF / G0
         if abs(mass - flight.mass) > 1e-3 * flight.mass:
             said = f"it weighs {mass / 1e3:.1f} t where the record asks for {flight.mass / 1e3:.1f} t"
             raise ValueError(f"{said}: its empty mass is not mass.empty_t")
 
     def _initialise(self):
-        fdm, flight = self._fdm, self.flight
-        setter = self.port.setter
-        setter("ic/lat-geod-deg")(0.0)
-        setter("ic/h-sl-ft")(flight.altitude / M_PER_FT)
         kinds = {"cas": ("ic/vc-kts", 1 / M_S_PER_KT), "tas": ("ic/vt-kts", 1 / M_S_PER_KT), "mach": ("ic/mach", 1.0)}
-        name, factor = kinds[flight.speed_kind]
-        setter(name)(flight.speed * factor)
-        setter("ic/gamma-deg")(0.0)
-        setter("propulsion/set-running")(-1)
-        setter("propulsion/fuel_freeze")(1.0)  # the mass does not change in flight
-        setter("atmosphere/turb-type")(0)
-        fdm.run_ic()
+        speed, factor = kinds[self.flight.speed_kind]
+        start = {
+            "ic/lat-geod-deg": 0.0, "ic/h-sl-ft": self.flight.altitude / M_PER_FT, speed: self.flight.speed * factor,
+            "ic/gamma-deg": 0.0, "propulsion/set-running": -1, "atmosphere/turb-type": 0,
+            "propulsion/fuel_freeze": 1.0,  # the mass does not change in flight
+        }  # fmt: skip
+        for name, value in start.items():
+            self.port.set(name, value)
+        self._fdm.run_ic()
         for axis in ("rate/rotational", "position/rotational", "rate/translational", "position/translational"):
-            setter(f"simulation/integrator/{axis}")(3)  # AB2
-        self.tas = self.port.getter("velocities/vt-fps")() * M_PER_FT
+            self.port.set(f"simulation/integrator/{axis}", 3)  # AB2
+        self.tas = self.port.get("velocities/vt-fps") * M_PER_FT
 
     def guess(self) -> tuple[float, float, float] | None:
         """Return (alpha, stabiliser, throttle) of JSBSim's own trim, surfaces not external; None where it has none."""
-        self.port.setter("ext/engaged")(0)
+        self.port.set("ext/engaged", 0)
         try:
             self._fdm.do_trim(0)
         except jsbsim.TrimFailureError:
             return None
         finally:
             self._fdm.set_dt(self.dt)
-        get = self.port.getter
-        return get("aero/alpha-rad")(), get("fcs/stabilizer-pos-rad")(), get("fcs/throttle-cmd-norm")()
+        get = self.port.get
+        return get("aero/alpha-rad"), get("fcs/stabilizer-pos-rad"), get("fcs/throttle-cmd-norm")
 
     def place(
         self, *, tas: float, alpha: float, theta: float, altitude: float, surfaces: np.ndarray, beta: float = 0.0,
@@ -171,19 +158,17 @@ class Plant:
         Speed and angles are against the air, which moves with `wind` over the ground, forward, right and down in body
         axes.
         """
-        self.port.setter("ext/engaged")(1)
+        self.port.set("ext/engaged", 1)
         self.write(surfaces)
         u = tas * math.cos(alpha) * math.cos(beta) + wind[0]
         v = tas * math.sin(beta) + wind[1]
         w = tas * math.sin(alpha) * math.cos(beta) + wind[2]
-        state = (altitude / M_PER_FT, psi, theta, phi, u / M_PER_FT, v / M_PER_FT, w / M_PER_FT, p, q, r)
-        for put, value in zip(self._ic, state):
-            put(value)
+        self._start.write(np.array([altitude, psi, theta, phi, u, v, w, p, q, r]))
         self._fdm.run_ic()
         throttles = self.border.column(self.border.throttles)
         for i, at in enumerate(throttles):  # spool speeds follow one frame late otherwise
             for name, idle in (("n1", 25.0), ("n2", 60.0)):
-                self.port.setter(f"propulsion/engine[{i}]/{name}")(idle + (100.0 - idle) * surfaces[at])
+                self.port.set(f"propulsion/engine[{i}]/{name}", idle + (100.0 - idle) * surfaces[at])
 
     def trim(self) -> Trim:
         """Trim the flight point and stand ready at time 0: a Trim, or TrimError."""
@@ -223,12 +208,9 @@ class Plant:
         )  # fmt: skip
 
     def _engage(self):
-        fdm = self._fdm
-        fdm.suspend_integration()
-        fdm.run()
-        fdm.resume_integration()
-        if abs(fdm.get_delta_t() - self.dt) > 1e-12:
-            raise RuntimeError("JSBSim lost its step")
+        self._fdm.suspend_integration()
+        self._fdm.run()
+        self._fdm.resume_integration()
 
     def truth(self) -> np.ndarray:
         """Return a new (1,) array of the truth, SI, of the present state."""
@@ -268,6 +250,9 @@ class Plant:
         return lambda: tape.run(next(ticks))
 
 
+_START = (("ic/h-sl-ft", M_PER_FT), ("ic/psi-true-rad", 1.0), ("ic/theta-rad", 1.0), ("ic/phi-rad", 1.0),
+          *((f"ic/{axis}-fps", M_PER_FT) for axis in "uvw"),
+          *((f"ic/{rate}-rad_sec", 1.0) for rate in "pqr"))  # fmt: skip
 _MET = (("velocities/vt-fps", M_PER_FT), ("attitude/phi-rad", 1.0), ("attitude/theta-rad", 1.0),
         ("attitude/psi-rad", 1.0), ("position/h-sl-ft", M_PER_FT))  # fmt: skip
 MOVED = (*((f"atmosphere/gust-{axis}-fps", M_PER_FT) for axis in ("north", "east", "down")),
@@ -306,19 +291,25 @@ def bare_model(path: Path, dt: float, start: dict[str, float]) -> tuple[Callable
 
     A path without folders is a model that the jsbsim wheel ships. Raises RuntimeError when JSBSim cannot load it.
     """
-    jsbsim.set_logger(_REFERENCE_LOGGER)
-    fdm = jsbsim.FGFDMExec(None)
-    if path.parent.name:
-        fdm.set_aircraft_path(str(path.parent.parent))
-    fdm.set_dt(dt)
-    if not fdm.load_model(path.stem):
-        raise RuntimeError(f"JSBSim cannot load {path}: {'; '.join(_REFERENCE_LOGGER.errors)}")
-    fdm.disable_output()
+    fdm = _executive(path.parent if path.parent.name else None, path.stem, dt, _REFERENCE_LOGGER)
     port = Port(fdm)
     for name, value in start.items():
-        port.setter(name)(value)
+        port.set(name, value)
     fdm.run_ic()
     return fdm.run, port
+
+
+def _executive(folder, name, dt, logger):
+    """Return JSBSim's executive of the model `name` in a folder, None: that of the wheel; raises RuntimeError."""
+    jsbsim.set_logger(logger)
+    fdm = jsbsim.FGFDMExec(None)
+    if folder:
+        fdm.set_aircraft_path(str(folder.parent))
+    fdm.set_dt(dt)
+    fdm.disable_output()
+    if not fdm.load_model(name):
+        raise RuntimeError(f"JSBSim cannot load {name}: {'; '.join(logger.errors)}")
+    return fdm
 
 
 _REFERENCE_LOGGER = _Quiet()  # kept here: JSBSim does not own it
