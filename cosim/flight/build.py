@@ -129,19 +129,11 @@ def _bus(scenario, plant, law, sensor_lanes, fault_lanes, built, chosen):
 
 def _wires(scenario, bus, chosen, fault_lanes):
     """Return {stage of the tick: (to, source)}, positions in the bus."""
-    tech = scenario.elevator.technology
-    stages = {
-        "sensors": wiring.sensor_wires(scenario),
-        "law": wiring.law_wires(),
-        "demand": wiring.demand_wires(),
-        "hinge": wiring.hinge_wires(tech),
-        "servos": wiring.servo_wires(tech) + detectors.feedback_wires(scenario, chosen),
-        "actuators": wiring.actuator_wires(scenario),
-        "surfaces": wiring.surface_wires(scenario),
-        "detectors": [w for d in chosen for w in d.wires(of_detectors=False)],
-        "faults": [(f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes]
-        + [(f"faults_in.{lane.name}.ref", lane.reference) for lane in fault_lanes if lane.reference],
-    }
+    stages = wiring.wires(scenario)
+    stages["servos"] += detectors.feedback_wires(scenario, chosen)
+    stages["detectors"] = [w for d in chosen for w in d.wires(of_detectors=False)]
+    stages["faults"] = [(f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes]
+    stages["faults"] += [(f"faults_in.{lane.name}.ref", lane.reference) for lane in fault_lanes if lane.reference]
     return {stage: bus.wires(pairs) for stage, pairs in stages.items()}
 
 

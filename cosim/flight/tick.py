@@ -107,8 +107,3 @@ class Loop:
             self._tape, self._logs = Tape(self.v, self.dt), logs
             order(self, self._tape, *logs)
         return self._tape
-
-
-def tick(s: Any, k: int, *logs: Any) -> None:
-    """Advance the loop `s` from t_k to t_k+1; `logs` take the bus of t_k, see `order`."""
-    s.tape(*logs).run(k)

@@ -15,7 +15,7 @@ def air(kind, seed, *, seconds, dt=0.005, tas=200.0, weather=None, **angles):
     made = gusts.Gusts(gusts.params(kind, dt, **AIRCRAFT, **(weather or {})), dt, seed)
     tape, out = Tape(np.zeros(1), dt), np.zeros((round(seconds / dt), 6))
     made.schedule(tape)
-    made.met[:] = [tas, *({"phi": 0.0, "theta": 0.0, "psi": 0.0} | angles).values(), 0.0]
+    made.met[:] = [tas, *({"phi": 0.0, "theta": 0.0, "psi": 0.0, "h": 0.0} | angles).values()]
     for k, row in enumerate(out):
         tape.run(k)
         row[:] = made.moved

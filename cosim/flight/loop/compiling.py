@@ -20,8 +20,8 @@ LOOP = (law, faults, sensors, manoeuvre, hinge_model, gusts)  # blocks that are 
 
 
 def shipped() -> dict[str, ModuleType]:
-    """Return {module name: module} of every block that ships: of the technologies, the detectors, the loop."""
-    return _blocks([*_actuators(t.name for t in SHIPPED), *map(registry.module, registry.DEFAULT), *LOOP])
+    """Return {module name: module} of every block that ships: of the detectors, the technologies, the loop."""
+    return _blocks(map(registry.module, registry.DEFAULT), [t.name for t in SHIPPED])
 
 
 def every() -> list[Native]:
@@ -29,20 +29,16 @@ def every() -> list[Native]:
     return [*(m.rollout.native for m in shipped().values()), tape.WALK]
 
 
-def _actuators(technologies):
-    return [m for name in technologies if name in TECHNOLOGIES for m in TECHNOLOGIES[name].modules()]
-
-
-def _blocks(modules):
-    return {m.__name__: m for m in modules if isinstance(getattr(m, "rollout", None), Entry)}
+def _blocks(detectors, technologies):
+    """Return {module name: module} of what is a block: what takes longest comes first; users' classes are none."""
+    modules = [*detectors, *(m for name in technologies for m in TECHNOLOGIES[name].modules()), *LOOP]
+    return {m.__name__: m for m in modules if isinstance(m, ModuleType) and isinstance(m.rollout, Entry)}
 
 
 def functions(scenario: Scenario) -> dict[str, Native]:
     """Return {module: its compiled function} of every block that a flight of `scenario` steps, and of its tape."""
     used = dict.fromkeys((*scenario.elevator.technology.values(), "simple"))
-    own = [d.module for d in detectors.chosen(scenario)]
-    modules = [m for m in own if isinstance(m, ModuleType)]  # what takes longest comes first; users' elsewhere
-    blocks = _blocks([*modules, *_actuators(used), *LOOP])
+    blocks = _blocks((d.module for d in detectors.chosen(scenario)), used)
     return {**{name: m.rollout.native for name, m in blocks.items()}, tape.__name__: tape.WALK}
 
 
