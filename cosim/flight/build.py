@@ -131,7 +131,7 @@ def _wires(scenario, bus, chosen, fault_lanes):
     """Return {stage of the tick: (to, source)}, positions in the bus."""
     stages = wiring.wires(scenario)
     stages["servos"] += detectors.feedback_wires(scenario, chosen)
-    stages["detectors"] = [w for d in chosen for w in d.wires(of_detectors=False)]
+    stages |= {d.id: d.wires() for d in chosen}
     stages["faults"] = [(f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes]
     stages["faults"] += [(f"faults_in.{lane.name}.ref", lane.reference) for lane in fault_lanes if lane.reference]
     return {stage: bus.wires(pairs) for stage, pairs in stages.items()}
@@ -186,7 +186,6 @@ def build(scenario: Scenario) -> Setup:
         servos=[b for b in actuator_blocks if b.name not in TECHNOLOGIES],
         actuators=[b for b in actuator_blocks if b.name in TECHNOLOGIES],
         corrections=corrections(scenario, bus),
-        read={d.id: bus.wires(own) for d in chosen if (own := d.wires(of_detectors=True))},
         inputs=user_inputs(scenario, bus, trim),
     )  # fmt: skip
     # what the actuators were last told: in equilibrium, the servo's holding command

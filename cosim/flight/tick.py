@@ -47,11 +47,9 @@ def order(s: "Loop", tape: Tape, *logs: Any, keep: Any = None) -> None:
 
     tape.copy(*s.wires["hinge"])
     tape.step(s.hinge)
-    tape.copy(*s.wires["detectors"])
-    for detector in s.detectors:
-        if detector.name in s.read:
-            tape.copy(*s.read[detector.name])  # outputs at t_k of detectors before it
-        tape.step(detector)  # 4. detectors on measurements and commands at t_k, and on what the servos sent until now
+    for detector in s.detectors:  # 4. detectors on measurements and commands at t_k, on what the servos sent until now,
+        tape.copy(*s.wires[detector.name])  # and on outputs at t_k of detectors before it
+        tape.step(detector)
 
     tape.copy(*s.wires["servos"])
     for servo in s.servos:
@@ -80,7 +78,7 @@ class Loop:
     plant: Plant
     dt: float
     draw: Draw  # the noise
-    wires: dict  # stage -> (to, source), positions in the bus
+    wires: dict  # stage, or detector -> (to, source), positions in the bus
     places: tuple  # (clear, to, source): where faults act
     faults: Block
     sensors: Block
@@ -91,8 +89,6 @@ class Loop:
     servos: list = field(default_factory=list)
     actuators: list = field(default_factory=list)
     corrections: dict = field(default_factory=dict)  # stage -> calls after it (cosim/flight/blocks/corrections.py)
-    # detector -> (to, source) of its inputs that are outputs of detectors before it
-    read: dict = field(default_factory=dict)
     inputs: dict = field(default_factory=dict)  # stage -> a pilot's own table (cosim/flight/user_inputs.py)
 
     def __post_init__(self):

@@ -146,11 +146,9 @@ class Installed:
             assign(self.record, self.module, p, name, float(value), dt, error=ScenarioError, place=place)
         return p
 
-    def wires(self, of_detectors: bool) -> list[tuple[str, str]]:
-        """Return [(input, source)] of all lanes, as names of the bus: those that are outputs of other detectors
-        (`of_detectors` True), or the others."""
-        return [(f"{self.id}_in.{lane}.{w.field}", w.source) for lane, own in self.inputs.items() for w in own
-                if of_detectors == (w.signal.kind == "detector")]  # fmt: skip
+    def wires(self) -> list[tuple[str, str]]:
+        """Return [(input, source)] of all lanes, as names of the bus."""
+        return [(f"{self.id}_in.{lane}.{w.field}", w.source) for lane, own in self.inputs.items() for w in own]
 
     def target(self, lane: str) -> str:
         """Return the name of what a lane watches."""
@@ -211,7 +209,7 @@ def chosen(scenario: Scenario) -> list[Installed]:
     found = {name: _connected(d, found) for name, d in found.items()}
     sorter: TopologicalSorter = TopologicalSorter(dict.fromkeys(found, ()))
     for d in found.values():
-        sorter.add(d.id, *sorted({source.split(".")[0] for _, source in d.wires(of_detectors=True)}))
+        sorter.add(d.id, *sorted({source.split(".")[0] for _, source in d.wires()} & found.keys()))
     try:
         return [found[name] for name in sorter.static_order()]
     except CycleError as error:

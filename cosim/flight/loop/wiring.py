@@ -44,7 +44,8 @@ def _of_segment(segment, technology, short):
     demand = "law.law.de_cmd"
     ends = (("", "y_obs"), ("_valid", "valid_obs"))
     measured = [(f"{servo}_in.{segment}.{to}", f"sensors.{segment}_{name}.{source}")
-                for name, s in technology.sensors.items() for to, source in zip(s.servo or (), ("y", "valid"))]  # fmt: skip
+                for name, s in technology.sensors.items() for to, source in zip(s.servo or (), ("y", "valid"))
+                ]  # fmt: skip
     drive = (f"{own}_in.{segment}.u", f"{servo}.{segment}.u") if servo else (f"{own}_in.{segment}.command", demand)
     return {
         "sensors": [(f"sensors_in.{segment}_{name}.truth", f"{own}.{segment}.{s.state}")
