@@ -108,23 +108,27 @@ def _sensor_lanes(scenario, dt):
     return tuple(names), np.concatenate(rows)
 
 
-def _bus(scenario, plant, law, sensor_lanes, fault_lanes, built, chosen):
-    """Return the Bus with a section for everything that a tick holds, in the order of the tick."""
-    surface = dtype([(name, "f8", "-" if name.startswith("thr") else "rad") for name in plant.border.inputs])
-    segments = scenario.aircraft.segments
-    sections = [
-        ("clock", CLOCK, ("clock",)), ("truth", plant.border.truth, ("aircraft",)),
-        ("surfaces", surface, ("aircraft",)), ("sensors_in", sensors.INPUTS, sensor_lanes),
-        ("sensors", sensors.STATE, sensor_lanes), ("pilot_in", manoeuvre.INPUTS, ("pilot",)),
-        ("pilot", manoeuvre.STATE, ("pilot",)), ("law_in", law.INPUTS, ("law",)), ("law", law.STATE, ("law",)),
-        ("hinge_model_in", hinge_model.INPUTS, segments), ("hinge_model", hinge_model.STATE, segments),
-        ("faults_in", faults.INPUTS, tuple(fault_lanes)), ("faults", faults.STATE, tuple(fault_lanes)),
+def _parts(scenario, trim, truth, designed, fault_lanes, chosen):
+    """Return [(name, module, lanes, PARAMS, STATE before the first tick, ticks from step to step where not 1)] of the
+    blocks of a flight; `designed` is what the operating point gives."""
+    dt, aircraft, technology = scenario.dt, scenario.aircraft, scenario.elevator.technology
+    law_p, slopes = designed
+    factors = [1.0 + TECHNOLOGIES[tech].hinge_error * generator(scenario.seed, f"hinge.{seg}").uniform(-1.0, 1.0)
+               for seg, tech in technology.items()]  # fmt: skip
+    own = [
+        ("sensors", sensors, *_sensor_lanes(scenario, dt)),
+        ("pilot", manoeuvre, ("pilot",), manoeuvre.params(**steps(scenario.manoeuvre, trim))),
+        ("law", user_law.block(scenario), ("law",), user_law.tuned(scenario, law_p)),
+        ("hinge_model", hinge_model, tuple(aircraft.segments),
+         hinge_model.design(slopes, trim, truth, aircraft.short.values(), factors)),
+        ("faults", faults, tuple(lane.name for lane in fault_lanes),
+         np.concatenate([np.zeros(0, faults.PARAMS), *(lane.p for lane in fault_lanes)])),
+        *((d.id, d.module, d.lanes, d.params(scenario, dt), d.record.every) for d in chosen),
     ]  # fmt: skip
-    for name, module, _, _, lanes in built:
-        sections += [(name + "_in", module.INPUTS, lanes), (name, module.STATE, lanes)]
-    for d in chosen:
-        sections += [(d.id + "_in", d.module.INPUTS, d.lanes), (d.id, d.module.STATE, d.lanes)]
-    return Bus(sections)
+    loads = {seg: (truth[f"de_{s}"], truth[f"hm0_{s}"], truth[f"hmd_{s}"]) for seg, s in aircraft.short.items()}
+    others = {name: truth[wiring.SURFACE_OF[name]] for name in wiring.OTHERS}
+    made = [(name, module, lanes, p, module.init(p), *every) for name, module, lanes, p, *every in own]
+    return [*made, *actuation.blocks(scenario, loads, others, dt)]
 
 
 def _wires(scenario, bus, chosen, fault_lanes):
@@ -145,48 +149,30 @@ def build(scenario: Scenario) -> Setup:
     dt, point = scenario.dt, FlightPoint.of(scenario)
     plant = Plant(point, dt=dt)
     trim = plant.trim()
-    aircraft = scenario.aircraft
-    truth = plant.truth()
-    t = truth[0]
-    sensor_lanes, sensor_p = _sensor_lanes(scenario, dt)
-    loads = {seg: (t[f"de_{s}"], t[f"hm0_{s}"], t[f"hmd_{s}"]) for seg, s in aircraft.short.items()}
-    others = {name: t[wiring.SURFACE_OF[name]] for name in wiring.OTHERS}
-    built = actuation.blocks(scenario, loads, others, dt)
-    pilot_p = manoeuvre.params(**steps(scenario.manoeuvre, trim))
-    law_p, slopes = designed(point, trim, dt)
-    law_p, law = user_law.tuned(scenario, law_p), user_law.block(scenario)
-    factors = [1.0 + TECHNOLOGIES[tech].hinge_error * generator(scenario.seed, f"hinge.{seg}").uniform(-1.0, 1.0)
-               for seg, tech in scenario.elevator.technology.items()]  # fmt: skip
-    hinge_p = hinge_model.design(slopes, trim, t, aircraft.short.values(), factors)
-    chosen = detectors.chosen(scenario)
-    fault_lanes = inject.lanes(scenario)
+    truth, border = plant.truth(), plant.border
+    chosen, fault_lanes = detectors.chosen(scenario), inject.lanes(scenario)
+    parts = _parts(scenario, trim, truth[0], designed(point, trim, dt), fault_lanes, chosen)
 
-    bus = _bus(scenario, plant, law, sensor_lanes, [lane.name for lane in fault_lanes], built, chosen)
+    surface = dtype([(name, "f8", "-" if name.startswith("thr") else "rad") for name in border.inputs])
+    whole = [("clock", CLOCK, ("clock",)), ("truth", border.truth, ("aircraft",)), ("surfaces", surface, ("aircraft",))]
+    for name, module, lanes, *_ in parts:
+        whole += [(f"{name}_in", module.INPUTS, lanes), (name, module.STATE, lanes)]
+    bus = Bus(whole)
     bus["truth"][:] = truth
     bus["surfaces"].view("f8")[:] = trim.surfaces  # until the first tick sends its own
-
-    def block(name, module, p, x0, every=1):
-        own = rollout_of(module, bus.lanes[name], limited=True)
-        return Block(bus, name, module, p, x0, dt, every, own)
-
-    actuator_blocks = [block(n, m, p, x) for n, m, p, x, _ in built]
+    blocks = {name: Block(bus, name, module, p, x0, dt, *every, rollout=rollout_of(module, lanes, limited=True))
+              for name, module, lanes, p, x0, *every in parts}  # fmt: skip
     wires = _wires(scenario, bus, chosen, fault_lanes)
     places = [(to, f"faults.{lane.name}.{source}") for lane in fault_lanes for to, source in lane.places]
     to, source = bus.wires(places)
+    servos = [technology.servo for technology in TECHNOLOGIES.values()]
     loop = Loop(
-        bus=bus, plant=plant, dt=dt, draw=Draw(scenario.seed, [f"noise.{lane}" for lane in sensor_lanes]),
-        wires=wires, places=(np.unique(to), to, source),
-        faults=block("faults", faults, np.concatenate([np.zeros(0, faults.PARAMS), *(f.p for f in fault_lanes)]), 0),
-        sensors=block("sensors", sensors, sensor_p, sensors.init(sensor_p)),
-        pilot=block("pilot", manoeuvre, pilot_p, manoeuvre.init(pilot_p)),
-        law=block("law", law, law_p, law.init(law_p)),
-        hinge=block("hinge_model", hinge_model, hinge_p, hinge_model.init(hinge_p)),
-        detectors=[block(d.id, d.module, p, d.module.init(p), d.record.every) for d in chosen
-                   for p in [d.params(scenario, dt)]],
-        servos=[b for b in actuator_blocks if b.name not in TECHNOLOGIES],
-        actuators=[b for b in actuator_blocks if b.name in TECHNOLOGIES],
-        corrections=corrections(scenario, bus),
-        inputs=user_inputs(scenario, bus, trim),
+        bus=bus, plant=plant, dt=dt, draw=Draw(scenario.seed, [f"noise.{lane}" for lane in bus.lanes["sensors"]]),
+        wires=wires, places=(np.unique(to), to, source), faults=blocks["faults"], sensors=blocks["sensors"],
+        pilot=blocks["pilot"], law=blocks["law"], hinge=blocks["hinge_model"],
+        detectors=[blocks[d.id] for d in chosen], servos=[b for name, b in blocks.items() if name in servos],
+        actuators=[b for name, b in blocks.items() if name in TECHNOLOGIES],
+        corrections=corrections(scenario, bus), inputs=user_inputs(scenario, bus, trim),
     )  # fmt: skip
     # what the actuators were last told: in equilibrium, the servo's holding command
     told, command = wires["actuators"]
