@@ -160,7 +160,7 @@ def build(scenario: Scenario) -> Setup:
     bus = Bus(whole)
     bus["truth"][:] = truth
     bus["surfaces"].view("f8")[:] = trim.surfaces  # until the first tick sends its own
-    blocks = {name: Block(bus, name, module, p, x0, dt, *every, rollout=rollout_of(module, lanes, limited=True))
+    blocks = {name: Block(bus, name, module, p, x0, dt, rollout_of(module, lanes, limited=True), *every)
               for name, module, lanes, p, x0, *every in parts}  # fmt: skip
     wires = _wires(scenario, bus, chosen, fault_lanes)
     places = [(to, f"faults.{lane.name}.{source}") for lane in fault_lanes for to, source in lane.places]

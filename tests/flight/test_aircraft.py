@@ -10,7 +10,6 @@ from transport_fit import build
 
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import POINTS, FlightPoint, Plant
-from cosim.flight.plant.trim import surfaces_at
 from cosim.scenario.aircraft import load_aircraft
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -86,10 +85,11 @@ def test_six_points_have_more_than_1_3_g(name):
 
 
 def _pulled(plant, trim, alpha, elevator):
+    surfaces = trim.surfaces.copy()
+    surfaces[plant.border.column(plant.border.elevators)] = elevator
     plant.place(
-        tas=trim.tas, alpha=alpha, theta=alpha, altitude=trim.altitude, q=0.3 * 9.81 / trim.tas,
-        surfaces=surfaces_at(plant.border, trim.stabilizer, trim.throttle, elevator=elevator),
-    )  # fmt: skip
+        tas=trim.tas, alpha=alpha, theta=alpha, altitude=trim.altitude, q=0.3 * 9.81 / trim.tas, surfaces=surfaces
+    )
     t = plant.truth()[0]
     return t.nz * math.cos(alpha) + t.nx * math.sin(alpha), t.qdot
 

@@ -88,11 +88,10 @@ class Block:
     ticks, in place."""
 
     def __init__(
-        self, bus: Any, name: str, module: Any, p: np.ndarray, x0: np.ndarray, dt: float, every: int = 1,
-        rollout: Any = None,
-    ):  # fmt: skip
+        self, bus: Any, name: str, module: Any, p: np.ndarray, x0: np.ndarray, dt: float, rollout: Any, every: int = 1
+    ):
         self.name, self.module, self.p, self.every, self.dt = name, module, p, every, dt * every
-        self.rollout = rollout or module.rollout
+        self.rollout = rollout
         self.x, self.u = bus[name], bus[name + "_in"].reshape(-1, 1)
         self.x[:] = x0
 

@@ -98,25 +98,30 @@ def _solved(plant, x, names, gamma):
         nz=float(t.nz), surfaces=surfaces, gamma=gamma, phi=float(phi), p=float(t.p), r=float(t.r), turn=float(turn),
         aileron=aileron, rudder=rudder,
     )  # fmt: skip
-    wrong = functools.partial(TrimError, place=_place(plant))
-    limits = plant.aircraft.limits
-    least, most = limits.mach
-    if not least - 1e-6 <= t.mach <= most + 1e-6:  # JSBSim's own rounding of the speed
-        remedy = "Fly slower or lower" if t.mach > most else "Fly faster or higher"
-        said = f"speed: Mach {t.mach:.2f} is beyond the aerodynamic data"
-        raise wrong(said, allowed=f"{least:g} to {most:g}", remedy=remedy)
-    surely = math.radians(limits.alpha_surely_flies_deg)
-    if _beyond(plant, found) or found.alpha >= surely:
-        needs, has, stalls = lift_margin(plant, math.cos(gamma) / math.cos(phi))
-        _flown(plant, x, gamma)  # back from where the lift was looked for
-        what = _words(gamma, plant.flight) if len(x) > 3 else "level flight"
-        if found.alpha > stalls or (_beyond(plant, found) and needs > has):  # an equilibrium while it falls, too
-            said = f"stall: {what} needs a lift coefficient of {needs:.2f}, the wing gives {has:.2f}"
-            raise wrong(said, remedy="Fly faster, lower or lighter" + ", or bank less" * (not found.level))
-        if beyond := _beyond(plant, found):
-            said, about = beyond
-            raise wrong(said.format(what), **about)
+    _refuse(plant, found, x, t.mach)
     return found
+
+
+def _refuse(plant, found, x, mach):
+    """Raise TrimError with the reason why the aircraft cannot fly a trim of the unknowns x, if there is one."""
+    wrong, limits = functools.partial(TrimError, place=_place(plant)), plant.aircraft.limits
+    least, most = limits.mach
+    if not least - 1e-6 <= mach <= most + 1e-6:  # JSBSim's own rounding of the speed
+        remedy = "Fly slower or lower" if mach > most else "Fly faster or higher"
+        said = f"speed: Mach {mach:.2f} is beyond the aerodynamic data"
+        raise wrong(said, allowed=f"{least:g} to {most:g}", remedy=remedy)
+    beyond, level = _beyond(plant, found), len(x) == len(LEVEL)
+    if level and not beyond and found.alpha < math.radians(limits.alpha_surely_flies_deg):
+        return
+    needs, has, stalls = lift_margin(plant, math.cos(found.gamma) / math.cos(found.phi))
+    _flown(plant, x, found.gamma)  # back from where the lift was looked for
+    what = "level flight" if level else _words(found.gamma, plant.flight)
+    if found.alpha > stalls or (beyond and needs > has):  # an equilibrium while it falls, too
+        said = f"stall: {what} needs a lift coefficient of {needs:.2f}, the wing gives {has:.2f}"
+        raise wrong(said, remedy="Fly faster, lower or lighter" + ", or bank less" * (not level))
+    if beyond:
+        said, about = beyond
+        raise wrong(said.format(what), **about)
 
 
 def _newton(plant, x, names, gamma):
@@ -149,7 +154,7 @@ def _flown(plant, x, gamma):
     f, tas, h = plant.flight, plant.tas, plant.flight.altitude
     alpha, stabilizer, throttle, aileron, rudder, last = (*x, 0.0, 0.0, 0.0)[:6]
     phi, turn, theta = 0.0, 0.0, alpha
-    if len(x) > 3:
+    if len(x) > len(LEVEL):
         phi, turn = (f.bank, last) if f.bank is not None else (last, f.turn or 0.0)
         a, b, s = math.cos(alpha), math.cos(phi) * math.sin(alpha), math.sin(gamma)
         theta = math.atan2(a * b + s * math.sqrt(max(a * a - s * s + b * b, 0.0)), a * a - s * s)
