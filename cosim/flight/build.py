@@ -1,7 +1,7 @@
 """Build a flight from its scenario: trim the aircraft, lay out the bus, put every block into equilibrium, wire them."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import Trim
 from cosim.flight.tick import Block, Loop
 from cosim.flight.user_inputs import user_inputs
+from cosim.judge.detection import JudgedLane
 from cosim.parts import rollout_of
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
@@ -46,7 +47,6 @@ class Setup:
     lanes: list  # fault lanes
     detectors: list[Installed]
     trace: Trace  # what a run keeps of every tick
-    step_us: dict = field(default_factory=dict)
 
     @property
     def ticks(self) -> int:
@@ -63,17 +63,16 @@ class Setup:
         """Return the detectors that are steps in Python."""
         return [d for d in self.loop.detectors if isinstance(d.rollout, PythonBlock)]
 
-    def judged_lanes(self) -> list:
-        """Return the JudgedLane of every detector lane."""
-        return self.trace.judged_lanes(self.step_us)
+    def judged_lanes(self, timed: bool = False) -> list[JudgedLane]:
+        """Return the JudgedLane of every detector lane; `timed`, with the microseconds of its step."""
+        step_us = {d.name: self._cost(d) for d in self.loop.detectors} if timed else {}
+        return self.trace.judged_lanes(step_us)
 
-    def time_detectors(self) -> None:
-        """Measure each detector's cost per step and lane, on copies: a flight's own numbers stay untouched."""
-        for d in self.loop.detectors:
-            if d in self.in_python:  # its objects are the flight's own: what its steps took in the loop
-                self.step_us[d.name] = d.rollout.seconds / max(1, d.rollout.steps * len(d.x)) * 1e6
-                continue
-            self.step_us[d.name] = cost(d)
+    def _cost(self, d):
+        """Return the microseconds of a detector per step and lane: in Python, whose objects are the flight's own, what
+        its steps took in the loop, else by steps on copies."""
+        own = d.rollout
+        return own.seconds / max(1, own.steps * len(d.x)) * 1e6 if d in self.in_python else cost(d)
 
 
 def _sensor_lanes(scenario, dt):
