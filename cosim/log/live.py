@@ -1,7 +1,7 @@
 """Show a flight while it is flown: the log's own topics over a WebSocket for Foxglove, and let viewers break it.
 
-Nothing of the watching enters the log: a watched flight leaves the same bytes as one that nobody sees. Whoever has the
-address with its token may also call the services that the flight offers; they run in the flight's own thread, between
+Nothing of the watching enters the log: a watched flight leaves the same bytes as one that nobody sees. Who comes in may
+call the services that the flight offers, so that its address has a token; they run in the flight's own thread, between
 two ticks.
 """
 
@@ -70,9 +70,9 @@ class Shown:
                 self._known[key] = sdk.Channel(name, schema=schema, message_encoding="protobuf",
                                                context=self._context, metadata=channel_metadata(parts))  # fmt: skip
             self._channels.append((self._known[key], slice(at + HEAD.size, end)))
-        for topic in ("/tf", "/fix") if pose is not None and not self._places else ():
-            kind, data = foxglove.TOPICS[topic]
-            schema = sdk.Schema(name=kind, encoding="protobuf", data=data())
+        for topic in ("/tf", "/fix") if not self._places else ():
+            kind = foxglove.TOPICS[topic]
+            schema = sdk.Schema(name=kind.DESCRIPTOR.full_name, encoding="protobuf", data=foxglove.schema(kind))
             self._places[topic] = sdk.Channel(topic, schema=schema, message_encoding="protobuf", context=self._context)
 
     @property
@@ -82,18 +82,21 @@ class Shown:
 
     def send(self, k: int, v: np.ndarray) -> None:
         """Show tick `k` of the vector v that the topics index."""
-        ns = k * self.dt_ns
         self._target.store(k, v)
+        where = self._pose.messages(v[list(self._pose.index)][None], k, self.dt_ns) if self._pose else ()
+        self.show(k, self._target.rows[0], {name: data for _, name, data in where})
+
+    def show(self, k: int, row: np.ndarray, where: Mapping[str, bytes]) -> None:
+        """Show tick `k`: the messages of the topics as a log has them (bytes,), and those of /tf and /fix."""
         for channel, part in self._channels:
-            channel.log(self._target.rows[0, part].tobytes(), log_time=ns)
-        if self._pose is not None:
-            for _, name, data in self._pose.messages(v[list(self._pose.index)][None], k, self.dt_ns):
-                self._places[name].log(data, log_time=ns)
+            channel.log(row[part].tobytes(), log_time=k * self.dt_ns)
+        for name in self._places.keys() & where.keys():
+            self._places[name].log(where[name], log_time=k * self.dt_ns)
 
 
 @dataclass(frozen=True)
 class Control:
-    """Something that viewers with the token may do: `do` takes the keys of a request and returns those of the answer.
+    """Something that viewers may do: `do` takes the keys of a request and returns those of the answer.
 
     `request` is the JSON schema of those keys, `example` a request that is a good first one.
     """
@@ -128,9 +131,9 @@ class Live:
     """Serve the ticks of a flight; use it as a context manager, `append(v)` after each tick, then `serve()`.
 
     `topics`, `dt_ns` and `pose` are those of the LogWriter. `port` 0 takes a free one. `speed` is that of the flight
-    against the clock. `controls` {name: Control} are what viewers with the token may do; a CosimError is answered as a
-    refusal. `context` is a foxglove.Context, by default its own. `layout` is for Foxglove's "Import from file". Raises
-    OutputError when the library is missing or the port is taken.
+    against the clock. `controls` {name: Control} are what viewers may do, and the address `url` has a token then; a
+    CosimError is answered as a refusal. `context` is a foxglove.Context, by default its own. `layout` is for Foxglove's
+    "Import from file". Raises OutputError when the library is missing or the port is taken.
     """
 
     def __init__(
@@ -145,27 +148,19 @@ class Live:
         self._controls = dict(controls or {})
         self.layout = live_layout(topics, {name: c.example for name, c in self._controls.items()})
         self._waiting: queue.SimpleQueue[tuple[str, Any, Future]] = queue.SimpleQueue()
-        self.token = secrets.token_urlsafe(18) if controls else ""
-        self.servers: list[Any] = []
-        inner = gate.hidden_host()
-
-        def start(**how):
-            self.servers.append(sdk.start_server(name=name, host=inner, port=0, context=context, **how))
-            return inner, self.servers[-1].port
-
+        token, inner = secrets.token_urlsafe(18) if controls else "", gate.hidden_host()
         try:
-            watched = start(**(more or {}))
-            steered = start(**self._offer(sdk)) if controls else None
+            offered = {**self._offer(sdk), **(more or {})}
+            self.server = sdk.start_server(name=name, host=inner, port=0, context=context, **offered)
         except Exception as error:  # the library has no narrower one
             raise OutputError(f"cannot be served: {error}", place=inner) from None
         try:
-            self._gate = gate.Gate(HOST, port, watched, steered, self.token)
+            self._gate = gate.Gate(HOST, port, (inner, self.server.port), token)
         except OSError as error:
-            self._stop()
+            self.server.stop()
             said = f"cannot be served: {error.strerror}"
             raise OutputError(said, place=f"{HOST}:{port}", remedy="Free the port, or choose another") from None
-        self.url = f"ws://{HOST}:{self._gate.port}"
-        self.steer_url = f"{self.url}/?token={self.token}" if controls else ""
+        self.url = f"ws://{HOST}:{self._gate.port}" + f"/?token={token}" * bool(token)
         self._k = 0
 
     def append(self, v: np.ndarray) -> None:
@@ -187,6 +182,8 @@ class Live:
 
     def _offer(self, sdk):
         """Return the services of the controls, as arguments of the server."""
+        if not self._controls:
+            return {}
         return {
             "capabilities": [sdk.websocket.Capability.Services], "supported_encodings": ["json"],
             "services": [self._service(sdk, name) for name in self._controls],
@@ -218,8 +215,4 @@ class Live:
 
     def __exit__(self, *_):
         self._gate.close()
-        self._stop()
-
-    def _stop(self):
-        for server in self.servers:
-            server.stop()
+        self.server.stop()
