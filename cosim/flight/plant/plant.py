@@ -24,7 +24,7 @@ import jsbsim
 import numpy as np
 
 from actuators.constants import G0, M_PER_FT, M_S_PER_KT, N_PER_LBF
-from cosim.errors import ScenarioError, TrimError
+from cosim.errors import ScenarioError
 from cosim.flight.loop.tape import Tape
 from cosim.flight.plant import gusts
 from cosim.flight.plant.jsbsim_signals import border, last_step
@@ -175,7 +175,9 @@ class Plant:
         found = trim(self)
         if not self.flight.windless:
             self._into_the_air(found)
-        self._engage()
+        self._fdm.suspend_integration()  # a frame without motion, after which every model has the state
+        self._fdm.run()
+        self._fdm.resume_integration()
         return found
 
     def _into_the_air(self, trim):
@@ -206,11 +208,6 @@ class Plant:
             p=trim.p + ct * over, q=trim.q + sf * st * over + cf * along, r=trim.r + cf * st * over - sf * along,
             surfaces=trim.surfaces, wind=wind,
         )  # fmt: skip
-
-    def _engage(self):
-        self._fdm.suspend_integration()
-        self._fdm.run()
-        self._fdm.resume_integration()
 
     def truth(self) -> np.ndarray:
         """Return a new (1,) array of the truth, SI, of the present state."""
@@ -244,7 +241,7 @@ class Plant:
 
     @functools.cached_property
     def run(self) -> Callable[[], None]:
-        """The call that advances by one step, through this flight's gusts."""
+        """Return the call that advances by one step, through this flight's gusts."""
         tape, ticks = Tape(np.zeros(1), self.dt), itertools.count()
         self.schedule_integration(tape)
         return lambda: tape.run(next(ticks))
@@ -314,4 +311,4 @@ def _executive(folder, name, dt, logger):
 
 _REFERENCE_LOGGER = _Quiet()  # kept here: JSBSim does not own it
 
-__all__ = ["POINTS", "FlightPoint", "Plant", "Port", "TrimError", "bare_model", "loading"]
+__all__ = ["POINTS", "FlightPoint", "Plant", "Port", "bare_model"]
