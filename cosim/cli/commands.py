@@ -74,9 +74,8 @@ def run(
 
         found["report"] = str(flight_report(found["log"], page))
     answer(json_, found, lambda _: tables.run(found, flown, details))
-    if found["status"] == "interrupted":
-        raise Exit(shared.INTERRUPTED)
-    raise Exit(int(strict and found["status"] != "completed"))
+    cut = found["status"] == "interrupted"
+    raise Exit(shared.INTERRUPTED if cut else int(strict and found["status"] != "completed"))
 
 
 def loaded(scenario: str, overrides: Any, detectors: Any = ()) -> Any:
@@ -138,8 +137,7 @@ def list_(
         raise CosimError("is no topic", place=f"cosim list {topic}", allowed=", ".join((*tables.TOPICS, "all")),
                          remedy=did_you_mean(topic, tables.TOPICS))  # fmt: skip
     found = inventory()
-    shown = found if topic in (None, "all") else {topic: found[topic]}
-    answer(json_, shown, lambda _: tables.inventory(found, topic))
+    answer(json_, found if topic in (None, "all") else {topic: found[topic]}, lambda _: tables.inventory(found, topic))
 
 
 @command("Start")
@@ -448,8 +446,7 @@ def errors(frame: Any) -> list[dict]:
     from cosim.campaign.worker import FAILED
 
     runs = frame.drop_duplicates("run")
-    counts = runs[runs["status"].isin(FAILED)].groupby(["status", "error"], sort=True).size()
-    counts = counts.sort_values(ascending=False, kind="stable")
+    counts = runs[runs["status"].isin(FAILED)].value_counts(["status", "error"])
     return [{"status": status, "error": text, "runs": int(n)} for (status, text), n in counts.items()]
 
 

@@ -164,7 +164,7 @@ def noticed(runs: Runs, fault: Mapping, until: float, dt: float, others: Sequenc
     first, healed = round(start / dt), heard.tick(min(fault["end_s"], until))
     k, last = heard.alarm_of(first, healed, until), heard.tick(min(fault["end_s"] + GRACE_S, until))
     if k is not None and k >= last:  # after the onset of the next one
-        until, last = math.inf, heard.left(k)
+        until, last = math.inf, heard.tick(fault["end_s"])
         healed = last
     moved = heard.moved_at
     out = {"fault": fault.get("fault"), **UNSEEN, "masked": k is None and heard.masked(first, healed)}
@@ -278,13 +278,6 @@ class Heard:
         if not part or blames(part, instead, self.lane.level):
             return False
         return any(blames(part, f, self.lane.level) for f in faults if during([f], k, self.dt))
-
-    def left(self, k: int) -> int:
-        """Return the tick from which an alarm that rose at `k` has the right name of a later fault, at most that at
-        which this one has healed: from there on it speaks of that one."""
-        healed = self.tick(self.fault["end_s"])
-        changed = [self.first_right(k, healed, fault=f) for f, *_ in self.later]
-        return min((at for at in changed if at is not None), default=healed)
 
     def stands(self, earlier: Sequence[Mapping], first: int) -> bool:
         """Return whether an alarm that rose for one of the `earlier` faults stands when another begins at `first`."""

@@ -142,10 +142,12 @@ def _heard(i, lanes, case, lost):
 
 def _not_run(level, lanes, case, lost):
     """Return why no detector of `level` that could see `case` flew, or "": one did, or none was lost of {id: why}."""
-    able = (coverage.DESIGNED, coverage.MAY)
-    flown = any(coverage.expected(d["id"], case) in able for d in lanes if d["level"] == level)
-    why = {lost[n]: n for n in lost if coverage.level(n) == level and coverage.expected(n, case) in able}
-    return "" if flown or not why else f"{LEVELS[level]} level not run: {'; '.join(why)}"
+    able, there = (coverage.DESIGNED, coverage.MAY), {d["id"] for d in lanes if d["level"] == level}
+    names = [n for n in lost if coverage.level(n) == level and coverage.expected(n, case) in able]
+    if not names or any(coverage.expected(n, case) in able for n in there):
+        return ""
+    who = f"{LEVELS[level]} level" if not there else listed(names)
+    return f"{who} not run: {'; '.join(dict.fromkeys(lost[n] for n in names))}"
 
 
 def _why(entries):
