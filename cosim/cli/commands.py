@@ -458,7 +458,8 @@ def compare(
     output: Annotated[Path | None, output_option("DIR", "Folder for report and tables. Default: write none.")] = None,
     detector: shared.Detector = None,
     fault_rate: Annotated[
-        list[float] | None, Option(metavar="PER_HOUR", help="What an alarm is worth at so many faults per flight hour.")
+        list[float] | None,
+        Option(metavar="PER_HOUR", help="What an alarm is worth at so many faults per flight hour.", min=1e-9, max=1e3),
     ] = None,
     json_: shared.Json = False,
 ) -> None:

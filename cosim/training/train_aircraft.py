@@ -129,9 +129,9 @@ def watched(frame: pd.DataFrame, name: str, p: np.ndarray, fields: tuple[str, ..
     return detect(frame, registry.module(name), sources(name), p, fields)
 
 
-def surveyed(index: int, first_seed: int, aircraft: str = DEFAULT, digest: str = "") -> dict[str, Any]:
+def surveyed(index: int, first_seed: int, aircraft: str = DEFAULT) -> dict[str, Any]:
     """Return what is found in one training flight of an aircraft, plain data: its air, and of each detector that is
-    trained in it the survey. On another aircraft the Sun13 estimators fly in it, too; `digest` is of its numbers."""
+    trained in it the survey. On another aircraft the Sun13 estimators fly in it, too."""
     own, flight, turbulence = load_aircraft(aircraft), arguments(index, first_seed, aircraft), air(index)
     frame = fly_level(**flight)
     out: dict[str, Any] = {"air": turbulence}
@@ -156,9 +156,9 @@ def elevators(index: int, own: Aircraft) -> tuple[str, ...]:
     return ("hydraulic",) * len(own.technology) if index // 32 % 2 else tuple(own.technology.values())
 
 
-def flights(first_seed: int, number: int, **aircraft: str) -> list[dict[str, Any]]:
-    """Return the arguments of `surveyed` of every flight; `aircraft` and its `digest` if it is not the default one."""
-    return [{"index": k, "first_seed": first_seed, **aircraft} for k in range(number)]
+def flights(first_seed: int, number: int, aircraft: str = DEFAULT) -> list[dict[str, Any]]:
+    """Return the arguments of `surveyed` of every flight."""
+    return [{"index": k, "first_seed": first_seed, "aircraft": aircraft} for k in range(number)]
 
 
 def limits(values: list[dict], aircraft: str = DEFAULT) -> Limits:
@@ -215,7 +215,7 @@ _ABOUT = {"flight_s": FLIGHT_S, "noise_scale": NOISE_SCALE, "tolerance": TOLERAN
 TRANSPORT = Training(FIRST_SEED, FLIGHTS, flights, surveyed, limits, _ABOUT)
 
 
-def another(aircraft: str, digest: str) -> Training:
+def another(aircraft: str) -> Training:
     """Return the training of the detectors of the aircraft level on another aircraft, a name or folder."""
-    return Training(OTHERS_SEED, OTHERS, partial(flights, aircraft=aircraft, digest=digest), surveyed,
+    return Training(OTHERS_SEED, OTHERS, partial(flights, aircraft=aircraft), surveyed,
                     partial(limits, aircraft=aircraft), _ABOUT)  # fmt: skip
