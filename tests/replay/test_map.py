@@ -359,8 +359,8 @@ def test_the_page_of_a_diagnosis_shows_verdicts_and_what_was_read(bench, signals
 class Stub:
     """A detector that ran: outputs r, alarm, valid, why."""
 
-    id, level, every = "rfafe_airframe", "aircraft", 1
-    record = SimpleNamespace(any_aircraft=False, range=MappingProxyType({}))
+    id = "rfafe_airframe"
+    record = SimpleNamespace(level="aircraft", every=1, any_aircraft=False, range=MappingProxyType({}))
     module = SimpleNamespace(STATE=dtype([(n, "f8") for n in ("r", "alarm", "valid", "why")]),
                              OUTPUTS=("r", "alarm", "valid", "why"))  # fmt: skip
 
