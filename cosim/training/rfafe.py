@@ -195,7 +195,7 @@ def airframe(progress: Any, aircraft: str = DEFAULT) -> dict[str, Any]:
     """Return the designs of the airframe form, y = [V, alpha, q, theta], E freed of its part along F, by technology."""
     progress("six fault-free flights")
     F = linear(aircraft)[1].sum(1, keepdims=True)
-    E = rfafe.separate(unknown_inputs(aircraft), F, np.eye(4), method="remove")[:, :RANK_E]
+    E = rfafe.separate(unknown_inputs(aircraft), F, np.eye(4))[:, :RANK_E]
     E = np.vstack([E, np.zeros((1, E.shape[1]))])
     designs = {t: entry("rfafe_airframe", t, E, progress, aircraft=aircraft) for t in layouts(load_aircraft(aircraft))}
     return {"designs": designs, **_made_from(aircraft)}

@@ -36,6 +36,7 @@ from cosim.training.trainer import Trained, Training
 from fdi import registry
 from fdi.control_redundancy.core import NR
 from fdi.kinematic import signatures
+from fdi.kinematic.rows import WIND
 
 DETECTORS = ("lpv_smo", "control_redundancy", "kinematic", "rfafe", "rfafe_airframe")
 # what each is trained in; the others' estimates are not made for severe air
@@ -82,8 +83,8 @@ def flown(flight: dict[str, Any]) -> pd.DataFrame:
 
 
 def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the blocks of the three estimates and of an oscillation: 1, rms of gusts, distance from where offsets were
-    learned."""
+    """Return the blocks of the three estimates and of an oscillation: 1, rms of gusts or their amplitude at its
+    frequency, distance from where offsets were learned."""
     log = watched(frame, "lpv_smo", p, LPV)
     features = [1.0, log["rms"], log["apart"]]
     hold, valid, dt = HELD * float(p["t_confirm"][0]), log["valid"] > 0.5, frame.attrs["dt"]
@@ -92,32 +93,22 @@ def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
     for part in ("limit", "gust", "away"):  # the shape of an oscillation is asked, its size is what is found
         q[f"swing_{part}"] = 0.0
     fits = watched(frame, "lpv_smo", q, ("bank_cos", "bank_sin", "bank_new", "hit"))
-    size = np.hypot(fits["bank_cos"][:, 0], fits["bank_sin"][:, 0])
-    size = np.where((fits["hit"] >= p["hits"][0] - 1.0) & (fits["bank_new"] > 0.5), size, 0.0)
-    swings = [blocks(size[:, k], features, valid, dt) for k in range(size.shape[1])]
+    size = np.hypot(fits["bank_cos"], fits["bank_sin"])  # (ticks, 2, frequencies): of the estimate, of gusts
+    found = np.where((fits["hit"] >= p["hits"][0] - 1.0) & (fits["bank_new"] > 0.5), size[:, 0], 0.0)
+    swings = [blocks(found[:, k], [1.0, size[:, 1, k], log["apart"]], valid, dt) for k in range(found.shape[1])]
     return out | {"swing": np.concatenate(swings)}  # one limit for all frequencies: few flights pass the shape of each
 
 
-def over_rows(frame: pd.DataFrame, log: np.ndarray) -> list[tuple[np.ndarray, list]]:
-    """Return (statistic (ticks,), what its limit grows with) of every row of kinematic: the residual less what the
-    limit has of the wind's doubt already, and the terms that `fields` gives weights. Units of the row."""
-    speed = frame[sources("kinematic")["v_ground"]].to_numpy()
-    doubt = {signatures.CLIMB + k: log["doubt"][:, k] for k in range(3)}
-    out = []
-    for i in range(signatures.NR):
-        lateral = log["lateral"][:, i]
-        side = [lateral * speed, lateral * log["rough"]] if i in doubt else []  # climb, turn and speed
-        out.append((np.abs(log["res"][:, i]) - doubt.get(i, 0.0), [1.0, log["rough"], *side]))
-    return out
-
-
 def survey_kinematic(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the blocks of each row, of its jumps, and of the noise of all readings."""
-    log = watched(frame, "kinematic", p, ("res", "raw", "lateral", "doubt", "rough", "valid", "ratio"))
-    valid, dt = log["valid"] > 0.5, frame.attrs["dt"]
+    """Return the blocks of each row, less what its limit has of a wind across already, of its jumps, and of the noise
+    of all readings."""
+    log = watched(frame, "kinematic", p, ("res", "raw", "lateral", "rough", "valid", "ratio"))
+    valid, dt, rough = log["valid"] > 0.5, frame.attrs["dt"], log["rough"]
     out = {}
-    for i, (row, (over, features)) in enumerate(zip(signatures.ROWS, over_rows(frame, log), strict=True)):
-        out[row] = blocks(over, features, valid, dt)
+    for i, row in enumerate(signatures.ROWS):
+        lateral = log["lateral"][:, i]
+        side = [lateral * rough] if lateral.any() else []  # climb, turn and speed
+        out[row] = blocks(np.abs(log["res"][:, i]) - WIND * lateral, [1.0, rough, *side], valid, dt)
         out[f"{row} jump"] = blocks(np.abs(np.diff(log["raw"][:, i], prepend=log["raw"][0, i])), [1.0], valid, dt)
     return out | {"noise": blocks(log["ratio"].max(axis=1), [1.0], valid, dt)}
 
@@ -234,9 +225,9 @@ def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
         return limits | dict(zip(("swing_limit", "swing_gust", "swing_away"), made["swing"], strict=True))
     if name == "control_redundancy":
         return {"threshold": [made[f"t_{row}"][0] for row in "xyz"], "gust_max": made["gust_max"][0]}
-    rows = [(made[row] + [0.0] * 4)[:4] for row in signatures.ROWS]
-    threshold, gust, side, side_gust = (list(column) for column in zip(*rows))
-    return {"threshold": threshold, "gust": gust, "side": side, "side_gust": side_gust,
+    rows = [(made[row] + [0.0])[:3] for row in signatures.ROWS]
+    threshold, gust, side = (list(column) for column in zip(*rows))
+    return {"threshold": threshold, "gust": gust, "side": side,
             "jump": [made[f"{row} jump"][0] for row in signatures.ROWS], "noise_ratio": made["noise"][0]}  # fmt: skip
 
 

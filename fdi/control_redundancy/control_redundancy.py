@@ -142,8 +142,7 @@ STATE = dtype(
         ("spool", "f8", "-"),  # mean normalised N1
         ("turning", "f8", (2,), "-"),  # the same, lagged twice
         ("calm", "f8", "-"),  # samples learned from, by their weight
-        ("gone", "f8", "s"),  # time without data
-        ("rougher", "f8", "s"),  # time for which gusts have been beyond gust_max
+        ("gone", "f8", "s"),  # time without data, or in gusts beyond gust_max
         ("last", "f8", "-"),  # hypothesis that is being confirmed, 0 for none
         ("suspicion", "f8", "s"),  # for so long still a sensor may be what the residuals show
         ("timer", "f8", "s"),
@@ -301,26 +300,20 @@ def step(x, u, p, dt):
     why = box(u.alpha_ground, u.alpha_ground_valid, ALPHA[0], ALPHA[1], BOX_ALPHA, why)
     if why == VALID and core.complete(u) < 0.5:
         why = LOST_SENSOR
+    if why == VALID:
+        core.row_errors(x, u, p)
+        core.accelerometers(x, u, p, dt)
+        core.vane(x, u, p, dt)
+        if p.gust_max > 0.0 and x.rough * u.v_ground * u.v_ground > p.gust_max * p.gust_max:
+            why = GUSTS
     if why != VALID:
         _without_data(x, p, dt, why)
         return
     x.gone = 0.0
-    core.row_errors(x, u, p)
-    core.accelerometers(x, u, p, dt)
-    core.vane(x, u, p, dt)
-    rough = p.gust_max > 0.0 and x.rough * u.v_ground * u.v_ground > p.gust_max * p.gust_max
-    x.rougher = x.rougher + dt if rough else 0.0
     if x.learned < 0.5:
-        if not rough:
-            core.learn(x, p, dt)
-        x.valid, x.why = 0.0, GUSTS if rough else NOT_READY
-        return
-    full = core.accumulate(x, p, dt) > 0.5
-    if rough:
-        x.valid, x.why = 0.0, GUSTS
-        if x.rougher > T_HOLD:
-            withdraw(x)
-    elif full:
+        core.learn(x, p, dt)
+        x.valid, x.why = 0.0, NOT_READY
+    elif core.accumulate(x, p, dt) > 0.5:
         x.valid = core.sliding_mean(x, p)
         x.why = VALID if x.valid > 0.5 else NOT_READY
         if x.valid > 0.5:

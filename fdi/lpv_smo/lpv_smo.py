@@ -74,8 +74,6 @@ PARAMS = dtype(
         ("n_box", "f8", "-"),  # boxes in use; each has its own model and design
         ("A", "f8", (NB, R + 1, N, N)),  # A(rho) of (8), canonical coordinates, affine stack
         ("B", "f8", (NB, R + 1, N, M)),  # B(rho) of (8)
-        ("E", "f8", (NB, R + 1), "deg/s2 per deg"),  # E_p(rho) = B51 of (35)
-        ("D51", "f8", (NB, R + 1), "g/deg"),  # elevator feedthrough into n_z
         ("eq", "f8", (NB, N + M, T)),  # trim maps of canonical state and inputs, cubic in normalised rho
         ("powers", "f8", (T, R)),  # exponents of their monomials
         ("low", "f8", (NB, R)),  # boxes of rho: t, %, kt, -
@@ -128,7 +126,7 @@ _COMMANDS = ("de_lo", "de_li", "de_ri", "de_ro", "stab")  # trailing edge down +
 _MEASURED = {  # field -> unit; it comes with a field <name>_valid
     "h": "m", "theta": "rad", "V": "m/s", "q": "rad/s", "n_z": "g", "alpha": "rad",  # inertial h, V over the ground
     "alpha_ground": "rad",  # read where `gust` is 1, as are the next: without tas the air's own speed counts as steady
-    "tas": "m/s", "beta": "rad", "phi": "rad", "p": "rad/s", "r": "rad/s", "mass": "kg", "cg": "-", "cas": "m/s",
+    "tas": "m/s", "phi": "rad", "p": "rad/s", "r": "rad/s", "mass": "kg", "cg": "-", "cas": "m/s",
     "mach": "-",  # cg as a fraction of the mean chord
 }  # fmt: skip
 INPUTS = dtype(
@@ -172,21 +170,12 @@ STATE = dtype(
         ("push", "f8", "m/s2"),  # acceleration along the path that the model does not know of, through the lag
         ("wind", "f8", "m/s"),  # airspeed less that over the drifting air, through the lag
         ("slip", "f8", "deg"),  # alpha_hat less alpha_ground, through the lag
-        ("ahead", "f8", "m/s"),  # steady wind against the heading, from left to right of it, their variances
-        ("across", "f8", "m/s"),
+        ("ahead", "f8", "m/s"),  # steady wind against the heading
         ("pull", "f8", "m/s2"),  # of speed, that the estimate of x.ahead makes and no force
-        ("ahead_var", "f8", "m2/s2"),
-        ("across_var", "f8", "m2/s2"),
         ("speed", "f8", "m/s"),  # over the air that drifts with that wind, and the angle of attack over it
         ("over", "f8", "rad"),
-        ("lean", "f8", "m/s"),  # what the air's lateral velocity makes of slip, and a unit of that wind, lagged
-        ("tilt", "f8", "-"),
-        ("blown", "f8", "m/s"),  # what gusts from the side have added to the wind across
-        ("lateral", "f8", "m/s"),  # the air's lateral velocity at the last tick, and 1 if the vane told it
-        ("vane", "f8", "-"),
-        ("side", "f8", "rad"),  # sideslip over the ground
         ("spin", "f8", "rad/s"),  # rate about the path, through the lag
-        ("doubt", "f8", "rad"),  # what the wind's deviation may be worth as an angle of a gust
+        ("doubt", "f8", "rad"),  # what a wind across may be worth as an angle of a gust
         ("learned", "f8", "-"),  # 1 when the offset holds
         ("n_learn", "f8", "-"),
         ("sums", "f8", (3,)),  # running means of the offset: deg, g, deg
@@ -235,7 +224,7 @@ DETECTOR = Detector(
         **dict.fromkeys(("de_lo", "de_li", "de_ri", "de_ro"), "de_cmd"),  # a measured surface would hide its fault
         **{"stab": "stab_cmd", "h": "h_inertial", "V": "v_ground"},
         **{w: w for w in ("alpha_ground", "tas", "theta", "q", "n_z", "alpha", "mass", "cg", "cas", "mach")},
-        **{w: w for w in ("beta", "phi", "p", "r")},
+        **{w: w for w in ("phi", "p", "r")},
     },
     group="airframe motion",
     designed_for={  # [Alwi14]: steps of elevator, n_z and alpha
@@ -303,8 +292,7 @@ def _box(model, made):
     x_eq, u_eq, y_eq = np.split(np.asarray(model.trim, float), [n, n + m])
     eq = np.vstack([made.x_from @ np.vstack([x_eq, y_eq[-2:]]), u_eq])
     return {
-        "A": _pad(made.A), "B": _pad(made.B), "E": _pad(made.E)[:, 0, 0], "D51": _pad(made.D2)[:, 0, made.actuator[0]],
-        "mix": made.y_from, "L": made.L[0], "W": made.W, "a22": made.A22s, "a_f": made.A_f,
+        "A": _pad(made.A), "B": _pad(made.B), "mix": made.y_from, "L": made.L[0], "W": made.W, "a22": made.A22s, "a_f": made.A_f,
         "low": np.r_[model.box[:, 0], np.zeros(R - nr)], "high": np.r_[model.box[:, 1], np.ones(R - nr)],
         "eq": np.hstack([eq, np.zeros((N + M, T - eq.shape[1]))]), "to_x": made.x_from[:, :5],
     }  # fmt: skip
@@ -341,13 +329,13 @@ def init(p: np.ndarray) -> np.ndarray:
 @kernel
 def _oscillates(x, p, dt):
     """Return whether the elevator's estimate oscillates and keeps its phase over two periods, as the last fits of HELD
-    have it."""
-    bank.push(x, p, x.f_hat_elevator, 0.0)
+    have it. What is left of a gust oscillates as it does: the limit grows with its amplitude at each frequency."""
+    bank.push(x, p, x.f_hat_elevator, x.gust_hat)
     x.swing = max(x.swing - dt, 0.0)
-    limit = p.swing_limit + p.swing_away * x.apart + p.swing_gust * x.rms
     for k in range(bank.K):
         if x.bank_new[k] < 0.5:
             continue
+        limit = p.swing_limit + p.swing_away * x.apart + p.swing_gust * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
         fits = bank.mixed(x, k, 1.0, 0.0) >= limit * limit
         if fits:
             agreement, purity = bank.character(x, p, k, 1.0, 0.0)

@@ -132,7 +132,7 @@ def design(
     A1 = conditions.without_rounding(T @ A, np.abs(T) @ np.abs(A))
     scale = conditions.balance(A1, C, TF, sigma)
     balanced = _scaled(A1, C, TF, scale)
-    conditions.undetectability(*balanced[:2])
+    conditions.detectable(*balanced[:2])
     region = _region(region, bandwidth, alpha, conditions.fixed_modes(*balanced))
     if alpha is None:
         alpha = region.centre * (1.0 + region.centre / (2.0 * bandwidth))
