@@ -32,6 +32,10 @@ def marked(*marks: bytes) -> Sign:
     return holds
 
 
+LOG = marked(b"\x89MCAP0", b"cosim-log ")  # the sign of a log that the project wrote, be it whole or not
+PAGE = marked(b"<!doctype html", b'<meta name="generator" content="cosim">')  # of a page
+
+
 def columns(*names: str) -> Sign:
     """Return the sign of tables, Parquet or CSV, whose first columns are `names`."""
 

@@ -14,23 +14,20 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
-import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
+from typer import Argument, Exit, Option, Typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
+from typer.exceptions import TyperException
 
 from cosim.errors import CosimError, OutputError, ScenarioError, shortened
-from cosim.files import Sign, claim, failed, marked, replace_text
-from cosim.progress import Progress
+from cosim.files import Sign, claim, failed
 
 WIDTH = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 110  # a pipe has no width: do not fold its tables
-LAYOUT = marked(b"{", b'"content"', b'"type": "tabs"')  # the sign of our layouts
 MOST = 20  # mistakes of one file that are told before the last
-LIVE_PORT = 8765  # that Foxglove asks for by default
-_Usage = cast(type[Exception], typer.BadParameter.__mro__[2])  # of all that typer refuses; it exports no name for it
 
 
 class _Whole(Console):
@@ -64,37 +61,32 @@ class _Group(TyperGroup):
     def get_params(self, ctx):
         return _untyped(super().get_params(ctx))
 
-    def make_context(self, *args, **extra):
-        try:
-            return super().make_context(*args, **extra)
-        except _Usage as error:
-            if type(error).__name__ == "NoArgsIsHelpError":
-                raise
-            _say(_usage(error))
-            raise typer.Exit(2) from None
-
-    def invoke(self, ctx):
+    def main(self, *args, **how):
         log = logging.getLogger("cosim")
         log.setLevel(logging.INFO)
         log.handlers = [_Told()]
+        given = how.pop("args", None)
+        how["args"] = list(sys.argv[1:] if given is None else given) or ["-h"]
         try:
-            return super().invoke(ctx)
-        except _Usage as error:
+            sys.exit(super().main(*args, **{**how, "standalone_mode": False}))
+        except TyperException as error:
             told = [_usage(error)]
         except CosimError as error:
             told = [one.line for one in error.every]
             if len(told) > MOST + 1:
                 told[MOST:-1] = [f"{len(told) - MOST - 1} more mistakes, and the last:"]
-        except BrokenPipeError:
-            raise  # the reader of a pipe went away: click ends quietly
         except OSError as error:
             told = [f"{error.filename or 'standard output'}: {error.strerror or error}"]
-        except KeyboardInterrupt:
-            err.print("[yellow]interrupted[/]")
-            ctx.exit(130)
         for line in told:
             _say(line)
-        ctx.exit(2)
+        sys.exit(2)
+
+    def invoke(self, ctx):
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            err.print("[yellow]interrupted[/]")
+            raise
 
 
 def _usage(error):
@@ -118,7 +110,7 @@ def notes(lines: Iterable[str]) -> None:
 
 
 class _Command(TyperCommand):
-    """A command whose help has whole paragraphs and no names of Python's types, and that overwrites no input."""
+    """A command whose help has whole paragraphs, and no names of Python's types, and that overwrites no input."""
 
     def __init__(self, *args, **how):
         super().__init__(*args, **how)
@@ -140,8 +132,8 @@ class _Command(TyperCommand):
         return super().invoke(ctx)
 
 
-app = typer.Typer(cls=_Group, no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_enable=False,
-                  context_settings={"help_option_names": ["-h", "--help"]})  # fmt: skip
+app = Typer(cls=_Group, rich_markup_mode="rich", pretty_exceptions_enable=False,
+            context_settings={"help_option_names": ["-h", "--help"]})  # fmt: skip
 
 
 def command(group: str, name: str | None = None) -> Callable:
@@ -154,34 +146,11 @@ def _version(wanted: bool):
         from importlib.metadata import version
 
         print(f"cosim {version('cosim-fdi')}")
-        raise typer.Exit
-
-
-# -- arguments and options
-
-
-def option(metavar: str, about: str, *names: str, **more: Any) -> Any:
-    """Return an option; without `names` it has that of its parameter."""
-    return typer.Option(*names, metavar=metavar, help=about, **more)
-
-
-def flag(name: str, about: str) -> Any:
-    """Return an option without a value."""
-    return typer.Option(name, help=about)
-
-
-def argument(metavar: str, about: str) -> Any:
-    """Return an argument."""
-    return typer.Argument(metavar=metavar, help=about)
-
-
-def output_option(metavar: str, about: str) -> Any:
-    """Return the option -o of a command: the file or folder (DIR) that it writes."""
-    return typer.Option("--output", "-o", metavar=metavar, help=about)
+        raise Exit
 
 
 @app.callback()
-def _root(version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+def _root(version: Annotated[bool, Option("--version", callback=_version, is_eager=True, help="Show the version.")
           ] = False):  # fmt: skip
     """Fly a transport aircraft with physical elevator actuators, break something, and see which fault detector notices.
 
@@ -189,20 +158,31 @@ def _root(version: Annotated[bool, typer.Option("--version", callback=_version, 
     """
 
 
-JsonOption = Annotated[bool, flag("--json", "Print one JSON object and nothing else.")]
-SpeedOption = Annotated[float | None, option("N", "With --live: N times the clock's. Default: 1.", min=0.01, max=1e3)]
-PortOption = Annotated[int | None, option("PORT", "With --live: default 8765, 0 takes a free one.", min=0, max=65535)]
-SetOption = Annotated[
-    list[str] | None,
-    option("KEY=VALUE", "Change a key: [b]--set faults.0.frequency_hz=3[/]. Repeatable.", "--set", "-s"),
+# -- arguments and options that several commands have
+
+Scenario = Annotated[str, Argument(metavar="SCENARIO", help="Built-in name (see [b]cosim list[/]) or TOML file.")]
+Log = Annotated[Path, Argument(metavar="LOG", help="A log of [b]cosim run[/].")]
+Json = Annotated[bool, Option("--json", help="Print one JSON object and nothing else.")]
+Speed = Annotated[
+    float | None, Option(metavar="N", help="With --live: N times the clock's. Default: 1.", min=0.01, max=1e3)
 ]
-DetectorOption = Annotated[
-    list[Path] | None,
-    option("FILE.py", "A detector of your own. Its code runs with your rights. "
-           "Repeatable."),
+Port = Annotated[
+    int | None, Option(metavar="PORT", help="With --live: default 8765, 0 takes a free one.", min=0, max=65535)
+]
+Set = Annotated[
+    list[str] | None,
+    Option("--set", "-s", metavar="KEY=VALUE",
+           help="Change a key: [b]--set faults.0.frequency_hz=3[/]. Repeatable."),
 ]  # fmt: skip
-ScenarioArg = Annotated[str, argument("SCENARIO", "Built-in name (see [b]cosim list[/]) or TOML file.")]
-LogArg = Annotated[Path, argument("LOG", "A log of [b]cosim run[/].")]
+Detector = Annotated[
+    list[Path] | None,
+    Option(metavar="FILE.py", help="A detector of your own. Its code runs with your rights. Repeatable."),
+]
+
+
+def output_option(metavar: str, about: str) -> Any:
+    """Return the option -o of a command: the file or folder (DIR) that it writes."""
+    return Option("--output", "-o", metavar=metavar, help=about)
 
 
 def only_with(partner: str, given: Any, **options: Any) -> None:
@@ -245,24 +225,9 @@ def named(scenario: str) -> Iterator[None]:
         raise
 
 
-def progress(text: str, unit: str = "s", waiting: str = "") -> Progress:
-    """Return what shows progress on standard error, `waiting` until its callback (done, total) is first called."""
-    return Progress(text, unit, waiting=waiting, console=err)
-
-
 def answer(json_: bool, found: dict, shown: Callable[[dict], Any]) -> None:
     """Print `found` as one JSON object, or what `shown` makes of it for a reader."""
     print(json.dumps(found, allow_nan=False)) if json_ else out.print(shown(found))
-
-
-def served(server: Any, layout: Path | None = None) -> None:
-    """Say where Foxglove finds a flight, and write its `layout` for that flight."""
-    if layout:
-        replace_text(layout, server.layout.decode(), LAYOUT)
-        err.print(f"layout {layout}: in Foxglove, Import from file", highlight=False, soft_wrap=True)
-    err.print(f"in Foxglove: Open connection, {server.steer_url or server.url}", highlight=False, soft_wrap=True)
-    if server.steer_url:
-        err.print(f"to watch only: {server.url}", highlight=False, soft_wrap=True)
 
 
 def word(path: Any) -> str:
@@ -271,8 +236,6 @@ def word(path: Any) -> str:
     return shlex.quote(f"./{text}" if text.startswith("-") else text)
 
 
-def whole(text: Text | str) -> Text:
-    """Return a line that is not folded: a path or a command that is copied."""
-    made = Text(text) if isinstance(text, str) else text
-    made.no_wrap, made.overflow = True, "ignore"
-    return made
+def whole(text: str) -> Text:
+    """Return lines that are not folded: a path or a command that is copied."""
+    return Text(text, no_wrap=True, overflow="ignore")

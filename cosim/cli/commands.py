@@ -1,78 +1,66 @@
-"""The commands of a flight: `run`, `list`, `info`, `report`, `linearize`. Each parses, prints, exits; the work is in
-functions that a notebook can call."""
+"""The commands. Each parses, prints, exits; the work is in functions that a notebook can call, and imported where it
+is needed: the help needs none of it."""
 
+import contextlib
 import hashlib
-import importlib
+import math
+import os
 import re
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from typer import Argument, Exit, Option
 
 from cosim.cli import app as shared
-from cosim.cli import flight, inventory
-from cosim.cli.app import (
-    LAYOUT,
-    LIVE_PORT,
-    answer,
-    app,  # noqa: F401 - with the commands below
-    argument,
-    command,
-    err,
-    flag,
-    named,
-    notes,
-    only_with,
-    out,
-    output_option,
-    progress,
-    reserve,
-    served,
-    whole,
-    word,
-)
+from cosim.cli import tables
+from cosim.cli.app import answer, app, command, err, named, notes, only_with, out, output_option, reserve, whole, word
 from cosim.errors import CosimError, did_you_mean
-from cosim.progress import Compiling
+from cosim.files import LEFT, LOG, PAGE, columns, left_by, marked, replace, replace_text
+from cosim.progress import Compiling, Progress
+from cosim.table import Cell, Row, Table
 
+__all__ = ["app"]
 DEFAULT = "liquid-ofc"
 LONGEST = 100  # characters of a log's name
+LIVE_PORT = 8765  # that Foxglove asks for by default
+LAYOUT = marked(b"{", b'"content"', b'"type": "tabs"')  # the sign of our layouts
+MARKS = {"good": Cell("✓", "good"), "bad": Cell("✗", "bad"), "note": Cell("!", "warn")}
 
 
 @command("Start")
 def run(
-    scenario: shared.ScenarioArg = DEFAULT,
-    set_: shared.SetOption = None,
+    scenario: shared.Scenario = DEFAULT,
+    set_: shared.Set = None,
     output: Annotated[Path | None, output_option("LOG", "Default: logs/SCENARIO+KEY=VALUE.mcap.")] = None,
-    strict: Annotated[bool, flag("--strict", "Exit with 1 when the flight departs.")] = False,
-    report: Annotated[bool, flag("--report", "Write an HTML report beside the log.")] = False,
-    details: Annotated[bool, flag("--details", "Show every detector and column, and what the aircraft did.")] = False,
-    live: Annotated[
-        bool, flag("--live", "Fly by the clock: watch, inject and heal in Foxglove (layout beside the log).")
+    strict: Annotated[bool, Option("--strict", help="Exit with 1 when the flight departs.")] = False,
+    report: Annotated[bool, Option("--report", help="Write an HTML report beside the log.")] = False,
+    details: Annotated[
+        bool, Option("--details", help="Show every detector and column, and what the aircraft did.")
     ] = False,
-    speed: shared.SpeedOption = None,
-    port: shared.PortOption = None,
-    detector: shared.DetectorOption = None,
-    json_: shared.JsonOption = False,
+    live: Annotated[
+        bool, Option("--live", help="Fly by the clock: watch, inject and heal in Foxglove (layout beside the log).")
+    ] = False,
+    speed: shared.Speed = None,
+    port: shared.Port = None,
+    detector: shared.Detector = None,
+    json_: shared.Json = False,
 ) -> None:
     """Fly a scenario, log it, show who alarmed, when, and for what."""
     only_with("--live", live, speed=speed, port=port)
     flown = loaded(scenario, set_ or (), detector or ())
     variant = [*(set_ or ()), *(f"detector={file.stem}" for file in detector or ())]
     path = output or Path("logs") / f"{log_name(scenario, variant)}.mcap"
-    from cosim.log.format import OURS
-
-    reserve(path, OURS, log=True)
+    reserve(path, LOG, log=True)
     page, layout = path.with_suffix(".html"), path.with_suffix(".foxglove.json")
     if report:
-        from cosim.report.page import PAGE
-
         reserve(page, PAGE)
     if live:
         reserve(layout, LAYOUT)
     overwritten = path.is_file()
     with named(scenario):
         flown = _prepared(flown)
-        with progress(f"flying {Path(scenario).stem}", waiting="preparing") as tell:
+        with Progress(f"flying {Path(scenario).stem}", "s", waiting="preparing", console=err) as tell:
             if live:
                 from cosim.flight.interactive.live import fly_live
 
@@ -89,11 +77,10 @@ def run(
         from cosim.report import flight_report
 
         found["report"] = str(flight_report(found["log"], page))
-    answer(json_, found, lambda _: flight.shown(found, flown, details))
+    answer(json_, found, lambda _: tables.run(found, flown, details))
     if found["status"] == "interrupted":
-        raise typer.Exit(130)
-    if strict and found["status"] != "completed":
-        raise typer.Exit(1)
+        raise Exit(130)
+    raise Exit(int(strict and found["status"] != "completed"))
 
 
 def loaded(scenario: str, overrides: Any, detectors: Any = ()) -> Any:
@@ -138,29 +125,42 @@ def log_name(scenario: str, overrides: Any = ()) -> str:
     return f"{Path(scenario).stem[:LONGEST]}+{hashlib.sha256(chr(0).join(overrides).encode()).hexdigest()[:8]}"
 
 
+def served(server: Any, layout: Path | None = None) -> None:
+    """Say where Foxglove finds a flight, and write its `layout` for that flight."""
+    told = [f"in Foxglove: Open connection, {server.steer_url or server.url}"]
+    if layout:
+        replace_text(layout, server.layout.decode(), LAYOUT)
+        told.insert(0, f"layout {layout}: in Foxglove, Import from file")
+    told += [f"to watch only: {server.url}"] if server.steer_url else []
+    err.print(whole("\n".join(told)), highlight=False)
+
+
 @command("Start", "list")
 def list_(
-    topic: Annotated[str | None, argument("TOPIC", f"{', '.join(inventory.TOPICS)} or all.")] = None,
-    json_: shared.JsonOption = False,
+    topic: Annotated[str | None, Argument(metavar="TOPIC", help=f"{', '.join(tables.TOPICS)} or all.")] = None,
+    json_: shared.Json = False,
 ) -> None:
     """Show what there is to fly, to break, to read and to enable."""
-    from cosim.campaign.inventory import inventory as everything
+    from cosim.campaign.inventory import inventory
 
-    if topic not in (None, "all", *inventory.TOPICS):
-        raise CosimError("is no topic", place=f"cosim list {topic}", allowed=", ".join((*inventory.TOPICS, "all")),
-                         remedy=did_you_mean(topic, inventory.TOPICS))  # fmt: skip
-    found = everything()
-    answer(json_, found if topic in (None, "all") else {topic: found[topic]}, lambda _: inventory.shown(found, topic))
+    if topic not in (None, "all", *tables.TOPICS):
+        raise CosimError("is no topic", place=f"cosim list {topic}", allowed=", ".join((*tables.TOPICS, "all")),
+                         remedy=did_you_mean(topic, tables.TOPICS))  # fmt: skip
+    found = inventory()
+    shown = found if topic in (None, "all") else {topic: found[topic]}
+    answer(json_, shown, lambda _: tables.inventory(found, topic))
 
 
 @command("Start")
 def info(
-    log: Annotated[Path, argument("LOG", "A log written by [b]cosim run[/].")],
-    scenario: Annotated[bool, flag("--scenario", "Print the log's scenario as TOML, ready to fly again.")] = False,
+    log: shared.Log,
+    scenario: Annotated[
+        bool, Option("--scenario", help="Print the log's scenario as TOML, ready to fly again.")
+    ] = False,
     output: Annotated[
         Path | None, output_option("DIR", "With --scenario: write it, and the sources attached, to fly there.")
     ] = None,
-    json_: shared.JsonOption = False,
+    json_: shared.Json = False,
 ) -> None:
     """Say what a log holds and whether it is complete."""
     from cosim.log.overview import log_info
@@ -171,7 +171,7 @@ def info(
     elif scenario and not json_:
         print(log_info(log)["scenario"], end="")
     else:
-        answer(json_, log_info(log), flight.contents)
+        answer(json_, log_info(log), tables.log)
 
 
 def _write_sources(log, folder):
@@ -189,27 +189,25 @@ def _write_sources(log, folder):
 
 @command("Start")
 def report(
-    log: Annotated[Path, argument("LOG|DIR", "A log; a campaign's folder, or one of logs.")],
+    log: Annotated[Path, Argument(metavar="LOG|DIR", help="A log; a campaign's folder, or one of logs.")],
     output: Annotated[Path | None, output_option("HTML", "Default: beside the log.")] = None,
-    json_: shared.JsonOption = False,
+    json_: shared.Json = False,
 ) -> None:
     """Write one HTML page of a flight, a recording or a folder.
 
     It opens offline. Of a recording: what `cosim replay --map -o` made of it. Of a folder: its logs, compared.
     """
     path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
-    from cosim.report.page import PAGE
-
     reserve(path, PAGE)
-    if log.is_dir():
-        from cosim.compare import compare as work
-        from cosim.report import comparison_report
+    from cosim.report import comparison_report, diagnosis_report, flight_report
 
-        with progress("reading", unit="logs") as tell:
-            made = comparison_report(work([log], progress=tell), path)
+    if log.is_dir():
+        from cosim.compare import compare
+
+        with Progress("reading", "logs", console=err) as tell:
+            made = comparison_report(compare([log], progress=tell), path)
     else:
         from cosim.log import open_log
-        from cosim.report import diagnosis_report, flight_report
 
         foreign = "map.toml" in open_log(log, tolerant=True).attachments
         made = (diagnosis_report if foreign else flight_report)(log, path)
@@ -217,11 +215,88 @@ def report(
 
 
 @command("Start")
+def replay(
+    log: shared.Log,
+    detectors: Annotated[str | None, Option(metavar="A,B", help="Only these detectors.")] = None,
+    set_: Annotated[
+        list[str] | None,
+        Option("--set", "-s", metavar="DETECTOR.PARAMETER=VALUE", help="What if: change a parameter. Repeatable."),
+    ] = None,
+    start: Annotated[float, Option("--from", metavar="T", help="Start in the middle, at T seconds.", min=0.0)] = 0.0,
+    map_: Annotated[
+        Path | None, Option("--map", metavar="MAP.toml", help="Diagnose a recording by this map of [b]cosim map[/].")
+    ] = None,
+    output: Annotated[Path | None, output_option("LOG", "Write old and new outputs to a log.")] = None,
+    live: Annotated[bool, Option("--live", help="Run nothing: play and scrub the log in Foxglove.")] = False,
+    speed: shared.Speed = None,
+    port: shared.Port = None,
+    detector: shared.Detector = None,
+    json_: shared.Json = False,
+) -> None:
+    """Run the detectors of a log again and compare bit for bit.
+
+    Exit status 0: exact, 1: different. A detector of your own that was not part of the flight is run on it as it was
+    logged.
+    """
+    only_with("--live", live, speed=speed, port=port)
+    if live:
+        from cosim.replay.live import show
+
+        with contextlib.suppress(KeyboardInterrupt):  # that is how it ends
+            show(log, port=LIVE_PORT if port is None else port, speed=speed or 1.0, start_s=start, ready=served)
+        return
+    from cosim.replay import replay as work
+    from cosim.replay.log_schema import overrides
+
+    if output:
+        reserve(output, LOG, log=True)
+    overwritten = {"overwritten": output is not None and output.is_file()}
+    chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
+    how: dict[str, Any] = {"detectors": chosen, "overrides": overrides(set_ or ()), "start_s": start,
+                           "user_detectors": detector or (), "output": output}  # fmt: skip
+    if map_:
+        from cosim.replay.map import diagnose
+
+        return answer(json_, diagnose(log, map_, **how).to_dict() | overwritten, tables.recording)
+    with Progress("replaying", "s", console=err) as tell:
+        made = work(log, progress=tell, **how)
+    notes(made.notes)
+    detection = chosen is not None or bool(set_ or detector)
+    answer(json_, made.to_dict() | overwritten, lambda found: tables.replay(found, detection))
+    raise Exit(0 if made.exact or (detector and not made.values) else 1)
+
+
+@command("Start")
+def recover(
+    log: shared.Log,
+    output: Annotated[
+        Path | None, output_option("LOG", "Default: LOG, or LOG with .recovered before its ending if there is one.")
+    ] = None,
+    json_: shared.Json = False,
+) -> None:
+    """Make a readable log of what a kill or a full disk left."""
+    from cosim.log import recover as work
+
+    asked, log = log, Path(str(log).removesuffix(LEFT))
+    part, changed = left_by(log), Path(f"{log}.flown.toml")
+    source = part if part.is_file() else asked
+    if not source.exists() and changed.is_file():
+        remedy = f"`cosim run {changed} -o {log}` flies it again"
+        raise CosimError("the flight was killed before it wrote its log", place=str(log), remedy=remedy)
+    path = output or (log.parent / f"{log.stem}.recovered{log.suffix}" if log.exists() else log)
+    reserve(path, LOG)
+    found = work(source, path)
+    if source == part and found["cut"]:  # all but its open end is in the new log
+        part.unlink()
+    answer(json_, found, tables.recovered)
+
+
+@command("Start")
 def linearize(
-    scenario: shared.ScenarioArg = DEFAULT,
-    set_: shared.SetOption = None,
+    scenario: shared.Scenario = DEFAULT,
+    set_: shared.Set = None,
     output: Annotated[Path | None, output_option("FILE", "Write A, B, C, D to .npz or .mat.")] = None,
-    json_: shared.JsonOption = False,
+    json_: shared.Json = False,
 ) -> None:
     """Show trim and modes at a flight point; write A, B, C, D."""
     flown = loaded(scenario, set_ or ())
@@ -238,8 +313,225 @@ def linearize(
     if output:
         model.save(output)
     found = {**model.to_dict(), **({"file": str(output)} if output else {})}
-    answer(json_, found, lambda _: flight.trim_and_modes(found, flown))
+    answer(json_, found, lambda _: tables.model(found, flown))
 
 
-for part in ("replay", "user_files", "campaigns"):  # the modules of the other commands
-    importlib.import_module(f"cosim.cli.{part}")
+def edited(path: Path) -> bool:
+    """Tell of no file that it is the project's: what was drafted is there to be edited."""
+    return False
+
+
+@command("Yours")
+def new(
+    what: Annotated[str, Argument(metavar="KIND", help="detector, law, actuator, aircraft, campaign or example.")],
+    name: Annotated[str, Argument(metavar="NAME", help="Lower-case letters, digits and _; of an example its name.")],
+    numbers: Annotated[
+        Path | None, Option(metavar="FILE", help="Of an aircraft: numbers.toml; writes its JSBSim files.")
+    ] = None,
+    output: Annotated[Path, output_option("DIR", "Folder of the files.")] = Path("."),
+    json_: shared.Json = False,
+) -> None:
+    """Write a detector, law, actuator, aircraft, campaign or example.
+
+    It runs as it is, and so does its test: test_NAME.py. An aircraft is first a template of its numbers to fill in.
+    """
+    only_with("aircraft", what == "aircraft", numbers=numbers)
+    from cosim.campaign.inventory import example
+    from cosim.flight.new import KINDS, texts
+
+    made = {f"{name}.py": example(name)} if what == "example" else texts(name, what, numbers)
+    written = {output / file: text for file, text in made.items()}
+    # of an aircraft the two files that its numbers come from stay as they are
+    kept = [path for path, text in written.items() if numbers and path.is_file() and path.read_text("utf-8") == text]
+    missing = {path: text for path, text in written.items() if path not in kept}
+    for path in missing:
+        reserve(path, edited)
+    for path, text in missing.items():
+        replace_text(path, text, edited)
+    test = output / f"test_{name}.py"
+    main = output / name if what == "aircraft" else next(path for path in written if path != test)
+    steps = [step.format(file=word(main), name=name) for step in KINDS.get(what, ("python {file}",))]
+    steps += [f"pytest {word(test)}"] if test in written else []
+    if what == "aircraft" and not numbers:
+        steps = [f"cosim new aircraft {name} --numbers {word(main / 'numbers.toml')} -o {word(output)}"]
+    told = [f"wrote  {path}" for path in (main, test) if path == main or path in written]
+    told += [f"{'      ' if i else 'next  '} {step}" for i, step in enumerate(steps)]
+    answer(json_, {"files": [str(path) for path in written]}, lambda _: whole("\n".join(told)))
+
+
+@command("Yours")
+def check(
+    what: Annotated[str, Argument(metavar="FILE.py|NAME|DIR", help="A detector, a law; an aircraft.")],
+    json_: shared.Json = False,
+) -> None:
+    """Say whether a detector, law or aircraft keeps its contract.
+
+    A detector: runs, deterministic, causal, live as in replay, lost samples. A law: runs, deterministic, lost samples.
+    An aircraft: what is missing, signs, trim, hinge moments, effectors. Exit status 1: it does not.
+    """
+    from cosim.scenario.aircraft import ships
+
+    if ships(what) or os.path.isdir(what):
+        from cosim.flight.plant.check import check as of_aircraft
+
+        points = of_aircraft(what)
+        found: dict[str, Any] = {"aircraft": what, "keeps": all(p.good for p in points)}
+        found["findings"] = [vars(p) for p in points]
+        rows = [("good" if p.good else "bad", p.point, p.found) for p in points]
+    else:
+        from cosim.flight.check import check as of_detector
+
+        with Progress("checking", console=err) as tell:
+            found = of_detector(what, progress=tell)
+        rows = [(line["result"], line["question"], line["answer"]) for line in found["checks"]]
+    told = [Row((MARKS[mark], question, said)) for mark, question, said in rows]
+    answer(json_, found, lambda _: Table(what, "", "question", "answer", rows=told))
+    raise Exit(0 if found["keeps"] else 1)
+
+
+@command("Yours", "map")
+def map_(
+    recording: Annotated[Path, Argument(metavar="FILE", help="A table (text, Parquet) or an MCAP file.")],
+    aircraft: Annotated[str | None, Option(metavar="NAME", help="Whose detectors judge.")] = None,
+    output: Annotated[Path | None, output_option("MAP.toml", "Default: print it.")] = None,
+    json_: shared.Json = False,
+) -> None:
+    """Draft a map of a recording: which column is which signal.
+
+    By the columns' names: what they do not say, a unit or a sign, stands as a comment and does not fly.
+    """
+    from cosim.replay.map_draft import draft
+
+    if output and output.suffix != ".toml":
+        raise CosimError("its ending says no known format", place=str(output), allowed=".toml")
+    if output:
+        reserve(output, edited)
+    text = draft(recording, aircraft=aircraft)
+    if output:
+        replace_text(output, text, edited)
+    if not (output or json_):
+        return print(text, end="")  # for a file, too: no line of it may be folded
+    told = f"wrote  {output}\nnext   cosim replay {word(recording)} --map {word(output)}"
+    answer(json_, {"map": str(output) if output else None, "toml": text}, lambda _: whole(told))
+
+
+@command("Many flights")
+def campaign(
+    campaign: Annotated[str, Argument(metavar="CAMPAIGN", help="Built-in name or file.")],
+    workers: Annotated[int | None, Option(metavar="N", help="Processes. Default: one per core.", min=1)] = None,
+    scheduler: Annotated[str | None, Option(metavar="ADDRESS", help="Fly on a Dask cluster: tcp://host:8786.")] = None,
+    resume: Annotated[bool, Option("--resume", help="Go on in this folder; failed runs fly again.")] = False,
+    output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>.")] = None,
+    signals: Annotated[
+        list[str] | None,
+        Option(metavar="WORD",
+               help="Write this signal of every flight, with labels: `cosim list signals`, or all. Repeatable."),
+    ] = None,
+    rate: Annotated[float | None, Option(metavar="HZ", help="With --signals: samples a second. Default: 50.")] = None,
+    again: Annotated[
+        str | None, Option("--rerun", metavar="ID", help="Fly one run again, with a log, and compare its row.")
+    ] = None,
+    detector: shared.Detector = None,
+    json_: shared.Json = False,
+) -> None:  # fmt: skip
+    """Fly grids and draws of scenarios, a row per flight.
+
+    Exit status 1: a run ended in an error, or none could be flown.
+    """
+    from cosim.campaign.engine import run_campaign
+
+    only_with("--signals", signals, rate=rate)
+    if again:
+        _rerun(campaign, again, json_, out=output, user_detectors=detector or ())
+    with Progress(f"flying {Path(campaign).stem}", "runs", waiting="preparing the workers", console=err) as tell:
+        done = run_campaign(
+            campaign, workers=workers, scheduler=scheduler, out=output, resume=resume, progress=tell,
+            user_detectors=detector or (), signals=signals and [w for w in signals if w != "all"], rate_hz=rate or 50.0,
+        )  # fmt: skip
+    failed = errors(done.frame)
+    answer(json_, {**done.to_dict(), "errors": failed}, lambda _: tables.campaign(done, failed))
+    none = sum(r["runs"] for r in failed) == done.frame["run"].nunique()
+    raise Exit(int(none or any(r["status"] != "infeasible" for r in failed)))
+
+
+def _rerun(campaign, run, json_, **how):
+    """Fly one run again, print it and whether its row repeats, and exit."""
+    from cosim.campaign.engine import rerun
+
+    flown, result, repeats, same_code = rerun(campaign, run, **how)
+    found = {**result.to_dict(), "run": run, "repeats": repeats, "same_code": same_code}
+    answer(json_, found, lambda _: tables.run(found, flown))
+    if repeats is not None and not json_:
+        other = "" if same_code else ": the campaign was flown with other code, designs or libraries"
+        out.print("its row repeats exactly" if repeats else f"[bold red]its row does not repeat[/]{other}")
+    raise Exit(1 if repeats is False else 0)
+
+
+def errors(frame: Any) -> list[dict]:
+    """Return [{status, error, runs}] of the runs without a flight, the most frequent first."""
+    from cosim.campaign.worker import FAILED
+
+    runs = frame.drop_duplicates("run")
+    counts = runs[runs["status"].isin(FAILED)].groupby(["status", "error"], sort=True).size()
+    counts = counts.sort_values(ascending=False, kind="stable")
+    return [{"status": status, "error": text, "runs": int(n)} for (status, text), n in counts.items()]
+
+
+@command("Many flights")
+def compare(
+    sources: Annotated[
+        list[Path], Argument(metavar="PATH", help="Logs, a campaign's folder, or two of them side by side.")
+    ],
+    output: Annotated[Path | None, output_option("DIR", "Folder for report and tables. Default: write none.")] = None,
+    detector: shared.Detector = None,
+    fault_rate: Annotated[
+        list[float] | None, Option(metavar="PER_HOUR", help="What an alarm is worth at so many faults per flight hour.")
+    ] = None,
+    json_: shared.Json = False,
+) -> None:
+    """Compare detectors on the same flights: who sees what, when."""
+    from cosim.compare import compare as work
+    from cosim.judge.result import plain
+    from cosim.report import write_comparison
+    from cosim.report.compare_page import SIGNS
+
+    if output:
+        for name, sign in SIGNS.items():
+            reserve(output / name, sign)
+    with Progress("reading", "flights", waiting="preparing", console=err) as tell:
+        made = work(sources, progress=tell, user_detectors=detector or ())
+    if output:
+        write_comparison(made, output)
+    answer(json_, made.to_dict() | {"predictive": plain(made.predictive(fault_rate or ()))}, tables.compared)
+
+
+@command("Papers")
+def reproduce(
+    paper: Annotated[str, Argument(metavar="PAPER", help="lu17, jay, sun13, mar10, alwi14 or all.")] = "all",
+    output: Annotated[Path, output_option("DIR", "Folder of page and rows.")] = Path("logs"),
+    json_: shared.Json = False,
+) -> None:
+    """Repeat the papers' experiments: paper says, we get, verdict.
+
+    Exit status 1 when a row differs.
+    """
+    from pandas import DataFrame
+
+    from cosim.papers import chosen, counts
+    from cosim.papers import reproduce as work
+    from cosim.report import reproduction_report
+
+    chosen(paper)
+    page, table = (output / f"reproduce-{paper}.{ending}" for ending in ("html", "csv"))
+    listed = columns("paper", "item", "says")
+    reserve(page, PAGE)
+    reserve(table, listed)
+    with Progress(f"reproducing {paper}", "rows", waiting="preparing", console=err) as tell:
+        rows, drawings = work(paper, progress=tell)
+    reproduction_report(rows, drawings, page)
+    frame = DataFrame(map(asdict, rows))
+    replace(table, lambda part: frame.to_csv(part, index=False), listed)
+    found: dict[str, Any] = {"counts": counts(rows), "report": str(page), "table": str(table)}
+    plain = [asdict(r) | {"got": r.got if math.isfinite(r.got) else None} for r in rows]
+    answer(json_, {**found, "rows": plain}, lambda _: tables.reproduced(rows, found))
+    raise Exit(int(found["counts"]["differs"] > 0))

@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import LogError
-from cosim.files import marked
 
 FORMAT = "2"  # of the rules in this package; a reader refuses any other
 LIBRARY = f"cosim-log {FORMAT}"
 READ_BY = {"1": "cosim 0.1.0"}  # older format -> the version that reads it
 MAGIC = b"\x89MCAP0\r\n"
-OURS = marked(b"\x89MCAP0", b"cosim-log ")  # the sign of a log that the project wrote, be it whole or not
 MOST_CHUNK = 64 << 20  # bytes of one chunk decompressed; a second of a flight takes about 1 MiB
 MOST_FIELDS = 18_000  # of a channel's level: protobuf keeps the numbers from 19000 on for itself
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\[\d+\])?\Z")

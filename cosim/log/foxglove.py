@@ -1,115 +1,37 @@
 """Speak the well-known Foxglove messages for what people look at: fault windows, and where the aircraft is.
 
-The schemas are those of Foxglove's own package (same names, numbers and types), built here from descriptors, so that
-the core does not need that package. These messages are for viewers: replay reads none of them.
+These messages are for viewers: replay reads none of them.
 """
 
 from dataclasses import dataclass, field
-from functools import cache, cached_property, partial
+from functools import cached_property
 from math import cos, pi, sin
 from typing import Any
 
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
+from foxglove_schemas_protobuf.Event_pb2 import Event
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
+from mcap_protobuf.schema import build_file_descriptor_set
 
-_F = descriptor_pb2.FieldDescriptorProto
-_TIME = ".google.protobuf.Timestamp"
 EARTH_RADIUS = 6_371_008.8  # mean radius R1 of WGS 84 [m]; only to place the aircraft in a viewer
-
-# message -> (field, number, type); a type with a capital is another message, "name*" is repeated
-_MESSAGES = {
-    "Vector3": (("x", 1, "double"), ("y", 2, "double"), ("z", 3, "double")),
-    "Quaternion": (("x", 1, "double"), ("y", 2, "double"), ("z", 3, "double"), ("w", 4, "double")),
-    "Color": (("r", 1, "double"), ("g", 2, "double"), ("b", 3, "double"), ("a", 4, "double")),
-    "KeyValuePair": (("key", 1, "string"), ("value", 2, "string")),
-    "Event": (("start_time", 1, _TIME), ("end_time", 2, _TIME), ("metadata", 3, "KeyValuePair*")),
-    "FrameTransform": (
-        ("timestamp", 1, _TIME), ("parent_frame_id", 2, "string"), ("child_frame_id", 3, "string"),
-        ("translation", 4, "Vector3"), ("rotation", 5, "Quaternion"),
-    ),
-    "FrameTransforms": (("transforms", 1, "FrameTransform*"),),
-    "LocationFix": (
-        ("timestamp", 6, _TIME), ("frame_id", 7, "string"),
-        ("latitude", 1, "double"), ("longitude", 2, "double"), ("altitude", 3, "double"),
-        ("position_covariance", 4, "double*"),
-        ("position_covariance_type", 5, "enum PositionCovarianceType UNKNOWN APPROXIMATED DIAGONAL_KNOWN KNOWN"),
-        ("heading", 10, "double"), ("velocity", 11, "Vector3"), ("color", 8, "Color"),
-        ("metadata", 9, "KeyValuePair*"),
-    ),
-}  # fmt: skip
-
-
-def _file(name):
-    """Return the FileDescriptorProto of one message, and the names of the messages that it holds."""
-    file = descriptor_pb2.FileDescriptorProto(name=f"foxglove/{name}.proto", package="foxglove", syntax="proto3")
-    message, needs = file.message_type.add(name=name), []
-    for word, number, kind in _MESSAGES[name]:
-        label = _F.LABEL_REPEATED if kind.endswith("*") else _F.LABEL_OPTIONAL
-        made = message.field.add(name=word, number=number, label=label)
-        kind = kind.rstrip("*")
-        if kind.startswith("enum "):
-            _, enum, *values = kind.split()
-            made.type, made.type_name = _F.TYPE_ENUM, f".foxglove.{name}.{enum}"
-            declared = message.enum_type.add(name=enum)
-            for value, word in enumerate(values):
-                declared.value.add(name=word, number=value)
-        elif kind == _TIME:
-            made.type, made.type_name = _F.TYPE_MESSAGE, kind
-            needs.append(_TIME)
-        elif kind in _MESSAGES:
-            made.type, made.type_name = _F.TYPE_MESSAGE, f".foxglove.{kind}"
-            needs.append(kind)
-        else:
-            made.type = getattr(_F, f"TYPE_{kind.upper()}")
-    needs = sorted(set(needs))
-    file.dependency.extend("google/protobuf/timestamp.proto" if n == _TIME else f"foxglove/{n}.proto" for n in needs)
-    return file, needs
-
-
-@cache
-def _files(name):
-    """Return the FileDescriptorProtos that message `name` needs, dependencies first."""
-    if name == _TIME:
-        time = descriptor_pb2.FileDescriptorProto()
-        timestamp_pb2.DESCRIPTOR.CopyToProto(time)
-        return (time,)
-    file, needs = _file(name)
-    found: dict = {}
-    for need in needs:
-        found.update((f.name, f) for f in _files(need))
-    return (*found.values(), file)
-
-
-def schema(name: str) -> Any:
-    """Return the FileDescriptorSet (bytes) of the well-known message `foxglove.<name>`."""
-    return descriptor_pb2.FileDescriptorSet(file=_files(name)).SerializeToString(deterministic=True)
-
-
-@cache
-def message(name: str) -> Any:
-    """Return the protobuf class of `foxglove.<name>`, in a pool of its own."""
-    pool = descriptor_pool.DescriptorPool()
-    for file in _files(name):
-        pool.Add(file)
-    return message_factory.GetMessageClass(pool.FindMessageTypeByName(f"foxglove.{name}"))
-
-
 # channels that every log has, so that viewers and scripts find them even when empty
-TOPICS = {topic: (f"foxglove.{name}", partial(schema, name)) for topic, name in (
-    ("/events", "Event"), ("/tf", "FrameTransforms"), ("/fix", "LocationFix"))}  # fmt: skip
+TOPICS: dict[str, Any] = {"/events": Event, "/tf": FrameTransforms, "/fix": LocationFix}
+
+
+def schema(message: Any) -> bytes:
+    """Return the FileDescriptorSet of a message of TOPICS."""
+    return build_file_descriptor_set(message).SerializeToString(deterministic=True)
 
 
 def _time(ns):
     return {"seconds": ns // 1_000_000_000, "nanos": ns % 1_000_000_000}
 
 
-def event(start_ns: Any, end_ns: Any, texts: dict) -> Any:
+def event(start_ns: int, end_ns: int | None, texts: dict) -> bytes:
     """Return the bytes of a foxglove.Event from start_ns to end_ns (None: open) with `texts` {str: value}."""
-    made = message("Event")(start_time=_time(start_ns))
-    if end_ns is not None:
-        made.end_time.seconds, made.end_time.nanos = divmod(end_ns, 1_000_000_000)
-    for key, value in texts.items():
-        made.metadata.add(key=key, value=str(value))
-    return made.SerializeToString()
+    about = [{"key": key, "value": str(value)} for key, value in texts.items()]
+    end = None if end_ns is None else _time(end_ns)
+    return TOPICS["/events"](start_time=_time(start_ns), end_time=end, metadata=about).SerializeToString()
 
 
 @dataclass
@@ -157,7 +79,7 @@ class Pose:
     def _messages(self):
         """Return the two messages that are filled again and again: making them costs more than filling them."""
         frame = {"parent_frame_id": "map", "child_frame_id": "aircraft"}
-        return message("FrameTransforms")(transforms=[frame]), message("LocationFix")(frame_id="aircraft")
+        return TOPICS["/tf"](transforms=[frame]), TOPICS["/fix"](frame_id="aircraft")
 
 
 def _quaternion(roll, pitch, yaw):

@@ -5,7 +5,6 @@ has constant size: any protobuf decoder reads it, and NumPy takes a whole chunk 
 tick follow one another (a row); rows of one rate make a block, the slowest rate first.
 """
 
-import functools
 import hashlib
 import struct
 from collections.abc import Iterable, Iterator, Sequence
@@ -172,7 +171,6 @@ class Layout:
         for channel, parts in by_channel(topics).items():
             rates.setdefault(parts[0].every, []).append((ids[channel], channel, parts))
         self.blocks = [Block(every, rates[every]) for every in sorted(rates, reverse=True)]
-        self._block = {name: i for i, block in enumerate(self.blocks) for name in block.places}
 
     def sizes(self, k0: int, n: int) -> list[int]:
         """Return the bytes of each block."""
@@ -205,29 +203,16 @@ class Layout:
             start += rows.size
         return None
 
-    def values(self, content: np.ndarray, k0: int, n: int, name: str, fields: Any = None) -> np.ndarray:
-        """Return the values (rows, fields) of a part in `content`; `fields` are positions, by default all."""
-        i = self._block[name]
-        rows, places = self.rows(content, k0, n)[i], self.blocks[i].places[name]
-        places = places if fields is None else places[fields]
-        out = np.empty((len(rows), len(places)))
-        for a, b, at, step in runs(tuple(places.tolist())):
-            out[:, a:b] = np.ndarray((len(rows), b - a), "<f8", rows, at, (rows.strides[0], step)) if len(rows) else 0.0
-        return out
+    def places(self, columns: Iterable[tuple[str, int]]) -> tuple[int, list[int]]:
+        """Return (number of the block, offset in its rows of each) of columns (part, field) of one rate."""
+        columns = list(columns)
+        number = next(i for i, block in enumerate(self.blocks) if columns[0][0] in block.places)
+        return number, [self.blocks[number].places[part][field] for part, field in columns]
 
 
-@functools.lru_cache(4096)
-def runs(places: tuple[int, ...]) -> list[tuple[int, int, int, int]]:
-    """Return (first, last + 1, place of the first, distance) of stretches of `places` at equal distances."""
-    out, a = [], 0
-    while a < len(places):
-        b = a + 1
-        step = places[b] - places[a] if b < len(places) else 8
-        while b < len(places) and places[b] - places[b - 1] == step:
-            b += 1
-        out.append((a, b, places[a], step))
-        a = b
-    return out
+def doubles(rows: np.ndarray) -> np.ndarray:
+    """Return `rows` (n, bytes) seen as (n, bytes - 7): at [i, j] is the double whose first byte is rows[i, j]."""
+    return np.ndarray((len(rows), rows.shape[1] - 7), "<f8", rows, 0, (rows.shape[1], 1))
 
 
 def content_hash(chunks: Iterable[Any]) -> str:

@@ -70,9 +70,9 @@ class Shown:
                 self._known[key] = sdk.Channel(name, schema=schema, message_encoding="protobuf",
                                                context=self._context, metadata=channel_metadata(parts))  # fmt: skip
             self._channels.append((self._known[key], slice(at + HEAD.size, end)))
-        for topic in ("/tf", "/fix") if pose is not None and not self._places else ():
-            kind, data = foxglove.TOPICS[topic]
-            schema = sdk.Schema(name=kind, encoding="protobuf", data=data())
+        for topic in ("/tf", "/fix") if not self._places else ():
+            kind = foxglove.TOPICS[topic]
+            schema = sdk.Schema(name=kind.DESCRIPTOR.full_name, encoding="protobuf", data=foxglove.schema(kind))
             self._places[topic] = sdk.Channel(topic, schema=schema, message_encoding="protobuf", context=self._context)
 
     @property
@@ -82,13 +82,16 @@ class Shown:
 
     def send(self, k: int, v: np.ndarray) -> None:
         """Show tick `k` of the vector v that the topics index."""
-        ns = k * self.dt_ns
         self._target.store(k, v)
+        where = self._pose.messages(v[list(self._pose.index)][None], k, self.dt_ns) if self._pose else ()
+        self.show(k, self._target.rows[0], {name: data for _, name, data in where})
+
+    def show(self, k: int, row: np.ndarray, where: Mapping[str, bytes]) -> None:
+        """Show tick `k`: the messages of the topics as a log has them (bytes,), and those of /tf and /fix."""
         for channel, part in self._channels:
-            channel.log(self._target.rows[0, part].tobytes(), log_time=ns)
-        if self._pose is not None:
-            for _, name, data in self._pose.messages(v[list(self._pose.index)][None], k, self.dt_ns):
-                self._places[name].log(data, log_time=ns)
+            channel.log(row[part].tobytes(), log_time=k * self.dt_ns)
+        for name in self._places.keys() & where.keys():
+            self._places[name].log(where[name], log_time=k * self.dt_ns)
 
 
 @dataclass(frozen=True)

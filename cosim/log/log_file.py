@@ -25,9 +25,9 @@ from mcap.records import (
 )  # fmt: skip
 
 from cosim.errors import OutputError
-from cosim.files import FULL, claim, left_by, settle
+from cosim.files import FULL, LOG, claim, left_by, settle
 
-from .format import LIBRARY, MAGIC, OURS, log_error
+from .format import LIBRARY, MAGIC, log_error
 
 
 class Chunk(NamedTuple):
@@ -72,7 +72,7 @@ class LogFile:
         self.chunks: list[Chunk] = []
         self._begun = 0, 0  # offset and CRC-32 of the file after the preamble
         self._summary: dict[Opcode, list[bytes]] = {opcode: [] for opcode in _ORDER}
-        claim(path, OURS)
+        claim(path, LOG)
         check_no_part(path)
         try:
             self._file = open(self.part, "xb", buffering=0)

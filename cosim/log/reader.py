@@ -15,6 +15,7 @@ from cosim.errors import did_you_mean, told_at_call
 from . import foxglove
 from .compression import keep_memory
 from .format import log_error
+from .layout import doubles
 from .walker import load, scan, tail
 
 CACHE_BYTES = 32 << 20  # content of chunks that stays in memory: several topics of a short log are decompressed once
@@ -101,15 +102,27 @@ class Log:
         spans = self._within(self.topics[self._parts(topic)[0]].every, start, stop).values()
         return np.concatenate([np.arange(0), *(np.arange(s.start, s.stop, s.step) for s in spans)])
 
-    def messages(self, topic: str) -> list[Any]:
-        """Return the well-known messages of /events, /tf or /fix as a list of (tick, protobuf message)."""
-        kind = foxglove.message(foxglove.TOPICS[topic][0].removeprefix("foxglove."))
-        tails = (tail(self._scan, self.chunks[i], content) for i, content in self._contents(range(len(self.chunks))))
+    def messages(self, topic: str, start: int = 0, stop: int | None = None) -> list[Any]:
+        """Return the well-known messages of /events, /tf or /fix as a list of (tick, protobuf message), start <= k <
+        stop."""
+        kind, out = foxglove.TOPICS[topic], []
+        for i, content in self._contents(self._within(1, start, stop)):
+            for channel, k, _, data in tail(self._scan, self.chunks[i], content):
+                if channel == self._scan.ids.get(topic) and start <= k < (k + 1 if stop is None else stop):
+                    out.append((k, data))
         try:
-            return [(k, kind.FromString(data)) for found in tails for channel, k, _, data in found
-                    if channel == self._scan.ids.get(topic)]  # fmt: skip
+            return [(k, kind.FromString(data)) for k, data in out]
         except DecodeError as error:
             raise log_error(f"a message on {topic} is no {kind.DESCRIPTOR.full_name}", self.path) from error
+
+    def row(self, k: int) -> tuple[np.ndarray, dict[str, bytes]]:
+        """Return what stands in the file at tick `k`: the messages of the topics of every tick (bytes,), and {topic:
+        message} of /events, /tf and /fix, the last up to it."""
+        i = bisect_right(self._starts, k) - 1
+        [(_, content)] = self._contents([i])
+        names = {number: topic for topic, number in self._scan.ids.items()}
+        told = {names[c]: data for c, tick, _, data in tail(self._scan, self.chunks[i], content) if tick <= k}
+        return self._scan.layout.rows(content, *self.spans[i])[-1][k - self._starts[i]], told
 
     def _parts(self, topic):
         parts = [topic] if topic in self.topics else [p for p in self.topics if p.startswith(f"{topic}/")]
@@ -140,11 +153,9 @@ class Log:
 
     def _values(self, columns, start, stop):
         """Return (rows, columns) of the ticks start <= k < stop."""
-        wanted: dict = {}
-        for column, (_, part, at) in enumerate(columns):
-            wanted.setdefault(part, ([], []))[0].append(column)
-            wanted[part][1].append(at)
-        every = self.topics[columns[0][1]].every if columns else 1
+        layout = self._scan.layout
+        number, places = layout.places((part, at) for _, part, at in columns)
+        every = layout.blocks[number].every
         spans = self._within(every, start, stop)
         try:
             out = np.empty((sum(map(len, spans.values())), len(columns)))
@@ -153,12 +164,9 @@ class Log:
         done = 0
         for i, content in self._contents(spans):
             (k0, n), ticks = self.spans[i], spans[i]
-            low = len(range(k0 + -k0 % every, ticks.start, every))
-            for part, (into, at) in wanted.items():
-                whole = at == list(range(len(self.topics[part].fields)))
-                values = self._scan.layout.values(content, k0, n, part, None if whole else at)
-                into = slice(into[0], into[-1] + 1) if into[-1] - into[0] + 1 == len(into) else into
-                out[done : done + len(ticks), into] = values[low : low + len(ticks)]
+            first = len(range(k0 + -k0 % every, ticks.start, every))
+            rows = layout.rows(content, k0, n)[number][first : first + len(ticks)]
+            out[done : done + len(ticks)] = doubles(rows)[:, places]
             done += len(ticks)
         return out
 

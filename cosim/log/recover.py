@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from cosim.files import replace
+from cosim.files import LOG, replace
 
-from .format import OURS, log_error
+from .format import log_error
 from .log_file import LogFile
 from .walker import load, scan, tail
 
@@ -30,7 +30,7 @@ def recover(path: str | Path, out: str | Path) -> dict[str, Any]:
     texts = {f"lost {i}": f"{d.length} bytes at {d.offset}: {d.reason}" for i, d in enumerate(found.damage)}
     metadata = {n: own for n, own in found.metadata.items() if n not in ("preamble", "recovered", "result")}
     metadata["recovered"] = {"ticks": str(ticks), **texts}
-    replace(out, lambda part: _rewrite(found, part, metadata, result), OURS)
+    replace(out, lambda part: _rewrite(found, part, metadata, result), LOG)
     last = found.chunks[-1] if found.chunks else None
     return {
         "out": os.fspath(out), "chunks": len(found.chunks), "ticks": ticks,

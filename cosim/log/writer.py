@@ -1,6 +1,7 @@
 """Write a log while a run goes on: values go straight into message bytes, a compressed chunk per second."""
 
 import os
+from bisect import bisect_left, insort
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,7 +11,7 @@ from isal.isal_zlib import crc32
 from . import foxglove
 from .compression import compress, keep_memory
 from .format import LogError, Topic, channel_metadata
-from .layout import HEAD, Block, Layout, by_channel, content_hash, schema_data, schema_name
+from .layout import HEAD, Block, Layout, by_channel, content_hash, doubles, schema_data, schema_name
 from .log_file import LogFile
 
 ROWS = 200  # ticks of a chunk: one second at 200 Hz, lost when the process is killed
@@ -26,12 +27,12 @@ class Target:
     def __init__(self, every: int, index: Any, at: Any, rows: np.ndarray):
         self.every, self.rows = every, rows
         self.index, self.at = np.array(index, np.int64), np.array([*at, 0], np.int64)
-        self._bytes = self.at[:-1, None] + np.arange(8)
+        self._values = doubles(rows)
 
     def store(self, k: int, v: np.ndarray) -> None:
         """Store the values of tick `k`."""
         if k % self.every == 0:
-            self.rows[k // self.every % len(self.rows)][self._bytes] = v[self.index].view("u1").reshape(-1, 8)
+            self._values[k // self.every % len(self.rows), self.at[:-1]] = v[self.index]
         self.at[-1] = k + 1
 
     def of(self, ticks: range) -> np.ndarray:
@@ -69,11 +70,11 @@ class LogWriter:
         self.dt_ns, topics, self._pose, self._rows = int(dt_ns), list(topics), pose, rows_per_chunk
         _check(topics, n_values, self.dt_ns, metadata or {})
         self._shape, self._compression, self._kept = (n_values,), compression, kept
-        self._windows: list[tuple[int, bytes]] = []  # (tick, payload) of events
+        self._messages: list[tuple[int, str, bytes]] = []  # (tick, topic, payload) of those to come, in order
         keep_memory()
         declared: list = [(name, schema_name(name), schema_data(name, parts), channel_metadata(parts))
                           for name, parts in by_channel(topics).items()]  # fmt: skip
-        declared += [(name, message, data(), {}) for name, (message, data) in foxglove.TOPICS.items()]
+        declared += [(name, m.DESCRIPTOR.full_name, foxglove.schema(m), {}) for name, m in foxglove.TOPICS.items()]
         self._layout = Layout(topics, {name: i for i, (name, *_) in enumerate(declared, 1)}, self.dt_ns)
         self._blocks = [target_of(block, topics, rows_per_chunk) for block in self._layout.blocks]
         self._places: list[Target] = []  # of the pose
@@ -117,11 +118,14 @@ class LogWriter:
         for t in (*self._places, *self._blocks):
             tape.scatter(t.index, t.at, t.rows, t.every)
 
+    def message(self, k: int, topic: str, data: bytes) -> None:
+        """Log a message on a topic of foxglove.TOPICS at tick k, which is still to come."""
+        insort(self._messages, (k, topic, data))
+
     def window(self, k: Any, start: Any, end: Any, **texts: Any) -> None:
-        """Log a foxglove.Event on /events at tick k, which is still to come: something lasts from tick `start` to `end`
-        (None: open)."""
+        """Log a foxglove.Event on /events at tick k: something lasts from tick `start` to `end` (None: open)."""
         data = foxglove.event(start * self.dt_ns, None if end is None else end * self.dt_ns, texts)
-        self._windows.append((k, data))
+        self.message(k, "/events", data)
 
     def flush(self) -> None:
         """Write the buffered ticks as a chunk. Raises LogError when that fails; the chunks before it stay whole."""
@@ -139,10 +143,12 @@ class LogWriter:
         data = compress(content, self._compression)
         entries = (*self._layout.index(k0, n), *index.items())
         self._file.chunk(data, self._compression, times, len(content), crc32(content), entries)
+        del self._messages[: bisect_left(self._messages, (k0 + n,))]
 
     def _tail(self, size, k0, n):
         """Return the irregular messages of this chunk as (bytes, {channel: (messages, 2) of time and offset})."""
-        tail = [(k, "/events", data) for k, data in self._windows if k0 <= k < k0 + n]
+        first, stop = (bisect_left(self._messages, (k,)) for k in (k0, k0 + n))
+        tail = self._messages[first:stop]
         for target in self._places:
             ticks = range(k0 + -k0 % target.every, k0 + n, target.every)
             tail += self._pose.messages(target.of(ticks).view("<f8"), ticks.start, self.dt_ns)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.replay import clock
-from cosim.replay.detector_replay import output_names
+from cosim.replay.detector_replay import elements
 from fdi import registry
 from fdi.common import why as reason
 
@@ -53,7 +53,7 @@ def _lanes(done, dt, t_0):
     """Tell of times at which a detector does not judge, and of alarms that cover the recording."""
     out = []
     for d, lane, _, again in done:
-        names, step = output_names(d), dt * d.every
+        names, step = [name for name, _ in elements(d.module.STATE, d.module.OUTPUTS)], dt * d.every
         valid = again[:, names.index("valid")] > 0.5
         why = np.where(valid, reason.VALID, reason.NOT_READY)  # of one that does not say it
         why = again[:, names.index("why")] if "why" in names else why

@@ -1,14 +1,12 @@
-"""Replay of detector lanes: inputs, states and outputs from a log, run again through the same `rollout`.
+"""Detector lanes of a log: what each reads, its parameters and states, and how it is stepped again.
 
 Measurements and commands stand in the log at every tick, parameters and initial states as attachments, whole states
-every second. Ticks that a damaged log has lost cut a lane into pieces; a piece that does not begin with the flight
-starts at its first whole state.
+every second.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,36 +16,33 @@ from cosim.errors import LogError, did_you_mean
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import wires
 from cosim.judge.detection import JudgedLane
-from cosim.judge.result import judge
 from cosim.log import Log
+from cosim.parts import rollout_of
 from cosim.replay import log_schema as schema
 from cosim.scenario import vocabulary
 from fdi import registry
 from fdi.common.record import Detector, Estimate
 
 BLOCK_BYTES = 1 << 18  # of full states at once: they stay in the processor's cache
-NONE: tuple = (np.empty(0, np.int64), np.empty((0, 0)))  # no whole states, nothing logged
 
 
 @dataclass
 class Lane:
-    """One detector lane: what it is, its parameters, the state before tick `at`, and, once they are read, a stretch of
-    its inputs and of what was logged."""
+    """One detector lane: what it is, its parameters (1,), its state (1,) before tick `at`, what of a log it reads."""
 
     id: str
     lane: str
     level: str
-    module: object
     every: int
+    module: Any
     p: np.ndarray
     x: np.ndarray
-    inputs: Sequence = ()  # in a log: (input field, topic, field of the topic)
-    rollout: object = None  # of a user detector with objects of its own
-    at: int = 0
-    u: Any = None  # (1, rows)
-    ticks: Any = None  # of the rows
-    logged: Any = None  # (rows, outputs)
-    states: tuple = NONE  # (ticks, values) of the hidden state's snapshots
+    reads: Sequence = ()  # (input, topic, field of the topic)
+    rollout: Any = None  # of the module, or of a user detector with an object of its own per lane
+    at: int | None = 0  # None: where the first whole state says
+
+    def __post_init__(self):
+        self.rollout = rollout_of(self.module)
 
     @property
     def topic(self) -> str:
@@ -59,33 +54,49 @@ class Lane:
         """Return the topic of the hidden state's snapshots."""
         return f"/state/{self.id}/{self.lane}"
 
+    @property
+    def outputs(self) -> list[tuple[str, str]]:
+        """Return [(field of a log, unit)] of the outputs."""
+        return elements(self.module.STATE, self.module.OUTPUTS)
 
-def unlogged(record: Any, lane: str, module: Any, u: np.ndarray, p: np.ndarray, rollout: Any = None) -> Lane:
-    """Return the Lane of a detector on inputs u (1, ticks) that no log holds, from the first tick on."""
-    every, x = record.every, module.init(p)
-    ticks = np.arange(u.shape[1])[::every]
-    return Lane(record.id, lane, record.level, module, every, p, x, (), rollout, u=u[:, ::every], ticks=ticks)
+    def inputs(self, log: Log, read: Mapping[str, np.ndarray], start: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return its ticks (rows,) and INPUTS (1, rows) of start <= k < stop; `read` {topic: its values in these}."""
+        own = np.arange(-(-start // self.every) * self.every, min(stop, log.n_ticks), self.every)
+        ticks = log.ticks(self.topic, start, stop) if self.topic in log.topics else own
+        return ticks, inputs(self.module, len(ticks), self._columns(log, read, start, stop, ticks))
+
+    def _columns(self, log, read, start, stop, ticks):
+        for name, source, field in self.reads:
+            same = log.topics[source].every == self.every
+            rows = slice(None) if same else np.searchsorted(log.ticks(source, start, stop), ticks)
+            yield name, read[source][rows, log.topics[source].fields.index(field)]
+
+    def restore(self, outputs: np.ndarray, hidden: np.ndarray, tick: int) -> None:
+        """Take the whole state after tick `tick`, as it was logged. Raises LogError for one that cannot be."""
+        for at, values in zip(split(self.module), (outputs, hidden)):
+            flat(self.x)[0, at] = values
+        schema.trusted(f"{self.hidden}, tick {tick}", registry.record(self.id), self.module, self.x)
+        self.at = tick + self.every
+
+    def step(self, u: np.ndarray, dt: float, whole: Any = ()) -> tuple[np.ndarray, np.ndarray]:
+        """Step it through its next inputs u (1, rows), ticks of `dt` [s]; return its outputs (rows, n), and its hidden
+        states (m, h) after the rows `whole` (m,)."""
+        (outputs, hidden), n, whole = split(self.module), u.shape[1], np.array(whole, int)
+        out, held = np.empty((n, len(outputs))), np.empty((len(whole), len(hidden)))
+        block = max(1, BLOCK_BYTES // self.module.STATE.itemsize)
+        for a in range(0, n, block):
+            states = np.zeros((1, min(block, n - a)), self.module.STATE)
+            self.rollout(self.x, u[:, a : a + block], self.p, dt * self.every, states)
+            seen, here = flat(states)[0], (whole >= a) & (whole < a + block)
+            out[a : a + block] = seen[:, outputs]
+            held[here] = seen[np.ix_(whole[here] - a, hidden)]
+        return out, held
 
 
-def target_of(level: str, lane: str) -> str:
-    """Return what a lane of a detector of that level watches."""
-    return f"elevator.{lane}" if level == "local" else "aircraft"
-
-
-def judgement(record: Any, lane: str, parts: tuple, names: Any, rows: Any, dt: float, faults: Sequence) -> dict:
-    """Return the entry of a lane (`judge`) of its outputs `rows` (n, fields), fields by `names`, at ticks of `dt` [s];
-    of `record` the id, the level and the ticks from step to step are read."""
-    own = JudgedLane(record.id, record.level, target_of(record.level, lane), parts, {n: i for i, n in enumerate(names)})
-    return judge(own, rows, dt * record.every, faults)
-
-
-def manifest(log: Log) -> list:
-    """Return the list of detectors that a log describes."""
-    found = schema.detectors(log)
-    strange = [d["id"] for d in found if d["id"] not in registry.SHIPPED and "user_detector" not in d]
-    if strange:
-        raise schema.older(log, f"detector {strange[0]!r}")
-    return found
+def judged_lane(name: str, level: str, lane: str, parts: tuple, outputs: Iterable[str]) -> JudgedLane:
+    """Return a lane of detector `name` as the judgement sees it: what it watches, its `outputs` in order."""
+    target = f"elevator.{lane}" if level == "local" else "aircraft"
+    return JudgedLane(name, level, target, parts, {n: i for i, n in enumerate(outputs)})
 
 
 def tick_of(log: Log) -> Any:
@@ -96,11 +107,14 @@ def tick_of(log: Log) -> Any:
 
 
 def describe(log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None = None) -> list[Lane]:
-    """Return the lanes of the detectors in `chosen` (all) whose code is here; `fill` reads a stretch of them.
+    """Return the lanes of the detectors in `chosen` (all) whose code is here.
 
     `overrides` is {detector: {parameter: value}}. Raises LogError for one that is laid out otherwise than here.
     """
-    found, place = manifest(log), str(log.path)
+    found, place = schema.detectors(log), str(log.path)
+    strange = [d["id"] for d in found if d["id"] not in registry.SHIPPED and "user_detector" not in d]
+    if strange:
+        raise schema.older(log, f"detector {strange[0]!r}")
     if log.metadata.get("run", {}).get("log_profile") == "signals":
         remedy = "Fly it again with log_profile = 'full' or 'replay'"
         raise schema.ReplayError("holds signals alone, not what detectors read", place=place, remedy=remedy)
@@ -112,11 +126,14 @@ def describe(log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None =
             allowed, remedy = ", ".join(known) or "none", did_you_mean(name, known)
             raise schema.ReplayError(f"the log has no detector {name!r}", place=place, allowed=allowed, remedy=remedy)
     schema.chosen_overrides(chosen, overrides)
+    gone = next((d for d in found if d["id"] in (overrides or {}) and not registry.known(d["id"])), None)
+    if gone:
+        raise schema.ReplayError(code_that_flew(gone), place="--set")
     mine = [d for d in found if (not chosen or d["id"] in chosen) and registry.known(d["id"])]
-    return [lane for d in mine for lane in _wired(log, d, (overrides or {}).get(d["id"], {}))]
+    return [lane for d in mine for lane in _flown(log, d, (overrides or {}).get(d["id"], {}))]
 
 
-def _wired(log, d, changes):
+def _flown(log, d, changes):
     """Return the lanes of one detector, its parameters with `changes`."""
     record, module = registry.record(d["id"]), registry.module(d["id"])
     p = schema.attached(log, f"{d['id']}.params", module.PARAMS, len(d["lanes"]))
@@ -125,81 +142,78 @@ def _wired(log, d, changes):
     schema.override(record, module, p, changes, tick_of(log))
     out = []
     for i, lane in enumerate(d["lanes"]):
-        own, row = d["inputs"][lane], slice(i, i + 1)
-        out.append(Lane(d["id"], lane, d["level"], module, d["every"], p[row], x[row], own, runner(module)))
-        _check(log, out[-1])
+        own = Lane(d["id"], lane, d["level"], d["every"], module, p[i : i + 1], x[i : i + 1], d["inputs"][lane])
+        _check(log, own)
+        out.append(own)
     return out
 
 
-def _check(log, wired):
+def _check(log, lane):
     """Raise LogError unless the log's topics are those of this version of the detector."""
-    topic, (outputs, hidden) = wired.topic, split(wired.module)
-    if topic not in log.topics:
-        raise LogError(f"the log lacks {topic}, which its detectors.json names", place=str(log.path))
-    if len(outputs) != len(log.topics[topic].fields):
-        raise schema.older(log, topic)
-    if len(hidden) != (len(log.topics[wired.hidden].fields) if wired.hidden in log.topics else 0):
-        raise schema.older(log, wired.hidden)
-    for name, source, column in wired.inputs:
-        there = source in log.topics and column in log.topics[source].fields
-        if not there or name.partition("[")[0] not in wired.module.INPUTS.names:
-            raise schema.older(log, f"{source}.{column}, which {wired.id} reads as {name},")
+    fields = {name: topic.fields for name, topic in log.topics.items()}
+    if lane.topic not in fields:
+        raise LogError(f"the log lacks {lane.topic}, which its detectors.json names", place=str(log.path))
+    if fields[lane.topic] != tuple(name for name, _ in lane.outputs):
+        raise schema.older(log, lane.topic)
+    if len(split(lane.module)[1]) != len(fields.get(lane.hidden, ())):
+        raise schema.older(log, lane.hidden)
+    for name, source, column in lane.reads:
+        if column not in fields.get(source, ()) or name.partition("[")[0] not in lane.module.INPUTS.names:
+            raise schema.older(log, f"{source}.{column}, which {lane.id} reads as {name},")
 
 
-def in_stages(wired: Sequence[Lane]) -> list[list[int]]:
+def unflown(log: Log, part: Any, technologies: dict[str, str]) -> list[Lane]:
+    """Return the lanes of a user detector on a log in which it did not fly: it reads what the observers had.
+
+    Raises ReplayError for a signal that the log lacks, or for a log with gaps.
+    """
+    record, out = part.DETECTOR, []
+    if not log.spans or log.spans[0][0] or sum(log.spans[-1]) != log.n_ticks:
+        raise schema.ReplayError("ticks are missing, and a user detector begins with the flight", place=str(log.path))
+    local = [s for s, t in technologies.items() if t in record.technologies]
+    for lane in local if record.level == "local" else ("",):
+        reads = [(w.field, *_source(log, w)) for w in wires(record, lane)]
+        p = record.fit(site(tick_of(log), lane, technologies))
+        out.append(Lane(record.id, lane or "aircraft", record.level, record.every, part, p, part.init(p), reads))
+    return out
+
+
+def _source(log, wire):
+    """Return (topic, field) of a signal as the observers had it: their own copy where the log has one."""
+    topic, field = wire.signal.topic, wire.signal.field + "_valid" * wire.flag
+    for name in (topic.replace("/sensors/", "/observers/"), topic):
+        if name in log.topics and field in log.topics[name].fields:
+            return name, field
+    raise schema.ReplayError(f"the log has no {topic}.{field}", place=str(log.path))
+
+
+def in_stages(lanes: Sequence[Lane]) -> list[list[int]]:
     """Return the positions of lanes: first those that read no other one, then each of the rest, in the order in which
     they flew."""
-    topics = {w.topic for w in wired}
-    reads = [bool(topics & {source for _, source, _ in w.inputs}) for w in wired]
+    topics = {lane.topic for lane in lanes}
+    reads = [bool(topics & {source for _, source, _ in lane.reads}) for lane in lanes]
     return [[i for i, own in enumerate(reads) if not own], *([i] for i, own in enumerate(reads) if own)]
 
 
-def topics(log: Log, wired: Any) -> list[Any]:
+def topics(log: Log, lanes: Iterable[Lane]) -> list[str]:
     """Return the topics that the lanes read or gave."""
-    found = [t for w in wired for t in (w.topic, w.hidden, *(source for _, source, _ in w.inputs))]
+    found = [t for lane in lanes for t in (lane.topic, lane.hidden, *(source for _, source, _ in lane.reads))]
     return [t for t in dict.fromkeys(found) if t in log.topics]
 
 
-def values(log: Log, names: Iterable[str], start: int = 0, stop: int | None = None) -> dict[str, np.ndarray]:
+def values(log: Log, names: Iterable[str], start: int, stop: int) -> dict[str, np.ndarray]:
     """Return {topic: (rows, fields)} of the ticks start <= k < stop."""
-    end = None if stop is None else stop * log.dt_ns / 1e9
-    return {name: log.array(name, start_s=start * log.dt_ns / 1e9, end_s=end) for name in names}
-
-
-def fill(log: Log, wired: Any, start: int = 0, stop: Any = None, read: dict | None = None) -> list[Lane]:
-    """Return each Lane of `wired` with the ticks start <= k < stop; `read` {topic: its values} in these ticks."""
-    read = values(log, topics(log, wired), start, stop) if read is None else read
-    return [_fill(log, w, read, start, stop) for w in wired]
-
-
-def _fill(log, w, read, start, stop):
-    ticks, own = log.ticks(w.topic, start, stop), []
-    for name, source, field in w.inputs:
-        same = log.topics[source].every == w.every
-        rows = slice(None) if same else np.searchsorted(log.ticks(source, start, stop), ticks)
-        own.append((name, read[source][rows, log.topics[source].fields.index(field)]))
-    states = (log.ticks(w.hidden, start, stop), read[w.hidden]) if w.hidden in log.topics else NONE
-    return replace(w, u=inputs(w.module, len(ticks), own), ticks=ticks, logged=read[w.topic], states=states)
+    return {name: log.array(name, start_s=start * log.dt_ns / 1e9, end_s=stop * log.dt_ns / 1e9) for name in names}
 
 
 def inputs(module: Any, n: int, values: Iterable[tuple[str, Any]]) -> np.ndarray:
     """Return INPUTS (1, n) of a detector from the (input, its values (n,)); `name[i]` is an element."""
     u = np.zeros((1, n), module.INPUTS)
     for name, y in values:
-        field_of(u, name)[:] = y
+        base, _, element = name.partition("[")
+        own = u[base][0][:, int(element[:-1])] if element else u[base][0]
+        own[:] = y
     return u
-
-
-def field_of(u: np.ndarray, name: str) -> np.ndarray:
-    """Return the view (rows,) of a field of records u (1, rows), or of an element of one, `name[i]`."""
-    base, _, element = name.partition("[")
-    return u[base][0][:, int(element[:-1])] if element else u[base][0]
-
-
-def columns(kind: Any, names: Sequence[Any]) -> np.ndarray:
-    """Return the positions of fields `names` in a record of `kind` seen as float64, in memory order."""
-    spans = [(kind[n].itemsize // 8, kind.fields[n][1] // 8) for n in kind.names if n in names]
-    return np.array([at + i for size, at in spans for i in range(size)], np.int64)
 
 
 def elements(kind: Any, names: Sequence[str]) -> list[tuple[str, str]]:
@@ -207,79 +221,17 @@ def elements(kind: Any, names: Sequence[str]) -> list[tuple[str, str]]:
     return [(vocabulary.column(name), unit(kind, name)) for name in vocabulary.elements(kind, names)]
 
 
-def output_names(d: Any) -> list[str]:
-    """Return the names of a detector's outputs as they stand in its rows."""
-    return [name for name, _ in elements(d.module.STATE, d.module.OUTPUTS)]
-
-
 @lru_cache(maxsize=64)
 def split(module: Any) -> tuple:
-    """Return the positions of a detector's (outputs, hidden state) in its STATE."""
-    outputs = columns(module.STATE, module.OUTPUTS)
-    return outputs, np.setdiff1d(np.arange(module.STATE.itemsize // 8), outputs)
+    """Return the positions of a detector's (outputs, hidden state) in its STATE seen as float64, in memory order."""
+    kind = module.STATE
+    own = [np.full(kind[n].itemsize // 8, n in module.OUTPUTS) for n in kind.names]
+    return np.flatnonzero(np.concatenate(own)), np.flatnonzero(~np.concatenate(own))
 
 
 def flat(records: np.ndarray) -> np.ndarray:
     """Return records as float64, (..., values)."""
     return records.view(np.float64).reshape(*records.shape, -1)
-
-
-def pieces(lane: Lane, tick: Any = 0) -> list:
-    """Return the stretches of a lane that can be replayed, each a Lane of its own with the state to start from.
-
-    The rows are cut where ticks are missing. A stretch that begins at tick `at` starts from the lane's own state,
-    unless `tick` lies inside and a whole state before it: then after that one. Any other starts after its first
-    whole state; rows before are left out.
-    """
-    cuts = np.flatnonzero(np.diff(lane.ticks) != lane.every) + 1
-    ends = [0, *cuts.tolist(), len(lane.ticks)]
-    found = (_piece(lane, a, b, tick) for a, b in pairwise(ends) if a < b and lane.ticks[b - 1] >= tick)
-    return [p for p in found if p is not None and len(p.ticks)]
-
-
-def _piece(lane, a, b, tick):
-    first, last = lane.ticks[a], lane.ticks[b - 1]
-    whole = lane.states[0][(lane.states[0] >= first) & (lane.states[0] <= last)]
-    before = whole[whole <= tick]
-    if first == lane.at and (tick <= first or not len(before)):
-        return replace(lane, u=lane.u[:, a:b], ticks=lane.ticks[a:b], logged=lane.logged[a:b])
-    if not len(whole):
-        return None
-    k = before[-1] if len(before) else whole[0]
-    row = int(np.searchsorted(lane.ticks, k))
-    x, (outputs, hidden) = np.zeros(1, lane.module.STATE), split(lane.module)
-    flat(x)[0, outputs] = lane.logged[row]
-    flat(x)[0, hidden] = lane.states[1][np.searchsorted(lane.states[0], k)]
-    schema.trusted(f"{lane.hidden}, tick {k}", registry.record(lane.id), lane.module, x)
-    rows = slice(row + 1, b)
-    own = {"u": lane.u[:, rows], "ticks": lane.ticks[rows], "logged": lane.logged[rows]}
-    return replace(lane, x=x, at=int(k) + lane.every, **own)
-
-
-def runner(module: Any) -> Any:
-    """Return what steps a lane of a detector in Python, with objects of its own; None for any other."""
-    return module.runner() if hasattr(module, "runner") else None
-
-
-def replay_lane(lane: Any, dt: float) -> Any:
-    """Replay one gapless lane; return outputs (rows, n), snapshots (ticks (m,), hidden states (m, h)), last state."""
-    module, n = lane.module, len(lane.ticks)
-    outputs, hidden = split(module)
-    rollout, x, p = lane.rollout or runner(module) or module.rollout, lane.x.copy(), lane.p.copy()
-    first, last = lane.ticks[[0, -1]] if n else (0, -1)
-    wanted = lane.states[0]
-    wanted = wanted[(wanted >= first) & (wanted <= last) & ((wanted - first) % lane.every == 0)]
-    at = np.searchsorted(lane.ticks, wanted)
-    out, held = np.empty((n, len(outputs))), np.empty((len(wanted), len(hidden)))
-    block = max(1, BLOCK_BYTES // module.STATE.itemsize)
-    for a in range(0, n, block):
-        u = np.ascontiguousarray(lane.u[:, a : a + block])
-        states = np.zeros(u.shape, module.STATE)
-        rollout(x, u, p, dt * lane.every, states)
-        seen, here = flat(states)[0], (at >= a) & (at < a + block)
-        out[a : a + block] = seen[:, outputs]
-        held[here] = seen[np.ix_(at[here] - a, hidden)]
-    return out, (wanted, held), x
 
 
 def tell(entry: dict) -> None:
@@ -301,46 +253,12 @@ def isolable_parts_of(entry: dict) -> tuple:
     return registry.module(entry["id"]).ISOLABLE_PARTS if registry.known(entry["id"]) else ("",)
 
 
-def missing(entry: dict) -> str:
-    """Return why a detector of a log cannot be run again, "" when it can."""
+def code_that_flew(entry: dict) -> str:
+    """Return a sentence where the code of a detector of a log is not here, or not the one that flew, else ""."""
     name, about = entry["id"], entry.get("user_detector") or {}
-    if registry.known(name):
+    if not registry.known(name):
+        return f"{name} is a user detector, and its code is not here: give it by --detector {about.get('file') or name}"
+    flew, here = about.get("sha256", ""), registry.USER_DETECTORS.get(name)
+    if not flew or here is None or here.sha256 == flew:
         return ""
-    return f"{name} is a user detector, and its code is not here: give it by --detector {about.get('file') or name}"
-
-
-def other_code(entry: dict) -> str:
-    """Return a sentence when the user detector that is here is not the one that flew, else ""."""
-    name, about = entry["id"], entry.get("user_detector")
-    if not about or name not in registry.USER_DETECTORS or registry.USER_DETECTORS[name].sha256 == about["sha256"]:
-        return ""
-    here = registry.USER_DETECTORS[name].sha256
-    return f"{name} is not the code that flew: digest {here[:12]} here, {about['sha256'][:12]} in the log"
-
-
-def outputs_of_user(log: Log, part: Any, technologies: dict[str, str]) -> dict[str, np.ndarray]:
-    """Return {lane: outputs (rows, n)} of a user detector on an open log in which it did not fly, from its first tick.
-
-    Raises ReplayError for a signal that the log lacks, or for a log with gaps.
-    """
-    own = part.DETECTOR
-    if not log.spans or log.spans[0][0] or sum(log.spans[-1]) != log.n_ticks:
-        raise schema.ReplayError("ticks are missing, and a user detector begins with the flight", place=str(log.path))
-    local = own.level == "local"
-    out = {}
-    for lane in [s for s, t in technologies.items() if t in own.technologies] if local else ["aircraft"]:
-        place = lane if local else ""
-        read = wires(own, place)
-        columns = ((w.field, _column(log, w.signal.topic, w.signal.field + "_valid" * w.flag)) for w in read)
-        p = own.fit(site(tick_of(log), place, technologies))
-        u = inputs(part, log.n_ticks, columns)
-        out[lane] = replay_lane(unlogged(own, lane, part, u, p), tick_of(log))[0]
-    return out
-
-
-def _column(log, topic, field):
-    """Return a signal as the observers had it: their own copy where the log has one."""
-    for name in (topic.replace("/sensors/", "/observers/"), topic):
-        if name in log.topics and field in log.topics[name].fields:
-            return log.array(name, fields=[field])[:, 0]
-    raise schema.ReplayError(f"the log has no {topic}.{field}", place=str(log.path))
+    return f"{name} is not the code that flew: digest {here.sha256[:12]} here, {flew[:12]} in the log"

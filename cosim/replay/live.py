@@ -10,35 +10,12 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from cosim.errors import LogError
-from cosim.log import Log, open_log
+from cosim.log import open_log
 from cosim.log.live import Live, library
 from cosim.replay.log_schema import check_start
-from cosim.replay.write import pose_of, stacked
 
 IDLE_S = 0.02  # between looks at what viewers ask for, while nothing plays
-
-
-class Reel:
-    """The ticks of a log as one vector each: `topics` and `pose` say what stands where in it."""
-
-    def __init__(self, log: Log):
-        self._log = log
-        self.topics, n = stacked((t.name, t, t.group) for t in log.topics.values() if t.every == 1)
-        self.pose = pose_of(self.topics)
-        self.ticks = sum(n for _, n in log.spans)
-        self._span, self._values = range(0), np.empty((0, n))
-
-    def __getitem__(self, k: int) -> np.ndarray:
-        """Return the vector of tick `k`; a chunk of the log is read at a time."""
-        if k not in self._span:
-            first, n = next(span for span in self._log.spans if span[0] <= k < sum(span))
-            span = {"start_s": first * self._log.dt_ns / 1e9, "end_s": (first + n) * self._log.dt_ns / 1e9}
-            found = [self._log.array(t.name, **span) for t in self.topics]
-            self._span, self._values = range(first, first + n), np.concatenate(found, axis=1)
-        return self._values[k - self._span.start]
 
 
 def show(
@@ -52,17 +29,17 @@ def show(
     """
     check_start(start_s)
     log = open_log(os.fspath(path))
-    reel, dt_ns, sdk = Reel(log), log.dt_ns, library()
-    first = min(round(start_s * 1e9 / dt_ns), reel.ticks)
-    if reel.ticks < 1 or (len(log.spans) != 1 and log.spans[0][0] + reel.ticks != sum(log.spans[-1])):
+    n, dt_ns, sdk = log.n_ticks, log.dt_ns, library()
+    first = min(round(start_s * 1e9 / dt_ns), n)
+    if n < 1 or log.spans[0][0] + n != sum(log.spans[-1]):
         raise LogError("has no ticks, or gaps between them", place=str(path), remedy="cosim recover makes it whole")
-    player = _Player(sdk, first, reel.ticks, dt_ns, speed)
-    more = {"playback_time_range": (0, reel.ticks * dt_ns), "server_listener": player.listener()}
-    name = os.path.basename(os.fspath(path))
-    with Live(reel.topics, dt_ns=dt_ns, pose=reel.pose, port=port, name=name, speed=speed, more=more) as live:
+    player = _Player(sdk, first, n, dt_ns, speed)
+    more = {"playback_time_range": (0, n * dt_ns), "server_listener": player.listener()}
+    topics, name = [t for t in log.topics.values() if t.every == 1], os.path.basename(os.fspath(path))
+    with Live(topics, dt_ns=dt_ns, port=port, name=name, speed=speed, more=more) as live:
         if ready:
             ready(live)
-        player.play(live, reel, ended or threading.Event())
+        player.play(live, log, ended or threading.Event())
 
 
 class _Player:
@@ -94,15 +71,15 @@ class _Player:
             status = ws.PlaybackStatus.Ended
         return ws.PlaybackState(status, int(at), speed, sought, request.request_id if request else "")
 
-    def play(self, live, reel, ended):
+    def play(self, live, log, ended):
         """Show ticks until `ended` is set."""
         server = live.servers[0]
         while not ended.is_set():
-            self._follow(live, reel)
+            self._follow(live, log)
             if not self.playing:
                 ended.wait(IDLE_S)
                 continue
-            live.shown.send(self.k, reel[self.k])
+            live.shown.show(self.k, *log.row(self.k))
             step = min(live.shown.stride, self._n - self.k)
             self.k += step
             live.pace.wait(self.k - 1)
@@ -110,7 +87,7 @@ class _Player:
                 self.playing = False
                 server.broadcast_playback_state(self.state(False, self.k * self._dt_ns, self.speed))
 
-    def _follow(self, live, reel):
+    def _follow(self, live, log):
         while not self._asked.empty():
             request = self._asked.get()
             self.playing = request.playback_command == self._sdk.websocket.PlaybackCommand.Play
@@ -118,7 +95,7 @@ class _Player:
                 self.speed = live.shown.speed = request.playback_speed
             if request.seek_time is not None:
                 self.k = min(max(0, round(request.seek_time / self._dt_ns)), self._n - 1)
-                live.shown.send(self.k, reel[self.k])
+                live.shown.show(self.k, *log.row(self.k))
             if self.playing and self.k >= self._n:
                 self.k = 0
             live.pace.change(self.speed, self.k)

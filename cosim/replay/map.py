@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from cosim.flight.detection import detectors as table
-from cosim.judge.result import plain
+from cosim.judge.result import judge, plain
 from cosim.log import LogWriter, Topic, viewer_layouts
 from cosim.parts import load, with_detectors
 from cosim.replay import clock
 from cosim.replay import map_signals as signals_of
 from cosim.replay.caveats import caveats, lost
-from cosim.replay.detector_replay import elements, flat, inputs, judgement, output_names, replay_lane, unlogged
+from cosim.replay.detector_replay import Lane, elements, flat, inputs, judged_lane
 from cosim.replay.foreign import read_recording
 from cosim.replay.log_schema import ReplayError, check_start, chosen_overrides, override
 from cosim.replay.map_file import load_map
@@ -181,7 +181,8 @@ def run_all(made: Prepared, overrides: Mapping[str, Any]) -> tuple[list, list]:
         override(d.record, d.module, p, overrides.get(d.id, {}), dt)
         for i, lane in enumerate(ready.lanes):
             u = lane_inputs(d.module, wires[d.id, lane], values, n)
-            again = replay_lane(unlogged(ready, lane, d.module, u, p[i : i + 1]), dt)[0]
+            own = Lane(d.id, lane, d.level, d.every, d.module, p[i : i + 1], d.module.init(p[i : i + 1]))
+            again = own.step(u[:, :: d.every], dt)[0]
             done.append((ready, lane, u, again))
             if d.id in read:
                 outputs = zip(vocabulary.outputs(d.module), np.repeat(again, d.every, axis=0)[:n].T)
@@ -216,8 +217,8 @@ def _scenario(m, chosen, place):
 
 def _verdict(d, lane, again, made):
     """Return one row of the verdict table; times are the recording's."""
-    names = output_names(d)
-    found = judgement(d, lane, d.module.ISOLABLE_PARTS, names, again, made.dt, [])
+    names = [name for name, _ in elements(d.module.STATE, d.module.OUTPUTS)]
+    found = judge(judged_lane(d.id, d.level, lane, d.module.ISOLABLE_PARTS, names), again, made.dt * d.every, [])
     at, valid = found["detected_at_s"], again[:, names.index("valid")] > 0.5
     return {
         **{name: found[name] for name in ("id", "level", "target", "alarm")},

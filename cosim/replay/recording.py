@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from cosim.judge.detection import JudgedLane, Said
 from cosim.judge.result import Errors, entry_of, judged
 from cosim.log import open_log
 from cosim.replay import log_schema
-from cosim.replay.detector_replay import elements, isolable_parts_of, outputs_of_user, target_of, tell, values
+from cosim.replay.detector_replay import isolable_parts_of, judged_lane, tell, topics, unflown, values
 from cosim.replay.thinned import envelope, peaks
 from cosim.scenario.catalog import ACTUATOR_SENSORS, SENSORS
 from cosim.scenario.vocabulary import place
@@ -41,23 +40,22 @@ class Lane:
     """
 
     def __init__(
-        self, record: Any, lane: str, isolable_parts: tuple, fields: Mapping[str, str], rows: int, main: str, dt: float,
+        self, own: JudgedLane, lane: str, every: int, units: Sequence[str], rows: int, main: str, dt: float,
         faults: Sequence[Mapping] = (),
     ):  # fmt: skip
-        """`record` has id, level and ticks `every` of the detector, `fields` {output: unit} are its outputs in order,
-        `rows` is their number, `dt` the flight's tick [s]."""
-        self.id, self.level, self.every = record.id, record.level, record.every
-        self.lane, self.isolable_parts = lane, isolable_parts
-        self.target, self.units, self.main = target_of(record.level, lane), dict(fields), main
+        """`every` are the ticks of `dt` [s] from step to step of the lane `own`, `units` those of its outputs in order,
+        `rows` is their number."""
+        self.id, self.level, self.target = own.id, own.level, own.target
+        self.at, self.isolable_parts = own.at, own.parts
+        self.lane, self.every, self.units, self.main = lane, every, dict(zip(own.at, units)), main
         self.entry: dict = {}
         self.truth: tuple[tuple[np.ndarray, float], str] | None = None
-        self.at = {n: i for i, n in enumerate(fields)}
-        self._dt, self._faults = dt * record.every, faults
-        self.said = Said(JudgedLane(record.id, record.level, self.target, isolable_parts, self.at), self._dt, faults)
+        self._dt, self._faults = dt * every, faults
+        self.said = Said(own, self._dt, faults)
         (self._r, self._r_every), (self._f, self._f_every) = peaks(rows), envelope(rows)
-        estimates = [n for n in fields if n.startswith("f_hat")]
+        estimates = [n for n in own.at if n.startswith("f_hat")]
         named = f"f_sigma{main.removeprefix('f_hat')}"
-        self._sigma = named if named in fields else "f_sigma" if main in ("f_hat", *estimates[:1]) else ""
+        self._sigma = named if named in own.at else "f_sigma" if main in ("f_hat", *estimates[:1]) else ""
 
     def add(self, rows: np.ndarray) -> None:
         """Take the outputs (rows, fields) of its next ticks."""
@@ -190,37 +188,43 @@ class LoggedFlight:
     def lanes(self) -> list[Lane]:
         """Return the Lanes: aircraft level first, in the order of the log."""
         watched = [(own, topic, truth) for d in self.detectors for own, topic, truth in self._watched(d)]
-        topics = [t for _, topic, truth in watched for t in (topic, *(truth.topics if truth else ()))]
-        for ticks, read in self._read(topics):
+        new = list(self._unflown({own.id for own, *_ in watched}))
+        read_by = [t for _, topic, truth in watched for t in (topic, *(truth.topics if truth else ()))]
+        for ticks, read in self._read([*read_by, *topics(self.log, (lane for _, lane in new))]):
             for own, topic, truth in watched:
                 if truth:
                     truth.add(own, ticks, read, read[topic])
                 own.add(read[topic])
+            for own, lane in new:
+                own.add(lane.step(lane.inputs(self.log, read, ticks.start, ticks.stop)[1], self.dt)[0])
+        out = [own.end() for own, *_ in (*watched, *new)]
         for own, _, truth in watched:
-            own.end()
             if truth:
                 own.truth = truth.curve, truth.unit
                 own.entry |= truth.errors.entry(truth.unit)
-        out, flew = [own for own, *_ in watched], {own.id for own, *_ in watched}
-        for part in (g for g in self._user_detectors if g.DETECTOR.id not in flew):
-            fields = dict(elements(part.STATE, part.OUTPUTS))
-            for name, rows in outputs_of_user(self.log, part, self.scenario.elevator.technology).items():
-                own = Lane(part.DETECTOR, name, part.ISOLABLE_PARTS, fields, len(rows), "", self.dt, self.faults)
-                own.add(rows)
-                out.append(own.end())
         return sorted(out, key=lambda lane: lane.level == "local")
+
+    def _unflown(self, flew):
+        """Yield (Lane, the lane to step) of the user detectors that did not fly."""
+        for part in (g for g in self._user_detectors if g.DETECTOR.id not in flew):
+            for lane in unflown(self.log, part, self.scenario.elevator.technology):
+                names, units = zip(*lane.outputs)
+                own = judged_lane(lane.id, lane.level, lane.lane, part.ISOLABLE_PARTS, names)
+                rows = -(-self.n // lane.every)
+                yield Lane(own, lane.lane, lane.every, units, rows, "", self.dt, self.faults), lane
 
     def _watched(self, d):
         """Yield (Lane, its topic, _Truth or None) of the lanes of a detector."""
         tell(d)
         topics = {lane: f"/detectors/{d['id']}/{lane}" for lane in d["lanes"]}
         truths = {lane: self._truth(d["id"], lane) for lane, topic in topics.items() if topic in self.log.topics}
-        record, main = SimpleNamespace(**d), next((t.output for t in truths.values() if t), "")
+        main = next((t.output for t in truths.values() if t), "")
         for lane, truth in truths.items():
             info = self.log.topics[topics[lane]]
             own = main or next((n for n in info.fields if n.startswith("f_hat")), "")
-            fields, parts = dict(zip(info.fields, info.units)), isolable_parts_of(d)
-            yield Lane(record, lane, parts, fields, info.rows, own, self.dt, self.faults), info.name, truth
+            judged_ = judged_lane(d["id"], d["level"], lane, isolable_parts_of(d), info.fields)
+            made = Lane(judged_, lane, d["every"], info.units, info.rows, own, self.dt, self.faults)
+            yield made, info.name, truth
 
     def _truth(self, detector, lane):
         """Return the _Truth of a lane, None where it estimates no fault of the flight."""

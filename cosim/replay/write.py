@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import LogError
-from cosim.log import Log, LogWriter, Pose, Topic
+from cosim.log import Log, LogWriter, Topic
+from cosim.log.foxglove import TOPICS
 from cosim.log.writer import RESERVED
-
-POSE = ("lat", "lon", "h", "phi", "theta", "psi")
 
 
 def stacked(topics: Iterable[tuple[str, Any, str]]) -> tuple[list[Topic], int]:
@@ -24,14 +23,6 @@ def stacked(topics: Iterable[tuple[str, Any, str]]) -> tuple[list[Topic], int]:
     return out, at
 
 
-def pose_of(topics: Iterable[Topic]) -> Pose | None:
-    """Return the Pose of the topic of the truth that has one, None without."""
-    for t in topics:
-        if t.group == "truth" and set(POSE) <= set(t.fields):
-            return Pose(**{n: int(t.index[t.fields.index(n)]) for n in POSE})
-    return None
-
-
 class Overlay:
     """Write the log at `path` span after span; use as a context manager. Raises LogError for a log with gaps."""
 
@@ -40,24 +31,23 @@ class Overlay:
             raise LogError("ticks are missing, and an overlay needs every one", place=str(log.path))
         self._log, self._names = log, [n for n in log.topics if not n.startswith("/replay/")]
         olds = [(n, log.topics[n], log.topics[n].group) for n in self._names]
-        news = [("/replay" + w.topic, log.topics[w.topic], "replay") for w in wired]
+        self._new = [w.topic for w in wired]
+        news = [("/replay" + topic, log.topics[topic], "replay") for topic in self._new]
         self._topics, self._n = stacked([*olds, *news])
         how: dict[str, Any] = {"attachments": {n: (log.media_types[n], data) for n, data in log.attachments.items()}}
         how["metadata"] = {n: v for n, v in log.metadata.items() if n not in RESERVED}
         how["metadata"]["replay_of"] = {"content": (log.result or {}).get("content", "")}
         how |= {"n_values": self._n, "dt_ns": log.dt_ns, "rows_per_chunk": 500, "kept": False}
-        self._writer = LogWriter(path, self._topics, pose=pose_of(self._topics), **how)
-        for k, event in log.messages("/events"):
-            begin, end = event.start_time.ToNanoseconds() // log.dt_ns, None
-            if event.HasField("end_time"):
-                end = event.end_time.ToNanoseconds() // log.dt_ns
-            self._writer.window(k, begin, end, **{m.key: m.value for m in event.metadata})
+        self._writer = LogWriter(path, self._topics, **how)
 
-    def append(self, read: dict, new: Any, start: float, stop: Any) -> Any:
-        """Write the ticks start <= k < stop: `read` {topic: (rows, fields)} as logged, `new` (rows, n) of each lane."""
-        rows = np.zeros((min(stop, self._log.n_ticks) - start, self._n))
-        for t, values in zip(self._topics, (*(read[n] for n in self._names), *new)):
+    def append(self, read: dict, new: dict, start: int, stop: int) -> None:
+        """Write the ticks start <= k < stop: {topic: (rows, fields)} as logged, and of each lane as replayed."""
+        rows = np.zeros((stop - start, self._n))
+        for t, values in zip(self._topics, (*(read[n] for n in self._names), *(new[n] for n in self._new))):
             rows[-start % t.every :: t.every, t.index[0] : t.index[-1] + 1] = values
+        for topic in TOPICS:
+            for k, message in self._log.messages(topic, start, stop):
+                self._writer.message(k, topic, message.SerializeToString())
         for row in rows:
             self._writer.append(row)
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import pandas as pd
 
 from cosim.compare import Comparison, stats, tables
-from cosim.files import columns, replace
+from cosim.files import PAGE, columns, replace
 from cosim.judge import coverage
 from cosim.report import compared
-from cosim.report.page import PAGE, page, write
+from cosim.report.page import page, write
 from cosim.table import Cell, Column, Table
 
 CALLED = "Rows: what was broken on a part that the detector watches; columns: what it said last while its alarm stood."

@@ -10,6 +10,7 @@ import numpy as np
 from cosim.errors import LogError
 from cosim.judge.lanes import SHOWN, verdicts
 from cosim.log import open_log
+from cosim.replay.detector_replay import judged_lane
 from cosim.replay.map_signals import in_map
 from cosim.replay.recording import Lane, LoggedFlight, words
 from cosim.report.figure import Figure
@@ -58,10 +59,10 @@ class Watched:
         name, _, lane = topic.removeprefix(REPLAYED).partition("/")
         info, rows = self.log.topics[topic], self._arrays[topic]
         level = "aircraft" if lane == "aircraft" else "local"
-        record = SimpleNamespace(id=name, level=level, every=info.every)
         main = next((n for n in info.fields if n.startswith("f_hat")), "")
         isolable_parts = getattr(registry.find(name), "isolable_parts", ())
-        own = Lane(record, lane, isolable_parts, dict(zip(info.fields, info.units)), len(rows), main, self.dt)
+        judged = judged_lane(name, level, lane, isolable_parts, info.fields)
+        own = Lane(judged, lane, info.every, info.units, len(rows), main, self.dt)
         own.add(rows)
         alarm = bool(self.verdicts.get((name, own.target), {}).get("alarm"))
         own.entry = {"concerned": alarm, "able": True, "alarm": alarm}

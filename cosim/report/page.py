@@ -14,12 +14,10 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
 
-from cosim.files import marked, replace_text
+from cosim.files import PAGE, replace_text
 from cosim.judge.result import plain
 from cosim.report.figure import Figure
 from cosim.table import Table
-
-PAGE = marked(b"<!doctype html", b'<meta name="generator" content="cosim">')  # the sign of our pages
 
 
 @cache

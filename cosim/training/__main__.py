@@ -1,6 +1,7 @@
 """Designs and thresholds made anew: `python -m cosim.training NAME|all [--check] [--aircraft DIR]`."""
 
 import argparse
+import shutil
 import sys
 from pathlib import Path
 from typing import Any
@@ -8,13 +9,17 @@ from typing import Any
 from rich.console import Console
 
 from cosim.errors import CosimError, DesignError
+from cosim.files import replace_text
+from cosim.flight.detection import stored_designs
 from cosim.progress import Progress
-from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario.aircraft import DEFAULT, load_aircraft
 from cosim.table import Row, Table
-from cosim.training import NAMES, load
-from cosim.training import designs as stored
+from cosim.training import NAMES, designs, load, trainer
+from cosim.training.train_aircraft import another
+from fdi.common import compact
 
 ALL = "all"
+ENGINES = (1, 2, 4)  # that the four places of the detectors' force model can stand for
 out, err = Console(), Console(stderr=True)
 
 
@@ -31,9 +36,12 @@ def main(words: list[str] | None = None) -> int:
     try:
         if asked.aircraft:
             return _another(asked.name, asked.aircraft, asked.check)
-        names = list(NAMES) if asked.name == ALL else [asked.name]
-        makers = [_designs if name == "designs" else _thresholds(name) for name in names]
-        return max([make(asked.check) for make in makers])
+        names = NAMES if asked.name == ALL else (asked.name,)
+        trainings = {name: load(name) for name in names if name != "designs"}
+        if "designs" in names and not asked.check:
+            designs.make(DEFAULT, _tell)
+        wrong = _state(designs.check()) if "designs" in names else 0
+        return max([wrong, *(_thresholds(name, training, asked.check) for name, training in trainings.items())])
     except CosimError as error:
         err.print(f"error: {error.line}", soft_wrap=True, highlight=False, markup=False)
         return 2
@@ -45,42 +53,46 @@ def _tell(text: str) -> None:
     err.print(text, soft_wrap=True, highlight=False, markup=False)
 
 
-def _designs(check: bool) -> int:
-    """Make the stored designs unless only to be checked; return whether one does not belong to the aircraft."""
-    for name in () if check else stored.DESIGNS:
-        stored.build(name, progress=_tell)
-    return _state({name: stored.check(name) for name in stored.DESIGNS})
+def _trained(name: str, training: Any, label: str, **where: Any) -> dict[str, dict[str, Any]]:
+    """Fly a training; what has been flown is kept in logs/training-LABEL."""
+    with Progress(f"training {label}", "flights", waiting="preparing", console=err) as progress:
+        return trainer.trained(name, training, folder=Path("logs") / f"training-{label}", progress=progress, **where)
 
 
-def _thresholds(name: str) -> Any:
-    """Return what trains `name` and returns 1 where --check finds a changed digit. Raises DesignError if unknown."""
-    training = load(name)
-
-    def make(check: bool) -> int:
-        with Progress(f"training {name}", "flights", waiting="preparing", console=err) as progress:
-            made = training.train(folder=Path("logs") / f"training-{name}", progress=progress)
-        changes = [(*where, f"{old:.9g}", f"{new:.9g}") for *where, old, new in training.changes(made) if old != new]
-        if not check:
-            training.store(made)
-        head = f"{name}: of each threshold that changes the entry that changes most"
-        rows = Table(head, "file", "set", "threshold", "stored>", "trained>", rows=map(Row, changes))
-        out.print(rows if changes else f"{name}: every number is as it was stored")
-        return int(check and bool(changes))
-
-    return make
+def _thresholds(name: str, training: Any, check: bool) -> int:
+    """Train and store thresholds, or only compare; return 1 where --check finds a changed digit."""
+    made = _trained(name, training, name)
+    changes = list(trainer.changes(made))
+    if not check:
+        trainer.store(made)
+    rows = [Row((file, threshold, f"{old}", f"{new}")) for file, threshold, old, new in changes]
+    out.print(Table(f"{name}: what changes", "file", "threshold", "stored>", "trained>", rows=rows) if rows else
+              f"{name}: every number is as it was stored")  # fmt: skip
+    return int(check and bool(changes))
 
 
 def _another(name: str, aircraft: str, check: bool) -> int:
-    """Make, unless only to be checked, designs and thresholds of another aircraft."""
-    from cosim.training import aircraft_designs
-
+    """Make, unless only to be checked, designs and thresholds of another aircraft, into its folder."""
+    own = load_aircraft(aircraft)
     if name != ALL:
         raise DesignError(f"{name!r} with --aircraft", allowed=ALL, remedy="its parts are made together")
+    if own.own_designs is None:
+        raise DesignError("its designs are those of fdi/", place=f"--aircraft {aircraft}",
+                          remedy="`python -m cosim.training all` makes them")  # fmt: skip
+    if own.engines not in ENGINES:
+        allowed = "1, 2 or 4: the places of the force model"
+        raise DesignError(f"{own.engines} engines", place=f"--aircraft {aircraft}", allowed=allowed)
     if not check:
-        folder = Path("logs") / f"training-{load_aircraft(aircraft).name}"
-        with Progress("training", "jobs", waiting="preparing", console=err) as progress:
-            aircraft_designs.make(aircraft, folder=folder, progress=progress, tell=_tell)
-    return _state(aircraft_designs.check(aircraft))
+        designs.make(aircraft, _tell)
+        thresholds = own.folder / "thresholds"
+        shutil.rmtree(thresholds, ignore_errors=True)  # no flight of the training knows what the last one found
+        thresholds.mkdir()
+        digest = stored_designs.digest(own)
+        training = another(str(own.folder), digest)
+        trainer.store(_trained(f"all --aircraft {own.name}", training, own.name, into=thresholds), thresholds)
+        about = {"aircraft_sha256": digest}
+        replace_text(own.folder / "designs" / stored_designs.FILE, compact.text(about))
+    return _state(designs.check(aircraft))
 
 
 def _state(problems: dict[str, str]) -> int:

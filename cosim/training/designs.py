@@ -1,17 +1,15 @@
-"""Stored designs: what there is, how it is made from the aircraft in the tree, and whether it still belongs to it.
+"""Stored designs: how they are made from an aircraft, and whether they still belong to it.
 
-A design is a JSON file in `fdi/designs/` with a digest of the numbers it was made from, as parsed from the aircraft's
-XML and the actuators' parameters: a comment or a blank in a file changes nothing, a coefficient does.
+A design is a JSON file in `designs/` of an aircraft's folder, of the default aircraft in `fdi/`. There each holds a
+digest of the numbers it was made from, as parsed from the aircraft's XML and the actuators' parameters: a comment or a
+blank in a file changes nothing, a coefficient does. Of another aircraft `made.json` holds it for all.
 """
 
 import functools
 import hashlib
-import importlib
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,71 +20,57 @@ from actuators.hydraulic import actuator as hydraulic
 from actuators.hydraulic import servo
 from cosim.files import replace_text
 from cosim.flight.detection import stored_designs
-from cosim.flight.plant.aero_functions import numbers_digest
-from cosim.scenario.aircraft import load_aircraft
+from cosim.flight.detection.detectors import unfit
+from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
+from cosim.training import lpv, rfafe
+from fdi import registry
 from fdi.common import compact
 
 FOLDER = Path(fdi.__file__).resolve().parent / "designs"
+MAKERS: dict[str, Callable] = {  # design -> what makes it of (progress, name or folder of an aircraft)
+    "rfafe": rfafe.published, "rfafe_airframe": rfafe.airframe, "lpv_smo": lpv.single, "lpv_smo_boxes": lpv.several,
+}  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Maker:
-    """Where a design comes from: `module`.`function`(progress) returns what the file holds but for its `digest`.
+def make(aircraft: str, progress: Callable[[str], None]) -> None:
+    """Make and store the designs of an aircraft, a name or a folder; `progress(text)` hears each step.
 
-    Where the module has a function `wrong`(held), it says what is wrong with the numbers, "" for nothing.
+    Raises DesignError where no flight point of the envelope has a steady flight.
     """
-
-    module: str
-    function: str
-    what: str
-    digest: str = "source"  # the key of its digest, of `DIGESTS`
-
-
-DESIGNS = {
-    "rfafe": Maker("cosim.training.rfafe", "published", "Sun13 estimator with elevator positions"),
-    "rfafe_airframe": Maker("cosim.training.rfafe", "airframe", "Sun13 estimator on airframe outputs"),
-    "lpv_smo": Maker("cosim.training.lpv", "single", "Alwi14 LPV model and observer", "aircraft_sha256"),
-    "lpv_smo_boxes": Maker("cosim.training.lpv", "several", "the same over the whole trim envelope", "aircraft_sha256"),
-}
+    own = load_aircraft(aircraft)
+    for name, maker in MAKERS.items():
+        if own.own_designs and name == "lpv_smo":
+            continue  # the box of the paper's aircraft
+        progress(name)
+        made = maker(lambda text, name=name: progress(f"{name}: {text}"), aircraft)
+        folder = own.folder / "designs" if own.own_designs else FOLDER
+        folder.mkdir(exist_ok=True)
+        replace_text(folder / f"{name}.json", compact.text({"source": source(aircraft), **made}))
 
 
-def build(name: str, *, folder: str | Path = FOLDER, progress: Callable[..., Any] | None = None) -> Path:
-    """Make design `name` anew, write it, return its path; `progress(text)` hears each step. KeyError: unknown name."""
-    maker, tell = DESIGNS[name], progress or (lambda text: None)
-    tell(f"{name}: {maker.what}")
-    made = getattr(importlib.import_module(maker.module), maker.function)(lambda text: tell(f"{name}: {text}"))
-    path = Path(folder) / f"{name}.json"
-    replace_text(path, compact.text({maker.digest: DIGESTS[maker.digest](), **made}))
-    return path
+def check(aircraft: str = DEFAULT, folder: Path = FOLDER) -> dict[str, str]:
+    """Return {design, of another aircraft detector: "" where it belongs to the aircraft, else what is wrong}."""
+    own = load_aircraft(aircraft)
+    if own.own_designs:
+        return _of_detectors(own)
+    files = [folder / f"{name}.json" for name in MAKERS]
+    held = [json.loads(file.read_text(encoding="utf-8"))["source"] if file.is_file() else "" for file in files]
+    wrong = "is not there, or of another aircraft or other actuators; mend: python -m cosim.training designs"
+    return {name: "" if one == source() else wrong for name, one in zip(MAKERS, held)}
 
 
-def check(name: str, *, folder: Any = FOLDER) -> str:
-    """Return "" when the stored design `name` belongs to the aircraft in the tree and holds, else what is wrong."""
-    maker, path = DESIGNS[name], Path(folder) / f"{name}.json"
-    if not path.is_file():
-        return f"there is no {path.name}; make it with: python -m cosim.training designs"
-    try:
-        held = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        return f"{path.name} cannot be read: {error}"
-    if held.get(maker.digest) != DIGESTS[maker.digest]():
-        return f"{path.name} was made from another aircraft or other actuators; mend: python -m cosim.training designs"
-    return getattr(importlib.import_module(maker.module), "wrong", lambda held: "")(held)
+def _of_detectors(own: Aircraft) -> dict[str, str]:
+    level = [r for n in registry.SHIPPED if (r := registry.record(n)).level == "aircraft" and not r.any_aircraft]
+    return {record.id: stored_designs.lacking(own, record) for record in level if not unfit(record, own)}
 
 
 @functools.cache
-def source() -> str:
-    """Return the digest of the aircraft's numbers and the actuators' and servos' nominal parameters."""
-    found = hashlib.sha256(stored_designs.digest(load_aircraft()).encode())
+def source(aircraft: str = DEFAULT) -> str:
+    """Return the digest of an aircraft's numbers and the actuators' and servos' nominal parameters."""
+    found = hashlib.sha256(stored_designs.digest(load_aircraft(aircraft)).encode())
     for module in (hydraulic, servo, ema, ema_servo):
         p = module.params()
         # v_run is how fast a runaway fault may be: of no healthy motion
         for value in np.concatenate([np.ravel(p[name]) for name in p.dtype.names if name != "v_run"]):
             found.update(f"{value:.6e};".encode())  # gains come from linear algebra: last digits are the processor's
     return found.hexdigest()
-
-
-# the digest of all that decides about a design: the Sun13 estimators' also of the actuators
-DIGESTS: dict[str, Callable[[], str]] = {
-    "source": source, "aircraft_sha256": lambda: numbers_digest(load_aircraft().folder),
-}  # fmt: skip

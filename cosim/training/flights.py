@@ -14,13 +14,15 @@ import pandas as pd
 
 from cosim.errors import TrimError
 from cosim.flight.build import build
-from cosim.flight.detection.detectors import sources
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.detectors import sources, unfit
 from cosim.flight.loop.signals import detect, fly
 from cosim.flight.plant.point import SIX
 from cosim.scenario import Scenario, parse
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
+from fdi import registry
 from fdi.hydraulic import iotsekf
 from fdi.rfafe import rfafe, rfafe_airframe
 
@@ -49,6 +51,7 @@ NOISE_SCALE = 1.2  # of the sensors
 START_S = 2.0  # filters settle
 MODEL = ("A_p", "B", "M", "P_s", "phi_n", "V_m", "E", "L", "F_c", "F_s")  # of the hydraulic actuator, off by up to 5 %
 COMMAND = "law.law.de_cmd"
+LEVEL = ("lpv_smo", "control_redundancy", "kinematic", "rfafe", "rfafe_airframe")  # detectors of the aircraft level
 MODULES = {"rfafe": rfafe, "rfafe_airframe": rfafe_airframe}
 SURFACES = tuple(f"truth.aircraft.{s}" for s in ("de_lo", "de_li", "de_ri", "de_ro"))
 AIRCRAFT = tuple(dict.fromkeys([*(path for name in MODULES for path in sources(name).values()), COMMAND, *SURFACES]))
@@ -173,6 +176,32 @@ def manoeuvring(first_seed: int, number: int) -> list[dict[str, Any]]:
 def fly_aircraft(signals: Sequence[str] = (), prepare: Any = None, **arguments: Any) -> pd.DataFrame:
     """Fly `scenario(**arguments)` and return what the estimators of the aircraft read, and `signals` beside it."""
     return fly(scenario(**arguments), [*AIRCRAFT, *signals], prepare=prepare)
+
+
+def fits(own: Aircraft) -> tuple[str, ...]:
+    """Return the detectors of the aircraft level that have all their inputs on an aircraft."""
+    return tuple(name for name in LEVEL if not unfit(registry.record(name), own))
+
+
+def fly_level(**flight: Any) -> pd.DataFrame:
+    """Fly `scenario(**flight)` and return what the detectors of the aircraft level read, under its names on the default
+    aircraft."""
+    own = load_aircraft(flight.get("aircraft", DEFAULT))
+    wires = [(sources(d), sources(d, aircraft=own)) for d in fits(own)]
+    frame = fly(scenario(**flight), dict.fromkeys([COMMAND, *(s for _, its in wires for s in its.values())]))
+    said = {there[field]: frame[its[field]] for there, its in wires for field in its}
+    out = pd.DataFrame({**{c: frame[c] for c in frame}, **said}, copy=False)
+    out.attrs = frame.attrs
+    return out
+
+
+def fitted(name: str, technology: Sequence[str], aircraft: str = DEFAULT) -> np.ndarray:
+    """Return the parameters with which a detector of the aircraft level flies with elevators of `technology`."""
+    own = load_aircraft(aircraft)
+    p = registry.record(name).fit(site(DT, "", dict(zip(own.segments, technology, strict=True)), own))
+    if own.own_designs and "alpha_max" in p.dtype.names:
+        p["alpha_max"] = math.radians(reach(own)[0])
+    return p
 
 
 def fly_hydraulic(**arguments: Any) -> pd.DataFrame:

@@ -14,23 +14,23 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import qmc
 
-import fdi
-from actuators.constants import DEG_PER_RAD, M_S_PER_KT
-from cosim.errors import TrimError
+from actuators.constants import DEG_PER_RAD, M_PER_FT, M_S_PER_KT
+from cosim.errors import DesignError, TrimError
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import FlightPoint
-from cosim.scenario.aircraft import DEFAULT
-from cosim.training.flights import ALPHA_MAX, MACH_MAX
+from cosim.scenario.aircraft import DEFAULT, load_aircraft
+from cosim.training.flights import ALPHA_MAX, MACH_MAX, reach
 from cosim.training.trainer import significant
 from fdi.lpv_smo import model as lpv_model
 from fdi.lpv_smo import synthesis as lpv_smo_design
+from fdi.lpv_smo.core import NB
 
 BOX = np.array([[260.0, 405.0], [28.0, 36.0], [210.0, 270.0], [0.40, 0.68]])  # [Alwi14] section 4.3: t, %, kt, Mach
 NAMES = ("mass_t", "cg_pct", "cas_kt", "mach")
@@ -39,7 +39,6 @@ OUTPUTS = {"h": "m", "theta": "deg", "tas": "m/s", "q": "deg/s", "nz": "g", "alp
 THROTTLE_MAX = 0.90  # below it the papers' points trim, and leave some thrust to climb
 GRID = 7  # values per parameter of the grid that is fitted
 SECOND = 4  # and of the grid between whose points the second grid lies, 3^4 points inside the box
-STORED = Path(fdi.__file__).parent / "designs" / "lpv_smo.json"
 CEILING = 11000.0  # top of the troposphere [m]
 # size of each signal in manoeuvres of +-0.15 g, from the flights of [Alwi14] figure 1: they weigh what is insignificant
 SIZE_X = np.array([2.0, 100.0, 3.0, 5.0, 2.0])
@@ -54,7 +53,8 @@ SPAN = np.array([[195.0, 405.0], [22.0, 40.0], [0.0, 12500.0], [112.0, 390.0]]) 
 DRAWS, SOBOL_SEED = 4096, 5
 AROUND = 1.25  # a box is fitted to what lies within so many halves of its width
 FEWEST = 12  # points that a box needs
-Progress = Callable[[str], None] | None
+OTHERS = 1024  # points of another aircraft
+MASS_RATIO, CAS_RATIO = 1.75, 1.35  # of the edges of a box of another aircraft
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,7 +67,6 @@ class Samples:
     C: np.ndarray
     D: np.ndarray
     trims: np.ndarray
-    refused: list  # (rho, reason)
 
 
 def _impact(cas_kt):
@@ -92,32 +91,23 @@ def mach_at(cas_kt: float, h: float) -> float:
     return math.sqrt(5 * ((_impact(cas_kt) / pressure + 1) ** (1 / 3.5) - 1))
 
 
-def sample(points: np.ndarray, progress: Progress = None) -> Samples:
-    """Return `Samples` at each rho of `points` (k, 4); what cannot be flown with its reason."""
-    return samples(*linearised(points, _at_mach, progress))
-
-
-def linearised(points: np.ndarray, one: Callable[..., tuple], progress: Progress = None) -> tuple[list, list]:
-    """Return ([what `one`(point) makes: rho, A, B, C, D, trim], [(point, reason)] of those without a steady flight)."""
-    kept, refused = [], []
+def samples(points: np.ndarray, one: Callable[..., tuple]) -> Samples:
+    """Return `Samples` of what `one`(point) makes, rho, A, B, C, D and trim, of each of `points` (k, 4) with a steady
+    flight. Raises DesignError where none has one."""
+    kept = []
     for point in points:
         try:
             kept.append(one(point))
-        except TrimError as error:
-            refused.append((tuple(map(float, point)), str(error)))
-        if progress is not None:
-            progress("next flight point")
-    return kept, refused
+        except TrimError:
+            continue
+    if not kept:
+        raise DesignError("no flight point of the envelope has a steady flight",
+                          remedy="`cosim check` of the aircraft's folder says why")  # fmt: skip
+    return Samples(*(np.array(column) for column in zip(*kept)))
 
 
-def samples(kept: list[tuple], refused: list) -> Samples:
-    """Return `Samples` of what `linearised` found."""
-    rho, A, B, C, D, trims = (np.array(column) for column in zip(*kept))
-    return Samples(rho, A, B, C, D, trims, refused)
-
-
-def _at_mach(rho):
-    """Return a row of `linearised` at `rho` = [t, %, kt, Mach] in the troposphere, with some thrust to climb."""
+def at_mach(rho: np.ndarray) -> tuple:
+    """Return a row of `samples` at `rho` = [t, %, kt, Mach] in the troposphere, with some thrust to climb."""
     mass, cg, cas, mach = rho
     h = pressure_altitude(cas, mach)
     if not 0.0 <= h <= CEILING:
@@ -132,7 +122,7 @@ def _at_mach(rho):
 def short_of_stall(
     at: np.ndarray, alpha_max: float = ALPHA_MAX, mach_max: float = MACH_MAX, aircraft: str = DEFAULT
 ) -> tuple:
-    """Return a row of `linearised` at [t, %, m, kt]. Raises TrimError beyond `alpha_max` [deg] or `mach_max`."""
+    """Return a row of `samples` at [t, %, m, kt]. Raises TrimError beyond `alpha_max` [deg] or `mach_max`."""
     mass, cg, h, cas = at
     made = linearize(FlightPoint(mass * 1e3, cg / 100.0, h, "cas", cas * M_S_PER_KT, aircraft=aircraft))
     mach = mach_at(cas, h)
@@ -166,18 +156,17 @@ def fit(samples: Any, *, box: Any = BOX, weight: Any = None) -> Any:
     """Fit the `LpvModel` to `samples`; outputs that are states are exact, so C_1 is constant and D_1 zero."""
     size = {"A": SIZE_X, "B": SIZE_U, "C": SIZE_X, "D": SIZE_U}
     weight = volume(samples.rho) if weight is None else weight
-    fitted = {k: lpv_model.fit(samples.rho, getattr(samples, k), box=box, scale=size[k], weight=weight) for k in "ABCD"}
-    A, B, C, D = (fitted[k][0] for k in "ABCD")
+    A, B, C, D = (lpv_model.fit(samples.rho, getattr(samples, k), box=box, scale=size[k], weight=weight)[0]
+                  for k in "ABCD")  # fmt: skip
     C[:, [0, 1, 2, 3, 5]] = 0.0
     C[0, [0, 1, 2, 3, 5], [1, 2, 3, 4, 0]] = 1.0
     D[:, [0, 1, 2, 3, 5]] = 0.0
     trim = lpv_model.fit_trim(samples.rho, samples.trims, box=box)
     names = [tuple(f"{k}_{v}" for k, v in table.items()) for table in (STATES, OUTPUTS)]
-    model = lpv_model.LpvModel(
+    return lpv_model.LpvModel(
         A=A, B=B, C=C, D=D, box=box, trim=trim,
         states=names[0], inputs=("elevator_deg", "stab_deg"), outputs=names[1], rho=NAMES,
     )  # fmt: skip
-    return model, {k: fixed for k, (_, fixed) in fitted.items()}
 
 
 def volume(rho: float) -> Any:
@@ -190,20 +179,6 @@ def volume(rho: float) -> Any:
     return np.where(np.abs(lpv_model.normalise(rho, BOX)) > 0.99, 0.5, 1.0).prod(axis=1)
 
 
-def judge(model: Any, samples: Any) -> Any:
-    """Compare the model with a second grid: error per entry over its largest value, modes, what is neglected."""
-    out = {k: lpv_model.judge(getattr(model, k), samples.rho, getattr(samples, k)) for k in "ABCD"}
-    truth = [lpv_model.modes(A)[0] for A in samples.A]
-    fitted = [lpv_model.modes(lpv_model.at(model.A, r))[0] for r in samples.rho]
-    out["wn_error"] = np.array([abs(f[0] / t[0] - 1) for f, t in zip(fitted, truth)])
-    out["zeta_error"] = np.array([abs(f[1] - t[1]) for f, t in zip(fitted, truth)])
-    out["b51_vertices"] = np.array([lpv_model.at(model.B, v)[4, 0] for v in lpv_model.vertices(BOX)])
-    out["b11"], out["b41"], out["b51"] = (np.abs(samples.B[:, i, 0]).max() for i in (0, 3, 4))
-    trims = [np.concatenate(lpv_model.trim_at(model, r)) for r in samples.rho]
-    out["trim_error"] = np.abs(trims - samples.trims).max(0)
-    return out
-
-
 def design(model: Any) -> Any:
     """Design the observer with the paper's weights: xi in the alpha and V channels (36), deltas of section 5."""
     M = np.zeros((5, 2))
@@ -211,19 +186,12 @@ def design(model: Any) -> Any:
     return lpv_smo_design.design(model.A, model.B, model.C, model.D, box=model.box, M=M)
 
 
-def single(progress: Callable[[str], None]) -> dict[str, Any]:
-    """Return the design of the paper's box: sampled, fitted, judged, and how it was made."""
-    first, second = sample(grid(GRID), progress), sample(grid(SECOND, offset=0.5), progress)
-    model, fixed = fit(first)
-    made = design(model)
-    return {
-        **lpv_smo_design.plain(model, made),
-        "grid": {"points": len(first.rho), "refused": len(first.refused), "second": len(second.rho)},
-        "fit": {k: np.asarray(v).tolist() for k, v in judge(model, second).items()},
-        "fixed": {k: v.tolist() for k, v in fixed.items()},
-        "vertices_refused": sample(lpv_model.vertices(BOX)).refused,
-        "certificate": lpv_smo_design.verify(made),
-    }  # fmt: skip
+def single(progress: Callable[[str], None], aircraft: str = DEFAULT) -> dict[str, Any]:
+    """Return the design of the paper's box, and how large the entries of B are on a second grid."""
+    progress("linear models over the paper's box")
+    model = fit(samples(grid(GRID), at_mach))
+    second = samples(grid(SECOND, offset=0.5), at_mach)
+    return {**lpv_smo_design.plain(model, design(model)), "largest_B": np.abs(second.B).max(axis=0).tolist()}
 
 
 def points(span: np.ndarray, draws: int) -> np.ndarray:
@@ -232,7 +200,7 @@ def points(span: np.ndarray, draws: int) -> np.ndarray:
     return low + (high - low) * qmc.Sobol(4, seed=SOBOL_SEED).random(draws)
 
 
-def boxed(samples: Samples, edges: Sequence[Sequence[float]] = EDGES) -> list[tuple]:
+def boxed(samples: Samples, edges: Sequence[Sequence[float]]) -> list[tuple]:
     """Return [(LpvModel, Design)] of every box of `edges` with at least `FEWEST` samples in it."""
     out = []
     for corner in itertools.product(*(itertools.pairwise(axis) for axis in edges)):
@@ -240,27 +208,36 @@ def boxed(samples: Samples, edges: Sequence[Sequence[float]] = EDGES) -> list[tu
         near = np.abs(lpv_model.normalise(samples.rho, box))
         if (near <= 1.0).all(1).sum() >= FEWEST:
             part = (near <= AROUND).all(1)
-            here = dataclasses.replace(samples, **{k: v[part] for k, v in vars(samples).items() if k != "refused"})
-            model = fit(here, box=box, weight=np.ones(part.sum()))[0]
+            here = Samples(**{k: v[part] for k, v in vars(samples).items()})
+            model = fit(here, box=box, weight=np.ones(part.sum()))
             out.append((model, design(model)))
     return out
 
 
-def several(progress: Callable[[str], None]) -> dict[str, Any]:
-    """Return the designs of the boxes of the aircraft in the tree, over Sobol points of `SPAN` short of stall."""
-    return stacked(boxed(samples(*linearised(points(SPAN, DRAWS), short_of_stall, progress))), DRAWS)
+def several(progress: Callable[[str], None], aircraft: str = DEFAULT) -> dict[str, Any]:
+    """Return the designs of the boxes over the envelope of an aircraft, made of Sobol points short of stall."""
+    progress("linear models over the envelope, LMIs")
+    own, draws = load_aircraft(aircraft), DRAWS
+    if own.own_designs is None:
+        boxes = boxed(samples(points(SPAN, draws), short_of_stall), EDGES)
+    else:
+        height = [feet * M_PER_FT for feet in own.limits.altitude_ft]
+        span, draws = np.array([own.mass.mass_t, own.mass.cg_pct, height, own.limits.cas_kt]), OTHERS
+        alpha, mach = reach(own)
+        one = partial(short_of_stall, alpha_max=alpha, mach_max=mach, aircraft=aircraft)
+        found, ratio = samples(points(span, draws), one), CAS_RATIO
+        boxes = boxed(found, edges_of(found.rho, ratio))
+        while len(boxes) > NB:  # wider ones until the block holds them
+            ratio *= 1.15
+            boxes = boxed(found, edges_of(found.rho, ratio))
+    return significant({"draws": draws, "seed": SOBOL_SEED, "boxes": [lpv_smo_design.plain(*one) for one in boxes]}, 10)
 
 
-def stacked(pairs: list[tuple], draws: int) -> dict[str, Any]:
-    """Return the designs of `boxed` as they are stored."""
-    return significant({"draws": draws, "seed": SOBOL_SEED, "boxes": [lpv_smo_design.plain(*one) for one in pairs]}, 10)
-
-
-def wrong(held: dict[str, Any]) -> str:
-    """Return "" when each of the stored designs belongs to its model and verifies, else what is wrong."""
-    try:
-        reports = [lpv_smo_design.verify(lpv_smo_design.pair(one)[1]) for one in held.get("boxes", [held])]
-    except ValueError as error:
-        return str(error)
-    bad = {k: report for k, report in enumerate(reports) if not report["ok"]}
-    return f"LPV designs do not verify: {bad}" if bad else ""
+def edges_of(rho: np.ndarray, cas_ratio: float) -> tuple[Any, ...]:
+    """Return edges of boxes over what is flown, rho (k, 4); the speeds of a box differ by `cas_ratio` at most."""
+    low, high = rho.min(axis=0), rho.max(axis=0)
+    mass, cas = (np.round(np.geomspace(math.floor(low[i]), math.ceil(high[i]),
+                                       math.ceil(math.log(high[i] / low[i]) / math.log(ratio)) + 1))
+                 for i, ratio in ((0, MASS_RATIO), (2, cas_ratio)))  # fmt: skip
+    mach = (max(low[3] - 1e-6, 0.0), *(m for m in EDGES[3] if low[3] < m < high[3]), high[3])
+    return mass, (math.floor(low[1]), math.ceil(high[1])), cas, mach

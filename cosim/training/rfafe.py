@@ -98,9 +98,8 @@ def _flight(own):
 
 
 @functools.cache
-def actuator(technology: str, aircraft: str = DEFAULT) -> tuple[float, float, float, float]:
-    """Return (a [rad/s], gain, tau [s], amplitude error at 2 Hz) of the mean elevator of this mix, measured in
-    flight."""
+def actuator(technology: str, aircraft: str = DEFAULT) -> tuple[float, float, float]:
+    """Return (a [rad/s], gain, tau [s]) of the mean elevator of this mix, measured in flight."""
     own, response = load_aircraft(aircraft), []
     for hz in FIT_HZ:
         fault = {"target": "elevator.all", "kind": "ofc_liquid", "at": "command", "start_s": 1.0,
@@ -113,9 +112,7 @@ def actuator(technology: str, aircraft: str = DEFAULT) -> tuple[float, float, fl
         asked = v[COMMAND].to_numpy() + FIT_DEG * RAD_PER_DEG * np.sin(w * (t - 1.0))
         elevator = np.asarray(v[list(surfaces(own))]).mean(1)
         response.append(sine(t[late], elevator[late], w) / sine(t[late], asked[late], w))
-    a, gain, tau = rfafe.fit_first_order(FIT_HZ, response)
-    s = 2j * math.pi * FIT_HZ[-1]
-    return a, gain, tau, float(abs(response[-1] / (gain * a / (s + a))) - 1.0)
+    return rfafe.fit_first_order(FIT_HZ, response)
 
 
 @functools.cache
@@ -188,7 +185,7 @@ def published(progress: Any, aircraft: str = DEFAULT) -> dict[str, Any]:
     pairs = [f"{a}/{b}" for a, b in itertools.permutations(kinds, 2)]  # sides that differ
     designs = {t: entry("rfafe", t, E, progress, aircraft=aircraft) for t in (*kinds, *pairs)}
     servos = {kind: servo_model(kind, aircraft) for kind in layouts(own) if kind != "mixed"}
-    return {"designs": designs, "servos": servos, **_made_from(aircraft)}
+    return {"designs": designs, "servos": servos}
 
 
 def airframe(progress: Any, aircraft: str = DEFAULT) -> dict[str, Any]:
@@ -198,7 +195,7 @@ def airframe(progress: Any, aircraft: str = DEFAULT) -> dict[str, Any]:
     E = rfafe.separate(unknown_inputs(aircraft), F, np.eye(4))[:, :RANK_E]
     E = np.vstack([E, np.zeros((1, E.shape[1]))])
     designs = {t: entry("rfafe_airframe", t, E, progress, aircraft=aircraft) for t in layouts(load_aircraft(aircraft))}
-    return {"designs": designs, **_made_from(aircraft)}
+    return {"designs": designs}
 
 
 def entry(
@@ -219,26 +216,17 @@ def entry(
     progress(f"actuator and LMIs, {technology}")
     sides = Bu.shape[1]
     kinds = technology.split("/") * (sides // len(technology.split("/")))
-    a, gain, tau, high = (list(column) for column in zip(*(actuator(kind, aircraft) for kind in kinds)))
+    a, gain, tau = (list(column) for column in zip(*(actuator(kind, aircraft) for kind in kinds)))
     if name == "rfafe":  # its command has gone through the model of the servos
         tau = [float(np.mean([servo_model(k, aircraft)["delay_s"] for k in side(kind)])) for kind in kinds]
     late = [round((t + SENSOR_DELAY) / DT) * DT for t in tau]
     if len(set(kinds)) == 1:
-        a, gain, tau, high, late = a[0], gain[0], tau[0], high[0], late[0]
+        a, gain, tau, late = a[0], gain[0], tau[0], late[0]
     g = rfafe.global_model(A, Bu, np.eye(4), np.zeros((4, sides)), *rfafe.first_order(a, gain, sides))
     F = g[1] if name == "rfafe" else np.vstack([Bu, [[0.0]]])
     made = rfafe.design(*g[:2], C, None, E, F, dt=DT, bandwidth=bandwidth or BANDWIDTH[name], sigma=sigma)
     return {
         "design": to_plain(made), "u_delay_s": late,
-        "actuator": {"a_rad_s": a, "gain": gain, "tau_s": tau, "amplitude_error_2hz": high,
-                     "rate_deg_s": RATE_DEG_S},
+        "actuator": {"a_rad_s": a, "gain": gain, "tau_s": tau, "rate_deg_s": RATE_DEG_S},
         "noise_deg": noise(made.discrete, sigma).tolist(),
     }
-
-
-def _made_from(aircraft):
-    own = load_aircraft(aircraft)
-    A, B, x0 = linear(aircraft)
-    return {"point": _flight(own), "A": A.tolist(), "B": B.tolist(), "x0": x0.tolist(),
-            "E": unknown_inputs(aircraft).tolist(), "units": "V m/s, angles deg, q deg/s",
-            "flights": list(MANOEUVRES)}

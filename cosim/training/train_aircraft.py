@@ -7,40 +7,39 @@ detector, shared among what it tests.
 """
 
 import math
-from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from cosim.flight.detection.detector_context import site
-from cosim.flight.detection.detectors import sources, unfit
-from cosim.flight.loop.signals import detect, fly
+from cosim.flight.blocks.sensors import TRANSPORT as SENSORS
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
 from cosim.training import train_rfafe
 from cosim.training.flights import (
     AIR,
-    COMMAND,
-    DT,
     FLIGHT_S,
+    LEVEL,
     NOISE_SCALE,
     TOLERANCE,
     drawn_manoeuvre,
+    fits,
+    fitted,
+    fly_level,
     reach,
-    scenario,
     trimming,
 )
 from cosim.training.threshold_fit import HELD, LEAST, PROBABILITY, blocks, limit
-from cosim.training.trainer import Trained, Training
+from cosim.training.trainer import Limits, Training, decimals
 from fdi import registry
 from fdi.control_redundancy.core import NR
 from fdi.kinematic import signatures
 from fdi.kinematic.rows import WIND
 
-DETECTORS = ("lpv_smo", "control_redundancy", "kinematic", "rfafe", "rfafe_airframe")
 # what each is trained in; the others' estimates are not made for severe air
-TRAINED_IN = dict.fromkeys(DETECTORS, AIR[:3]) | {"kinematic": AIR}
+TRAINED_IN = dict.fromkeys(LEVEL, AIR[:3]) | {"kinematic": AIR}
 LPV_PARTS = ("elevator", "n_z", "alpha")
 LPV_FIELDS = ("limit", "limit_gust", "limit_away")
 # in place of PROBABILITY, shared by four tests
@@ -50,8 +49,9 @@ LARGEST = {"gust_max"}
 # neither in gusts nor in the angle of attack; with LEAST 2 of 352 other flights alarmed, long after one
 CONSTANT = 3.0
 LPV = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha", "rms", "apart", "valid")
-ALL_HYDRAULIC = 32  # the first flight with such elevators
+FLOOR = 0.5  # of an accelerometer's noise: five sigma of its mean over half a second [g]
 FLIGHTS, FIRST_SEED = 384, 31_000
+OTHERS, OTHERS_SEED = 128, 41_000  # of another aircraft
 
 
 def arguments(index: int, first_seed: int = FIRST_SEED, aircraft: str = DEFAULT) -> dict[str, Any]:
@@ -63,23 +63,6 @@ def arguments(index: int, first_seed: int = FIRST_SEED, aircraft: str = DEFAULT)
         "tolerances": {"aero": {n: float(1 + TOLERANCE * rng.choice((-1, 1))) for n in own.multipliers}},
     }  # fmt: skip
     return trimming(rng, fixed, {"turbulence": air(index)})
-
-
-def fits(own: Aircraft) -> tuple[str, ...]:
-    """Return the detectors of the aircraft level that have all their inputs on an aircraft."""
-    return tuple(name for name in DETECTORS if not unfit(registry.record(name), own))
-
-
-def flown(flight: dict[str, Any]) -> pd.DataFrame:
-    """Fly a training flight from its arguments and return what the detectors of the aircraft level read, under its
-    names on the default aircraft."""
-    own = load_aircraft(flight.get("aircraft", DEFAULT))
-    wires = [(sources(d), sources(d, aircraft=own)) for d in fits(own)]
-    frame = fly(scenario(**flight), dict.fromkeys([COMMAND, *(s for _, its in wires for s in its.values())]))
-    said = {there[field]: frame[its[field]] for there, its in wires for field in its}
-    out = pd.DataFrame({**{c: frame[c] for c in frame}, **said}, copy=False)
-    out.attrs = frame.attrs
-    return out
 
 
 def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
@@ -137,35 +120,21 @@ def watched(frame: pd.DataFrame, name: str, p: np.ndarray, fields: tuple[str, ..
     return detect(frame, registry.module(name), sources(name), p, fields)
 
 
-def surveys(
-    frame: pd.DataFrame, turbulence: str, fitted: Callable[[str], np.ndarray], names: Sequence[str]
-) -> dict[str, Any]:
-    """Return what the surveys of detectors `names` find in one flown table, plain data; of those not trained in its air
-    nothing. Its `air` stands beside. `fitted(name)` gives the parameters."""
+def surveyed(index: int, first_seed: int, aircraft: str = DEFAULT, digest: str = "") -> dict[str, Any]:
+    """Return what is found in one training flight of an aircraft, plain data: its air, and of each detector that is
+    trained in it the survey. On another aircraft the Sun13 estimators fly in it, too; `digest` is of its numbers."""
+    own, flight, turbulence = load_aircraft(aircraft), arguments(index, first_seed, aircraft), air(index)
+    frame = fly_level(**flight)
     out: dict[str, Any] = {"air": turbulence}
-    for name in (n for n in names if turbulence in TRAINED_IN[n]):
-        if name in train_rfafe.MODULES:
-            out[name] = train_rfafe.survey(frame, name, fitted(name))
+    for name in fits(own) if own.own_designs else SURVEYS:
+        p = fitted(name, flight["technology"], aircraft)
+        if turbulence not in TRAINED_IN[name]:
+            continue
+        if name in SURVEYS:
+            out[name] = {part: rows.tolist() for part, rows in SURVEYS[name](frame, p).items()}
         else:
-            out[name] = {part: rows.tolist() for part, rows in SURVEYS[name](frame, fitted(name)).items()}
+            out[name] = train_rfafe.survey(frame, name, p)
     return out
-
-
-def surveyed(
-    index: int, first_seed: int, names: Sequence[str], aircraft: str = DEFAULT, digest: str = ""
-) -> dict[str, Any]:
-    """Return what `surveys` finds in one training flight of an aircraft; `digest` is of its numbers."""
-    frame = flown(arguments(index, first_seed, aircraft))
-    return surveys(frame, air(index), partial(fitted, index=index, aircraft=aircraft), names)
-
-
-def fitted(name: str, index: int = 0, aircraft: str = DEFAULT) -> np.ndarray:
-    """Return the parameters with which detector `name` flies in training flight `index` of an aircraft."""
-    own = load_aircraft(aircraft)
-    p = registry.record(name).fit(site(DT, "", dict(zip(own.segments, elevators(index, own), strict=True)), own))
-    if own.own_designs and "alpha_max" in p.dtype.names:
-        p["alpha_max"] = math.radians(reach(own)[0])
-    return p
 
 
 def air(index: int) -> str:
@@ -173,49 +142,49 @@ def air(index: int) -> str:
     return AIR[index // 8 % 4]
 
 
-def elevators(index: int, own: Aircraft | None = None) -> tuple[str, ...]:
+def elevators(index: int, own: Aircraft) -> tuple[str, ...]:
     """Return the technologies of the segments in training flight `index`: those of the aircraft, or all hydraulic."""
-    technology = (own or load_aircraft()).technology
-    return ("hydraulic",) * len(technology) if index // 32 % 2 else tuple(technology.values())
+    return ("hydraulic",) * len(own.technology) if index // 32 % 2 else tuple(own.technology.values())
 
 
-def collect(
-    first_seed: int, number: int, run: Callable[..., Any], names: Sequence[str] = tuple(SURVEYS), **aircraft: str
-) -> list[dict]:
-    """Return what `surveyed` finds in every flight, of detectors `names`; `aircraft` and its `digest` if it is not the
-    default one."""
-    given = {"first_seed": first_seed, "names": tuple(names), **aircraft}
-    chosen = [k for k in range(number) if any(air(k) in TRAINED_IN[name] for name in names)]
-    return run([(surveyed, {"index": k, **given}) for k in chosen])
+def flights(first_seed: int, number: int, **aircraft: str) -> list[dict[str, Any]]:
+    """Return the arguments of `surveyed` of every flight; `aircraft` and its `digest` if it is not the default one."""
+    return [{"index": k, "first_seed": first_seed, **aircraft} for k in range(number)]
 
 
-def limits(values: list[dict]) -> list[Trained]:
-    """Return the thresholds of every detector that `values` are of, at PROBABILITY or RARE per flight, shared among its
-    parts.
-
-    Where a part stands in LARGEST, its limit is the largest that was seen: beyond it nothing is said.
-    """
-    out = []
+def limits(values: list[dict], aircraft: str = DEFAULT) -> Limits:
+    """Return the thresholds of every detector that `values` are of."""
+    own, out = load_aircraft(aircraft), {}
     for name in [n for n in SURVEYS if any(n in v for v in values)]:  # an aircraft may lack one's inputs
-        own = [v[name] for v in values if v.get(name)]
-        parts = [part for part in dict.fromkeys(part for v in own for part in v) if part not in LARGEST]
-        tests = [part.split()[0] for part in parts]  # "swing 3" is of the test "swing"
-        probability = RARE.get(name, PROBABILITY)
-        share = probability / len(set(tests))
-        made: dict[str, list] = {}
-        found: dict[str, Any] = {}
-        for part in LARGEST & own[0].keys():
-            made[part] = [max(float(np.array(v[part])[:, 0].max()) for v in own if len(v[part]))]
-            found[part] = {"largest": made[part][0]}
-        for part, test in zip(parts, tests, strict=True):
-            rows = [np.array(v[part]) for v in own if part in v]
-            least = CONSTANT if (name, part) == ("lpv_smo", "elevator") else LEAST
-            kinds = [v["air"] for v in values if v.get(name)] if name == "kinematic" else None
-            w, found[part] = limit(rows, share / tests.count(test), f"{name}, {part}", least, kinds)
-            made[part] = w.tolist()
-        about: dict[str, Any] = {"air": list(TRAINED_IN[name]), "found": found, "probability_per_flight": probability}
-        out.append(Trained(name, "flight", fields(name, made), about))
-    return out
+        found = [(v["air"], v[name]) for v in values if v.get(name)]
+        made, how = _limits_of(name, found)
+        if own.own_designs and "alpha_max" in registry.module(name).PARAMS.names:
+            made["alpha_max"] = math.radians(reach(own)[0])
+        out[name] = ({"flight": decimals(made)}, {"air": list(TRAINED_IN[name]), **how})
+    sun13 = {name: found for name in train_rfafe.MODULES if (found := [v[name] for v in values if name in v])}
+    return out | (train_rfafe.limits(sun13, aircraft) if sun13 else {})
+
+
+def _limits_of(name, found):
+    """Return the fields of a detector at PROBABILITY or RARE per flight, shared among its tests, and how they were
+    found in [(air, {part: blocks})]. Of a part in LARGEST it is the largest that was seen: beyond it nothing is said.
+    """
+    parts = list(dict.fromkeys(part for _, v in found for part in v if part not in LARGEST))
+    tests = [part.split()[0] for part in parts]  # "phi jump" is of the test "phi"
+    probability = RARE.get(name, PROBABILITY)
+    made: dict[str, list] = {}
+    how: dict[str, Any] = {}
+    for part in LARGEST & found[0][1].keys():
+        made[part] = [max(float(np.array(v[part])[:, 0].max()) for _, v in found if len(v[part]))]
+        how[part] = {"largest": made[part][0]}
+    for part, test in zip(parts, tests, strict=True):
+        rows = [np.array(v[part]) for _, v in found if part in v]
+        least = CONSTANT if (name, part) == ("lpv_smo", "elevator") else LEAST
+        kinds = [turbulence for turbulence, _ in found] if name == "kinematic" else None
+        share = probability / len(set(tests)) / tests.count(test)
+        w, how[part] = limit(rows, share, f"{name}, {part}", least, kinds)
+        made[part] = w.tolist()
+    return fields(name, made), {"found": how, "probability_per_flight": probability}
 
 
 def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
@@ -224,13 +193,20 @@ def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
         limits = {field: [made[part][i] for part in LPV_PARTS] for i, field in enumerate(LPV_FIELDS)}
         return limits | dict(zip(("swing_limit", "swing_gust", "swing_away"), made["swing"], strict=True))
     if name == "control_redundancy":
-        return {"threshold": [made[f"t_{row}"][0] for row in "xyz"], "gust_max": made["gust_max"][0]}
+        floors = {row: FLOOR * SENSORS[f"n_{row}"][1] for row in "xyz"}
+        return {"threshold": [max(made[f"t_{row}"][0], floor) for row, floor in floors.items()],
+                "gust_max": made["gust_max"][0]}  # fmt: skip
     rows = [(made[row] + [0.0])[:3] for row in signatures.ROWS]
     threshold, gust, side = (list(column) for column in zip(*rows))
     return {"threshold": threshold, "gust": gust, "side": side,
             "jump": [made[f"{row} jump"][0] for row in signatures.ROWS], "noise_ratio": made["noise"][0]}  # fmt: skip
 
 
-TRAININGS = {"aircraft": Training("aircraft", FIRST_SEED, FLIGHTS, collect, limits, {
-    "flight_s": FLIGHT_S, "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE,
-})}  # fmt: skip
+_ABOUT = {"flight_s": FLIGHT_S, "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE}
+TRANSPORT = Training(FIRST_SEED, FLIGHTS, flights, surveyed, limits, _ABOUT)
+
+
+def another(aircraft: str, digest: str) -> Training:
+    """Return the training of the detectors of the aircraft level on another aircraft, a name or folder."""
+    return Training(OTHERS_SEED, OTHERS, partial(flights, aircraft=aircraft, digest=digest), surveyed,
+                    partial(limits, aircraft=aircraft), _ABOUT)  # fmt: skip

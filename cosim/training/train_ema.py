@@ -2,8 +2,7 @@
 
 `python -m cosim.training ema`: flights drawn as those of `train_hydraulic`, other seeds, four airs, with
 four electromechanical segments of which every symbol is off by up to 5 %, arm and lead by up to 0.3 %, and whose
-velocity sensors have the bias that a healthy one may have. PROBABILITY is shared among the tests. The position
-monitor's threshold leaves severe turbulence out, where a surface does not follow its command as closely.
+velocity sensors have the bias that a healthy one may have. PROBABILITY is shared among the tests.
 
 What separates two sizes by design is not trained: the gain of the current (a winding 39 % up is warm, 80 % broken),
 the magnets (two tolerances of 5 %), the load that no hinge explains, friction and the current's noise (of which the
@@ -15,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from actuators.constants import RAD_PER_DEG
 from cosim.errors import TrimError
 from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect, fly
@@ -24,15 +22,13 @@ from cosim.scenario.tolerance import toleranced
 from cosim.training import flights as drawn
 from cosim.training.flights import AIR, DT, FLIGHT_S, NOISE_SCALE, START_S, TOLERANCE
 from cosim.training.threshold_fit import PROBABILITY, blocks, exceeded, limit
-from cosim.training.trainer import Trained, Training, over, significant
+from cosim.training.trainer import Limits, Training, significant
 from fdi.ema import ema_kalman_flight, gains, sensor_noise
-from fdi.monitors import position_monitor
 
 FIRST_SEED = 31_000
 FLIGHTS = 256  # 8 of every manoeuvre in each air
 EXACT = {"arm": 0.003, "lead": 0.003}  # what is machined is off by less
 BIAS = 0.0475  # of the velocity sensor, 1e-4 of the rate without load [rad/s]
-LEAST = 0.5 * RAD_PER_DEG  # threshold of the position monitor: rigging and a step that is not quite followed [rad]
 # both positions less the velocity's integral: 2.1 s of a bias of 1e-3 of no-load, the largest that is learned [m].
 # Current less that of the model: 4 % of 7 A, a winding 160 % up, and 1.8 % of the magnets' voltage [A], [A s/rad]. What
 # is less is for the gains to tell, and would be called a sensor's before they have
@@ -44,8 +40,8 @@ ROUGH = ("position", "velocity", "surface")  # sensors whose noise is judged; th
 NOISIER = 2.0  # times what a healthy sensor shows: what shakes a drive, a jam or a stop, makes good readings rough
 GAIN = "z_gain"
 SETTLED = round(START_S / DT)  # ticks
-WIRES = {name: [{field: f"{name}_in.{lane}.{field}" for field in sources(name, lane)} for lane in SEGMENTS]
-         for name in ("ema_kalman_flight", "position_monitor")}  # fmt: skip
+NAME = "ema_kalman_flight"
+WIRES = [{field: f"{NAME}_in.{lane}.{field}" for field in sources(NAME, lane)} for lane in SEGMENTS]
 LOAD, *_ = NOTED = ("load", "friction", "current")  # share of the stall moment, of their thresholds
 SHARED = PROBABILITY / (len(TESTS) + len(ROUGH) + 2)
 
@@ -99,35 +95,29 @@ def largest_of(rows: np.ndarray, seconds: int = 8) -> np.ndarray:
     return np.array([part[part[:, 0].argmax()] for part in parts])
 
 
-def survey(recorded: Any) -> dict[str, dict[str, Any]]:
-    """Return {detector: {test: blocks of its statistic and features, or largest}} over one flight."""
+def survey(recorded: Any) -> dict[str, Any]:
+    """Return {test: blocks of its statistic and features, or largest} over one flight."""
     p = ema_kalman_flight.params()
     p["th_rough"] = 1e9  # a sample counts in full
     fields = ("r_pair", "r_speed", "r_f", "w_power", "gain_doubt", "gain_learned", "magnets_doubt", "x_hat", "gain_sum",
               "rough_power", "rough_both", "r_friction")  # fmt: skip
-    log = detect(recorded, ema_kalman_flight, WIRES["ema_kalman_flight"], p, fields)[:, SETTLED:]
+    log = detect(recorded, ema_kalman_flight, WIRES, p, fields)[:, SETTLED:]
     found: dict[str, list] = {test: [] for test in (*TESTS, *ROUGH, *NOTED)}
     z = 0.0
-    for wires, own in zip(WIRES["ema_kalman_flight"], log):
+    for wires, own in zip(WIRES, log):
         rate = recorded[wires["y_velocity"]].to_numpy()[SETTLED:]
         for test, (y, *features) in tested(own, rate, p[0]).items():
             found[test].append(largest_of(blocks(y, features, np.ones(len(own), bool), DT)))
         z = max(z, float(_gain_z(own[::20], p[0]).max()))
     filt = {test: np.concatenate(rows).tolist() for test, rows in found.items()}
-    q = position_monitor.params("flight_ema")
-    log = detect(recorded, position_monitor, WIRES["position_monitor"], q, ("r",))[:, SETTLED:]
-    deviation = np.abs(log["r"]) * q["threshold"][0]
-    n = round(q["t_confirm"][0] / DT)
-    windows = np.lib.stride_tricks.sliding_window_view(deviation, n, axis=1)
-    lasts = float(windows.min(axis=2).max())
-    return {"ema_kalman_flight": {**filt, GAIN: z}, "position_monitor": {"threshold": lasts}}
+    return filt | {GAIN: z}
 
 
-def surveyed(**flight: Any) -> dict[str, dict[str, Any]]:
+def surveyed(**flight: Any) -> dict[str, Any]:
     """Return what `survey` finds in one flight; where its point does not trim, in that of the next one that does."""
     rng = np.random.default_rng(flight["seed"])
-    own = {"technology": ("ema",) * 4, "detectors": {"enabled": list(WIRES)}}
-    signals = [path for lanes in WIRES.values() for wires in lanes for path in wires.values()]
+    own = {"technology": ("ema",) * 4, "detectors": {"enabled": [NAME]}}
+    signals = [path for wires in WIRES for path in wires.values()]
     while True:
         try:
             return survey(fly(drawn.scenario(**flight | own), signals))
@@ -135,40 +125,29 @@ def surveyed(**flight: Any) -> dict[str, dict[str, Any]]:
             flight = {**flight, "flight": {**flight["flight"], **drawn.envelope(rng)}}
 
 
-def limits(values: list[dict]) -> list[Trained]:
+def limits(values: list[dict]) -> Limits:
     """Return the thresholds that follow from what `surveyed` found in every flight."""
-    own = [v["ema_kalman_flight"] for v in values]
     weights: dict[str, list[float]] = {}
-    told: dict[str, Any] = {}
+    found: dict[str, Any] = {}
     for test in (*TESTS, *ROUGH, *NOTED):
-        found, told[test] = limit([np.array(v[test]) for v in own], SHARED)
-        weights[test] = found.tolist()
+        w, found[test] = limit([np.array(v[test]) for v in values], SHARED)
+        weights[test] = w.tolist()
     made: dict[str, Any] = {name: max(weight, LEASTS.get(name, 0.0)) for test, names in TESTS.items()
                             for name, weight in zip(names, weights[test], strict=True)}  # fmt: skip
     # which of two positions is wrong is told by the velocity's integral, no better than by what that may be off itself
     made["pair_threshold"] = max(made["pair_threshold"], made["th_speed"])
-    largest = np.array([v[GAIN] for v in own])
+    largest = np.array([v[GAIN] for v in values])
     made[GAIN] = max(exceeded(largest, SHARED), LEAST_Z)
     made["th_rough"] = [NOISIER * weights[test][0] for test in ROUGH]
     for test in NOTED:
-        told[test]["limit"] = weights[test][0]
-    told["r_speed"]["least"], told["r_f"]["least"] = LEASTS["th_speed"], [LEASTS["th_f"], LEASTS["rho_f"]]
-    told[LOAD]["held"] = "0.4 of the stall moment"
-    told[GAIN] = {"largest": float(largest.max()), "least": LEAST_Z}
-    calmer = [v["position_monitor"]["threshold"] for k, v in enumerate(values) if AIR[k // 8 % 4] != "severe"]
-    lasts = np.maximum(calmer, 0.0)
-    monitor = {"threshold": max(exceeded(lasts, PROBABILITY), LEAST)}
-    about = {"largest": float(lasts.max()), "least": LEAST}
-    return [_trained("ema_kalman_flight", "flight", made, told),
-            _trained("position_monitor", "flight_ema", monitor, about, "ema")]  # fmt: skip
+        found[test]["limit"] = weights[test][0]
+    found["r_speed"]["least"], found["r_f"]["least"] = LEASTS["th_speed"], [LEASTS["th_f"], LEASTS["rho_f"]]
+    found[LOAD]["held"] = "0.4 of the stall moment"
+    found[GAIN] = {"largest": float(largest.max()), "least": LEAST_Z}
+    return {NAME: ({"flight": significant(made)}, {"found": found})}
 
 
-def _trained(name, which, fields, found, record=""):
-    trained = {key: significant(value) for key, value in fields.items()}
-    return Trained(name, which, fields, {"found": found, "trained": trained}, record, significant)
-
-
-TRAININGS = {"ema": Training("ema", FIRST_SEED, FLIGHTS, over(surveyed, flights), limits, {
+EMA = Training(FIRST_SEED, FLIGHTS, flights, surveyed, limits, {
     "probability_per_flight": PROBABILITY, "flight_s": FLIGHT_S, "segments": 4, "air": list(AIR),
     "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE,
-})}  # fmt: skip
+})  # fmt: skip

@@ -8,7 +8,6 @@ says at AGES_S after the first alarm; names of a fault count as on the left, of 
 import dataclasses
 import functools
 from collections import Counter
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from cosim.flight.build import build
 from cosim.flight.fly import fly
 from cosim.judge import coverage
 from cosim.scenario import Scenario
-from cosim.training.trainer import Trained, Training
+from cosim.training.trainer import Limits, Training
 from fdi import registry
 from fdi.common.verdict import NAMES
 from fdi.joint import likelihood
@@ -119,16 +118,15 @@ def counted(flights: list[list[tuple[str, str, dict[str, float]]]]) -> dict[str,
             for d, of in sorted(seen.items())}  # fmt: skip
 
 
-def collect(first_seed: int, number: int | None, run: Callable[..., Any]) -> list:
-    """Return what `surveyed` finds in each flight that can be flown."""
-    indices = range(len(scenarios(first_seed)))[:number]
-    return [found for found in run([(surveyed, {"index": k, "first_seed": first_seed}) for k in indices]) if found]
+def flights(first_seed: int, number: int | None) -> list[dict[str, int]]:
+    """Return the arguments of `surveyed` of every flight."""
+    return [{"index": k, "first_seed": first_seed} for k in range(len(scenarios(first_seed)))[:number]]
 
 
-def limits(flown: list) -> list[Trained]:
-    """Return the rates of all flights."""
-    found = {"flights": len(flown), "draws": DRAWS}
-    return [Trained("joint", "", {"seen": counted(flown)}, found, rounded=lambda value: value)]
+def limits(flown: list) -> Limits:
+    """Return the rates of all flights that could be flown."""
+    held = [found for found in flown if found]
+    return {"joint": ({"seen": counted(held)}, {"flights": len(held), "draws": DRAWS})}
 
 
-TRAININGS = {"joint": Training("joint", FIRST_SEED, None, collect, limits)}
+JOINT = Training(FIRST_SEED, None, flights, surveyed, limits, {})

@@ -14,15 +14,15 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from actuators.block import kernel
-from cosim.scenario.catalog import SEGMENTS
+from cosim.scenario.aircraft import DEFAULT, load_aircraft
 from cosim.scenario.tolerance import toleranced
 from cosim.training import flights as drawn
 from cosim.training.flights import FLIGHT_S, MANOEUVRES, MODULES, NOISE_SCALE, POINT, POINTS, TOLERANCE, TURBULENCE
+from cosim.training.rfafe import point_of
 from cosim.training.train_ema import EXACT
-from cosim.training.trainer import Trained, Training, over
+from cosim.training.trainer import Limits, Training
 from fdi.common import bank
 from fdi.rfafe.decision import shaped
-from fdi.rfafe.store import side_kinds
 
 ELEVATORS = (("hydraulic",) * 4, ("hydraulic", "hydraulic", "ema", "ema"))  # in turn; the second is the default
 MARGIN = 1.25  # 1.2 times the maximum of 40 flights left 1 alarm in 300
@@ -30,6 +30,8 @@ RESERVE = 0.3  # of the largest amplitude that only its shape refused: no thresh
 SPARE = 2  # thresholds stand on so many fits in a row less than an alarm takes
 LEAST = math.radians(0.05)  # two and a half sigma of one position sample
 SHARES = np.linspace(0.0, 2.0, 11)  # of the command, to choose from
+RATE = 30.0  # within that of the servos [deg/s]
+ONSET_S = 12.0  # of the oscillations whose answer is measured: both estimators judge by then [s]
 # four of every combination in training, with other seeds; two in the evaluation
 SETS = (4, len(POINTS), len(MANOEUVRES), len(TURBULENCE))
 FIRST_SEED = 1000
@@ -51,8 +53,8 @@ def flight(first_seed: int, index: int) -> dict[str, Any]:
 
 def surveyed(**flown: Any) -> dict[str, list]:
     """Fly and return {estimator: what `survey` returns}."""
-    frame, kinds = drawn.fly_aircraft(**flown), side_kinds(dict(zip(SEGMENTS, flown["technology"])))
-    return {name: survey(frame, name, module.params(technology=kinds)) for name, module in MODULES.items()}
+    frame = drawn.fly_aircraft(**flown)
+    return {name: survey(frame, name, drawn.fitted(name, flown["technology"])) for name in MODULES}
 
 
 @kernel
@@ -101,30 +103,22 @@ def survey(recorded: Any, name: str, p: Any) -> list:
     return [runs.tolist(), whatever.tolist(), float(slow.max(initial=0.0))]
 
 
-def oscillating(segment: str, k: int, start_s: float) -> dict[str, Any]:
-    """Return the arguments of `scenario`, with a fault: a segment oscillates at frequency k of the bank, within the
-    servos' rate."""
-    hz = float(bank.frequencies()[k])
-    fault = {"target": f"elevator.{segment}", "kind": "ofc_liquid", "at": "command", "start_s": start_s,
-             "amplitude_deg": min(4.0, 30.0 / (2.0 * math.pi * hz)), "frequency_hz": hz}  # fmt: skip
-    return {"duration": start_s + max(8.0 / hz, 3.0), "faults": [fault]}
-
-
-def answered(recorded: Any, name: str, k: int, p: Any = None) -> float:
-    """Return how much command the law answers a flown oscillation with, over the amplitude of f_hat."""
-    last = drawn.estimate(recorded, name, p)[-1]
-    f, u = (math.hypot(last["bank_cos"][i, k], last["bank_sin"][i, k]) for i in (0, 1))
-    return u / max(f, 1e-12)
-
-
-ONSET_S = 12.0  # of the oscillations whose answer is measured: both estimators judge by then [s]
-
-
-def answers() -> Any:
-    """Return {estimator: (frequency,)} what `answered` finds, still air; the threshold's share of the command is lost
-    to it."""
-    flown = [drawn.fly_aircraft(**oscillating("left_inner", k, ONSET_S)) for k in range(bank.K)]
-    return {name: np.array([answered(r, name, k) for k, r in enumerate(flown)]) for name in MODULES}
+def answers(aircraft: str = DEFAULT) -> dict[str, np.ndarray]:
+    """Return {estimator: (frequency,)} how much command the law answers an oscillation of one hydraulic segment with,
+    over the amplitude of f_hat, in still air at the point of the designs: it is lost by the threshold's share."""
+    own, found = load_aircraft(aircraft), []
+    technology = ("hydraulic",) * len(own.segments)
+    p = {name: drawn.fitted(name, technology, aircraft) for name in MODULES}
+    segment = own.segments[len(own.segments) // 2 - 1]
+    for k, hz in enumerate(bank.frequencies()):
+        fault = {"target": f"elevator.{segment}", "kind": "ofc_liquid", "at": "command", "start_s": ONSET_S,
+                 "amplitude_deg": min(4.0, RATE / (2.0 * math.pi * hz)), "frequency_hz": float(hz)}  # fmt: skip
+        frame = drawn.fly_level(duration=ONSET_S + max(8.0 / hz, 3.0), faults=[fault], technology=technology,
+                                flight=own.points[point_of(own)], aircraft=aircraft)  # fmt: skip
+        last = [drawn.estimate(frame, name, p[name])[-1] for name in MODULES]
+        f, u = (np.array([math.hypot(x["bank_cos"][i, k], x["bank_sin"][i, k]) for x in last]) for i in (0, 1))
+        found.append(u / np.maximum(f, 1e-12))
+    return dict(zip(MODULES, np.transpose(found)))
 
 
 def fields(found: list[list], answer: np.ndarray) -> tuple[dict, dict]:
@@ -147,16 +141,21 @@ def fields(found: list[list], answer: np.ndarray) -> tuple[dict, dict]:
     return made, how
 
 
-def limits(flown: list[dict]) -> list[Trained]:
+def limits(found: dict[str, list], aircraft: str = DEFAULT) -> Limits:
+    """Return the thresholds of what `survey` found in every flight, {estimator: [...]}."""
+    answer, out = answers(aircraft), {}
+    for name, rows in found.items():
+        made, how = fields(rows, answer[name])
+        out[name] = ({"flight": made}, how)
+    return out
+
+
+def limits_of_set(flown: list[dict]) -> Limits:
     """Return the thresholds of what `surveyed` found in the first flights of a set: of rfafe_airframe in those at
     Sun13's point."""
     places = (np.unravel_index(i, SETS)[:2] for i in range(len(flown)))
     here = [f for f, (repeat, at) in zip(flown, places) if repeat < len(ELEVATORS) and POINTS[at] == POINT]
-    answer, out = answers(), []
-    for name, chosen in (("rfafe", flown), ("rfafe_airframe", here)):
-        made, how = fields([f[name] for f in chosen], answer[name])
-        out.append(Trained(name, "flight", made, how, rounded=lambda value: value))
-    return out
+    return limits({name: [f[name] for f in of] for name, of in (("rfafe", flown), ("rfafe_airframe", here))})
 
 
 def flights(first_seed: int, number: int) -> list[dict[str, Any]]:
@@ -164,5 +163,5 @@ def flights(first_seed: int, number: int) -> list[dict[str, Any]]:
     return [flight(first_seed, i) for i in range(number)]
 
 
-TRAININGS = {"rfafe": Training("rfafe", FIRST_SEED, math.prod(SETS), over(surveyed, flights), limits,
-                               {"flight_s": FLIGHT_S, "margin": MARGIN})}  # fmt: skip
+RFAFE = Training(FIRST_SEED, math.prod(SETS), flights, surveyed, limits_of_set,
+                 {"flight_s": FLIGHT_S, "margin": MARGIN})  # fmt: skip

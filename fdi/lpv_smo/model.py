@@ -106,24 +106,6 @@ def fit_trim(rho: Any, values: Any, *, box: Any, degree: int = TRIM_DEGREE) -> A
     return np.linalg.lstsq(basis, np.asarray(values, float), rcond=1e-9)[0].T
 
 
-def judge(stack: Any, rho: Any, S: Any) -> Any:
-    """Return the largest error of each entry on a second grid, as a fraction of the entry's largest value there.
-
-    rho (k, nr), S (k, rows, cols) -> (rows, cols); entries that are zero on the whole grid give 0.
-    """
-    S = np.asarray(S, float)
-    error = np.abs(np.array([at(stack, r) for r in rho]) - S).max(0)
-    size = np.abs(S).max(0)
-    return np.divide(error, size, out=np.where(error > 0, np.inf, 0.0), where=size > 0)
-
-
-def modes(A: np.ndarray) -> Any:
-    """Return [(wn rad/s, zeta)] of the oscillatory modes of A, fastest first; real poles give zeta = -sign(pole)."""
-    lam = np.linalg.eigvals(A)
-    lam = lam[(lam.imag >= 0) & (np.abs(lam) > 1e-9)]
-    return sorted(((abs(v), -v.real / abs(v)) for v in lam), reverse=True)
-
-
 def _regressor(rho, box):
     return np.column_stack([np.ones(len(rho)), normalise(rho, box)])
 

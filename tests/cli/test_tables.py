@@ -11,7 +11,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import cosim
-from cosim.cli import app, campaigns, commands, flight
+from cosim.cli import app, commands, tables
 from cosim.table import Table
 
 COUNTS = ("designed", "detected", "named", "ambiguous", "misnamed", "not_valid", "not_excited", "fault_free_alarmed")
@@ -63,7 +63,7 @@ def test_a_word_that_is_wider_than_the_terminal_is_folded(width):
 
 @pytest.mark.parametrize("width", [80, 100])
 def test_compare_shows_every_column_whole(width):
-    text = printed(campaigns.compared(COMPARED), width)
+    text = printed(tables.compared(COMPARED), width)
     assert "…" not in text and "987" in text and "ema_kalman_flight" in text
 
 
@@ -71,10 +71,10 @@ def test_compare_shows_every_column_whole(width):
 def test_a_run_shows_names_and_delays_whole_in_25_lines_and_with_details_says_which_columns_are_left_out(width):
     scenario = cosim.load_scenario("liquid-ofc")
     found = cosim.simulate(scenario).to_dict()
-    text = printed(flight.shown(found | {"log": "logs/liquid-ofc.mcap"}, scenario), width)
+    text = printed(tables.run(found | {"log": "logs/liquid-ofc.mcap"}, scenario), width)
     assert "…" not in text and re.search(r"iotsekf +left inner +\d\.\d\d +\d\.\d\d", text)
     assert len(text.splitlines()) <= 25 and "left out" not in text
-    assert f"left out of {width} columns" in printed(flight.shown(found, scenario, details=True), width)
+    assert f"left out of {width} columns" in printed(tables.run(found, scenario, details=True), width)
 
 
 @pytest.mark.parametrize("topic", ["all", ""])

@@ -96,7 +96,7 @@ def test_every_hypothesis_has_its_share_of_the_probability():
     assert limit[:2] == pytest.approx([np.log(1e3), 2.0 * np.log(1e3)], rel=0.25)
     assert limit[2] == 0.0
     seen = {"run_threshold": 1.0, "limit": np.array([0.0, 20.0])}
-    out = train_hydraulic.limits([{"iotsekf flight_load2": seen}] * 20)[0].fields
+    out = train_hydraulic.limits([{"iotsekf flight_load2": seen}] * 20)["iotsekf"][0]["flight_load2"]
     assert out["limit"] == pytest.approx([0.0, train_hydraulic.MARGIN * 20.0])
     assert out["run_threshold"] == train_hydraulic.PEAK
 

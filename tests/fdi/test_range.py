@@ -7,7 +7,7 @@ import cosim
 from actuators.block import dtype, entry, kernel, record
 from cosim.campaign.inventory import inventory
 from cosim.log import open_log
-from cosim.replay.detector_replay import describe, fill
+from cosim.replay.detector_replay import describe, topics, values
 from fdi import registry
 from fdi.common import why
 from fdi.kinematic import kinematic
@@ -46,12 +46,14 @@ def test_a_state_that_is_not_finite_is_never_valid_and_never_alarms():
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
-    """Return {detector: Lane} of a healthy flight of 16 s."""
+    """Return {detector: (Lane, its INPUTS (1, ticks))} of a healthy flight of 16 s."""
     path = tmp_path_factory.mktemp("range") / "healthy.mcap"
     changes = ["duration_s=16", "faults=[]", f"detectors.enabled={list(registry.SHIPPED)}"]
     cosim.simulate(cosim.load_scenario("liquid-ofc", changes), log=path, timed=False)
     log = open_log(path)
-    return {lane.id: lane for lane in fill(log, describe(log))}
+    lanes = {lane.id: lane for lane in describe(log)}
+    read = values(log, topics(log, lanes.values()), 0, log.n_ticks)
+    return {name: (lane, lane.inputs(log, read, 0, log.n_ticks)[1]) for name, lane in lanes.items()}
 
 
 RANGES = [(name, word, end) for name, r in registry.records().items() for word in r.range for end in (0, 1)]
@@ -59,10 +61,10 @@ RANGES = [(name, word, end) for name, r in registry.records().items() for word i
 
 @pytest.mark.parametrize(("name", "word", "end"), RANGES)
 def test_outside_of_a_bound_it_is_not_valid_and_says_of_what(flown, name, word, end):
-    own, module, lane = registry.record(name), registry.module(name), flown[name]
+    own, module, (lane, u) = registry.record(name), registry.module(name), flown[name]
     low, high = own.range[word]
     field = next(f for f, w in own.inputs.items() if w == word)
-    u, p, log = lane.u.copy(), lane.p.copy(), np.zeros(lane.u.shape, module.STATE)
+    u, p, log = u.copy(), lane.p.copy(), np.zeros(u.shape, module.STATE)
     if name == "lpv_smo":
         p["tau_rho"] = 0.0  # its parameters lag behind
     fields = kinematic.SPEEDS if name == "kinematic" else (field,)  # which takes the word of two of its three speeds
@@ -95,11 +97,11 @@ def on_the_apron(name, u, n):
 
 @pytest.mark.parametrize("name", AIRFRAME)
 def test_what_is_learned_is_learned_in_range_and_the_apron_leaves_no_trace(flown, name):
-    module, lane, n = registry.module(name), flown[name], 4000
-    both, alone = on_the_apron(name, lane.u, n), np.zeros(lane.u.shape, module.STATE)
+    module, (lane, u), n = registry.module(name), flown[name], 4000
+    both, alone = on_the_apron(name, u, n), np.zeros(u.shape, module.STATE)
     log = np.zeros(both.shape, module.STATE)
     module.rollout(module.init(lane.p), both, lane.p.copy(), DT, log)
-    module.rollout(module.init(lane.p), lane.u, lane.p.copy(), DT, alone)
+    module.rollout(module.init(lane.p), u, lane.p.copy(), DT, alone)
     assert not log["valid"][0][:n].any() and not log["alarm"].any()
     assert alone["valid"][0][-1] == 1.0
     assert log["valid"][0][n:].sum() == pytest.approx(alone["valid"][0].sum(), abs=20)

@@ -80,26 +80,6 @@ def test_one_topic_and_a_span_of_time_can_be_sought(log):
     assert [m.sequence for _, _, m in found] == list(range(100, 120))
 
 
-def test_well_known_schemas_are_foxgloves_own():
-    foxglove_sdk = pytest.importorskip("foxglove.messages", reason="foxglove-sdk is an extra (live)")
-    from google.protobuf.descriptor_pb2 import FileDescriptorSet
-
-    for name in ("Event", "FrameTransforms", "LocationFix"):
-        theirs = FileDescriptorSet.FromString(getattr(foxglove_sdk, name).get_schema().data)
-        ours = FileDescriptorSet.FromString(foxglove.schema(name))
-        assert _plain(ours) == _plain(theirs)
-
-
-def _plain(files):
-    """Return {message: {field: (number, type)}} of a descriptor set."""
-    return {
-        m.name: {f.name: (f.number, f.type, f.label, f.type_name) for f in m.field}
-        for file in files.file
-        if file.package == "foxglove"
-        for m in file.message_type
-    }
-
-
 def test_the_aircraft_stands_where_its_coordinates_say(log):
     path, v = log
     poses, fixes = open_log(path).messages("/tf"), open_log(path).messages("/fix")

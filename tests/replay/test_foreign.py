@@ -65,7 +65,7 @@ def json(path):
 def protobuf(path):
     from mcap_protobuf.writer import Writer
 
-    kind = foxglove.message("LocationFix")
+    kind = foxglove.TOPICS["/fix"]
     with path.open("wb") as file, Writer(file) as writer:
         for at, q in zip(NS, Q):
             writer.write_message("/fix", kind(latitude=q, position_covariance=[0.0] * 9), at, at)

@@ -22,8 +22,7 @@ from cosim.flight.detection.detectors import wires
 from cosim.log import open_log
 from cosim.replay import replay
 from cosim.replay.caveats import caveats
-from cosim.replay.detector_replay import manifest
-from cosim.replay.log_schema import ReplayError
+from cosim.replay.log_schema import ReplayError, detectors
 from cosim.replay.map import diagnose, prepare
 from cosim.replay.map_file import load_map
 from cosim.replay.map_signals import resample, ticks
@@ -50,7 +49,7 @@ def flight(tmp_path_factory):
 def signals(flight):
     """Return {signal: (samples, SI)} of all that the detectors of the flight read, by the names of a map."""
     out = {}
-    for d in manifest(flight):
+    for d in detectors(flight):
         for lane, inputs in d["inputs"].items() if d["id"] != "joint" else ():  # which reads the others
             read = {w.field: w for w in wires(registry.record(d["id"]), "" if lane == "aircraft" else lane)}
             for field, topic, column in inputs:
@@ -85,9 +84,9 @@ def test_a_lossless_export_gives_the_same_bits_as_the_native_replay(flight, sign
     lines = [f'"{n}" = {{ channel = "{prefix}{renamed(n)}"{held.get(n, "")} }}' for n in signals]
     (tmp_path / "map.toml").write_text(POINT + "[signals]\n" + "\n".join(lines))
     told = diagnose(tmp_path / f"bench.{kind}", tmp_path / "map.toml", output=tmp_path / "out.mcap")
-    assert not told.not_run and len(told.detectors) == sum(len(d["lanes"]) for d in manifest(flight))
+    assert not told.not_run and len(told.detectors) == sum(len(d["lanes"]) for d in detectors(flight))
     new = open_log(tmp_path / "out.mcap")
-    for d in manifest(flight):
+    for d in detectors(flight):
         for lane in d["lanes"]:
             topic = f"/detectors/{d['id']}/{lane}"
             assert same_bits(new.array(f"/replay{topic}"), flight.array(topic)), topic

@@ -40,7 +40,7 @@ def test_one_ulp_in_one_logged_input_is_found_and_located(flight, tmp_path):
     column = log.topics["/sensors/left_inner"].fields.index("rod")
     read["/sensors/left_inner"][700, column] = np.nextafter(read["/sensors/left_inner"][700, column], np.inf)
     with Overlay(log, [], tmp_path / "ulp.mcap") as out:
-        out.append(read, [], 0, log.n_ticks)
+        out.append(read, {}, 0, log.n_ticks)
     r = replay(tmp_path / "ulp.mcap")
     assert not r.exact
     found = {d.field.split("/")[2] for d in r.differences}  # a detector may round the ulp away

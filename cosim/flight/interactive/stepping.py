@@ -23,14 +23,13 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import ScenarioError, told_at_call
-from cosim.files import claim, marked, replace_text
+from cosim.files import LOG, claim, marked, replace_text
 from cosim.flight.build import Setup, build
 from cosim.flight.faults.conditions import resolved
 from cosim.flight.fly import CHECK_EVERY, health
 from cosim.flight.loop.recorder import topics
 from cosim.flight.simulate import simulate
 from cosim.judge.result import Result
-from cosim.log.format import OURS
 from cosim.scenario import Scenario, load_scenario, parse, vocabulary
 from cosim.scenario.fault import NEVER_S
 from cosim.scenario.load import retitled
@@ -83,7 +82,7 @@ class Flight:
     def __init__(self, scenario: Scenario | str | os.PathLike, *, log: str | os.PathLike | None = None):
         self.scenario = resolved(scenario if isinstance(scenario, Scenario) else load_scenario(scenario))
         self.log = log
-        for path, sign in ((log, OURS), (self._changed, CHANGED)) if log is not None else ():
+        for path, sign in ((log, LOG), (self._changed, CHANGED)) if log is not None else ():
             claim(path, sign)
         self.tick, self.status, self.reason = 0, "flying", ""
         self._setup = build(self.scenario)

@@ -1,19 +1,20 @@
 """[Alwi14] sections 3 to 5: the affine model's fit to this aircraft, and the certificate of the stored design."""
 
-import json
 import math
-from typing import Any
 
 from cosim.papers.alwi14.flights import SENSIBLE
 from cosim.papers.measured import apart, worst
 from cosim.training import lpv as design_lpv
+from fdi.common import compact
 from fdi.lpv_smo import lpv_smo
+from fdi.lpv_smo import model as lpv_model
 from fdi.lpv_smo import synthesis as lpv_smo_design
 
 
-def _fit() -> Any:
-    """Return what the stored design says about the fit on a second grid."""
-    return json.loads(design_lpv.STORED.read_text(encoding="utf-8"))["fit"]
+def _vertices() -> list[float]:
+    """Return B51 of the stored model at the 16 vertices [deg/s2 per deg]."""
+    model, _ = lpv_smo_design.load()
+    return [lpv_model.at(model.B, v)[4, 0] for v in lpv_model.vertices(model.box)]
 
 
 def certificate() -> dict[str, float]:
@@ -23,20 +24,21 @@ def certificate() -> dict[str, float]:
 
 def nearest() -> float:
     """Return the B51 nearest to zero at the 16 vertices [deg/s2 per deg]."""
-    return max(_fit()["b51_vertices"])
+    return max(_vertices())
 
 
 def modulated() -> tuple[float, str]:
     """Return what (17) asks at least, the size of figure 2's faults (E f_e, f_n_z, f_alpha) at a vertex, over K."""
     elevator, *sensors = SENSIBLE
-    size = max(math.hypot(b51 * elevator, *sensors) for b51 in _fit()["b51_vertices"])
+    size = max(math.hypot(b51 * elevator, *sensors) for b51 in _vertices())
     K = float(lpv_smo.params(model=lpv_smo_design.load()[0], made=lpv_smo_design.load()[1])["K"][0])
     return size / K, f"K {K:g}"
 
 
 def neglected() -> float:
-    """Return the neglected B11 over B51."""
-    return _fit()["b11"] / _fit()["b51"]
+    """Return the neglected B11 over B51, the largest of each on a second grid."""
+    largest = compact.read("lpv_smo")["largest_B"]
+    return largest[0][0] / largest[4][0]
 
 
 def slowest() -> tuple[float, str]:

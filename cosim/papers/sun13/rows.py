@@ -14,7 +14,7 @@ from cosim.judge.fault_effect import sine
 from cosim.papers.measured import farthest
 from cosim.papers.sun13 import designs, flown
 from cosim.papers.sun13.flown import HZ, ONSET, SHARE, TRAVEL, WRONG, followed, rms, six
-from cosim.training import rfafe_noise
+from cosim.papers.sun13.predicted import predicted, total
 from cosim.training.flights import DT, fly_aircraft, side
 from fdi.rfafe.store import from_plain, read
 
@@ -52,7 +52,7 @@ def rest() -> float:
 def noise() -> float:
     """Return the deviation of f_hat over the predicted one, without a fault, in still air."""
     t, f = _still()
-    return np.std(f[t > 3.0]) / rfafe_noise.total(rfafe_noise.predicted()["rfafe"])
+    return np.std(f[t > 3.0]) / total(predicted())
 
 
 def stands_out() -> float:

@@ -13,43 +13,34 @@ a few hundredths of a degree, then slips) no linear loop predicts.
 
 import functools
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from actuators.constants import RAD_PER_DEG
-from cosim.training.flights import DT, MODULES, estimate, fly_aircraft
+from cosim.training.flights import DT, estimate, fly_aircraft
 
 FRICTION = ("F_c", "F_s", "T_c", "T_s")  # of the hydraulic and of the electromechanical actuator
-FIELD = {"rfafe": "f_hat_left", "rfafe_airframe": "f_hat"}
 DISTURBED, TICKS = 200, 1200  # one sample at 1 s, when trims are learned; the response is over in 5 s
 
 
 @functools.cache
-def predicted(size: float = 1.0, sensors: Any = None) -> Any:
-    """Return {estimator: {sensor: standard deviation of its f_hat [deg]}} at Sun13's point, hydraulic, in still air.
-
-    `size` is that of the disturbance in sigma: a linear loop gives the same for any. `sensors` is a tuple of names,
-    by default all that the loop has.
-    """
-    lanes, quiet = _response(None, size)
-    out: dict = {name: {} for name in MODULES}
-    for lane in sensors or lanes:
-        _, disturbed = _response(lane, size)
-        for name in MODULES:
-            h = disturbed[name] - quiet[name]
-            out[name][lane] = float(np.sqrt(np.sum(h * h))) / size
-    return out
+def predicted(sensors: tuple[str, ...] | None = None) -> dict[str, float]:
+    """Return {sensor: standard deviation of the left f_hat [deg]} at Sun13's point, hydraulic, in still air; of
+    `sensors`, by default all that the loop has."""
+    lanes, quiet = _response(None)
+    return {lane: float(np.linalg.norm(_response(lane)[1] - quiet)) for lane in sensors or lanes}
 
 
-def total(parts: Any) -> float:
-    """Return the standard deviation of the sum of independent `parts`, a mapping to standard deviations."""
-    return math.sqrt(sum(s * s for s in parts.values()))
+def total(parts: Mapping[str, float]) -> float:
+    """Return the standard deviation of the sum of independent `parts`, {name: standard deviation}."""
+    return math.hypot(*parts.values())
 
 
-def _response(lane, size):
-    """Return (sensors, {estimator: f_hat (ticks,) [deg]}) of a noiseless flight with one sample of `lane` disturbed."""
-    sensors: list = []
+def _response(lane):
+    """Return (sensors, left f_hat (ticks,) [deg]) of a noiseless flight with one sample of `lane` off by a sigma."""
+    sensors: list[str] = []
 
     def prepare(setup):
         loop = setup.loop
@@ -57,21 +48,21 @@ def _response(lane, size):
         for block in loop.actuators:
             for field in set(FRICTION) & set(block.p.dtype.names):
                 block.p[field] = 0.0
-
-        loop.draw = _One(sensors.index(lane) if lane is not None else 0, size if lane is not None else 0.0)
+        loop.draw = _One(sensors.index(lane) if lane else None)
 
     flown = fly_aircraft(duration=TICKS * DT, prepare=prepare)
-    return sensors, {name: estimate(flown, name)[field] / RAD_PER_DEG for name, field in FIELD.items()}
+    return sensors, estimate(flown, "rfafe")["f_hat_left"] / RAD_PER_DEG
 
 
 class _One:
-    """Noise that is nothing but one number in one lane at one tick."""
+    """Noise that is nothing but a one in one lane at one tick."""
 
-    def __init__(self, lane, size):
-        self._lane, self._size = lane, size
+    def __init__(self, lane: int | None):
+        self._lane = lane
 
-    def schedule(self, tape, to):
+    def schedule(self, tape: Any, to: Any) -> None:
         """Schedule on a tape what stands at the positions `to` of the bus."""
         block = np.zeros((TICKS, len(to)))
-        block[DISTURBED, self._lane] = self._size
+        if self._lane is not None:
+            block[DISTURBED, self._lane] = 1.0
         tape.noise(to, block)
