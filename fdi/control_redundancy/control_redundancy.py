@@ -129,6 +129,7 @@ STATE = dtype(
         ("part", "f8", (force_model.NK,)),
         ("part_0", "f8", (force_model.NK,)),
         ("cmd", "f8", (NC,)),
+        ("asked", "f8", (NC,)),  # the command that they follow
         ("line", "f8", (DELAY, NC)),
         ("head", "f8", "-"),
         ("phase", "f8", "-"),  # ticks until the next command is kept

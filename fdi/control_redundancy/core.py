@@ -6,7 +6,7 @@ import math
 
 from actuators.block import kernel
 from actuators.constants import G0
-from fdi.common.decision import usable
+from fdi.common.decision import delayed, usable
 from fdi.control_redundancy.force_model import air_data, contributions, thrust_pair
 
 NR, NF, NH = 3, 16, 4  # force rows X Y Z; most families; fault hypotheses (elevator, aileron, rudder, engines)
@@ -30,23 +30,20 @@ def delayed_commands(x, u, p, dt):
 
     One that is not finite is held. A law that fights gusts near the stall asks more of the rudder than it can follow.
     """
-    new = x.phase < 0.5
-    head = int(x.head) if new else (int(x.head) + DELAY - 1) % DELAY  # where the newest stands
-    commands = (u.de_lo, u.de_li, u.de_ri, u.de_ro, u.da_l, u.da_r, u.dr, u.stab)
+    if x.phase < 0.5 or x.started < 0.5:
+        head = int(x.head)
+        commands = (u.de_lo, u.de_li, u.de_ri, u.de_ro, u.da_l, u.da_r, u.dr, u.stab)
+        for j in range(NC):
+            x.asked[j] = delayed(x.line, head, j, commands[j], p.late[j], x.started < 0.5)
+        x.head = (head + 1) % DELAY
+        x.phase = p.stride
+    x.phase -= 1.0
     for j in range(NC):
-        value = commands[j] if math.isfinite(commands[j]) else x.line[(head + DELAY - 1) % DELAY, j]
-        if x.started < 0.5:
-            for i in range(DELAY):
-                x.line[i, j] = value
-        if new:
-            x.line[head, j] = value
-        move = x.line[(head + DELAY - int(p.late[j])) % DELAY, j] - x.cmd[j]
+        move = x.asked[j] - x.cmd[j]
         if p.rate[j] > 0.0 and x.started > 0.5:
             move = min(max(move, -p.rate[j] * dt), p.rate[j] * dt)
         x.cmd[j] += move
     x.started = 1.0
-    x.head = (head + 1) % DELAY
-    x.phase = (p.stride if new else x.phase) - 1.0
 
 
 @kernel

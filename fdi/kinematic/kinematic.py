@@ -23,9 +23,9 @@ the earth, gravity) are learned in the first `t_learn`. Rows that fire within `t
 fault, and name the sensor: the only one whose rows contain all that fired, of which every row that must fire did, and
 whose first row jumped or did not; one that gusts would hide need not fire. More than one, or none, is AMBIGUOUS.
 
-Climb, turn and speed take the lateral velocity from the vane and the wind (fdi/kinematic/wind.py). The vane has the
-gusts in it: their thresholds grow with the rms of those, as the vane has it about its mean, and with the lateral motion
-through which they act.
+Climb, turn and speed take the lateral velocity from the vane of sideslip, which has the gusts in it and not the wind:
+their thresholds grow with the rms of gusts, as the vane has it about its mean, and with the lateral motion through which
+gusts and a wind across (`rows.WIND`) act.
 
 Noise and frozen readings show in the second difference of the reading alone, y_k - 2 y_k-1 + y_k-2 of variance 6
 sigma^2, in which motion at the sampling rate is nothing. Gusts are not nothing in it: their part goes with a power of
@@ -53,7 +53,7 @@ from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
 from fdi.common.why import BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
 from fdi.kinematic import signatures as table
 from fdi.kinematic.rows import compare, read, weigh
-from fdi.kinematic.signatures import CLIMB, EITHER, NR, NS, SENSORS
+from fdi.kinematic.signatures import EITHER, NR, NS, SENSORS
 
 ISOLABLE_PARTS = table.ISOLABLE_PARTS
 SPEEDS = ("tas", "cas", "v_ground")

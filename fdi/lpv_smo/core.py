@@ -6,7 +6,7 @@ import math
 
 from actuators.block import kernel
 from actuators.constants import G0, M_S_PER_KT, RAD_PER_DEG
-from fdi.common.decision import held, usable
+from fdi.common.decision import delayed, held, usable
 from fdi.common.why import BOX_MASS, LOST_SENSOR, VALID
 from fdi.lpv_smo.kernels import affine, held_first_order, trim_map, unit_vector_step
 
@@ -76,28 +76,19 @@ def _choose(x, p):
 def inputs(x, u, p, dt):
     """Fill rho, the healthy inputs and smoothed V; return 0.0, or the reason why no box holds rho."""
     why = _schedule(x, u, p, dt)
-    head = int(x.head)
-    before = (head + 2 * DELAY - 1 - int(p.delay)) % DELAY  # the command held over the tick that ends now
-    for j in range(M):
-        value = 0.25 * (u.de_lo + u.de_li + u.de_ri + u.de_ro) if j == 0 else u.stab
-        if math.isfinite(value):
-            value /= RAD_PER_DEG
-        else:
-            value = x.line[(head + DELAY - 1) % DELAY, j]
-        if x.age == 0.0:
-            for i in range(DELAY):
-                x.line[i, j] = value
-        x.line[head, j] = value
+    head, fresh, ago = int(x.head), x.age == 0.0, p.delay + 1.0  # the command held over the tick that ends now
+    elevator = 0.25 * (u.de_lo + u.de_li + u.de_ri + u.de_ro)
+    elevator = delayed(x.line, head, 0, elevator / RAD_PER_DEG, ago, fresh)
+    x.u_s = delayed(x.line, head, 1, u.stab / RAD_PER_DEG, ago, fresh)
     x.head = (head + 1) % DELAY
-    x.u_s = x.line[before, 1]
-    most = p.rate_a * dt if x.age > 0.0 and p.rate_a > 0.0 else math.inf
-    x.u_r = min(max(x.line[before, 0], x.u_r - most), x.u_r + most)
-    if x.age == 0.0 or p.omega_a <= 0.0:
+    most = p.rate_a * dt if p.rate_a > 0.0 and not fresh else math.inf
+    x.u_r = min(max(elevator, x.u_r - most), x.u_r + most)
+    if fresh or p.omega_a <= 0.0:
         x.u_0 = x.u_e = x.u_r
     else:
         x.u_0 = x.u_e
         x.u_e += (1.0 - math.exp(-p.omega_a * dt)) * (x.u_r - x.u_e)
-    c = 1.0 if x.age == 0.0 or p.tau_v <= 0.0 else 1.0 - math.exp(-dt / p.tau_v)
+    c = 1.0 if fresh or p.tau_v <= 0.0 else 1.0 - math.exp(-dt / p.tau_v)
     x.v_s += c * (u.V - x.v_s)
     return why
 

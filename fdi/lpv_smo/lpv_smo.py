@@ -30,14 +30,15 @@ In flight three things go beyond the paper, all off by default (`fitted` switche
 
 - Several boxes, each with a model and gains of its own whose inequalities hold at its vertices; the state goes over
   from one to the next. `why` says what it is outside of.
-- Wind and gusts. A steady wind is learned (`core.drift`); the states are those of the path over the air that drifts
-  with it (over the ground in tables 2, 3), the forces those of the air. A gust of angle a turns the path by
-  xi = A_11 a, which that angle shows (`core.gust`) and which no fault of n_z or of the vane moves; what a does to the
+- Wind and gusts. A steady wind along the flight is learned (`core.drift`); the states are those of the path over the
+  air that drifts with it (over the ground in tables 2, 3), the forces those of the air. A gust of angle a turns the path
+  by xi = A_11 a, which that angle shows (`core.gust`) and which no fault of n_z or of the vane moves; what a does to the
   three estimates is taken out of them, and likewise what the air's own speed does. The tail meets it later than the
   wing, which is what a rate of pitch of -a' would do. Thrust acts on pitch through the engines' arm: nu of the speed
-  channel says how much.
+  channel says how much. A wind across turns the path while the aircraft rolls: limits grow by what it may do.
 - Each estimate is judged by itself, against a threshold that grows with the rms of a: a fault does not raise it. An
-  oscillation of the elevator's estimate is found by a frequency bank, too.
+  oscillation of the elevator's estimate is found by a frequency bank, too, against one that grows with the amplitude of
+  a at its frequency.
 
 (2) leaves out the feedthrough of the elevator fault into n_z: `f_hat_n_z_raw` is the printed reconstruction,
 `f_hat_n_z` subtracts D51 f_hat_e. All reconstructions pass one lag `tau_f` (0.2 s in the paper): an OFC of

@@ -42,8 +42,6 @@ class Design:
 
     A: np.ndarray  # (1+nr, n, n) augmented, canonical coordinates
     B: np.ndarray  # (1+nr, n, m)
-    E: np.ndarray  # (1+nr, h, h), E_p(rho) of (4)
-    D2: np.ndarray  # (1+nr, q, m), feedthrough into the fault-prone outputs
     x_from: np.ndarray  # (n, n), canonical = x_from @ [x_p; z_f]
     y_from: np.ndarray  # (p, p), canonical outputs = y_from @ y_m; orthogonal
     F_o: np.ndarray  # (h+q, h+q)
@@ -61,8 +59,6 @@ class Design:
     gamma: float
     storage: float  # scale of the storage function against the supply rate that makes P >= I
     poles: tuple
-    actuator: tuple
-    neglected: np.ndarray  # (n_n, h), largest |H_p - F_p E_p| over the vertices
 
 
 def canonical(
@@ -72,7 +68,7 @@ def canonical(
     """Augment with the output filter (7)-(9) and put into the output canonical form (11).
 
     A (1+nr, n, n), B (1+nr, n, m), C (1+nr, p, n), D (1+nr, p, m): affine stacks, the `faulty` last outputs prone to
-    faults. Returns a dict of A, B, E, D2, x_from, y_from, F, F_o, A_f, neglected. Raises ValueError with the condition
+    faults. Returns a dict of A, B, E, x_from, y_from, F, F_o, A_f, neglected. Raises ValueError with the condition
     of section 2 that fails: C_1 constant and of full row rank, D_1 zero, rank(C_1 F_p) = n_h, enough outputs.
     """
     A, B, C, D = _stacks(A, B, C, D)
@@ -108,7 +104,7 @@ def canonical(
     back = np.linalg.inv(x_from)
     F_c = x_from @ F_a
     return {
-        "A": x_from @ A_a @ back, "B": x_from @ B_a, "E": E, "D2": D[:, free:], "x_from": x_from, "y_from": y_from,
+        "A": x_from @ A_a @ back, "B": x_from @ B_a, "E": E, "x_from": x_from, "y_from": y_from,
         "F": F_c, "F_o": F_c[-(h + q) :], "A_f": A_f,
         "neglected": H - F @ E,
     }  # fmt: skip
@@ -165,9 +161,9 @@ def design(
             f"widen the bound [{error}]"
         ) from error
     made = Design(
-        **{name: form[name] for name in ("A", "B", "E", "D2", "x_from", "y_from", "F_o", "A_f")}, box=box, L=L, W=W,
+        **{name: form[name] for name in ("A", "B", "x_from", "y_from", "F_o", "A_f")}, box=box, L=L, W=W,
         A22s=A22s, P1=P1, P2=P2, M=M_c, a_f=a_f, delta_1=delta_1, delta_2=delta_2, gamma=gamma, storage=storage,
-        poles=tuple(poles), actuator=tuple(actuator), neglected=neglected,
+        poles=tuple(poles),
     )  # fmt: skip
     report = verify(made)
     if not report["ok"]:
