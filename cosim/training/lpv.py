@@ -183,7 +183,7 @@ def design(model: Any) -> Any:
     """Design the observer with the paper's weights: xi in the alpha and V channels (36), deltas of section 5."""
     M = np.zeros((5, 2))
     M[0, 0] = M[3, 1] = 1.0
-    return lpv_smo_design.design(model.A, model.B, model.C, model.D, box=model.box, M=M)
+    return lpv_smo_design.design(model.A, model.B, model.C, model.D, box=model.box, F=np.eye(5)[4], M=M)
 
 
 def single(progress: Callable[[str], None], aircraft: str = DEFAULT) -> dict[str, Any]:

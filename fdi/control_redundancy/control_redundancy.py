@@ -31,7 +31,6 @@ from typing import Any
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
-from fdi.common import gyro
 from fdi.common.decision import T_HOLD
 from fdi.common.envelope import ALPHA, FLYING, MACH, box
 from fdi.common.record import Detector, Estimate, Site
@@ -137,7 +136,8 @@ STATE = dtype(
         ("learned", "f8", "-"),
         ("n_learn", "f8", "-"),
         ("total", "f8", (BLOCKS, NX)),
-        ("n_block", "f8", (BLOCKS,), "-"),
+        ("in_block", "f8", "-"),  # ticks in the block that is being filled, and blocks that are full
+        ("blocks", "f8", "-"),
         ("block", "f8", "-"),
         ("avg", "f8", (NX,)),
         ("spool", "f8", "-"),  # mean normalised N1
@@ -162,10 +162,7 @@ STATE = dtype(
         ("vane_mean", "f8", "rad"),  # of it, learned
         ("rough", "f8", "rad2"),  # mean square of the gusts in it
         ("lift", "f8", "g/rad"),  # Z row per angle of attack
-        ("part_a", "f8", (force_model.NK,)),
-        ("slope_a", "f8", (NR, 3)),
         ("on", "f8", "-"),  # ambiguous alarm
-        *gyro.STATE,
     ]
 )
 OUTPUTS = (
@@ -218,7 +215,7 @@ DETECTOR = Detector(
         "n_tp": 0, "n_families": 0, "base_row": 0, "n_pivots": 0, "pivot_row": 0,
         "pivot_input": 0,
     },
-    places={"head": ("line", 0), "block": ("n_block", 0)},
+    places={"head": ("line", 0), "block": ("total", 0)},
     range={"tas": FLYING, "mach": MACH, "alpha_ground": ALPHA},  # not the vane: a fault of it is to be named
     fit=lambda site: fitted(site),
 )  # fmt: skip
@@ -285,8 +282,7 @@ def _without_data(x, p, dt, why):
     if x.learned < 0.5:
         x.started = 0.0  # commands of a parked aircraft, or from before a gap, are not those of the flight
     if x.gone > p.t_invalid:
-        x.n_block[:] = 0.0
-        x.total[:] = 0.0
+        x.in_block = x.blocks = 0.0
     if x.gone > T_HOLD:
         withdraw(x)
 
@@ -295,7 +291,6 @@ def _without_data(x, p, dt, why):
 def step(x, u, p, dt):
     """Compare measured with computed forces at one tick, average, evaluate the residuals, decide."""
     core.delayed_commands(x, u, p, dt)
-    gyro.compare(x, u, dt)
     why = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], BOX_SPEED, VALID)
     why = box(u.mach, u.mach_valid, MACH[0], MACH[1], BOX_MACH, why)
     why = box(u.alpha_ground, u.alpha_ground_valid, ALPHA[0], ALPHA[1], BOX_ALPHA, why)
@@ -314,12 +309,12 @@ def step(x, u, p, dt):
     if x.learned < 0.5:
         core.learn(x, p, dt)
         x.valid, x.why = 0.0, NOT_READY
-    elif core.accumulate(x, p, dt) > 0.5:
-        x.valid = core.sliding_mean(x, p)
-        x.why = VALID if x.valid > 0.5 else NOT_READY
-        if x.valid > 0.5:
-            core.evaluate_families(x, p)
-            decide(x, p, max(p.t_mean / BLOCKS, dt))
+    elif core.average(x, p, dt):
+        x.valid, x.why = 1.0, VALID
+        core.evaluate_families(x, p)
+        decide(x, p, max(p.t_mean / BLOCKS, dt))
+    elif x.valid < 0.5:
+        x.why = NOT_READY
 
 
 rollout = entry(step, STATE, INPUTS, PARAMS)

@@ -18,7 +18,7 @@ TAU_ROUGH = 8.0  # memory of the gusts in it [s]
 # is worth a threshold of the X row
 TAU_SPOOL, TURNING = (0.25, 1.0), 0.005
 CALM_S = 1.0  # of learning with engines that hardly turn up or down, each sample by its weight [s]
-STEP = 0.01  # of the angle of attack, for the slope of the lift [rad]
+LIFT_SLOPE = 5.0  # of a transport: what an error of its vane asks of the Z row, roughly [1/rad]
 BLOCKS = 10  # pieces of the sliding mean
 ACT, COMMAND, SPOOL = NR, 2 * NR, 2 * NR + 3  # where activities, commanded surfaces and spool speed begin in the mean
 NX = 2 * NR + 4
@@ -211,31 +211,22 @@ def vane(x, u, p, dt):
         x.vane[i] += (1.0 - math.exp(-dt / TAU_VANE[i])) * (d - x.vane[i])
     rough = x.vane[0] - x.vane[2]
     x.rough += (1.0 - math.exp(-dt / TAU_ROUGH)) * (rough * rough - x.rough)
-    if x.learned < 0.5 or x.n_block[int(x.block)] > 1.5:  # once in a block
-        return
     _, qbar = air_data(u.cas, u.mach)
-    contributions(p, u.alpha + STEP, u.mach, qbar, x.variable, x.part_a, x.slope_a)
-    more = 0.0
-    for k in range(int(p.n_k)):
-        if p.axis[k] < 0.5:
-            more += x.part_a[k] * qbar * p.area - x.part[k]
-    x.lift = -more / STEP * math.cos(u.alpha) / (u.mass * G0)
+    x.lift = -LIFT_SLOPE * qbar * p.area / (u.mass * G0)
 
 
 @kernel
-def accumulate(x, p, dt):
-    """Add this tick to the block being filled; return 1.0 when that block is full.
+def average(x, p, dt):
+    """Add this tick to the block being filled; where that is full, fill x.avg and return whether it may be judged.
 
-    The window moves by whole blocks of t_mean / BLOCKS, 50 ms for half a second: decisions come that often.
+    The window moves by whole blocks of t_mean / BLOCKS, 50 ms for half a second: decisions come that often. x.avg is
+    the mean of the last BLOCKS, or of one without a mean.
     """
-    per = max(p.t_mean / BLOCKS / dt, 1.0)
+    per, keep = max(math.ceil(p.t_mean / BLOCKS / dt - 1e-6), 1), BLOCKS if p.t_mean > 0.0 else 1
     b = int(x.block)
-    if x.n_block[b] >= per - 1e-6:
-        b = (b + 1) % BLOCKS
-        x.block = b
-        x.n_block[b] = 0.0
+    if x.in_block < 0.5:
         x.total[b, :] = 0.0
-    x.n_block[b] += 1.0
+    x.in_block += 1.0
     for j in range(NR):
         x.total[b, j] += x.e[j] - x.offset[j]
         x.total[b, ACT + j] += x.act[j]
@@ -243,23 +234,14 @@ def accumulate(x, p, dt):
     x.total[b, COMMAND + 1] += 0.5 * (x.cmd[4] + x.cmd[5])
     x.total[b, COMMAND + 2] += x.cmd[6]
     x.total[b, SPOOL] += x.spool
-    return 1.0 if x.n_block[b] >= per - 1e-6 else 0.0
-
-
-@kernel
-def sliding_mean(x, p):
-    """Fill x.avg with the mean of the last BLOCKS blocks, or of one without a mean; return 1.0 when all are full."""
-    now, keep = int(x.block), BLOCKS if p.t_mean > 0.0 else 1
-    full = 1.0
+    if x.in_block < per:
+        return False
+    x.in_block, x.block, x.blocks = 0.0, (b + 1) % BLOCKS, min(x.blocks + 1.0, BLOCKS)
     x.avg[:] = 0.0
-    for k in range(keep):
-        b = (now + BLOCKS - k) % BLOCKS
-        if x.n_block[b] < 0.5:
-            full = 0.0
-            continue
+    for k in range(min(keep, int(x.blocks))):
         for j in range(NX):
-            x.avg[j] += x.total[b, j] / x.n_block[b] / keep
-    return full
+            x.avg[j] += x.total[(b + BLOCKS - k) % BLOCKS, j] / per / keep
+    return x.blocks >= keep
 
 
 @kernel

@@ -80,7 +80,7 @@ def decide(x, p, dt):
     x.r = _in_use(x, p)
     count, best = _explain(x, p) if x.r >= 1.0 else (0, 0)
     x.suspicion = SUSPECTED_S if count == 1 and _sensor(x, p) else max(x.suspicion - dt, 0.0)
-    if count == 1 and (x.gyro_off > 0.0 or x.suspicion > 0.0):
+    if count == 1 and x.suspicion > 0.0:
         count = 2  # it may be the sensor
     _confirm(x, p, count, best, dt)
     if x.on < 0.5 and x.r < 1.0:

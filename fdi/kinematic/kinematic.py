@@ -24,8 +24,8 @@ fault, and name the sensor: the only one whose rows contain all that fired, of w
 whose first row jumped or did not; one that gusts would hide need not fire. More than one, or none, is AMBIGUOUS.
 
 Climb, turn and speed take the lateral velocity from the vane of sideslip, which has the gusts in it and not the wind:
-their thresholds grow with the rms of gusts, as the vane has it about its mean, and with the lateral motion through which
-gusts and a wind across (`rows.WIND`) act.
+their thresholds grow with the rms of gusts, as the vane has it about its mean, and with the lateral motion through
+which gusts and a wind across (`rows.WIND`) act.
 
 Noise and frozen readings show in the second difference of the reading alone, y_k - 2 y_k-1 + y_k-2 of variance 6
 sigma^2, in which motion at the sampling rate is nothing. Gusts are not nothing in it: their part goes with a power of
@@ -340,18 +340,13 @@ def _clear(x):
 
 
 @kernel
-def _rest(x, p, why):
-    """Judge nothing while out of range; what integrates starts anew afterwards, learning does where it was not done."""
+def _rest(x):
+    """Judge nothing while out of range; afterwards all is learned anew."""
+    x.age = x.n_learn = x.since = x.r = x.valid = 0.0
+    x.why = BOX_SPEED
     x.ticks[:] = 0.0
-    x.live[:] = 0.0
     x.seen[:] = 0.0
     x.res[:] = 0.0
-    x.jumped[:] = 0.0
-    if x.age <= p.t_learn:
-        x.age, x.n_learn, x.lean = 0.0, 0.0, 0.0
-        x.offset[:] = 0.0
-        x.level[:] = 0.0
-    x.since, x.noisy, x.quiet, x.valid, x.why, x.r = 0.0, 0.0, 0.0, 0.0, why, 0.0
     _clear(x)
 
 
@@ -370,7 +365,7 @@ def _flies(u):
 def step(x, u, p, dt):
     """Read, compare, decide."""
     if not _flies(u):
-        _rest(x, p, BOX_SPEED)
+        _rest(x)
         return
     read(x, u)
     compare(x, p, dt)
