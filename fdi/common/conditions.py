@@ -70,8 +70,8 @@ def without_rounding(X: np.ndarray, size: int) -> np.ndarray:
 def separate(E: np.ndarray, F: np.ndarray, C: np.ndarray, *, min_ratio: float = 0.5) -> np.ndarray:
     """Return an orthonormal E* whose decoupling leaves |TF|/|F| >= min_ratio.
 
-    E (n, q) of any rank, its columns weighted by their length; F (n, l), C (m, n). Its part along F is taken out; of
-    the rest the smallest singular values are dropped as far as needed [Sun13] (35)-(36). Rank 0 always suffices.
+    E (n, q) of any rank, its columns weighted by their length; F (n, l), C (m, n). The part of E along F is taken out,
+    then the smallest singular values are dropped [Sun13] (35)-(36). Rank 0 always suffices.
     """
     E = E - F @ np.linalg.lstsq(F, E, rcond=None)[0]
     U, s, _ = np.linalg.svd(E, full_matrices=False)

@@ -110,7 +110,6 @@ STATE = dtype(
         ("f_hat_rudder", "f8", "rad"),
         ("f_hat_thrust", "f8", "fraction"),  # fraction of total thrust
         ("bias", "f8", (2,), "g"),  # errors of n_x and n_z by kinematics
-        ("candidates", "f8", "-"),  # bit h is set when effector h + 1 of ISOLABLE_PARTS explains the residuals
         ("declared", "f8", (NH,), "-"),  # 1 per declared effector
         ("res", "f8", (NF,), "g"),  # residuals of the families
         ("tau", "f8", (NF,), "g"),  # their thresholds
@@ -178,7 +177,6 @@ OUTPUTS = (
     "f_hat_rudder",
     "f_hat_thrust",
     "bias",
-    "candidates",
 )
 DETECTOR = Detector(
     id="control_redundancy",

@@ -49,14 +49,14 @@ def delayed_commands(x, u, p, dt):
 @kernel
 def complete(u):
     """Return 1.0 when every measurement that the rows need is usable."""
-    good = usable(u.n_x, u.n_x_valid) * usable(u.n_y, u.n_y_valid) * usable(u.n_z, u.n_z_valid)
-    good *= usable(u.alpha, u.alpha_valid) * usable(u.beta, u.beta_valid)
-    good *= usable(u.p, u.p_valid) * usable(u.q, u.q_valid) * usable(u.r, u.r_valid)
-    good *= usable(u.cas, u.cas_valid) * usable(u.mach, u.mach_valid) * usable(u.tas, u.tas_valid)
-    good *= usable(u.theta, u.theta_valid) * usable(u.phi, u.phi_valid)
-    good *= usable(u.mass, u.mass_valid)
-    good *= usable(u.n1_1, u.n1_1_valid) * usable(u.n1_2, u.n1_2_valid)
-    return good * usable(u.n1_3, u.n1_3_valid) * usable(u.n1_4, u.n1_4_valid)
+    inertial = usable(u.n_x, u.n_x_valid) * usable(u.n_y, u.n_y_valid) * usable(u.n_z, u.n_z_valid)
+    rates = usable(u.p, u.p_valid) * usable(u.q, u.q_valid) * usable(u.r, u.r_valid)
+    angles = usable(u.theta, u.theta_valid) * usable(u.phi, u.phi_valid)
+    vanes = usable(u.alpha, u.alpha_valid) * usable(u.beta, u.beta_valid)
+    air = usable(u.cas, u.cas_valid) * usable(u.mach, u.mach_valid) * usable(u.tas, u.tas_valid)
+    engines = usable(u.n1_1, u.n1_1_valid) * usable(u.n1_2, u.n1_2_valid)
+    engines *= usable(u.n1_3, u.n1_3_valid) * usable(u.n1_4, u.n1_4_valid)
+    return inertial * rates * angles * vanes * air * engines * usable(u.mass, u.mass_valid)
 
 
 @kernel

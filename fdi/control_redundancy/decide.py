@@ -34,13 +34,12 @@ def _in_use(x, p):
 
 @kernel
 def _explain(x, p):
-    """Return (number of hypotheses that explain the residuals, the best of them + 1); set their bits."""
-    x.candidates, count, best, least = 0.0, 0, 0, math.inf
+    """Return (number of hypotheses that explain the residuals, the best of them + 1)."""
+    count, best, least = 0, 0, math.inf
     for h in range(NH):
         if x.declared[h] < 0.5:
             value, worst = fit_hypothesis(x, p, h)
             if worst < 1.0 and math.fabs(value) <= p.limit[h]:
-                x.candidates += 1 << h
                 count += 1
                 if worst < least:
                     least, best = worst, h + 1

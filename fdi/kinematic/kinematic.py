@@ -28,8 +28,7 @@ their thresholds grow with the rms of gusts, as the vane has it about its mean, 
 which gusts and a wind across (`rows.WIND`) act.
 
 Noise and frozen readings show in the second difference of the reading alone, y_k - 2 y_k-1 + y_k-2 of variance 6
-sigma^2, in which motion at the sampling rate is nothing. Gusts are not nothing in it: their part goes with a power of
-the speed (`GUSTY`), and with it what the noise that was learned may be.
+sigma^2, in which motion at the sampling rate is nothing.
 
 What kinematics cannot tell: a constant error of a rate from a slow one of what it is the rate of. "p or phi", "q or
 theta", "r or psi", "n_x or v_ground" is named until another row tells. When such a drift stops, and stays off, the
@@ -58,11 +57,6 @@ from fdi.kinematic.signatures import EITHER, NR, NS, SENSORS
 ISOLABLE_PARTS = table.ISOLABLE_PARTS
 SPEEDS = ("tas", "cas", "v_ground")
 TICK = 0.005  # of the training flights [s]
-# a gust changes by sigma sqrt(2 V dt / L) from tick to tick [Dryden]: the variance of airspeed goes with V, that of a
-# vane's angle with 1 / V, that of a load factor, V times that angle, with V^3
-GUSTY = {**dict.fromkeys(("tas", "cas", "mach"), 1), **dict.fromkeys(("alpha", "beta"), 2),
-         **dict.fromkeys(("n_x", "n_y", "n_z"), 3)}  # fmt: skip
-POWER = np.array([GUSTY.get(name, 0) for name in SENSORS])
 # An error of an integrated reading that jumped fades from its row: it stands for OFF_S at most [s], until the reading
 # has jumped back to BACK of what it was off by
 BACK, OFF_S = 0.3, 120.0
@@ -132,8 +126,7 @@ STATE = dtype(
         ("ticks", "f8", (NS,)),  # usable in a row, at most 3
         ("level", "f8", (NS,)),  # learned mean square of the second difference
         ("power", "f8", (NS,)),  # the same now
-        ("ratio", "f8", (NS,), "-"),  # over what it may be at this speed
-        ("speed", "f8", "m/s"),  # over the ground, where it was learned
+        ("ratio", "f8", (NS,), "-"),  # over what was learned
         ("age", "f8", "s"),
         ("n_learn", "f8", "-"),
         ("since", "f8", "s"),  # time since the first row fired, 0 while none has
@@ -180,34 +173,40 @@ def init(p: np.ndarray) -> np.ndarray:
 
 
 @kernel
+def _jumps(x, p, i, dt):
+    """Note whether row i jumped, and by how much in all; return whether it did."""
+    x.jumped[i] = max(x.jumped[i] - dt, 0.0)
+    if x.jumped[i] == 0.0 and x.alarm < 0.5:
+        x.off[i] = 0.0
+    leap = x.raw[i] - x.last[i] if x.live[i] * x.seen[i] > 0.5 else 0.0
+    x.last[i], x.seen[i] = x.raw[i], x.live[i]
+    if math.fabs(leap) <= p.jump[i] * x.grown[i]:
+        return False
+    x.jumped[i] = p.t_hold
+    x.off[i] += leap
+    return True
+
+
+@kernel
 def _residuals(x, p, dt):
     """Learn offsets, lag the residuals, note what fires and what jumps; return the largest over its threshold."""
-    c, largest = 1.0 - math.exp(-dt / p.tau_r), 0.0
-    learning, fades, back = x.age <= p.t_learn, -1, False
+    c, largest, fades, back = 1.0 - math.exp(-dt / p.tau_r), 0.0, -1, False
     if x.alarm > 0.5 and x.verdict == SENSOR:
         fades = table.FADES[int(x.isolated_part) - 1]
     for i in range(NR):
-        x.fired[i], x.jumped[i] = max(x.fired[i] - dt, 0.0), max(x.jumped[i] - dt, 0.0)
-        if x.jumped[i] == 0.0 and x.alarm < 0.5:
-            x.off[i] = 0.0
+        x.fired[i] = max(x.fired[i] - dt, 0.0)
+        if _jumps(x, p, i, dt) and i == fades:
+            back = math.fabs(x.off[i]) <= BACK * math.fabs(x.leap)
         if x.live[i] < 0.5:
-            x.seen[i], x.res[i] = 0.0, 0.0
-            continue
-        leap = x.raw[i] - x.last[i] if x.seen[i] > 0.5 else 0.0
-        if math.fabs(leap) > p.jump[i] * x.grown[i]:
-            x.jumped[i] = p.t_hold
-            x.off[i] += leap
-            back = back or (i == fades and math.fabs(x.off[i]) <= BACK * math.fabs(x.leap))
-        x.last[i], x.seen[i] = x.raw[i], 1.0
-        if learning:
-            if x.age > p.t_settle:
-                x.offset[i] += (x.raw[i] - x.offset[i]) / max(x.n_learn, 1.0)
-            continue
-        x.res[i] += c * (x.raw[i] - x.offset[i] - x.res[i])
-        r = math.fabs(x.res[i]) / x.limit[i]
-        largest = max(largest, r)
-        if r >= 1.0:
-            x.fired[i] = p.t_hold
+            x.res[i] = 0.0
+        elif x.age > p.t_learn:
+            x.res[i] += c * (x.raw[i] - x.offset[i] - x.res[i])
+            r = math.fabs(x.res[i]) / x.limit[i]
+            largest = max(largest, r)
+            if r >= 1.0:
+                x.fired[i] = p.t_hold
+        elif x.age > p.t_settle:
+            x.offset[i] += (x.raw[i] - x.offset[i]) / max(x.n_learn, 1.0)
     if back:
         _restart(x)
     elif fades < 0 and x.alarm > 0.5:
@@ -241,10 +240,6 @@ def _saturate(x):
 def _noise(x, p, dt):
     """Judge each reading by its second difference; set x.noisy, return the largest ratio over its threshold."""
     c, largest, x.noisy = 1.0 - math.exp(-dt / p.tau_noise), 0.0, 0.0
-    if x.ok[15] > 0.5 and p.t_settle < x.age <= p.t_learn:
-        x.speed += (x.y[15] - x.speed) / max(x.n_learn, 1.0)
-    f = min(max(x.y[15] / x.speed, 0.25), 4.0) if x.ok[15] > 0.5 and x.speed > 0.0 else 1.0
-    grown = (1.0, max(1.0, f), max(1.0, 1.0 / f), max(1.0, f * f * f))
     for i in range(NS):
         if x.ticks[i] < 2.5:
             continue
@@ -259,10 +254,9 @@ def _noise(x, p, dt):
         if x.level[i] <= 0.0:
             continue
         # a single jump is no noise: it counts as what three sigma of noise at the threshold would be
-        level = x.level[i] * grown[POWER[i]]
-        x.power[i] += c * (min(d * d, 9.0 * p.noise_ratio * level) - x.power[i])
-        x.ratio[i] = x.power[i] / level
-        loud = max(x.ratio[i] / p.noise_ratio, p.frozen_ratio * x.level[i] / max(x.power[i], 1e-12 * x.level[i]))
+        x.power[i] += c * (min(d * d, 9.0 * p.noise_ratio * x.level[i]) - x.power[i])
+        x.ratio[i] = x.power[i] / x.level[i]
+        loud = max(x.ratio[i] / p.noise_ratio, p.frozen_ratio / max(x.ratio[i], 1e-12))
         if loud > largest:
             largest = loud
             if loud >= 1.0:
@@ -271,23 +265,25 @@ def _noise(x, p, dt):
 
 
 @kernel
+def _hidden(x, s, i):
+    """Return whether the threshold of row i may hide what signature s, which shows in its first row, does there."""
+    first, power = table.FIRST_ROW[s], table.SPEED_POWERS[s, i]
+    fast = x.y[15] if power > 0.0 else 1.0 / max(x.y[15], 1.0) if power < 0.0 else 1.0
+    size = math.fabs(x.res[first]) * table.SIZES[s, i] * fast
+    return x.fired[first] > 0.0 and 0.0 < size <= HIDDEN * x.limit[i]
+
+
+@kernel
 def _explains(x, s):
     """Return whether signature s explains what fired and jumped."""
-    first = table.FIRST_ROW[s]
-    jumped = x.jumped[first] > 0.0
+    jumped = x.jumped[table.FIRST_ROW[s]] > 0.0
     if (table.JUMPS[s] > 0.5 and not jumped) or (table.JUMPS[s] < -0.5 and jumped):
         return False
     for i in range(NR):
-        if x.fired[i] > 0.0:
-            if table.MAY[s, i] < 0.5:
-                return False
-        elif table.MUST[s, i] > 0.5:
-            power = table.SPEED_POWERS[s, i]
-            fast = x.y[15] if power > 0.0 else 1.0 / max(x.y[15], 1.0) if power < 0.0 else 1.0
-            size = math.fabs(x.res[first]) * table.SIZES[s, i] * fast
-            # gusts may hide it there
-            if x.fired[first] <= 0.0 or table.SIZES[s, i] <= 0.0 or size > HIDDEN * x.limit[i]:
-                return False
+        if x.fired[i] > 0.0 and table.MAY[s, i] < 0.5:
+            return False
+        if x.fired[i] <= 0.0 and table.MUST[s, i] > 0.5 and not _hidden(x, s, i):
+            return False
     return True
 
 

@@ -65,7 +65,6 @@ from fdi.lpv_smo.synthesis import Design, load, load_boxes
 LEARN_S = 8.0  # in flight: the paper's faults come at 10 s [s]
 GRADIENT = 0.6  # of the damping in pitch: what a gust that grows along the body does, by training flights
 ISOLABLE_PARTS = ("", "elevator", "n_z", "alpha")
-GUST_SHARE = 0.9  # of the largest rms of gusts: beyond it nothing is judged
 HELD = 0.6  # an oscillation is held to be there for so long after the last fit that found it [s]
 
 PARAMS = dtype(
@@ -404,17 +403,14 @@ def _weigh(x, p, dt):
     x.rms = math.sqrt(x.gust + x.doubt * x.doubt)
     # without the vane, whose fault is no stall; beyond a stall alpha_hat is wrong, but not the angle over the ground
     flown = max(x.path, x.path - x.slip * RAD_PER_DEG)
-    # where lift has bent, gust_hat is what is missing of it: level flight in the gusts that blow must not get there
-    most = max(flown + max(x.gust_hat, 0.0), x.eq[0] * RAD_PER_DEG + math.sqrt(x.gust))
-    blown = math.fabs(x.gust_hat) > p.gust_max or x.gust > GUST_SHARE * GUST_SHARE * p.gust_max * p.gust_max
-    x.calm = x.calm + dt if math.fabs(x.away) <= p.away_max and most <= p.alpha_max and not blown else 0.0
+    linear = math.fabs(x.away) <= p.away_max and math.fabs(x.gust_hat) <= p.gust_max
+    linear = linear and flown + max(x.gust_hat, 0.0) <= p.alpha_max  # where lift has bent, gust_hat is what is missing
+    x.calm = x.calm + dt if linear else 0.0
 
 
 @kernel
-def _reason(x, u, p, dt, why):
-    """Return VALID where the estimates may be judged, else why not; `why` is that of the box."""
-    if why != VALID:
-        return why
+def _reason(x, u, p, dt):
+    """Return VALID where the estimates may be judged, else why not."""
     if usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid) < 0.5:
         return LOST_SENSOR
     if x.age <= p.t_settle:
@@ -436,8 +432,7 @@ def step(x, u, p, dt):
     if x.age == 0.0:  # the first tick needs all of them; later n_z and alpha may drop out
         good *= usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid)
     why = inputs(x, u, p, dt) if good > 0.5 else LOST_SENSOR
-    # without a fault-free output there is no e_y; what is learned at the start is learned within a box
-    if good < 0.5 or (why != VALID and p.t_learn > 0.0 and x.learned < 0.5):
+    if why != VALID:  # without a fault-free output there is no e_y, beyond all boxes no model
         x.age = 0.0
         _withhold(x, why)
         return
@@ -452,7 +447,7 @@ def step(x, u, p, dt):
     _from_trim(x, p, dt)
     reconstruct(x, u, p, dt)
     _weigh(x, p, dt)
-    why = _reason(x, u, p, dt, why)
+    why = _reason(x, u, p, dt)
     if why == VALID:
         x.valid, x.why = 1.0, VALID
         _decide(x, p, dt)
