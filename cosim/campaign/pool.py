@@ -8,7 +8,7 @@ import multiprocessing.connection
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 from actuators.kernels import cores
@@ -38,6 +38,24 @@ def finished(
     while left:  # a pool in which a process died takes no more calls
         with contextlib.nullcontext(executor) if executor else pool(count) as here:
             left = yield from _sent(calls, here, window, died or _refuse)
+
+
+def work(
+    jobs: Sequence[tuple[Callable, dict]], *, workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Any]:  # fmt: skip
+    """Return the value of every job (function, {argument: plain value}), in order; progress(done, total) counts them.
+    The function stands at the top of a module and returns plain data. `workers` as in `finished`."""
+    values: dict[int, Any] = {}
+    for n, value in finished(((n, _called, job) for n, job in enumerate(jobs)), workers=workers):
+        values[n] = value
+        if progress:
+            progress(len(values), len(jobs))
+    return [values[n] for n in range(len(jobs))]
+
+
+def _called(function, arguments):
+    return function(**arguments)
 
 
 def _sent(calls, executor, window, died):

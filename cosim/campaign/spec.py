@@ -35,25 +35,49 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
+from typing import Annotated, Any, Literal
 
-from cosim.campaign.draw import draw, unit_cube
+from pydantic import Field, ValidationError
+
+from cosim.campaign.draw import Draw, unit_cube
 from cosim.campaign.worker import Packed
 from cosim.errors import CampaignError, CosimError, Mistakes, did_you_mean, joined
 from cosim.scenario import Scenario, load_scenario, parse
 from cosim.scenario.load import located
 from cosim.scenario.override import assigned
-from cosim.scenario.problem import Origin
+from cosim.scenario.problem import Origin, Table, explained
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_parts import identified, locate
 from cosim.texts import read, toml
 
 MOST = 1_000_000  # runs; more is a slip of a grid
 EVALUATION_SEED = 1_000_000  # thresholds are trained on seeds below it, what is reported flies on those from there on
-TYPES = {
-    "title": str, "base": str, "runs": int, "sampling": str, "seed": int, "first_seed": int, "paired": bool,
-    "set": dict, "grid": dict, "draw": dict, "part": list,
-}  # fmt: skip
-OF_A_PART = ("name", "runs", "set", "grid", "draw")
+Runs = Annotated[int, Field(ge=1, le=MOST)]
+Seed = Annotated[int, Field(ge=0, lt=2**31 - MOST)]
+Values = Annotated[list[Any], Field(min_length=1)]
+
+
+class _Flights(Table):
+    """What flies: of a part, or of the whole file for all of its parts."""
+
+    runs: Runs = 1
+    set: dict[str, Any] = Field(default_factory=dict)
+    grid: dict[str, Values] = Field(default_factory=dict)
+    draw: dict[str, Draw] = Field(default_factory=dict)
+
+
+class _PartTable(_Flights):
+    name: str = ""
+
+
+class _File(_Flights):
+    title: str = ""
+    base: str = "cruise"
+    sampling: Literal["latin_hypercube", "random"] = "latin_hypercube"
+    seed: Seed = 1
+    first_seed: Seed = EVALUATION_SEED
+    paired: bool = False
+    part: list[_PartTable] = Field(default_factory=lambda: [_PartTable()])
 
 
 @dataclass(frozen=True)
@@ -72,21 +96,18 @@ class Part:
     def values(self, sampling: str, seed: int, first_seed: int, paired: bool) -> Iterator[tuple[dict, dict]]:
         """Yield ({key or label: value of the grid or draw}, labels) of every run."""
         points = list(itertools.product(*self.grid.values()))
-        drawn = self.runs if paired else len(self)
+        drawn = self.runs if paired else self.size
         cube = unit_cube(drawn, len(self.draw), sampling=sampling, seed=seed)
-        for i in range(len(self)):
+        for i in range(self.size):
             chosen = dict(zip(self.grid, points[i // self.runs]))
             chosen |= {key: one(q) for (key, one), q in zip(self.draw.items(), cube[i % drawn])}
             if "seed" not in chosen:  # one that is drawn comes after the grid's, and wins
                 chosen = {"seed": first_seed + i % drawn} | chosen
             yield chosen, {"part": self.name} if self.name else {}
 
-    def __len__(self) -> int:
-        return self.size
-
     @property
     def size(self) -> int:
-        """Return the number of runs: of a grid beyond 2^63 points `len` has no answer."""
+        """Return the number of runs, perhaps of a grid beyond 2^63 points."""
         return math.prod(map(len, self.grid.values())) * self.runs
 
 
@@ -103,7 +124,7 @@ class Campaign:
     paired: bool = False
 
     def __len__(self) -> int:
-        return sum(map(len, self.parts))
+        return sum(part.size for part in self.parts)
 
     def scenarios(self) -> tuple[Packed, list[dict]]:
         """Return (scenarios, labels): every run, in order. Raises ScenarioError for one that cannot be."""
@@ -169,114 +190,74 @@ def load_campaign(name_or_path: str | Path) -> Campaign:
     """Return the Campaign of a built-in name or a TOML file. Raises CampaignError, ScenarioError: every mistake."""
     name, folder, text = _read(str(name_or_path))
     table = toml(text, place=name, error=CampaignError)
-    return _File(name, folder, Origin.of_toml(text, name)).campaign(table)
-
-
-class _File:
-    """A campaign's file while it is read: where its keys stand, and what is wrong so far."""
-
-    def __init__(self, name, folder, origin):
-        self.name, self.folder, self.origin = name, folder, origin
-        self.wrong = Mistakes()
-
-    def place(self, path, said=""):
-        """Return where the key of these parts stands, with words behind it."""
-        return ": ".join(filter(None, (self.origin.of(path), said)))
-
-    def says(self, problem, path, said="", **more):
-        self.wrong.append(CampaignError(problem, place=self.place(path, said), **more))
-
-    def campaign(self, table):
-        table = self.known(table, TYPES, ())
-        if table.get("sampling", "random") not in ("random", "latin_hypercube"):
-            self.says(f"sampling = {table['sampling']!r}", ("sampling",), allowed="random, latin_hypercube")
-        for key in ("seed", "first_seed"):
-            if not 0 <= table.get(key, 0) < 2**31 - MOST:
-                self.says(f"{key} = {table[key]}", (key,), allowed=f"0 to {2**31 - MOST - 1}")
-        base: dict = {}
-        origin = Origin(self.name)
-        with self.wrong.caught():
-            base, origin = _base(table.get("base", "cruise"), self.folder)
-        parts, before = [], len(self.wrong)
-        for i, own in enumerate(table.get("part", [{}])):
-            with self.wrong.caught():
-                parts.append(self.part(base, origin, table, own, ("part", str(i)) if "part" in table else ()))
-        kept = {k: v for k, v in table.items() if k in ("title", "sampling", "seed", "first_seed", "paired")}
-        made = Campaign(name=self.name, parts=tuple(parts), **kept)
-        if self.wrong and base and len(self.wrong) == before:  # its runs can be checked all the same
-            with self.wrong.caught():
-                dataclasses.replace(made, sampling="random", seed=1, first_seed=EVALUATION_SEED).scenarios()
-        self.wrong.check()
-        return made
-
-    def known(self, table, known, path):
-        """Return what of `table` has a known key and the right kind of value; the rest is wrong."""
-        if not isinstance(table, dict):
-            self.says("is no table", path)
-            return {}
-        out = {}
-        for key, value in table.items():
-            kind = TYPES.get(key, str)
-            if key not in known:
-                near = did_you_mean(key, known)
-                self.says(f"unknown key {key!r}", (*path, key), allowed=", ".join(known), remedy=near)
-            elif not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
-                word = {str: "text", int: "whole number", dict: "table", list: "list of tables", bool: "true or false"}
-                self.says(f"{key} is no {word[kind]}", (*path, key))
-            else:
-                out[key] = value
-        return out
-
-    def part(self, base, origin, table, own, path):
-        """Return a Part: what the campaign says for all, and its `own` on top; the common grid changes slowest."""
-        own = self.known(own, OF_A_PART, path)
-        label = f"part {own['name']!r}: " if own.get("name") else f"part {path[1]}: " if path else ""
-        paths = {
-            (kind, key): (*at, kind, key)
-            for at, given in (((), table), (path, own))
-            for kind in ("set", "grid", "draw")
-            for key in given.get(kind, {})
-        }
-        runs = own.get("runs", table.get("runs", 1))
-        if not 1 <= runs <= MOST:
-            said = (*path, "runs") if "runs" in own else ("runs",)
-            self.says(f"runs = {runs}", said, label.removesuffix(": "), allowed=f"1 to {MOST}")
-        constant, grid, draws = ({**table.get(k, {}), **own.get(k, {})} for k in ("set", "grid", "draw"))
-        for key, values in grid.items():
-            if not isinstance(values, list) or not values:
-                self.says("is no list of values", paths["grid", key], f"{label}grid.{key}")
-        drawn: dict = {}
-        lines = {key: self.place(paths["grid", key]) for key in grid}
-        for key, value in sorted(draws.items(), key=lambda item: not item[0].endswith("*")):  # a key itself wins over *
-            here = self.place(paths["draw", key], f"{label}draw.{key}")
-            with self.wrong.caught():
-                every = _every(key, here)
-                drawn |= dict.fromkeys(every, draw(_listed(value, self.folder, here), here))
-                lines |= dict.fromkeys(every, self.place(paths["draw", key]))
-        for key in grid.keys() & drawn.keys():
-            self.says("is drawn and in the grid", paths["grid", key], f"{label}{key}")
-        tables, refused = assigned(base, constant.items())
-        for key, error in refused if base else ():
-            error.place = self.place(paths["set", key], f"{label}set.{key}")
-            self.wrong.append(error)
-        for key in constant:
-            origin = origin.overridden(key, self.place(paths["set", key]))
-        place = self.place(path) if path else self.name
-        tables = locate(tables, self.folder, place)
-        return Part(tables, own.get("name", ""), runs, grid, drawn, self.folder, origin, lines)
-
-
-def _listed(table, folder, place):
-    """Return a distribution; a `choice` that names a CSV file beside the campaign becomes the list of its rows."""
-    name = table.get("choice") if isinstance(table, dict) else None
-    if not isinstance(name, str):
-        return table
-    path = folder / name if folder else resources.files("cosim").joinpath("campaigns", name)
+    written = Origin.of_toml(text, name)
+    # a key in quotes has dots of its own
+    origin = Origin(name, {tuple(".".join(path).split(".")): where for path, where in written.where.items()})
+    wrong = Mistakes()
     try:
+        file = _File.model_validate(table)
+    except ValidationError as error:
+        wrong.append(explained(error, table, origin, CampaignError))
+        slips = {one["loc"][0] for one in error.errors()}
+        if "part" in slips:
+            wrong.check()
+        file = _File.model_validate({key: value for key, value in table.items() if key not in slips})
+    slips_only = len(wrong)
+    with wrong.caught():
+        base, written_at = _base(file.base, folder)
+        parts = [_part(file, i, base, written_at, folder, origin, wrong) for i in range(len(file.part))]
+        about = file.model_dump(include={"title", "sampling", "seed", "first_seed", "paired"})
+        made = Campaign(name, tuple(parts), **about)
+        if wrong and len(wrong) == slips_only:  # its runs can be checked all the same
+            dataclasses.replace(made, sampling="random").scenarios()
+    wrong.check()
+    return made
+
+
+def _part(file, i, base, base_origin, folder, origin, wrong):
+    """Return Part `i` of a campaign's file: what the file says for all, and its own on top; the common grid changes
+    slowest. Keys that cannot be are put to the `wrong` ones."""
+    own = file.part[i]
+
+    def line(kind, key):
+        """Return where a key was written: of the part's own, or of what is common to all."""
+        at = f"part.{i}.{kind}" if key in getattr(own, kind) else kind
+        return origin.of(f"{at}.{key}")
+
+    constant, grid, draws = ({**getattr(file, kind), **getattr(own, kind)} for kind in ("set", "grid", "draw"))
+    lines = {key: line("grid", key) for key in grid}
+    drawn: dict[str, Draw] = {}
+    for key, one in sorted(draws.items(), key=lambda item: not item[0].endswith("*")):  # a key itself wins over *
+        here = line("draw", key)
+        with wrong.caught():
+            every = _every(key, f"{here}: draw.{key}")
+            drawn |= dict.fromkeys(every, _listed(one, folder, f"{here}: draw.{key}"))
+            lines |= dict.fromkeys(every, here)
+    for key in grid.keys() & drawn.keys():
+        wrong.append(CampaignError("is drawn and in the grid", place=f"{line('grid', key)}: {key}"))
+    tables, refused = assigned(base, constant.items())
+    for key, error in refused:
+        error.place = f"{line('set', key)}: set.{key}"
+        wrong.append(error)
+    for key in constant:
+        base_origin = base_origin.overridden(key, line("set", key))
+    tables = locate(tables, folder, origin.of(f"part.{i}"))
+    runs = own.runs if "runs" in own.model_fields_set else file.runs
+    return Part(tables, own.name, runs, grid, drawn, folder, base_origin, lines)
+
+
+def _listed(drawn, folder, place):
+    """Return a Draw; a `choice` that names a CSV file beside the campaign becomes the list of its rows."""
+    name = drawn.choice
+    if not isinstance(name, str):
+        return drawn
+    path = folder / name if folder else resources.files("cosim").joinpath("campaigns", name)
+    rows: list[dict] = []
+    with contextlib.suppress(CosimError, OSError, csv.Error):
         rows = list(csv.DictReader(read(str(path)).splitlines()))
-    except (CosimError, OSError, csv.Error):
-        raise CampaignError(f"{name} is no CSV file that can be read", place=place) from None
-    return {**table, "choice": [{key: _value(text) for key, text in row.items()} for row in rows]}
+    if not rows:
+        raise CampaignError(f"{name} is no CSV file of rows that can be read", place=place)
+    return Draw(choice=[{key: _value(text) for key, text in row.items()} for row in rows])
 
 
 def _value(text):

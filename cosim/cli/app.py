@@ -27,6 +27,7 @@ from cosim.errors import CosimError, OutputError, ScenarioError, shortened
 from cosim.files import Sign, claim, failed
 
 WIDTH = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 110  # a pipe has no width: do not fold its tables
+INTERRUPTED = 130  # exit status after Ctrl-C
 MOST = 20  # mistakes of one file that are told before the last
 
 
@@ -68,7 +69,10 @@ class _Group(TyperGroup):
         given = how.pop("args", None)
         how["args"] = list(sys.argv[1:] if given is None else given) or ["-h"]
         try:
-            sys.exit(super().main(*args, **{**how, "standalone_mode": False}))
+            status = super().main(*args, **{**how, "standalone_mode": False})
+            if status == INTERRUPTED:
+                err.print("[yellow]interrupted[/]")
+            sys.exit(status)
         except TyperException as error:
             told = [_usage(error)]
         except CosimError as error:
@@ -81,21 +85,13 @@ class _Group(TyperGroup):
             _say(line)
         sys.exit(2)
 
-    def invoke(self, ctx):
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            err.print("[yellow]interrupted[/]")
-            raise
-
 
 def _usage(error):
     """Return one line of what typer refuses: an unknown option, a value out of its range, an argument missing."""
     ctx = getattr(error, "ctx", None)
     path = ctx.command_path if ctx else "cosim"
-    said = " ".join(error.format_message().split()).rstrip(".")
-    stop = "" if said.endswith("?") else "."
-    return f"{path}: {said}{stop} `{path} -h` says what there is"
+    said = " ".join(error.format_message().split())
+    return f"{path}: {said} `{path} -h` says what there is"
 
 
 def _say(text, lead="[bold red]error:[/] "):
@@ -110,7 +106,7 @@ def notes(lines: Iterable[str]) -> None:
 
 
 class _Command(TyperCommand):
-    """A command whose help has whole paragraphs, and no names of Python's types, and that overwrites no input."""
+    """A command whose help has whole paragraphs, and no names of Python's types."""
 
     def __init__(self, *args, **how):
         super().__init__(*args, **how)
@@ -121,15 +117,6 @@ class _Command(TyperCommand):
 
     def collect_usage_pieces(self, ctx):
         return [piece.translate({123: None, 125: None}) for piece in super().collect_usage_pieces(ctx)]
-
-    def invoke(self, ctx):
-        path = ctx.params.get("output")
-        for name, given in ctx.params.items() if path and path.is_file() else ():
-            for one in given if isinstance(given, list) else [given]:
-                if name != "output" and isinstance(one, str | Path) and Path(one).exists() and path.samefile(one):
-                    said = f"is the {name.strip('_')} itself, it would be overwritten"
-                    raise OutputError(said, place=str(path), remedy="Choose another -o")
-        return super().invoke(ctx)
 
 
 app = Typer(cls=_Group, rich_markup_mode="rich", pretty_exceptions_enable=False,
@@ -195,12 +182,16 @@ def only_with(partner: str, given: Any, **options: Any) -> None:
 # -- what commands do before the work, and with its result
 
 
-def reserve(path: Path, sign: Sign | None, *, log: bool = False) -> None:
+def reserve(path: Path, sign: Sign | None, *, log: bool = False, source: Path | None = None) -> None:
     """Find out before the work whether `path` can be written, leaving nothing but its folder; see cosim.files.claim.
 
-    `sign` tells the project's own files of this format. A `log` must not be there unfinished. Raises OutputError.
+    `sign` tells the project's own files of this format. A `log` must not be there unfinished; the `source` of the work
+    is not written over. Raises OutputError.
     """
     claim(path, sign)
+    if source and source.exists() and path.exists() and path.samefile(source):
+        remedy = "Choose another -o"
+        raise OutputError("is the log itself, it would be overwritten", place=str(path), remedy=remedy)
     try:
         folder = Path(os.path.realpath(path)).parent
         folder.mkdir(parents=True, exist_ok=True)
@@ -231,9 +222,8 @@ def answer(json_: bool, found: dict, shown: Callable[[dict], Any]) -> None:
 
 
 def word(path: Any) -> str:
-    """Return a path as it stands in a command: quoted where it must be, one with a leading dash no option."""
-    text = str(path)
-    return shlex.quote(f"./{text}" if text.startswith("-") else text)
+    """Return a path as it stands in a command: quoted where it must be."""
+    return shlex.quote(str(path))
 
 
 def whole(text: str) -> Text:

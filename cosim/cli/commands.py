@@ -2,7 +2,6 @@
 is needed: the help needs none of it."""
 
 import contextlib
-import hashlib
 import math
 import os
 import re
@@ -12,6 +11,7 @@ from typing import Annotated, Any
 
 from typer import Argument, Exit, Option
 
+import cosim
 from cosim.cli import app as shared
 from cosim.cli import tables
 from cosim.cli.app import answer, app, command, err, named, notes, only_with, out, output_option, reserve, whole, word
@@ -22,7 +22,6 @@ from cosim.table import Cell, Row, Table
 
 __all__ = ["app"]
 DEFAULT = "liquid-ofc"
-LONGEST = 100  # characters of a log's name
 LIVE_PORT = 8765  # that Foxglove asks for by default
 LAYOUT = marked(b"{", b'"content"', b'"type": "tabs"')  # the sign of our layouts
 MARKS = {"good": Cell("✓", "good"), "bad": Cell("✗", "bad"), "note": Cell("!", "warn")}
@@ -68,9 +67,7 @@ def run(
                 where = LIVE_PORT if port is None else port
                 result, flown = fly_live(flown, log=path, port=where, speed=speed or 1.0, **told)
             else:
-                from cosim.flight.simulate import simulate
-
-                result = simulate(flown, log=path, progress=tell, achieved=True)
+                result = cosim.simulate(flown, log=path, progress=tell, achieved=True)
     found = result.to_dict() | {"overwritten": overwritten}
     notes(found.get("notes", ()))
     if report:
@@ -79,20 +76,19 @@ def run(
         found["report"] = str(flight_report(found["log"], page))
     answer(json_, found, lambda _: tables.run(found, flown, details))
     if found["status"] == "interrupted":
-        raise Exit(130)
+        raise Exit(shared.INTERRUPTED)
     raise Exit(int(strict and found["status"] != "completed"))
 
 
 def loaded(scenario: str, overrides: Any, detectors: Any = ()) -> Any:
     """Return the Scenario of a command; of a campaign's file say which command flies it. Raises CosimError."""
     from cosim import parts
-    from cosim.scenario import load_scenario
     from cosim.scenario.user_parts import identified
     from cosim.texts import read, toml
 
     parts.loaded(detectors)  # the scenario may set their parameters
     try:
-        flown = load_scenario(scenario, overrides)
+        flown = cosim.load_scenario(scenario, overrides)
     except CosimError:
         if Path(scenario).is_file() and {"base", "part"} & set(toml(read(scenario), place=scenario)):
             remedy = f"cosim campaign {scenario} flies it"
@@ -117,21 +113,17 @@ def _prepared(flown):
 
 def log_name(scenario: str, overrides: Any = ()) -> str:
     """Return the name of a run's log without its ending: the scenario's, and what was set, so that a variant gets a
-    file of its own; a digest of what was set where that is long."""
+    file of its own."""
     told = [re.sub(r"[^A-Za-z0-9._=-]+", "_", text.strip()).strip("_") for text in overrides]
-    name = "+".join([Path(scenario).stem, *told])
-    if len(name) <= LONGEST:
-        return name
-    return f"{Path(scenario).stem[:LONGEST]}+{hashlib.sha256(chr(0).join(overrides).encode()).hexdigest()[:8]}"
+    return "+".join([Path(scenario).stem, *told])
 
 
 def served(server: Any, layout: Path | None = None) -> None:
     """Say where Foxglove finds a flight, and write its `layout` for that flight."""
-    told = [f"in Foxglove: Open connection, {server.steer_url or server.url}"]
+    told = [f"in Foxglove: Open connection, {server.url}"]
     if layout:
         replace_text(layout, server.layout.decode(), LAYOUT)
         told.insert(0, f"layout {layout}: in Foxglove, Import from file")
-    told += [f"to watch only: {server.url}"] if server.steer_url else []
     err.print(whole("\n".join(told)), highlight=False)
 
 
@@ -176,11 +168,10 @@ def info(
 
 def _write_sources(log, folder):
     """Write the scenario of a log and what is attached to it; say what is not."""
-    from cosim.log import open_log
     from cosim.replay import log_schema
     from cosim.scenario.user_parts import write
 
-    found = open_log(log)
+    found = cosim.open_log(log)
     missing = write(log_schema.scenario_tables(found), found.attachments, folder)
     notes(f"{key}: the log does not hold its file" for key in missing)
     path = folder / "scenario.toml"
@@ -207,9 +198,7 @@ def report(
         with Progress("reading", "logs", console=err) as tell:
             made = comparison_report(compare([log], progress=tell), path)
     else:
-        from cosim.log import open_log
-
-        foreign = "map.toml" in open_log(log, tolerant=True).attachments
+        foreign = "map.toml" in cosim.open_log(log, tolerant=True).attachments
         made = (diagnosis_report if foreign else flight_report)(log, path)
     answer(json_, {"report": str(made)}, lambda _: whole(f"report {made}"))
 
@@ -249,7 +238,7 @@ def replay(
     from cosim.replay.log_schema import overrides
 
     if output:
-        reserve(output, LOG, log=True)
+        reserve(output, LOG, log=True, source=log)
     overwritten = {"overwritten": output is not None and output.is_file()}
     chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
     how: dict[str, Any] = {"detectors": chosen, "overrides": overrides(set_ or ()), "start_s": start,
@@ -284,7 +273,7 @@ def recover(
         remedy = f"`cosim run {changed} -o {log}` flies it again"
         raise CosimError("the flight was killed before it wrote its log", place=str(log), remedy=remedy)
     path = output or (log.parent / f"{log.stem}.recovered{log.suffix}" if log.exists() else log)
-    reserve(path, LOG)
+    reserve(path, LOG, source=log)
     found = work(source, path)
     if source == part and found["cut"]:  # all but its open end is in the new log
         part.unlink()
@@ -300,7 +289,6 @@ def linearize(
 ) -> None:
     """Show trim and modes at a flight point; write A, B, C, D."""
     flown = loaded(scenario, set_ or ())
-    from cosim.flight.plant.linearize import linearize as work
     from cosim.flight.plant.linearize import model_file
     from cosim.flight.plant.point import FlightPoint
 
@@ -309,7 +297,7 @@ def linearize(
     if output:
         reserve(output, model_file)
     with named(scenario):
-        model = work(FlightPoint.of(flown))
+        model = cosim.linearize(FlightPoint.of(flown))
     if output:
         model.save(output)
     found = {**model.to_dict(), **({"file": str(output)} if output else {})}
@@ -491,7 +479,6 @@ def compare(
 ) -> None:
     """Compare detectors on the same flights: who sees what, when."""
     from cosim.compare import compare as work
-    from cosim.judge.result import plain
     from cosim.report import write_comparison
     from cosim.report.compare_page import SIGNS
 
@@ -502,7 +489,7 @@ def compare(
         made = work(sources, progress=tell, user_detectors=detector or ())
     if output:
         write_comparison(made, output)
-    answer(json_, made.to_dict() | {"predictive": plain(made.predictive(fault_rate or ()))}, tables.compared)
+    answer(json_, made.to_dict(fault_rate or ()), tables.compared)
 
 
 @command("Papers")

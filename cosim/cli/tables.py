@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # `--help` needs no scenario
 STATUS = {"completed": "green", "departed": "yellow", "interrupted": "yellow"}
 ARRAYS = (".npy", ".npz")
 SHOWN = 12  # differences of a replay, or places lost of a log; all of them are in --json
-TEXTS, ROWS = 5, 15  # different errors of a campaign, and rows of papers that differ, that are printed
+TEXTS, ROWS = 5, 15  # most frequent errors of a campaign, and rows of papers that differ, that are printed
 
 
 def files(found: dict[str, Any], *names: str, more: str = "") -> list[Text]:
@@ -284,8 +284,6 @@ def campaign(result: Any, failed: list[dict]) -> Group:
     at = result.parquet if result.frame["id"].notna().any() else None
     shown = [detectors(compare([at.parent]).detectors)] if at else []
     told = [Text(f"{r['runs']} x {r['status']}: {r['error']}", style="red") for r in failed[:TEXTS]]
-    if more := sum(r["runs"] for r in failed[TEXTS:]):
-        told.append(Text(f"{more} more with {len(failed) - TEXTS} other texts: column error of the rows", style="red"))
     follows = [whole(f"next   cosim compare {word(at.parent)}")] if at else []
     return Group(*shown, Text(text), *told, Text(f"rows   {result.parquet}"), *follows)
 

@@ -30,7 +30,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from cosim.campaign.worker import run_id
+from cosim.campaign.store import load
+from cosim.campaign.worker import FAILED, run_id
 from cosim.errors import CosimError
 from cosim.judge import coverage
 from cosim.judge import row as judged
@@ -205,11 +206,12 @@ def of_logs(
     return pd.DataFrame(rows), tomls, again
 
 
-def of_campaign(folder: str | Path) -> tuple:
-    """Return (rows per lane, timing, {run: TOML}, title) of a campaign's folder. Raises CampaignError."""
-    from cosim.campaign.store import load
-
+def of_campaign(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame, int, int, str, dict[str, str]]:
+    """Return (rows, timing, flights, runs without one, title, {run: TOML}) of a campaign's folder. Raises
+    CampaignError."""
     frame, timing, tomls, about = load(folder)
     for entry in about.get("user_detectors", []):
         tell(entry)
-    return frame, timing, tomls, str(about.get("title", ""))
+    status = frame.drop_duplicates("run")["status"]
+    failed, title = int(status.isin(FAILED).sum()), str(about.get("title", ""))
+    return tidy(frame, tomls, str(folder)), timing, len(status), failed, title, tomls

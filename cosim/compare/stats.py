@@ -6,8 +6,9 @@ from dataclasses import asdict
 
 import numpy as np
 import pandas as pd
+from scipy.stats import binomtest
 
-from cosim.compare import metrics, pod
+from cosim.compare import metrics
 from cosim.compare.rows import FAMILIES
 from cosim.judge.coverage import BLIND, DESIGNED, MAY, UNDECLARED, group
 from cosim.judge.naming import AXIS, CHANNEL, LEVELS, RIGHT, WRONG
@@ -17,32 +18,21 @@ from fdi.registry import SHIPPED
 FREQUENCIES = 8
 HELD = 0.95  # share of the time from the alarm to the fault's end in which an alarm that is held stands
 CREDIBLE = 0.5  # a detector that alarms in more than half of the fault-free flights tells nothing by alarming
-UNSEEN = ("not_valid", "masked", "not_excited")
-WORDS = ("named", "ambiguous", "misnamed", *UNSEEN, "missed")
+WORDS = ("named", "ambiguous", "misnamed", "not_valid", "masked", "not_excited", "missed")
 TIMES = {"delay_s": "delay_s", "right_s": "time_to_right_s", "motion_s": "right_after_motion_s"}
 FAULT = ["run", "fault"]
 POINTS = 60  # of a fitted curve
+DRAWS = 2000  # of the bootstrap
+LEAST = 5  # flights, below which a pair is not tested
 CURVES = [
-    "family",
-    "of",
-    "frequency_hz",
-    "amplitude_mm",
-    "pod",
-    "low",
-    "high",
-    "flights",
-    "seen",
-    "a90",
-    "a90_95",
-    "note",
-]
+    *("family", "of", "frequency_hz", "amplitude_mm", "pod", "low", "high", "flights", "seen", "a90", "a90_95", "note"),
+]  # fmt: skip
 
 
 def outcomes(rows: pd.DataFrame) -> pd.Series:
-    """Return one word of WORDS per row of a fault: named, ambiguous or misnamed when it was seen, else not_valid (it
-    could not judge), masked (by the alarm of an earlier fault), not_excited (it never showed) or missed."""
-    unseen = np.select([rows[word] for word in UNSEEN], UNSEEN, "missed")
-    return rows["outcome"].where(rows["detected"], unseen)
+    """Return one word of WORDS per row of a fault that the detector was designed for: its outcome, not_excited where
+    one that was missed never showed."""
+    return rows["outcome"].mask((rows["outcome"] == "missed") & rows["not_excited"], "not_excited")
 
 
 def score(rows: pd.DataFrame) -> dict:
@@ -145,6 +135,30 @@ def operating_points(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.concat(out, ignore_index=True) if out else pd.DataFrame(columns=["detector"])
 
 
+def pair(rows: pd.DataFrame, a: str, b: str) -> list[dict]:
+    """Return what the flights say of detectors `a` and `b`, over the faults that concern both and to which neither is
+    blind: n flights, seen by one alone, McNemar's two-sided p, and the share of flights that a sees less that of b,
+    with its 95 % interval; [] without such a fault. `rows` are those of cosim/compare/rows.py."""
+    use = rows[rows["case"].notna() & rows["concerned"] & (rows["word"] != "blind")]
+    seen = use.pivot(index=["run", "fault"], columns="id", values="detected").reindex(columns=[a, b]).dropna()
+    more = seen[a].astype(float) - seen[b].astype(float)
+    n, only_a, only_b = len(more), int((more > 0).sum()), int((more < 0).sum())
+    about: dict = {"a": a, "b": b, "n": n, "only_a": only_a, "only_b": only_b}
+    about |= dict.fromkeys(("p", "difference", "low", "high"))
+    if n >= LEAST:
+        low, high = bootstrap(more.to_numpy())
+        p = float(binomtest(only_a, only_a + only_b).pvalue) if only_a + only_b else 1.0
+        about |= {"p": p, "difference": (only_a - only_b) / n, "low": low, "high": high}
+    return [about] if n else []
+
+
+def bootstrap(difference: np.ndarray, confidence: float = 0.95) -> tuple[float, float]:
+    """Return the percentile interval of the mean of `difference` (flights,), paired; the same draws every time."""
+    drawn = np.random.default_rng(0).integers(0, len(difference), (DRAWS, len(difference)))
+    low, high = np.quantile(difference[drawn].mean(axis=1), [(1 - confidence) / 2, (1 + confidence) / 2])
+    return float(low), float(high)
+
+
 def coverage_matrix(rows: pd.DataFrame) -> dict[str, dict]:
     """Return {case: {detector: {word, runs, detected, lane, outcomes}}} of the faulty flights."""
     out: dict = {}
@@ -237,34 +251,30 @@ def bands(hz: pd.Series) -> pd.Series:
     return hz if hz.nunique() <= FREQUENCIES else 2.0 ** np.round(np.log2(hz))
 
 
-def cells(rows: pd.DataFrame) -> Iterator[tuple]:
-    """Yield ((family, group, frequency [Hz]), rows) of the oscillations in `rows`, frequencies as in `bands`."""
-    own = rows[rows["frequency_hz"].notna() & (rows["amplitude_mm"] > 0.0)]
-    yield from own.groupby([own["family"], own["group"], bands(own["frequency_hz"].astype(float))], sort=True)
+def fits(grouped: pd.DataFrame) -> Iterator[tuple[dict, pd.DataFrame, metrics.Pod]]:
+    """Yield ({group, family, frequency_hz, not_valid}, flights in which it could judge, their Pod) of the oscillations
+    by kind, group and frequency. Flights in which no detector of the group could judge are counted in `not_valid`."""
+    own = grouped[grouped["frequency_hz"].notna() & (grouped["amplitude_mm"] > 0.0)]
+    keys = [own["family"], own["group"], bands(own["frequency_hz"].astype(float))]
+    for (family, group_, hz), part in own.groupby(keys, sort=True):
+        could = part[part["able"]]
+        about = {"group": group_, "family": family, "frequency_hz": float(hz), "not_valid": len(part) - len(could)}
+        yield about, could, metrics.fit(could["amplitude_mm"], could["seen"])
 
 
 def sizes(grouped: pd.DataFrame) -> list[dict]:
-    """Return {group, family, frequency_hz, not_valid, **Pod} by group, kind and frequency [mm of rod].
-
-    Flights in which no detector of the group could judge are counted in `not_valid` and not in the fit.
-    """
-    out = []
-    for (family, group_, band), part in cells(grouped):
-        could = part[part["able"]]
-        about = {"group": group_, "family": family, "frequency_hz": float(band), "not_valid": len(part) - len(could)}
-        out.append({**about, **asdict(pod.fit(could["amplitude_mm"], could["seen"]))})
-    return out
+    """Return {group, family, frequency_hz, not_valid, **Pod} by kind, group and frequency [mm of rod]."""
+    return [{**about, **asdict(fit)} for about, _, fit in fits(grouped)]
 
 
 def curves(grouped: pd.DataFrame) -> pd.DataFrame:
     """Return the fitted curves as a frame: probability of detection `pod` over the achieved amplitude [mm of rod],
     `low` and `high` each with 95 % confidence. A cell without a curve has one row, whose `note` says why."""
     out: list[dict] = []
-    for (family, of, hz), part in cells(grouped[grouped["able"]]):
-        f = pod.fit(part["amplitude_mm"], part["seen"])
-        about = {"family": family, "of": of, "frequency_hz": hz, "flights": f.n, "seen": f.seen, "a90": f.a90,
-                 "a90_95": f.a90_95, "note": f.note}  # fmt: skip
-        at = np.geomspace(part["amplitude_mm"].min(), part["amplitude_mm"].max(), POINTS)
+    for cell, could, f in fits(grouped):
+        about = {"family": cell["family"], "of": cell["group"], "frequency_hz": cell["frequency_hz"], "flights": f.n,
+                 "seen": f.seen, "a90": f.a90, "a90_95": f.a90_95, "note": f.note}  # fmt: skip
+        at = np.geomspace(could["amplitude_mm"].min(), could["amplitude_mm"].max(), POINTS) if f.coefficients else ()
         points = zip(at, *f.at(at)) if f.coefficients else [()]
         out += [about | dict(zip(("amplitude_mm", "pod", "low", "high"), row)) for row in points]
     return pd.DataFrame(out, columns=CURVES)

@@ -72,34 +72,25 @@ class Said:
         self.names = [n for n in (*SAID, *lane.alarms.values(), "valid", "why") if n in lane.at]
         self._columns = [lane.at[n] for n in self.names]
         self._onset = min((round(f["start_s"] / dt) for f in faults), default=None)
-        self._blocks: list[tuple[NDArray, NDArray]] = [(np.zeros(0, int), np.zeros((0, len(self.names))))]
-        self._last: NDArray | None = None
+        self.first, self.rows = np.zeros(0, int), np.zeros((0, len(self.names)))
+        self._last = np.full((1, len(self.names)), math.nan)
 
     def add(self, trace: NDArray) -> "Said":
         """Take the outputs (ticks, columns) of the next ticks; return itself."""
         for a in range(0, len(trace), BLOCK):
             rows = trace[a : a + BLOCK]
             said = rows[:, self._columns]
-            new = np.append(self._last is None or (said[0] != self._last).any(), (said[1:] != said[:-1]).any(axis=1))
-            self._blocks.append((self.ticks + np.flatnonzero(new), said[new]))
+            new = (said != np.vstack([self._last, said[:-1]])).any(axis=1)
+            self.first = np.append(self.first, self.ticks + np.flatnonzero(new))
+            self.rows = np.vstack([self.rows, said[new]])
             if "r" in self.lane.at:
                 r, n = np.abs(rows[:, self.lane.at["r"]]), len(rows)
                 cut = n if self._onset is None else min(max(self._onset - self.ticks, 0), n)
                 halves = zip((r[:cut], r[cut:]), self.peaks)
                 self.peaks = [float(np.fmax.reduce(part, initial=peak)) for part, peak in halves]
-            self._last, self.ticks = said[-1], self.ticks + len(rows)
+            self._last, self.ticks = said[-1:], self.ticks + len(rows)
             release(trace)
         return self
-
-    @property
-    def first(self) -> NDArray:
-        """Return the ticks at which something changes (changes,)."""
-        return np.concatenate([first for first, _ in self._blocks])
-
-    @property
-    def rows(self) -> NDArray:
-        """Return what is said from each of them on (changes, names)."""
-        return np.concatenate([rows for _, rows in self._blocks])
 
     def spans(self, name: str) -> list[tuple[int, int]]:
         """Return [(first tick, tick after the last)] of the stretches in which an output is above one half."""
@@ -193,14 +184,8 @@ class Word(NamedTuple):
 
     first: int
     stop: int
-    verdict: float
-    part: Any
-    name: Name = Name(NOT_GIVEN, NOT_GIVEN, "")
-
-    @property
-    def said(self) -> tuple:
-        """Return class and part."""
-        return self.verdict, self.part
+    said: tuple[float, str]
+    name: Name
 
 
 def name_at_end(words: Sequence[Word], dt: float) -> Word | None:
@@ -313,20 +298,17 @@ class Heard:
             return {}
         run, _, stop = self.runs.inside(healed, end)
         last = int(max(stop[self.alarm[run]], default=0))
-        after = max(0.0, last * self.dt - self.fault["end_s"])
-        return {"withdrawn": last < end, "withdrawn_after_s": after if last < end else None}
+        after = max(0.0, last * self.dt - self.fault["end_s"]) if last < end else None
+        return {"withdrawn": last < end, "withdrawn_after_s": after}
 
     # -- names
 
     def given(self, first: int, stop: int, fault: Mapping | None = None) -> list[Word]:
         """Return the words of the ticks first <= k < stop in which an alarm stands with a name, as names of `fault`, by
         default the lane's own. Of the others those count that are there then."""
-        out = []
-        for i, a, b in zip(*self.runs.inside(first, stop)):
-            verdict, part = self.words[i]
-            if self.alarm[i] and verdict > 0.5:
-                out.append(Word(int(a), int(b), verdict, part, self.name(i, fault)))
-        return out
+        inside = zip(*self.runs.inside(first, stop))
+        return [Word(int(a), int(b), self.words[i], self.name(i, fault)) for i, a, b in inside
+                if self.alarm[i] and self.words[i][0] > 0.5]  # fmt: skip
 
     def name(self, run: int, fault: Mapping | None = None) -> Name:
         """Return how what is said in a run stands to `fault`, by default the lane's own."""
@@ -334,8 +316,7 @@ class Heard:
         key = (id(fault), *self.words[run], *here)
         if key not in self._names:
             (verdict, part), met = self.words[run], [group[0] for group, is_here in zip(self.groups, here) if is_here]
-            of = self.fault if fault is None else fault
-            self._names[key] = name_of(of, self.lane.level, code.class_name(verdict), part, met)
+            self._names[key] = name_of(fault or self.fault, self.lane.level, code.class_name(verdict), part, met)
         return self._names[key]
 
     def verdicts(self, words: Sequence[Word]) -> dict:
@@ -345,9 +326,9 @@ class Heard:
         return {"first_verdict": self._verdict(words[0]), "isolated": last and self._verdict(last), "named_at_s": at}
 
     def _verdict(self, word):
-        target, part = self.lane.target, word.part
-        target = target if not part else part if self.lane.level != "local" else f"{target}.{part}"
-        return {"class": code.class_name(word.verdict), "target": target}
+        (verdict, part), whole = word.said, self.lane.target
+        target = whole if not part else part if self.lane.level != "local" else f"{whole}.{part}"
+        return {"class": code.class_name(verdict), "target": target}
 
     def first_right(
         self, first: int, end: int, right: Callable[[Name], bool] = lambda n: n.right, fault: Mapping | None = None
@@ -383,14 +364,14 @@ class Heard:
         words = [w for w in self.given(k, end) if not w.name.elsewhere]  # else it is said of another fault alone
         if not words:
             return out
-        last, sure = name_at_end(words, self.dt), [w for w in words if w.verdict != code.AMBIGUOUS]
+        last, sure = name_at_end(words, self.dt), [w for w in words if w.said[0] != code.AMBIGUOUS]
         name = last.name if last else Name(NOT_GIVEN, NOT_GIVEN, "")
         out |= {
             **self.verdicts(words), "right": name.right, "class_given": name.class_, "place_given": name.place,
             "place_level": name.level, "first_right": words[0].name.right,
             "first_sure_wrong": bool(sure) and sure[0].name.wrong,
-            "class_changes": sum(a.verdict != b.verdict for a, b in pairwise(words)),
-            "ambiguous_s": sum(w.stop - w.first for w in words if w.verdict == code.AMBIGUOUS) * self.dt,
+            "class_changes": sum(a.said[0] != b.said[0] for a, b in pairwise(words)),
+            "ambiguous_s": sum(w.stop - w.first for w in words if w.said[0] == code.AMBIGUOUS) * self.dt,
         }  # fmt: skip
         right = self.first_right(k, end)
         if right is None and name.right:  # right at the end without ever standing for long

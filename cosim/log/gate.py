@@ -2,8 +2,8 @@
 
 Any web page that the user has open may connect to a port of this machine; a browser says in `Origin` whose page it is,
 and no page can leave that out. The gate reads it, and passes the rest on to a server behind, which listens at an
-address of its own: a random one of the loopback network where the system has more than one. Who shows the token comes
-to the server that takes requests, who shows none to the one that only tells, who shows a wrong one is turned away.
+address of its own: a random one of the loopback network where the system has more than one. Where there is a token,
+who does not show it is turned away.
 """
 
 import asyncio
@@ -21,7 +21,6 @@ ORIGINS = ("https://app.foxglove.dev", "https://studio.foxglove.dev")  # pages o
 OWN_HOSTS = ("localhost", "127.0.0.1", "::1")  # a page that this machine serves
 HEAD_BYTES, HEAD_S = 16384, 5.0  # of the request that opens a connection, all of it
 MOST = 64  # connections at a time: each takes two sockets
-KEPT = 8  # of them, for who shows the token: those who only watch keep the owner out of nothing
 REFUSED = b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 
 
@@ -46,14 +45,11 @@ def allowed(origins: list[str]) -> bool:
 
 
 class Gate:
-    """Listen at `host`:`port` and pass what may come in to `inner` (host, port), or with `token` in its address,
-    ws://host:port/?token=..., to `steered`; `close` ends it. Raises OSError."""
+    """Listen at `host`:`port` and pass what may come in to `inner` (host, port); where there is a `token`, that is who
+    shows it in the address, ws://host:port/?token=... `close` ends it. Raises OSError."""
 
-    def __init__(
-        self, host: str, port: int, inner: tuple[str, int], steered: tuple[str, int] | None = None, token: str = ""
-    ):
-        self._inner, self._steered, self._token = inner, steered, token.encode()
-        self._held = self._watching = 0  # connections, and those without the token
+    def __init__(self, host: str, port: int, inner: tuple[str, int], token: str = ""):
+        self._inner, self._token, self._places = inner, token.encode(), asyncio.Semaphore(MOST)
         # in a queue of 5 places, the system's choice, a caller beyond waits for seconds to try again
         listening = socket.create_server((host, port), backlog=2 * MOST)
         self.port, started = int(listening.getsockname()[1]), Future()  # type: ignore[var-annotated]
@@ -68,50 +64,32 @@ class Gate:
         server.close()
 
     async def _taken(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Give a connection its place, and back."""
-        with contextlib.closing(writer), contextlib.suppress(OSError):
-            if self._held < MOST:
-                self._held += 1
-                try:
-                    await self._pass_on(reader, writer)
-                finally:
-                    self._held -= 1
-
-    async def _pass_on(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Hand what may come in to the server behind, and all that follows to the other side, until one closes."""
+        with contextlib.closing(writer), contextlib.suppress(OSError):
+            if self._places.locked():
+                return
+            async with self._places:
+                if not (head := await self._admitted(reader)):
+                    writer.write(REFUSED)
+                    return await writer.drain()
+                answers, asks = await asyncio.open_connection(*self._inner)
+                with contextlib.closing(asks):
+                    asks.write(head)
+                    both = [asyncio.ensure_future(_copy(*way)) for way in ((reader, asks), (answers, writer))]
+                    await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+                    for way in both:
+                        way.cancel()
+
+    async def _admitted(self, reader: asyncio.StreamReader) -> bytes:
+        """Return the head of a request that may come in, nothing of one that is turned away."""
         try:
             head = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), HEAD_S)  # bytes one by one keep nobody's place
-            inner = self._behind(head)
-        except (TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, ValueError):
-            inner = None
-        if inner is None:
-            writer.write(REFUSED)
-            return await writer.drain()
-        watches = inner != self._steered
-        if watches and self._watching >= MOST - KEPT:
-            return None
-        self._watching += watches
-        try:
-            answers, asks = await asyncio.open_connection(*inner)
-            with contextlib.closing(asks):
-                asks.write(head)
-                both = [asyncio.ensure_future(_copy(*way)) for way in ((reader, asks), (answers, writer))]
-                await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
-                for way in both:
-                    way.cancel()
-        finally:
-            self._watching -= watches
-
-    def _behind(self, head: bytes) -> tuple[str, int] | None:
-        """Return the server to which a request may come, None for one that is turned away. Raises ValueError."""
-        request, _, rest = head.partition(b"\r\n")
-        if not allowed(email.message_from_bytes(rest).get_all("Origin", [])):
-            return None
-        _, address, *_ = request.decode("latin-1").split(" ")
-        shown = parse_qs(urlsplit(address).query, keep_blank_values=True).get("token")
-        if shown is None or self._steered is None:
-            return self._inner
-        return self._steered if hmac.compare_digest(shown[0].encode(), self._token) else None
+            request, _, rest = head.partition(b"\r\n")
+            shown = parse_qs(urlsplit(request.decode("latin-1").split(" ")[1]).query).get("token", [""])[0]
+        except (TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, ValueError, IndexError):
+            return b""
+        own = allowed(email.message_from_bytes(rest).get_all("Origin", []))
+        return head if own and (not self._token or hmac.compare_digest(shown.encode(), self._token)) else b""
 
 
 async def _copy(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

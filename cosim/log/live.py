@@ -1,7 +1,7 @@
 """Show a flight while it is flown: the log's own topics over a WebSocket for Foxglove, and let viewers break it.
 
-Nothing of the watching enters the log: a watched flight leaves the same bytes as one that nobody sees. Whoever has the
-address with its token may also call the services that the flight offers; they run in the flight's own thread, between
+Nothing of the watching enters the log: a watched flight leaves the same bytes as one that nobody sees. Who comes in may
+call the services that the flight offers, so that its address has a token; they run in the flight's own thread, between
 two ticks.
 """
 
@@ -96,7 +96,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class Control:
-    """Something that viewers with the token may do: `do` takes the keys of a request and returns those of the answer.
+    """Something that viewers may do: `do` takes the keys of a request and returns those of the answer.
 
     `request` is the JSON schema of those keys, `example` a request that is a good first one.
     """
@@ -131,9 +131,9 @@ class Live:
     """Serve the ticks of a flight; use it as a context manager, `append(v)` after each tick, then `serve()`.
 
     `topics`, `dt_ns` and `pose` are those of the LogWriter. `port` 0 takes a free one. `speed` is that of the flight
-    against the clock. `controls` {name: Control} are what viewers with the token may do; a CosimError is answered as a
-    refusal. `context` is a foxglove.Context, by default its own. `layout` is for Foxglove's "Import from file". Raises
-    OutputError when the library is missing or the port is taken.
+    against the clock. `controls` {name: Control} are what viewers may do, and the address `url` has a token then; a
+    CosimError is answered as a refusal. `context` is a foxglove.Context, by default its own. `layout` is for Foxglove's
+    "Import from file". Raises OutputError when the library is missing or the port is taken.
     """
 
     def __init__(
@@ -148,27 +148,19 @@ class Live:
         self._controls = dict(controls or {})
         self.layout = live_layout(topics, {name: c.example for name, c in self._controls.items()})
         self._waiting: queue.SimpleQueue[tuple[str, Any, Future]] = queue.SimpleQueue()
-        self.token = secrets.token_urlsafe(18) if controls else ""
-        self.servers: list[Any] = []
-        inner = gate.hidden_host()
-
-        def start(**how):
-            self.servers.append(sdk.start_server(name=name, host=inner, port=0, context=context, **how))
-            return inner, self.servers[-1].port
-
+        token, inner = secrets.token_urlsafe(18) if controls else "", gate.hidden_host()
         try:
-            watched = start(**(more or {}))
-            steered = start(**self._offer(sdk)) if controls else None
+            offered = {**self._offer(sdk), **(more or {})}
+            self.server = sdk.start_server(name=name, host=inner, port=0, context=context, **offered)
         except Exception as error:  # the library has no narrower one
             raise OutputError(f"cannot be served: {error}", place=inner) from None
         try:
-            self._gate = gate.Gate(HOST, port, watched, steered, self.token)
+            self._gate = gate.Gate(HOST, port, (inner, self.server.port), token)
         except OSError as error:
-            self._stop()
+            self.server.stop()
             said = f"cannot be served: {error.strerror}"
             raise OutputError(said, place=f"{HOST}:{port}", remedy="Free the port, or choose another") from None
-        self.url = f"ws://{HOST}:{self._gate.port}"
-        self.steer_url = f"{self.url}/?token={self.token}" if controls else ""
+        self.url = f"ws://{HOST}:{self._gate.port}" + f"/?token={token}" * bool(token)
         self._k = 0
 
     def append(self, v: np.ndarray) -> None:
@@ -190,6 +182,8 @@ class Live:
 
     def _offer(self, sdk):
         """Return the services of the controls, as arguments of the server."""
+        if not self._controls:
+            return {}
         return {
             "capabilities": [sdk.websocket.Capability.Services], "supported_encodings": ["json"],
             "services": [self._service(sdk, name) for name in self._controls],
@@ -221,8 +215,4 @@ class Live:
 
     def __exit__(self, *_):
         self._gate.close()
-        self._stop()
-
-    def _stop(self):
-        for server in self.servers:
-            server.stop()
+        self.server.stop()

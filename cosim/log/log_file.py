@@ -21,7 +21,6 @@ from mcap.records import (
     MetadataIndex,
     Schema,
     Statistics,
-    SummaryOffset,
 )  # fmt: skip
 
 from cosim.errors import OutputError
@@ -168,16 +167,9 @@ class LogFile:
             message_start_time=self.chunks[0].start_ns if self.chunks else 0,
             message_end_time=self.chunks[-1].end_ns if self.chunks else 0,
         ))]  # fmt: skip
-        out, offsets = bytearray(), bytearray()
-        for opcode, blobs in self._summary.items():
-            before = start + len(out)
-            out += b"".join(blobs)
-            if blobs:
-                offsets += encoded(SummaryOffset(opcode, before, start + len(out) - before))
-        at = start + len(out)
-        out += offsets
-        crc = crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, start, at), crc32(out))
-        return bytes(out) + encoded(Footer(start, at, crc)) + MAGIC
+        out = b"".join(blob for blobs in self._summary.values() for blob in blobs)
+        crc = crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, start, 0), crc32(out))
+        return out + encoded(Footer(start, 0, crc)) + MAGIC
 
     def _write(self, offset, *blobs):
         try:

@@ -24,7 +24,7 @@ def log_info(path: str | Path) -> dict[str, Any]:
     scenario = log.attachments.get(SCENARIO, b"").decode("utf-8", "replace")
     return {
         "log": str(path), "complete": log.complete, "problem": problem, "recovered": "recovered" in log.metadata,
-        "title": _title(scenario), "status": (log.result or {}).get("status", ""),
+        "title": log.metadata.get("run", {}).get("title", ""), "status": (log.result or {}).get("status", ""),
         "duration_s": ticks * log.dt_ns / 1e9, "rate_hz": 1e9 / log.dt_ns if log.dt_ns else 0.0, "ticks": log.n_ticks,
         "gaps": ticks - log.n_ticks, "size_mb": round(os.path.getsize(path) / 1e6, 2),
         "versions": {**{k: v for k, v in log.metadata.get("run", {}).items() if k == "software"},
@@ -34,13 +34,3 @@ def log_info(path: str | Path) -> dict[str, Any]:
                     "units": list(t.units)} for t in log.topics.values()],
         "attachments": list(log.attachments), "scenario": scenario,
     }  # fmt: skip
-
-
-def _title(scenario):
-    from cosim.errors import CosimError
-    from cosim.texts import toml
-
-    try:
-        return str(toml(scenario, place="").get("title", ""))
-    except CosimError:
-        return ""

@@ -73,7 +73,7 @@ class _Player:
 
     def play(self, live, log, ended):
         """Show ticks until `ended` is set."""
-        server = live.servers[0]
+        server = live.server
         while not ended.is_set():
             self._follow(live, log)
             if not self.playing:

@@ -333,7 +333,8 @@ def _said(lane, first, stop, start, step):
         return "alarm, names in turn"
     since = next(w.first - first for w in named if w.said == last.said)
     told = f" from {start + since * step:.2f} s" if since else ""
-    return f"{words(class_name(last.verdict))} {words(last.part)}".strip() + told
+    verdict, part = last.said
+    return f"{words(class_name(verdict))} {words(part)}".strip() + told
 
 
 def _labels(figure, flown, lane, alarms):

@@ -26,6 +26,7 @@ WORDS = {  # what pydantic calls by the names of Python
     **dict.fromkeys(("tuple_type", "list_type"), "must be a list"),
     "string_type": "must be text",
     "bool_type": "must be true or false",
+    **dict.fromkeys(("too_short", "string_too_short"), "must not be empty"),
 }
 
 

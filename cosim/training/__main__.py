@@ -3,7 +3,6 @@
 import argparse
 import shutil
 import sys
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -54,9 +53,9 @@ def _tell(text: str) -> None:
 
 
 def _trained(name: str, training: Any, label: str, **where: Any) -> dict[str, dict[str, Any]]:
-    """Fly a training; what has been flown is kept in logs/training-LABEL."""
+    """Fly a training; `label` stands beside its progress."""
     with Progress(f"training {label}", "flights", waiting="preparing", console=err) as progress:
-        return trainer.trained(name, training, folder=Path("logs") / f"training-{label}", progress=progress, **where)
+        return trainer.trained(name, training, progress=progress, **where)
 
 
 def _thresholds(name: str, training: Any, check: bool) -> int:

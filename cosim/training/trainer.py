@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import fdi
-from cosim.campaign.jobs import work
+from cosim.campaign.pool import work
 from cosim.files import replace_text
 from fdi.common import compact
 
@@ -52,7 +52,7 @@ class Training:
 def trained(name: str, of: Training, *, into: Path | None = None, **how: Any) -> dict[str, dict[str, Any]]:
     """Fly a training and return {detector: what its file in the folder `into`, by default FOLDER, then holds}.
 
-    `how` is as in `cosim.campaign.jobs.work`.
+    `how` is as in `cosim.campaign.pool.work`.
     """
     flights = of.flights(of.first_seed, of.number)
     limits = of.limits(work([(of.survey, flight) for flight in flights], **how))

@@ -11,11 +11,10 @@ import time
 import pandas as pd
 import pytest
 import worker_calls
-from worker_calls import flights, square
+from worker_calls import flights
 
 from cosim.campaign import engine, store, worker
 from cosim.campaign.engine import run_many
-from cosim.campaign.jobs import work
 from cosim.campaign.store import flatten, load
 from cosim.errors import CampaignError, OutputError
 from cosim.scenario import load_scenario
@@ -234,14 +233,3 @@ def test_a_run_that_was_flown_again_counts_once():
     found = pd.DataFrame(rows, columns=["run", "lane", "status"]).assign(fault=None)
     told = store.joined(pd.DataFrame({"run": ["a", "b", "c"], "order": [0, 1, 2]}), found)
     assert list(told["run"] + told["status"]) == ["acompleted", "acompleted", "berror", "cinfeasible"]
-
-
-def test_a_job_is_done_once_and_again_where_it_was_cut_short(tmp_path):
-    jobs = [(square, {"x": x}) for x in range(6)]
-    first = work(jobs, folder=tmp_path, workers=1)
-    assert [v["value"] for v in first] == [0, 1, 4, 9, 16, 25] and first[0]["pid"] != os.getpid()
-    (path,) = tmp_path.iterdir()
-    path.write_bytes(path.read_bytes()[:-5])
-    again = work(jobs, folder=tmp_path, workers=0)
-    assert [v["pid"] == os.getpid() for v in again].count(True) == 1
-    assert [v["value"] for v in again] == [0, 1, 4, 9, 16, 25]

@@ -15,7 +15,7 @@ from killed import heeds_ctrl_c
 from scipy import stats
 from typer.testing import CliRunner
 
-from cosim.campaign.draw import draw, unit_cube
+from cosim.campaign.draw import Draw, unit_cube
 from cosim.campaign.engine import cluster, rerun, run_many
 from cosim.campaign.spec import EVALUATION_SEED, builtin_campaigns, load_campaign
 from cosim.cli import commands as cli
@@ -106,24 +106,24 @@ def test_base_may_be_a_file_beside_the_campaign(written):
     "text, says",
     [
         ("rnus = 3", "Did you mean 'runs'"),
-        ("runs = 0", "runs = 0; allowed: 1 to"),
-        ("runs = true", "runs is no whole number"),
+        ("runs = 0", "runs = 0: is out of range; allowed: 1 to 1000000"),
+        ("runs = true", "runs = true: must be a valid integer"),
         ("x = [", "not valid TOML"),
         ("base = 'liquid-ocf'", "liquid-ofc"),
         ("sampling = 'sobol'", "latin_hypercube"),
-        ("[grid]\n'flight.mass_t' = 3", "is no list of values"),
-        ("[grid]\n'flight.mass_t' = []", "is no list of values"),
+        ("[grid]\n'flight.mass_t' = 3", "grid.flight.mass_t: must be a list"),
+        ("[grid]\n'flight.mass_t' = []", "grid.flight.mass_t: must not be empty"),
         ("[grid]\n'flight.mass' = [200]", "mass_t"),
         ("[grid]\n'flight.mass_t' = [200, 9000]", "run 1: flight.mass_t = 9000"),
         ("[grid]\n'flight.mass_t' = [200]\n[draw]\n'flight.mass_t' = {low = 200, high = 300}", "drawn and in the grid"),
         ("[draw]\n'flight.mass_t' = {low = 300, high = 200}", "not below"),
-        ("[draw]\n'flight.mass_t' = {lo = 300}", "unknown key 'lo'"),
+        ("[draw]\n'flight.mass_t' = {lo = 300}", "draw.flight.mass_t.lo: unknown key; allowed: low, high,"),
         ("[draw]\n'flight.mass_t' = {low = 300}", "neither low and high"),
         ("[draw]\n'flight.mass_t' = {mean = 300}", "mean and sigma"),
         ("[draw]\n'flight.mass_t' = {low = 0, high = 200, scale = 'log'}", "no logarithm"),
-        ("[draw]\n'flight.mass_t' = {low = nan, high = 200}", "is no number"),
+        ("[draw]\n'flight.mass_t' = {low = nan, high = 200}", "draw.flight.mass_t.low: must be a finite number"),
         ("[draw]\n'flight.*' = {low = 1, high = 2}", "tolerances.aero.*"),
-        ("[draw]\n'flight.mass_t' = {choice = []}", "something in it"),
+        ("[draw]\n'flight.mass_t' = {choice = []}", "draw.flight.mass_t.choice: must not be empty"),
         ("[[part]]\nnmae = 'x'", "Did you mean 'name'"),
     ],
 )
@@ -149,16 +149,16 @@ def test_what_there_is_not_is_one_line(written, monkeypatch):
 
 def test_distributions_are_what_they_are_called():
     u = unit_cube(2000, 1, sampling="latin_hypercube", seed=3)[:, 0]
-    assert stats.kstest([draw({"low": 2, "high": 4}, "")(q) for q in u], stats.uniform(2, 2).cdf).pvalue > 0.1
-    log = [draw({"low": 0.1, "high": 10, "scale": "log"}, "")(q) for q in u]
+    assert stats.kstest([Draw(**{"low": 2, "high": 4})(q) for q in u], stats.uniform(2, 2).cdf).pvalue > 0.1
+    log = [Draw(**{"low": 0.1, "high": 10, "scale": "log"})(q) for q in u]
     assert stats.kstest(log, stats.loguniform(0.1, 10).cdf).pvalue > 0.1
-    normal = [draw({"mean": 1, "sigma": 2}, "")(q) for q in u]
+    normal = [Draw(**{"mean": 1, "sigma": 2})(q) for q in u]
     assert stats.kstest(normal, stats.norm(1, 2).cdf).pvalue > 0.1
-    cut = [draw({"mean": 1, "sigma": 2, "low": 0, "high": 2}, "")(q) for q in u]
+    cut = [Draw(**{"mean": 1, "sigma": 2, "low": 0, "high": 2})(q) for q in u]
     assert stats.kstest(cut, stats.truncnorm(-0.5, 0.5, 1, 2).cdf).pvalue > 0.1
-    whole = [draw({"low": 1, "high": 4, "integer": True}, "")(q) for q in u]
+    whole = [Draw(**{"low": 1, "high": 4, "integer": True})(q) for q in u]
     assert np.bincount(whole).tolist() == [0, 500, 500, 500, 500]
-    assert [draw({"choice": ["a", "b"]}, "")(q) for q in (0.0, 0.49, 0.51, 0.999)] == ["a", "a", "b", "b"]
+    assert [Draw(**{"choice": ["a", "b"]})(q) for q in (0.0, 0.49, 0.51, 0.999)] == ["a", "a", "b", "b"]
 
 
 @functools.cache
@@ -292,11 +292,15 @@ def dask():
         yield made
 
 
-PAIRED = "paired = true\nruns = 2\n" + SMALL + """[grid]
+PAIRED = (
+    "paired = true\nruns = 2\n"
+    + SMALL
+    + """[grid]
 "faults.0.frequency_hz" = [1, 2, 3]
 [draw]
 "flight.mass_t" = { low = 200, high = 300 }
 """
+)
 
 
 def test_paired_points_of_a_grid_fly_the_same_draws_and_seeds(written):

@@ -88,10 +88,13 @@ def test_no_input_of_a_command_is_written_over(flown, tmp_path):
     mapped.write_text("mine = 1")
     link.symlink_to(flown)
     before = flown.read_bytes()
-    for words, out in ((["replay", flown, "--detector", own], own), (["replay", flown, "--map", mapped], mapped),
-                       (["replay", flown], link), (["recover", flown], flown)):  # fmt: skip
+    taken, itself = "is there already", "is the log itself, it would be overwritten"
+    for words, out, said in (
+        (["replay", flown, "--detector", own], own, taken), (["replay", flown, "--map", mapped], mapped, taken),
+        (["replay", flown], link, itself), (["recover", flown], flown, itself),
+    ):  # fmt: skip
         done = command(*words, "-o", out)
-        assert done.exit_code == 2 and "itself, it would be overwritten" in done.stderr, done.output
+        assert done.exit_code == 2 and said in done.stderr, done.output
     assert (own.read_text(), mapped.read_text(), flown.read_bytes()) == (OWN, "mine = 1", before)
 
 

@@ -10,8 +10,9 @@ import pytest
 
 from cosim.campaign.engine import run_many
 from cosim.campaign.worker import run_id
-from cosim.compare import CompareError, compare, stats
+from cosim.compare import compare, stats
 from cosim.compare import rows as compare_rows
+from cosim.errors import CosimError
 from cosim.flight.simulate import simulate
 from cosim.report import write_comparison
 from cosim.report.compare_page import render
@@ -108,7 +109,7 @@ def test_two_campaigns_stand_side_by_side_on_the_flights_of_both(flights, tmp_pa
     assert json.loads(json.dumps(found.to_dict()))["pairs"]
     shutil.copytree(tmp_path / "before", tmp_path / "again")
     assert "every detector the same" in compare([tmp_path / "before", tmp_path / "again"]).source
-    with pytest.raises(CompareError, match="named twice"):
+    with pytest.raises(CosimError, match="named twice"):
         compare([tmp_path / "before", tmp_path / "after" / ".." / "before"])
 
 
@@ -117,7 +118,7 @@ def test_folder_without_flights_gets_a_clear_error(tmp_path, logs):
 
     with pytest.raises(CosimError, match="holds no"):
         compare([tmp_path])
-    with pytest.raises(CompareError, match="folder"):
+    with pytest.raises(CosimError, match="folder"):
         compare([tmp_path, logs[0]])
 
 

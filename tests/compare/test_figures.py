@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 from test_stats import hand_made
 
-from cosim.compare import CompareError, Comparison, metrics, pod, stats
+from cosim.compare import Comparison, metrics, stats
+from cosim.errors import CosimError
 
 
 @pytest.fixture
@@ -36,22 +37,22 @@ def test_the_operating_points_have_exact_bounds_and_hold_the_shipped_threshold(f
 
 
 def test_flights_of_one_kind_have_no_operating_points_and_an_unknown_detector_is_refused(found):
-    with pytest.raises(CompareError, match="Did you mean"):
+    with pytest.raises(CosimError, match="Did you mean"):
         found.roc(["iotsek"])
     found.rows = found.rows[found.rows["case"].notna()]
-    with pytest.raises(CompareError, match="part"):
+    with pytest.raises(CosimError, match="part"):
         found.roc()
 
 
 def test_the_fit_returns_coefficients_and_covariance_that_give_its_own_bounds():
     rows = many().rows
-    fit = pod.fit(rows["amplitude_mm"], rows["detected"])
+    fit = metrics.fit(rows["amplitude_mm"], rows["detected"])
     assert fit.coefficients == pytest.approx((0.5, 3.0), abs=1.0)
     value, low, _ = fit.at([fit.a90, fit.a90_95])
     assert value[0] == pytest.approx(0.9) and low[1] == pytest.approx(0.9)
     assert fit.at([fit.low])[2][0] == pytest.approx(0.9)
     with pytest.raises(ValueError, match="too few"):
-        pod.fit([1.0], [True]).at([1.0])
+        metrics.fit([1.0], [True]).at([1.0])
 
 
 def test_curves_of_levels_and_of_detectors_stay_within_the_sizes_flown_and_say_why_there_is_none():

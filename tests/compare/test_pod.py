@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cosim.compare.pod import fit, logistic
+from cosim.compare.metrics import fit, logistic
 
 
 def sample(rng, n, a50=1.0, slope=3.0):

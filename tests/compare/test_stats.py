@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cosim.compare import CompareError, Comparison, stats
+from cosim.compare import Comparison, stats
 from cosim.compare import rows as compare_rows
+from cosim.errors import CosimError
 from cosim.judge import coverage
 from cosim.judge.row import FIELDS
 from cosim.scenario import load_scenario
@@ -92,8 +93,8 @@ def test_beside_what_was_seen_stands_how_often_the_same_manoeuvre_alarms_without
 def test_every_flight_stands_in_one_column_and_what_could_not_judge_stays_in_the_denominator():
     rows = hand_made()
     mine = (rows["id"] == "lpv_smo") & (rows["case"] == "hydraulic.ofc_liquid")
-    rows.loc[mine & (rows["amplitude_mm"] == 1.0), "not_valid"] = True
-    rows.loc[mine & (rows["amplitude_mm"] == 1.0), "why_not_valid"] = "outside its box (mass)"
+    unable = mine & (rows["amplitude_mm"] == 1.0)
+    rows.loc[unable, ["not_valid", "outcome", "why_not_valid"]] = True, "not_valid", "outside its box (mass)"
     d = stats.detectors(rows)[1]
     assert (d["designed"], d["detected"], d["not_valid"], d["missed"]) == (3, 1, 1, 1)
     assert sum(d[word] for word in stats.WORDS) == d["designed"] and d["why_not_valid"] == "outside its box (mass)"
@@ -123,7 +124,7 @@ def test_a_fault_rate_that_is_none_is_refused_and_one_gives_each_detector_its_pr
     rows = hand_made()
     found = Comparison(rows, stats.detectors(rows), 8, 0, "by hand")
     for rate in (0.0, -1.0, math.nan, math.inf):
-        with pytest.raises(CompareError, match="--fault-rate"):
+        with pytest.raises(CosimError, match="--fault-rate"):
             found.predictive([rate])
     iotsekf, lpv_smo = found.predictive([0.5])
     assert (iotsekf["value"], lpv_smo["id"]) == (1.0, "lpv_smo")

@@ -15,11 +15,6 @@ def flights(n, *more):
     return [load_scenario("liquid-ofc", [*keys, f"seed={1_000_000 + i}"]) for i in range(n)]
 
 
-def square(x):
-    """Return x squared, and which process found it."""
-    return {"pid": os.getpid(), "value": x * x}
-
-
 def die(group, signals, kill=os.kill):
     """Fly nothing of `group`, [(run, path of a marker)]; "deadly" kills its process, "unlucky" the first."""
     flown = []

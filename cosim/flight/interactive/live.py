@@ -1,6 +1,6 @@
 """Real-time flight with viewers that may inject faults: `cosim run --live`.
 
-Viewers that hold the token call the services /inject, with the keys of a fault as JSON, /heal {"fault": 0} and
+Viewers call the services /inject, with the keys of a fault as JSON, /heal {"fault": 0} and
 /speed {"value": 2}; the layout beside the log has a panel for each, filled in. It is a `Flight` that does it: what is
 injected is a fault of the scenario from that tick on, and the log, written at the end, is that of the scenario that
 the flight came to.
@@ -54,7 +54,7 @@ def fly_live(
     """Fly `scenario` at `speed` times the clock's, served on `port` of this machine, and return what `simulate` does,
     and the scenario that the flight came to.
 
-    `ready(server)` is called when viewers may come (`server.url`, `server.steer_url` with the token). Ctrl-C ends the
+    `ready(server)` is called when viewers may come, to `server.url`, which has a token. Ctrl-C ends the
     flight there; its log is whole, its status "interrupted". Raises OutputError when it cannot be served, TrimError and
     LogError as `simulate`.
     """
