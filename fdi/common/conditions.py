@@ -154,13 +154,6 @@ def basis(E: np.ndarray) -> np.ndarray:
     return U[:, : rank_of(s)]
 
 
-def angle_deg(E: np.ndarray, F: np.ndarray) -> float:
-    """Return the smallest principal angle between the ranges of E and F [deg]; 90 when E has no column."""
-    from scipy.linalg import subspace_angles
-
-    return 90.0 if E.shape[1] == 0 else float(np.degrees(np.min(subspace_angles(E, F))))
-
-
 def unit_columns(X: np.ndarray) -> Any:
     """Return X with its columns scaled to length one; zero columns stay."""
     size = np.linalg.norm(X, axis=0)

@@ -259,14 +259,11 @@ def learn(x, p, dt, f_e, f_n, f_a):
     if x.learned > 0.5 or x.age <= p.t_settle or p.t_learn <= 0.0 or x.rho[R - 1] > p.mach_max or x.calm <= 0.0:
         return
     x.n_learn += 1.0
-    x.sums[0] += (f_e - x.sums[0]) / x.n_learn
-    x.sums[1] += (f_n - x.sums[1]) / x.n_learn
-    x.sums[2] += (f_a - x.sums[2]) / x.n_learn
+    for i, value in enumerate((f_e, f_n, f_a)):
+        x.offset[i] += (value - x.offset[i]) / x.n_learn
     x.alpha_0 += (x.path - x.alpha_0) / x.n_learn
     if x.age >= p.t_learn and (x.n_learn + 1.5) * dt >= p.t_learn - p.t_settle:
         x.learned = 1.0
-        for i in range(3):
-            x.offset[i] = x.sums[i]
 
 
 @kernel
@@ -310,9 +307,10 @@ def reconstruct(x, u, p, dt):
         f_e, f_n, f_a = x.f[0], x.f[1] - D51 * x.f[0], x.f[2]
         learn(x, p, dt, f_e - k_e * f_a, f_n - k_n * f_a, 0.0)
         x.gust_hat = 0.0
-    x.f_hat_elevator = (f_e - x.offset[0]) * RAD_PER_DEG
-    x.f_hat_n_z_raw = x.f[1] - x.offset[1] - D51 * x.offset[0]
-    x.f_hat_n_z = f_n - x.offset[1]
-    x.f_hat_alpha = (f_a - x.offset[2]) * RAD_PER_DEG
+    o_e, o_n, o_a = x.learned * x.offset[0], x.learned * x.offset[1], x.learned * x.offset[2]
+    x.f_hat_elevator = (f_e - o_e) * RAD_PER_DEG
+    x.f_hat_n_z_raw = x.f[1] - o_n - D51 * o_e
+    x.f_hat_n_z = f_n - o_n
+    x.f_hat_alpha = (f_a - o_a) * RAD_PER_DEG
     # white noise of q through a difference and the lag: variance (c / h)^2 (1 + c / (2 - c)) sigma^2
     x.f_sigma = SIGMA_Q * c / dt * math.sqrt(1.0 + c / (2.0 - c)) / math.fabs(E)

@@ -175,8 +175,7 @@ STATE = dtype(
         ("doubt", "f8", "rad"),  # what a wind across may be worth as an angle of a gust
         ("learned", "f8", "-"),  # 1 when the offset holds
         ("n_learn", "f8", "-"),
-        ("sums", "f8", (3,)),  # running means of the offset: deg, g, deg
-        ("offset", "f8", (3,)),
+        ("offset", "f8", (3,), "deg, g, deg"),  # of the estimates, their mean while it is learned
         ("path", "f8", "rad"),  # alpha_hat through a lag of tau_f
         ("alpha_0", "f8", "rad"),  # its mean while offsets were learned, which hold there
         ("away", "f8", "rad"),  # path less alpha_eq

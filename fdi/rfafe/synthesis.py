@@ -126,7 +126,7 @@ def design(
     ratio = float(np.min(np.linalg.norm(TF, axis=0) / np.linalg.norm(F, axis=0)))
     if ratio < min_ratio:
         raise DesignError(
-            f"|TF|/|F| is {ratio:.3f}, below {min_ratio}: E lies {conditions.angle_deg(E, F):.1f} deg from F, so "
+            f"|TF|/|F| is {ratio:.3f}, below {min_ratio}: E lies close to F, so "
             "decoupling it removes the fault and multiplies the noise; lower the rank of E or remove its part along F "
             "(`separate`)")
     A1 = conditions.without_rounding(T @ A, np.abs(T) @ np.abs(A))
