@@ -28,7 +28,8 @@ their thresholds grow with the rms of gusts, as the vane has it about its mean, 
 which gusts and a wind across (`rows.WIND`) act.
 
 Noise and frozen readings show in the second difference of the reading alone, y_k - 2 y_k-1 + y_k-2 of variance 6
-sigma^2, in which motion at the sampling rate is nothing.
+sigma^2, in which motion at the sampling rate is nothing. Gusts are not nothing in it: their part goes with a power of
+the speed (`GUSTY`), and with it what the noise that was learned may be.
 
 What kinematics cannot tell: a constant error of a rate from a slow one of what it is the rate of. "p or phi", "q or
 theta", "r or psi", "n_x or v_ground" is named until another row tells. When such a drift stops, and stays off, the
@@ -57,6 +58,11 @@ from fdi.kinematic.signatures import EITHER, NR, NS, SENSORS
 ISOLABLE_PARTS = table.ISOLABLE_PARTS
 SPEEDS = ("tas", "cas", "v_ground")
 TICK = 0.005  # of the training flights [s]
+# a gust changes by sigma sqrt(2 V dt / L) from tick to tick [Dryden]: the variance of airspeed goes with V, that of a
+# vane's angle with 1 / V, that of a load factor, V times that angle, with V^3
+GUSTY = {**dict.fromkeys(("tas", "cas", "mach"), 1), **dict.fromkeys(("alpha", "beta"), 2),
+         **dict.fromkeys(("n_x", "n_y", "n_z"), 3)}  # fmt: skip
+POWER = np.array([GUSTY.get(name, 0) for name in SENSORS])
 # An error of an integrated reading that jumped fades from its row: it stands for OFF_S at most [s], until the reading
 # has jumped back to BACK of what it was off by
 BACK, OFF_S = 0.3, 120.0
@@ -126,7 +132,8 @@ STATE = dtype(
         ("ticks", "f8", (NS,)),  # usable in a row, at most 3
         ("level", "f8", (NS,)),  # learned mean square of the second difference
         ("power", "f8", (NS,)),  # the same now
-        ("ratio", "f8", (NS,), "-"),  # over what was learned
+        ("ratio", "f8", (NS,), "-"),  # over what it may be at this speed
+        ("speed", "f8", "m/s"),  # over the ground, where it was learned
         ("age", "f8", "s"),
         ("n_learn", "f8", "-"),
         ("since", "f8", "s"),  # time since the first row fired, 0 while none has
@@ -240,6 +247,10 @@ def _saturate(x):
 def _noise(x, p, dt):
     """Judge each reading by its second difference; set x.noisy, return the largest ratio over its threshold."""
     c, largest, x.noisy = 1.0 - math.exp(-dt / p.tau_noise), 0.0, 0.0
+    if x.ok[15] > 0.5 and p.t_settle < x.age <= p.t_learn:
+        x.speed += (x.y[15] - x.speed) / max(x.n_learn, 1.0)
+    f = min(max(x.y[15] / x.speed, 0.25), 4.0) if x.ok[15] > 0.5 and x.speed > 0.0 else 1.0
+    grown = (1.0, max(1.0, f), max(1.0, 1.0 / f), max(1.0, f * f * f))
     for i in range(NS):
         if x.ticks[i] < 2.5:
             continue
@@ -254,9 +265,10 @@ def _noise(x, p, dt):
         if x.level[i] <= 0.0:
             continue
         # a single jump is no noise: it counts as what three sigma of noise at the threshold would be
-        x.power[i] += c * (min(d * d, 9.0 * p.noise_ratio * x.level[i]) - x.power[i])
-        x.ratio[i] = x.power[i] / x.level[i]
-        loud = max(x.ratio[i] / p.noise_ratio, p.frozen_ratio / max(x.ratio[i], 1e-12))
+        level = x.level[i] * grown[POWER[i]]
+        x.power[i] += c * (min(d * d, 9.0 * p.noise_ratio * level) - x.power[i])
+        x.ratio[i] = x.power[i] / level
+        loud = max(x.ratio[i] / p.noise_ratio, p.frozen_ratio * x.level[i] / max(x.power[i], 1e-12 * x.level[i]))
         if loud > largest:
             largest = loud
             if loud >= 1.0:

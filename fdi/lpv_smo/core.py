@@ -75,11 +75,13 @@ def inputs(x, u, p, dt):
     elevator = delayed(x.line, head, 0, elevator / RAD_PER_DEG, ago, fresh)
     x.u_s = delayed(x.line, head, 1, u.stab / RAD_PER_DEG, ago, fresh)
     x.head = (head + 1) % DELAY
+    most = p.rate_a * dt if p.rate_a > 0.0 and not fresh else math.inf
+    x.u_r = min(max(elevator, x.u_r - most), x.u_r + most)
     if fresh or p.omega_a <= 0.0:
-        x.u_0 = x.u_e = elevator
+        x.u_0 = x.u_e = x.u_r
     else:
         x.u_0 = x.u_e
-        x.u_e += (1.0 - math.exp(-p.omega_a * dt)) * (elevator - x.u_e)
+        x.u_e += (1.0 - math.exp(-p.omega_a * dt)) * (x.u_r - x.u_e)
     c = 1.0 if fresh or p.tau_v <= 0.0 else 1.0 - math.exp(-dt / p.tau_v)
     x.v_s += c * (u.V - x.v_s)
     return why
@@ -262,6 +264,7 @@ def learn(x, p, dt, f_e, f_n, f_a):
     for i, value in enumerate((f_e, f_n, f_a)):
         x.offset[i] += (value - x.offset[i]) / x.n_learn
     x.alpha_0 += (x.path - x.alpha_0) / x.n_learn
+    x.trim_0 += (x.trim - x.trim_0) / x.n_learn
     if x.age >= p.t_learn and (x.n_learn + 1.5) * dt >= p.t_learn - p.t_settle:
         x.learned = 1.0
 

@@ -21,8 +21,8 @@ K P_o / delta = 1.5e4 1/s, so e_y takes a backward-Euler step: (1 - h a_i + h K 
 with m = |P_o e| is one monotone scalar equation. An explicit step is stable only below 135 us, and looks plausible
 while it is wrong.
 
-u is what a healthy elevator would do: the mean of the four commands through a lag of `omega_a`, delayed as the
-measurements are; a measured surface would hide the fault. V is the speed that carries
+u is what a healthy elevator would do: the mean of the four commands, followed at `rate_a` at most, through a lag of
+`omega_a`, delayed as the measurements are; a measured surface would hide the fault. V is the speed that carries
 Z' = V sin(theta - alpha); true airspeed, smoothed by `tau_v`, because 0.05 m/s of noise at 5 ms is 14 m/s2 and would
 saturate K. Feed the inertial, not the barometric altitude, for the same reason.
 
@@ -65,6 +65,8 @@ from fdi.lpv_smo.synthesis import Design, load, load_boxes
 LEARN_S = 8.0  # in flight: the paper's faults come at 10 s [s]
 GRADIENT = 0.6  # of the damping in pitch: what a gust that grows along the body does, by training flights
 ISOLABLE_PARTS = ("", "elevator", "n_z", "alpha")
+TREND = 3.0  # lag of alpha_eq, which follows airspeed, where its change is judged: gusts change airspeed, too [s]
+GUST_SHARE = 0.9  # of the largest rms of gusts: beyond it nothing is judged
 HELD = 0.6  # an oscillation is held to be there for so long after the last fit that found it [s]
 
 PARAMS = dtype(
@@ -89,14 +91,15 @@ PARAMS = dtype(
         ("tau_v", "f8", "s"),  # smoothing of V, 0 for none
         ("tau_rho", "f8", "s"),  # smoothing of rho, 0 for none
         ("omega_a", "f8", "rad/s"),  # healthy elevator as a lag of its command, 0 for none
+        ("rate_a", "f8", "deg/s"),  # at most so fast is the command followed, 0 for no limit
         ("delay", "f8", "-"),  # of the commands, as long as that of q
         ("gradient", "f8", "-"),  # share of the damping in pitch that answers to a gust's rate along the body
         ("thrust", "f8", "deg/s2 per m/s2"),  # what thrust does to pitch, over what it does to speed
         ("inertia", "f8", (2,)),  # (Izz - Ixx) / Iyy, Ixz / Iyy
         ("to_x", "f8", (NB, N, 5)),  # state of the paper to canonical state
         ("limit", "f8", (3,), "rad, g, rad"),  # of elevator, n_z and alpha in still air at trim
-        # growth with the distance of the angle of attack from where offsets were learned: what the coefficients and the
-        # affine model have wrong
+        # growth with the distance of trim, and of the angle of attack from trim, from where offsets were learned: what
+        # the coefficients and the affine model have wrong
         ("limit_away", "f8", (3,), "-, g/rad, -"),
         ("limit_gust", "f8", (3,), "-, g/rad, -"),  # and with the rms of gusts
         ("away_max", "f8", "rad"),  # beyond this |alpha - alpha_eq| the affine model is not believed
@@ -178,6 +181,8 @@ STATE = dtype(
         ("offset", "f8", (3,), "deg, g, deg"),  # of the estimates, their mean while it is learned
         ("path", "f8", "rad"),  # alpha_hat through a lag of tau_f
         ("alpha_0", "f8", "rad"),  # its mean while offsets were learned, which hold there
+        ("trim", "f8", "rad"),  # alpha_eq through a lag, and its mean while offsets were learned
+        ("trim_0", "f8", "rad"),
         ("away", "f8", "rad"),  # path less alpha_eq
         ("apart", "f8", "rad"),  # how far the flight is from where offsets were learned, or from trim
         ("calm", "f8", "s"),  # time since it was beyond away_max
@@ -188,6 +193,7 @@ STATE = dtype(
         ("head", "f8", "-"),
         ("u_0", "f8", "deg"),  # healthy elevator at the start and the end of the tick that ends now
         ("u_e", "f8", "deg"),
+        ("u_r", "f8", "deg"),  # the command as far as the rate limit lets it be followed
         ("u_s", "f8", "deg"),  # stabiliser
         ("v_s", "f8", "m/s"),  # smoothed V
         ("age", "f8", "s"),  # time since the (re)start; 0: not started
@@ -310,7 +316,7 @@ def fitted(site: Site, paper: bool = False) -> np.ndarray:
         return params(dt=site.dt, own=site.own, **common)
     designs = load_boxes(site.own)
     return params(
-        designs=designs, dt=site.dt, own=site.own, gust=1.0, gradient=GRADIENT,
+        designs=designs, dt=site.dt, own=site.own, gust=1.0, rate_a=about.rates[0] / RAD_PER_DEG, gradient=GRADIENT,
         thrust=(rz * tx - rx * tz) / tx / yy / RAD_PER_DEG, mach_max=max(m.box[R - 1, 1] for m, _ in designs), **common,
     )  # fmt: skip
 
@@ -382,19 +388,24 @@ def _withhold(x, why):
 
 @kernel
 def _from_trim(x, p, dt):
-    """Lag the angle of attack; set how far it is from that of trim."""
+    """Lag the angle of attack and that of trim, which follows airspeed."""
+    trim = x.eq[0] * RAD_PER_DEG
     if x.age == 0.0:
-        x.gust, x.path, x.calm = max(x.gust, p.gust_0 * p.gust_0), x.alpha_hat, 0.0
+        x.gust, x.path, x.calm, x.trim = max(x.gust, p.gust_0 * p.gust_0), x.alpha_hat, 0.0, trim
     x.age += dt
     x.path += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat - x.path)
-    x.away = x.path - x.eq[0] * RAD_PER_DEG
+    x.away = x.path - trim
+    x.trim += (1.0 - math.exp(-dt / TREND)) * (trim - x.trim)
 
 
 @kernel
 def _weigh(x, p, dt):
     """Advance what limits grow with (the distance from where offsets were learned, the rms of gusts), and the time for
     which the model has held."""
-    x.apart = math.fabs(x.path - x.alpha_0 if x.learned > 0.5 else x.away)
+    x.apart = math.fabs(x.away)
+    if x.learned > 0.5:
+        # in a dive the angle of attack may be that of slower level flight: it does not tell how far the model is off
+        x.apart = math.fabs(x.trim - x.trim_0) + math.fabs(x.path - x.trim - (x.alpha_0 - x.trim_0))
     if x.age > p.t_settle:  # also while nothing is judged: what comes after is judged by it
         # gust_hat is not one of the three estimates, so that no fault of a sensor passes for weather
         more = min(math.fabs(x.gust_hat), p.gust_max)
@@ -402,9 +413,10 @@ def _weigh(x, p, dt):
     x.rms = math.sqrt(x.gust + x.doubt * x.doubt)
     # without the vane, whose fault is no stall; beyond a stall alpha_hat is wrong, but not the angle over the ground
     flown = max(x.path, x.path - x.slip * RAD_PER_DEG)
-    linear = math.fabs(x.away) <= p.away_max and math.fabs(x.gust_hat) <= p.gust_max
-    linear = linear and flown + max(x.gust_hat, 0.0) <= p.alpha_max  # where lift has bent, gust_hat is what is missing
-    x.calm = x.calm + dt if linear else 0.0
+    # where lift has bent, gust_hat is what is missing of it: level flight in the gusts that blow must not get there
+    most = max(flown + max(x.gust_hat, 0.0), x.eq[0] * RAD_PER_DEG + math.sqrt(x.gust))
+    blown = math.fabs(x.gust_hat) > p.gust_max or x.gust > GUST_SHARE * GUST_SHARE * p.gust_max * p.gust_max
+    x.calm = x.calm + dt if math.fabs(x.away) <= p.away_max and most <= p.alpha_max and not blown else 0.0
 
 
 @kernel
