@@ -18,7 +18,6 @@ import weakref
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -45,7 +44,6 @@ STATE = dtype([
     ("status", "f8", "-"),  # 0 good, 1 an output was not finite: the last one is held
 ])
 OUTPUTS = ("delta", "q_rod", "x3", "status")
-KIND = SimpleNamespace(PARAMS=PARAMS, INPUTS=INPUTS, STATE=STATE, OUTPUTS=OUTPUTS, __name__="fmu")
 FATAL = 4  # status of a call, FMI 2 and 3
 STATES = {"surface": "delta", "rod": "q_rod", "pressure": "x3"}  # output -> field
 

@@ -42,7 +42,6 @@ NEEDED = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")  # of a proces
 ARRAYS = 100  # of one file's computations on disk: a study over thousands of points leaves no more
 ALGEBRA = "OMP_", "OPENBLAS_", "MKL_", "BLIS_", "NPY_"  # variables on which the last bit of a sum depends
 version = functools.cache(metadata.version)
-counts = {"compiled": 0, "loaded": 0}
 
 _ENTRY = "entry"
 _nothing = ctypes.create_string_buffer(16)  # where a function would put its result and its exception: it has neither
@@ -67,7 +66,6 @@ class Native:
     def address(self) -> int:
         """Return the address of the machine code; compiles when there is none for these sources and this machine."""
         code = next(filter(None, map(read_whole, self.files)), None)
-        counts["loaded" if code else "compiled"] += 1
         if code is None:
             code = _compile(*self._make())
             for file in self.files[1:]:

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from types import ModuleType
+from typing import Any
 
 from actuators.constants import RAD_PER_DEG
 
@@ -50,7 +51,8 @@ class Key:
     @property
     def range(self) -> str:
         """Return the allowed range as words."""
-        text = f"{'above ' if self.open_low else ''}{self.low:g} to {self.high:g}"
+        low, high = (f"{x:g}" if isinstance(x, float) else str(x) for x in (self.low, self.high))
+        text = f"{'above ' if self.open_low else ''}{low} to {high}"
         return text + ("" if self.healthy is None else f", not {self.healthy:g}")
 
 
@@ -59,9 +61,10 @@ LOSS = (Key("loss_pct", 0.0, 100.0, 0.01, "fraction", open_low=True),)
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of fault: exactly one key of `one_of`, all of `keys`, switched at once (no ramp) when `switched`.
+    """A kind of fault or manoeuvre: exactly one key of `one_of`, all of `keys`.
 
-    `exclusive` names what it takes over on its actuator: two overlapping faults that take over the same are refused.
+    Of a fault: `at` are its places of entry; it is switched at once (no ramp) when `switched`; `exclusive` names what
+    it takes over on its actuator: two overlapping faults that take over the same are refused.
     """
 
     summary: str
@@ -71,6 +74,13 @@ class Kind:
     technologies: tuple[str, ...] = ()
     switched: bool = False
     exclusive: str = ""
+
+    def filled(self, table: dict[str, Any]) -> dict[str, Any]:
+        """Return a table of this kind with whole numbers as floats, and with the defaults of what it leaves out."""
+        given = {name: float(x) if type(x) is int else x for name, x in table.items()}
+        one_of = () if any(key.name in table for key in self.one_of) else self.one_of
+        missing = (key for key in (*self.keys, *one_of) if key.default is not None and key.name not in given)
+        return {**given, **{key.name: key.default for key in missing}}
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,10 @@
 A file is a block (actuators/block.py), compiled or plain Python: INPUTS with hm0, hmd and, without a shipped servo,
 command, f_cmd and s_cmd, or, with one, u, f_u and s_u; STATE with delta and what the sensors read (q_rod, x3); OUTPUTS;
 params() -> PARAMS (1,); init_at(p, delta, hm0, hmd) -> STATE; rollout(x, u, p, dt), every lane by one tick in place.
-A file with a `TECHNOLOGY` of its own (actuators/technology.py) is taken as it is.
 """
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -22,24 +20,53 @@ from actuators.registry import HYDRAULIC, SIMPLE
 from actuators.technology import Technology
 
 
-def from_file(name: str, path: Path, servo: str, load: Callable, error: Callable[[str], Exception]) -> Technology:
-    """Return the technology of a block in a file, whose module `load(path, error)` gives; `error(text)` makes what is
-    raised where it is none."""
+def technology(
+    name: str, part: Any, units: Mapping[str, str], load: Callable, error: Callable[[str], Exception]
+) -> Technology:
+    """Return the technology of `part`: a block whose module `load(part.path, error)` gives, or an FMU, `part` and
+    `units` as the first arguments of `fmu.Slaves`; with `part.servo` behind the shipped servo. `error(text)` makes what
+    is raised where it is none."""
+    block, start = _of_file(part, load, error) if part.file else _of_fmu(part, units, error)
+    servo, like = part.servo, HYDRAULIC if part.servo else SIMPLE
 
-    def blocks():
+    def build(own, truth, believed, trim, travel, dt, age):
+        served, told = [], np.zeros_like(trim[0])
+        if servo:
+            assert HYDRAULIC.build
+            section, *rest = HYDRAULIC.build(own, [{}] * len(believed), believed, trim, travel, dt, age)[0]
+            served, told = [(f"{name}_{section}", *rest)], rest[2]["u"]
+        return [*served, (name, *start(truth, trim, told, dt))]
+
+    measured = {"surface", *part.outputs} if not servo else HYDRAULIC.sensors
+    sensors = {word: s for word, s in HYDRAULIC.sensors.items() if word in measured}
+    sensors = {word: s if servo else dataclasses.replace(s, servo=None) for word, s in sensors.items()}
+    return dataclasses.replace(
+        like, name=name, article=f"a {name}", servo=f"{name}_servo" if servo else "", build=build, sensors=sensors,
+        modules=lambda: (HYDRAULIC.modules()[0] if servo else None, block()),
+        sent=(f"{name}_command", "valve command to it", "-") if servo else ("", "", ""),
+        inlet="valve" if servo else "", runaway="valve" if servo else "command", effects={}, kinds={}, fixed=(),
+        parameters=lambda own: {}, design=HYDRAULIC.design, loop_sensor="rod" if servo else "", gain_of=servo,
+    )  # fmt: skip
+
+
+def _of_file(part, load, error):
+    """Return (block(), start(truth, trim, told, dt) -> (block, PARAMS, STATE)) of a block in a file."""
+    path = part.path
+
+    def block():
         made = load(path, lambda text: error(f"{path.name}: {text}"))[0]
         needed = ("INPUTS", "STATE", "OUTPUTS", "params", "init_at", "rollout")
-        inputs = ("hm0", "hmd", *(("u", "f_u", "s_u") if servo else ("command", "f_cmd", "s_cmd")))
-        states = ("delta", *(("q_rod", "x3") if servo else ()))
+        inputs = ("hm0", "hmd", *(("u", "f_u", "s_u") if part.servo else ("command", "f_cmd", "s_cmd")))
+        states = ("delta", *(("q_rod", "x3") if part.servo else ()))
         lacks = [word for word in needed if not hasattr(made, word)]
         lacks = lacks or [f"INPUTS.{i}" for i in inputs if i not in made.INPUTS.names]
         lacks = lacks or [f"STATE.{s}" for s in (*states, *made.OUTPUTS) if s not in made.STATE.names]
         if lacks:
             raise error(f"{path.name} has no {lacks[0]}")
-        return _servo(servo), made
+        return made
 
-    def build(own, truth, believed, trim, travel, dt, age):
-        made = blocks()[1]
+    def start(truth, trim, told, dt):
+        made = block()
         try:
             rows = [made.params(**lane) for lane in truth]
             wrong = next((np.shape(row) for row in rows if np.shape(row) != (1,)), None)
@@ -51,15 +78,13 @@ def from_file(name: str, path: Path, servo: str, load: Callable, error: Callable
                 raise ValueError(f"init_at() returns an array of shape {np.shape(x)}; allowed: STATE of {p.shape}")
         except (Exception, SystemExit) as said:
             raise error(f"{path.name}: {sentence(said, path)}") from None
-        return [*_served(name, servo, own, believed, trim, travel, dt, age), (name, _guarded(made, path, error), p, x)]
+        return made if isinstance(made.rollout, Entry) else _guarded(made, path, error), p, x
 
-    return _technology(name, servo, blocks, build)
+    return block, start
 
 
 def _guarded(made, path, error):
-    """Return the block whose plain `rollout` raises error(text) for whatever it raises; a compiled one as it is."""
-    if isinstance(made.rollout, Entry):
-        return made
+    """Return a block in plain Python with a rollout that raises error(text) for whatever it raises."""
 
     def rollout(x, u, p, dt):
         made.rollout(x, u, p, dt)
@@ -74,46 +99,16 @@ def _guarded(made, path, error):
     return SimpleNamespace(__name__=made.__name__, rollout=stepped, **own)
 
 
-def from_fmu(name: str, part: Any, units: Mapping[str, str], error: Callable[[str], Exception]) -> Technology:
-    """Return the technology of an FMU, `part` and `units` as the first arguments of `fmu.Slaves`; its servo is
-    `part.servo`."""
-    servo = part.servo
+def _of_fmu(part, units, error):
+    """Return the same of an FMU."""
 
-    def build(own, truth, believed, trim, travel, dt, age):
+    def start(truth, trim, told, dt):
         slaves = fmu.Slaves(part, units, len(truth), dt, error)
         delta, hm0, hmd = trim
-        served = _served(name, servo, own, believed, trim, travel, dt, age)
-        told = served[0][3]["u"] if served else np.zeros_like(delta)
         first = {"surface": delta, "command": delta, "valve_command": told, "hinge_0": hm0, "hinge_slope": hmd,
                  "hinge_moment": hm0 + hmd * delta}  # fmt: skip
         p = np.zeros(len(truth), fmu.PARAMS)
         p["lane"] = np.arange(len(truth))
-        return [*served, (name, slaves, p, slaves.start(first))]
+        return slaves, p, slaves.start(first)
 
-    outputs = tuple(word for word in fmu.STATES if word in part.outputs)
-    return _technology(name, servo, lambda: (_servo(servo), fmu.KIND), build, outputs)
-
-
-def _servo(servo):
-    return HYDRAULIC.modules()[0] if servo else None
-
-
-def _served(name, servo, own, believed, trim, travel, dt, age):
-    """Return [(section, block, PARAMS, STATE)] of the shipped servo in front of it, none where it has its own."""
-    if not servo:
-        return []
-    assert HYDRAULIC.build
-    section, block, p, x = HYDRAULIC.build(own, [{}] * len(believed), believed, trim, travel, dt, age)[0]
-    return [(f"{name}_{section}", block, p, x)]
-
-
-def _technology(name, servo, modules, build, outputs=("surface",)):
-    like = HYDRAULIC if servo else SIMPLE
-    sensors = {word: s for word, s in HYDRAULIC.sensors.items() if servo or word in outputs}
-    sensors = {word: s if servo else dataclasses.replace(s, servo=None) for word, s in sensors.items()}
-    return dataclasses.replace(
-        like, name=name, article=f"a {name}", servo=f"{name}_servo" if servo else "", modules=modules, build=build,
-        sensors=sensors, sent=(f"{name}_command", "valve command to it", "-") if servo else ("", "", ""),
-        inlet="valve" if servo else "", runaway="valve" if servo else "command", effects={}, kinds={}, fixed=(),
-        parameters=lambda own: {}, design=HYDRAULIC.design, loop_sensor="rod" if servo else "", gain_of=servo,
-    )  # fmt: skip
+    return lambda: fmu.Slaves, start

@@ -15,12 +15,19 @@ P = ParamSpec("P")
 R = TypeVar("R")
 Raised = TypeVar("Raised", bound="CosimError")
 
+MANY = 20  # allowed values that are told
 LONGEST = 1000  # characters of a part of a message: a value of a megabyte is not repeated
 
 
 def shortened(text: str) -> str:
     """Return a text of at most LONGEST letters: its beginning, and its end with what to do."""
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 300]} … {text[-297:]}"
+
+
+def few(allowed: str) -> str:
+    """Return a list of allowed values, of more than MANY the first."""
+    values = allowed.split(", ")
+    return allowed if len(values) <= MANY else f"{', '.join(values[:MANY])}, ... {len(values) - MANY} more"
 
 
 class CosimError(Exception):
@@ -46,7 +53,7 @@ class CosimError(Exception):
     @property
     def line(self) -> str:
         """Return this error alone as one line, whatever a library's message holds."""
-        place, problem, allowed, remedy = map(shortened, (self.place, self.problem, self.allowed, self.remedy))
+        place, problem, allowed, remedy = map(shortened, (self.place, self.problem, few(self.allowed), self.remedy))
         text = f"{place}: {problem}" if place else problem
         if allowed:
             text += f"; allowed: {allowed}"

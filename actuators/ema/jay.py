@@ -27,7 +27,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from actuators.deterministic_linalg import rounded
-from actuators.kernels import cached_array
 
 # [Jay] section 4, T = 5 ms, as printed
 PHI = np.array([
@@ -136,15 +135,11 @@ def continuous(set: str = "nozzle", *, hinge_stiffness: float = 0.0, **overrides
 
 def discretise(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[Any, ...]:
     """Return (Phi, Gamma) of x' = A x + B u with u held over `dt`, exactly: one exponential of [[A, B], [0, 0]] dt."""
+    from scipy.linalg import expm  # a tenth of a second that a start need not wait for
+
     n = A.shape[0]
     B = np.asarray(B).reshape(n, -1)
     both = np.zeros((n + B.shape[1],) * 2)
     both[:n, :n], both[:n, n:] = A, B
-    e = cached_array((both.tolist(), dt), float, lambda: _exponential(both * dt), __file__).reshape(both.shape)
+    e = rounded(expm(both * dt), 13)
     return e[:n, :n], e[:n, n:]
-
-
-def _exponential(matrix):
-    from scipy.linalg import expm  # a tenth of a second that a start need not wait for
-
-    return rounded(expm(matrix).ravel(), 13)

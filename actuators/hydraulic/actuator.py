@@ -157,34 +157,23 @@ def _external(q, v, d, gap, hm0, hmd, brake, x, p):
 
 
 @kernel
-def _slide(q, v, z, d, gap, hm0, hmd, brake, h, x, p):
-    """Return (q, v, z) after one Runge-Kutta step of a rod that slides in direction d."""
+def _move(q, v, z, d, free, gap, hm0, hmd, brake, h, x, p):
+    """Return (q, v, z) after one Runge-Kutta step of a rod that slides in direction d, or rests: v and `free` 0."""
     u = x.u_eff
     a1, a2, a3 = lu17.rhs(q, v, z, u, u, 0.0, _external(q, v, d, gap, hm0, hmd, brake, x, p), x)
     g = 0.5 * h
-    r, s, t = q + g * a1, v + g * a2, z + g * a3
+    r, s, t = q + g * a1, v + g * free * a2, z + g * a3
     b1, b2, b3 = lu17.rhs(r, s, t, u, u, 0.0, _external(r, s, d, gap, hm0, hmd, brake, x, p), x)
-    r, s, t = q + g * b1, v + g * b2, z + g * b3
+    r, s, t = q + g * b1, v + g * free * b2, z + g * b3
     c1, c2, c3 = lu17.rhs(r, s, t, u, u, 0.0, _external(r, s, d, gap, hm0, hmd, brake, x, p), x)
-    r, s, t = q + h * c1, v + h * c2, z + h * c3
+    r, s, t = q + h * c1, v + h * free * c2, z + h * c3
     d1, d2, d3 = lu17.rhs(r, s, t, u, u, 0.0, _external(r, s, d, gap, hm0, hmd, brake, x, p), x)
     w = h / 6.0
     return (
         q + w * (a1 + 2.0 * (b1 + c1) + d1),
-        v + w * (a2 + 2.0 * (b2 + c2) + d2),
+        v + w * free * (a2 + 2.0 * (b2 + c2) + d2),
         z + w * (a3 + 2.0 * (b3 + c3) + d3),
     )
-
-
-@kernel
-def _hold(q, z, h, x):
-    """Return z after one Runge-Kutta step of the pressure behind a rod at rest."""
-    u = x.u_eff
-    a = lu17.rhs(q, 0.0, z, u, u, 0.0, 0.0, x)[2]
-    b = lu17.rhs(q, 0.0, z + 0.5 * h * a, u, u, 0.0, 0.0, x)[2]
-    c = lu17.rhs(q, 0.0, z + 0.5 * h * b, u, u, 0.0, 0.0, x)[2]
-    d = lu17.rhs(q, 0.0, z + h * c, u, u, 0.0, 0.0, x)[2]
-    return z + h / 6.0 * (a + 2.0 * (b + c) + d)
 
 
 @kernel
@@ -205,13 +194,13 @@ def _substep(q, v, z, gap, hm0, hmd, brake, h, x, p):
     for _ in range(2):
         held, d = _direction(q, v, z, gap, hm0, hmd, brake, x, p)
         if held:
-            return q, 0.0, _hold(q, z, left, x)
-        q1, v1, z1 = _slide(q, v, z, d, gap, hm0, hmd, brake, left, x, p)
+            return _move(q, 0.0, z, d, 0.0, gap, hm0, hmd, brake, left, x, p)
+        q1, v1, z1 = _move(q, v, z, d, 1.0, gap, hm0, hmd, brake, left, x, p)
         if v1 * d >= 0.0:
             left = 0.0
         elif v != 0.0:
             part = left * v / (v - v1)
-            q1, v1, z1 = _slide(q, v, z, d, gap, hm0, hmd, brake, part, x, p)
+            q1, v1, z1 = _move(q, v, z, d, 1.0, gap, hm0, hmd, brake, part, x, p)
             v1 = 0.0
             left -= part
         else:

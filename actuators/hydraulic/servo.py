@@ -99,7 +99,6 @@ def params(
     """
     model = lu17.params(**{k: v for k, v in values.items() if k in lu17.NOMINAL})[0]
     force = model.A_p * model.P_s
-    K, K_rod = observer_gains(model, dt=dt)
     fields = {
         **{name: model[name] for name in lu17.NOMINAL},
         **reference.gains(omega=omega, zeta=zeta, dt=dt),
@@ -110,9 +109,7 @@ def params(
         "r_lo": linkage.rod(linkage.TRAVEL[0] + math.radians(0.1)),
         "r_hi": linkage.rod(linkage.TRAVEL[1] - math.radians(0.1)),
         "u_max": hydraulic.NOMINAL["u_max"],
-        **error_gains(model, pole=pole, dt=dt),
-        "K": K,
-        "K_rod": K_rod,
+        **gains(model, pole=pole, dt=dt),
         "F_max": 3 * force,
         "delay": delay,
     }
@@ -140,21 +137,22 @@ def _good(v, flag):
 
 
 @kernel
+def _either(v, flag, other):
+    """Return v where it can be used, else `other`."""
+    return v if _good(v, flag) else other
+
+
+@kernel
 def _correct(x, u, p):
-    """Correct the observer by the measurements that are valid."""
+    """Correct the observer by the measurements that are valid; without a rod position there is no correction."""
     e_q = u.q_meas - x.q_hat
-    e_3 = u.x3_meas - x.x3_hat
+    e_3 = _either(u.x3_meas, u.x3_valid, x.x3_hat) - x.x3_hat
+    both = _good(u.x3_meas, u.x3_valid)
     if _good(u.q_meas, u.q_valid):
-        if _good(u.x3_meas, u.x3_valid):
-            x.q_hat += p.K[0, 0] * e_q + p.K[0, 1] * e_3
-            x.qd_hat += p.K[1, 0] * e_q + p.K[1, 1] * e_3
-            x.x3_hat += p.K[2, 0] * e_q + p.K[2, 1] * e_3
-            x.load_hat += p.K[3, 0] * e_q + p.K[3, 1] * e_3
-        else:
-            x.q_hat += p.K_rod[0] * e_q
-            x.qd_hat += p.K_rod[1] * e_q
-            x.x3_hat += p.K_rod[2] * e_q
-            x.load_hat += p.K_rod[3] * e_q
+        x.q_hat += (p.K[0, 0] if both else p.K_rod[0]) * e_q + p.K[0, 1] * e_3
+        x.qd_hat += (p.K[1, 0] if both else p.K_rod[1]) * e_q + p.K[1, 1] * e_3
+        x.x3_hat += (p.K[2, 0] if both else p.K_rod[2]) * e_q + p.K[2, 1] * e_3
+        x.load_hat += (p.K[3, 0] if both else p.K_rod[3]) * e_q + p.K[3, 1] * e_3
     x.q_hat = clip(x.q_hat, 2.0 * p.r_lo, 2.0 * p.r_hi)
     x.qd_hat = clip(x.qd_hat, -1.0, 1.0)  # the speed of the unloaded rod at u = 1
     x.x3_hat = clip(x.x3_hat, -3.0, 3.0)
@@ -170,15 +168,10 @@ def _predict(x, p, dt):
 @kernel
 def _feedback(x, u, p, dt):
     """Choose what the loop closes on: the observer, or what is given from outside."""
-    x.q, x.qd, x.x3, x.load = x.q_hat, x.qd_hat, x.x3_hat, x.load_hat
-    if _good(u.load_fb, u.load_use):
-        x.load = u.load_fb
-    if _good(u.q_fb, u.q_use):
-        x.q = u.q_fb
-    if _good(u.qd_fb, u.qd_use):
-        x.qd = u.qd_fb
-    if _good(u.x3_fb, u.x3_use):
-        x.x3 = u.x3_fb
+    x.q = _either(u.q_fb, u.q_use, x.q_hat)
+    x.qd = _either(u.qd_fb, u.qd_use, x.qd_hat)
+    x.x3 = _either(u.x3_fb, u.x3_use, x.x3_hat)
+    x.load = _either(u.load_fb, u.load_use, x.load_hat)
 
 
 @kernel
@@ -219,25 +212,26 @@ def step(x, u, p, dt):
 rollout = entry(step, STATE, INPUTS, PARAMS)
 
 
-def error_gains(model: Any, *, pole: Any, dt: float) -> dict[str, Any]:
-    """Return {k_q, k_v, k_a} for which the sampled linear loop has its poles at -pole, 0.97 pole and 1.03 pole.
+def gains(model: Any, *, pole: Any, dt: float) -> dict[str, Any]:
+    """Return {k_q, k_v, k_a} for which the sampled linear loop has its poles at -pole, 0.97 pole and 1.03 pole, and
+    {K (4, 2), K_rod (4,)}, steady Kalman gains of (q, q', x3, F), linear at rest and centre."""
+    given = model.dtype.descr, model.tolist(), pole, dt
+    every = cached_array(
+        given, float, lambda: np.concatenate([_error_gains(model, pole, dt), *_observer_gains(model, dt)]), __file__
+    )
+    return {"k_q": every[0], "k_v": every[1], "k_a": every[2], "K": every[3:11].reshape(4, 2), "K_rod": every[11:]}
 
-    (13) in linear form is u = -K (q, q', x3): K follows from pole placement, the gains from comparing coefficients.
-    """
+
+def _error_gains(model, pole, dt):
+    """Return (k_q, k_v, k_a): (13) in linear form is u = -K (q, q', x3), K follows from pole placement, the gains from
+    comparing coefficients."""
     A, B = lu17.linear(model)
     Phi, Gamma = jay.discretise(A, B, dt)
     K = rounded(place(Phi, Gamma, np.exp(-pole * dt * np.array([0.97, 1.0, 1.03]))), 10)
     a23, beta, k = A[1, 2], model.B / model.M, -A[2, 1]
-    D = a23 * k * model.phi_n / model.A_p  # u to q''' [m/s^3]
+    D = a23 * k * model.phi_n / model.A_p  # u to the jerk of the rod [m/s^3]
     k_a = beta + (K[2] * D / (a23 * k) + model.L) * k
-    return {"k_q": D * K[0], "k_v": D * K[1] + a23 * k + (k_a - beta) * beta, "k_a": k_a}
-
-
-def observer_gains(model: Any, *, dt: float) -> list[Any]:
-    """Return (K, K_rod), shapes (4, 2), (4,): steady Kalman gains of (q, q', x3, F), linear at rest and centre."""
-    given = model.dtype.descr, model.tolist(), dt
-    both = cached_array(given, float, lambda: np.concatenate(_observer_gains(model, dt)), __file__)
-    return [both[:8].reshape(4, 2), both[8:]]
+    return D * K[0], D * K[1] + a23 * k + (k_a - beta) * beta, k_a
 
 
 def _observer_gains(model, dt):

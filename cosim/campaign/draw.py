@@ -13,10 +13,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from cosim.scenario.problem import Table, problem
+from cosim.scenario.problem import Table, problem, within
 
 MOST = 1e15  # beyond it a number has no digits behind its point
-Bound = Annotated[float, Field(ge=-MOST, le=MOST)]
+Bound = Annotated[float, within(-MOST, MOST)]
 
 
 class Draw(Table):

@@ -45,15 +45,15 @@ from cosim.errors import CampaignError, CosimError, Mistakes, did_you_mean, join
 from cosim.scenario import Scenario, load_scenario, parse
 from cosim.scenario.load import located
 from cosim.scenario.override import assigned
-from cosim.scenario.problem import Origin, Table, explained
+from cosim.scenario.problem import Origin, Table, explained, within
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_parts import identified, locate
 from cosim.texts import read, toml
 
 MOST = 1_000_000  # runs; more is a slip of a grid
 EVALUATION_SEED = 1_000_000  # thresholds are trained on seeds below it, what is reported flies on those from there on
-Runs = Annotated[int, Field(ge=1, le=MOST)]
-Seed = Annotated[int, Field(ge=0, lt=2**31 - MOST)]
+Runs = Annotated[int, within(1, MOST)]
+Seed = Annotated[int, within(0, 2**31 - MOST - 1)]
 Values = Annotated[list[Any], Field(min_length=1)]
 
 
@@ -190,9 +190,7 @@ def load_campaign(name_or_path: str | Path) -> Campaign:
     """Return the Campaign of a built-in name or a TOML file. Raises CampaignError, ScenarioError: every mistake."""
     name, folder, text = _read(str(name_or_path))
     table = toml(text, place=name, error=CampaignError)
-    written = Origin.of_toml(text, name)
-    # a key in quotes has dots of its own
-    origin = Origin(name, {tuple(".".join(path).split(".")): where for path, where in written.where.items()})
+    origin = Origin.of_toml(text, name)
     wrong = Mistakes()
     try:
         file = _File.model_validate(table)

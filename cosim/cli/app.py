@@ -23,6 +23,7 @@ from typer import Argument, Exit, Option, Typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
+import cosim
 from cosim.errors import CosimError, OutputError, ScenarioError, shortened
 from cosim.files import Sign, claim, failed
 
@@ -91,6 +92,7 @@ def _usage(error):
     ctx = getattr(error, "ctx", None)
     path = ctx.command_path if ctx else "cosim"
     said = " ".join(error.format_message().split())
+    said += "" if said.endswith((".", "?")) else "."
     return f"{path}: {said} `{path} -h` says what there is"
 
 
@@ -128,21 +130,15 @@ def command(group: str, name: str | None = None) -> Callable:
     return app.command(name, cls=_Command, rich_help_panel=group)
 
 
-def _version(wanted: bool):
-    if wanted:
-        from importlib.metadata import version
-
-        print(f"cosim {version('cosim-fdi')}")
-        raise Exit
-
-
-@app.callback()
-def _root(version: Annotated[bool, Option("--version", callback=_version, is_eager=True, help="Show the version.")
-          ] = False):  # fmt: skip
+@app.callback(invoke_without_command=True)
+def _root(version: Annotated[bool, Option("--version", help="Show the version.")] = False):
     """Fly a transport aircraft with physical elevator actuators, break something, and see which fault detector notices.
 
     Start with [b]cosim run[/]; [b]cosim list[/] shows what there is to fly.
     """
+    if version:
+        print(f"cosim {cosim.__version__}")
+        raise Exit
 
 
 # -- arguments and options that several commands have

@@ -75,9 +75,8 @@ def run(
 
         found["report"] = str(flight_report(found["log"], page))
     answer(json_, found, lambda _: tables.run(found, flown, details))
-    if found["status"] == "interrupted":
-        raise Exit(shared.INTERRUPTED)
-    raise Exit(int(strict and found["status"] != "completed"))
+    cut = found["status"] == "interrupted"
+    raise Exit(shared.INTERRUPTED if cut else int(strict and found["status"] != "completed"))
 
 
 def loaded(scenario: str, overrides: Any, detectors: Any = ()) -> Any:
@@ -139,8 +138,7 @@ def list_(
         raise CosimError("is no topic", place=f"cosim list {topic}", allowed=", ".join((*tables.TOPICS, "all")),
                          remedy=did_you_mean(topic, tables.TOPICS))  # fmt: skip
     found = inventory()
-    shown = found if topic in (None, "all") else {topic: found[topic]}
-    answer(json_, shown, lambda _: tables.inventory(found, topic))
+    answer(json_, found if topic in (None, "all") else {topic: found[topic]}, lambda _: tables.inventory(found, topic))
 
 
 @command("Start")
@@ -363,16 +361,16 @@ def check(
         from cosim.flight.plant.check import check as of_aircraft
 
         points = of_aircraft(what)
-        found: dict[str, Any] = {"aircraft": what, "keeps": all(p.good for p in points)}
-        found["findings"] = [vars(p) for p in points]
-        rows = [("good" if p.good else "bad", p.point, p.found) for p in points]
+        found: dict[str, Any] = {
+            "aircraft": what, "keeps": all(p.good for p in points),
+            "checks": [{"question": p.point, "result": "good" if p.good else "bad", "answer": p.found} for p in points],
+        }  # fmt: skip
     else:
         from cosim.flight.check import check as of_detector
 
         with Progress("checking", console=err) as tell:
             found = of_detector(what, progress=tell)
-        rows = [(line["result"], line["question"], line["answer"]) for line in found["checks"]]
-    told = [Row((MARKS[mark], question, said)) for mark, question, said in rows]
+    told = [Row((MARKS[line["result"]], line["question"], line["answer"])) for line in found["checks"]]
     answer(json_, found, lambda _: Table(what, "", "question", "answer", rows=told))
     raise Exit(0 if found["keeps"] else 1)
 
@@ -460,8 +458,7 @@ def errors(frame: Any) -> list[dict]:
     from cosim.campaign.worker import FAILED
 
     runs = frame.drop_duplicates("run")
-    counts = runs[runs["status"].isin(FAILED)].groupby(["status", "error"], sort=True).size()
-    counts = counts.sort_values(ascending=False, kind="stable")
+    counts = runs[runs["status"].isin(FAILED)].value_counts(["status", "error"])
     return [{"status": status, "error": text, "runs": int(n)} for (status, text), n in counts.items()]
 
 
@@ -473,7 +470,8 @@ def compare(
     output: Annotated[Path | None, output_option("DIR", "Folder for report and tables. Default: write none.")] = None,
     detector: shared.Detector = None,
     fault_rate: Annotated[
-        list[float] | None, Option(metavar="PER_HOUR", help="What an alarm is worth at so many faults per flight hour.")
+        list[float] | None,
+        Option(metavar="PER_HOUR", help="What an alarm is worth at so many faults per flight hour.", min=1e-9, max=1e3),
     ] = None,
     json_: shared.Json = False,
 ) -> None:

@@ -58,9 +58,8 @@ def run(found: dict[str, Any], scenario: "Scenario", details: bool = False) -> G
     status = (found["status"], STATUS.get(found["status"], "red"))
     parts.append(Text.assemble(status, f" after {found['sim_time_s']:.2f} s{speed}{why}"))
     if found.get("log"):
-        parts += files(found, "log")
-        report = f"report {found['report']}" if found.get("report") else f"next   cosim report {word(found['log'])}"
-        parts.append(whole(report))
+        last = f"report {found['report']}" if found.get("report") else f"next   cosim report {word(found['log'])}"
+        parts += [*files(found, "log"), whole(last)]
     return Group(*parts)
 
 
@@ -213,12 +212,12 @@ def replay(found: dict[str, Any], detection: bool) -> Group:
 
 
 def _differences(found):
-    t = Table("Differences, bit for bit", "field", "differ>", "first tick>", "at s>", "largest>")
+    more = len(found["differences"]) - SHOWN
+    t = Table("Differences, bit for bit", "field", "differ>", "first tick>", "at s>", "largest>",
+              caption=f"and {more} fields more (--json has all)" if more > 0 else "")  # fmt: skip
     for d in found["differences"][:SHOWN]:
         at = f"{d['first_tick'] * found['dt_s']:.3f}"
         t.add(d["field"], d["count"], d["first_tick"], at, d["max_abs"])
-    if len(found["differences"]) > SHOWN:
-        t.caption = f"and {len(found['differences']) - SHOWN} fields more (--json has all)"
     return t
 
 
@@ -244,8 +243,8 @@ def recording(found: dict[str, Any]) -> Group:
     from cosim.replay.map_signals import in_map
 
     end = found["start_s"] + found["duration_s"]
-    head = Text(f"{found['start_s']:.12g} to {end:.12g} s of {found['recording']} at {found['rate_hz']} Hz")
-    parts: list[Any] = [Text(found["clock"]), head, *(Text(c, style="yellow") for c in found["caveats"])]
+    head = f"{found['start_s']:.12g} to {end:.12g} s of {found['recording']} at {found['rate_hz']} Hz"
+    parts: list[Any] = [*map(Text, (found["clock"], head)), *(Text(c, style="yellow") for c in found["caveats"])]
     lack = Table("Not run", "detector", "watches", "signals that the map lacks",
                  caption="of the aircraft and of the segments of which the map names a signal")  # fmt: skip
     named = {"aircraft", *(s["name"].partition(".")[0] for s in found["signals"])}
@@ -265,8 +264,8 @@ def recovered(found: dict[str, Any]) -> Group:
     parts = [Text(f"{found['ticks']:,} ticks ({found['duration_s']:g} s) in {found['chunks']} whole chunks", "bold"),
              Text(*(whole_ if found["complete"] else cut))]  # fmt: skip
     parts += [Text(f"lost   {d['bytes']} bytes at {d['offset']}: {d['reason']}") for d in found["lost"][:SHOWN]]
-    if len(found["lost"]) > SHOWN:
-        parts.append(Text(f"and {len(found['lost']) - SHOWN} places more (--json has all)"))
+    more = len(found["lost"]) - SHOWN
+    parts += [Text(f"and {more} places more (--json has all)")] if more > 0 else []
     return Group(*parts, *files({"log": found["out"]}, "log"))
 
 

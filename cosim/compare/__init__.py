@@ -38,8 +38,7 @@ class Comparison:
     table: Path | None = None  # the Parquet file of the rows, if one was written
 
     def __repr__(self) -> str:
-        rows = [f"  {d['id']:20}{d['detected']:>5} of {d['designed']:<5} seen" for d in self.detectors]
-        return "\n".join([f"Comparison: {self.runs} flights, {self.source}", *rows])
+        return f"Comparison: {self.runs} flights, {self.source}\n{tables.detectors(self.detectors).markdown()}"
 
     def _repr_html_(self) -> str:
         return tables.detectors(self.detectors)._repr_html_()
@@ -65,7 +64,8 @@ class Comparison:
         if self.two:
             parted = [p for p in self.pairs if p["only_a"] or p["only_b"]]
             said = "{a} alone in {only_a}, {b} alone in {only_b} of {n} faults"
-            return f"{'; '.join(said.format(**p) for p in parted) or 'Every detector saw the same faults in both'}."
+            same = "Every detector saw the same faults in both" if self.pairs else "No fault was flown in both"
+            return f"{'; '.join(said.format(**p) for p in parted) or same}."
         n = {key: sum(d[key] for d in self.levels) for key in ("faults", "local", "aircraft", "both", "nobody")}
         loud = ", ".join(d["id"] for d in self.detectors if not d["credible"])
         told = (f"Of {n['faults']} faults the local level alone saw {n['local']}, the aircraft level alone "
@@ -76,11 +76,7 @@ class Comparison:
     def predictive(self, fault_rates: Sequence[float]) -> list[dict]:
         """Return {id, fault_rate, value, low, high}: the share of a detector's alarms behind which there is a fault,
         where such faults come `fault_rates` times per flight hour (cosim.compare.metrics.predictive_value). Without
-        bounds, nan, where no fault is one that it was designed for or no hour shows false alarms. Raises CosimError
-        for a rate that is not above 0 and at most 1000."""
-        for rate in (rate for rate in fault_rates if not 0.0 < rate <= 1000.0):
-            said = f"{rate:g} faults per flight hour"
-            raise CosimError(said, place="--fault-rate", allowed="above 0, at most 1000")
+        bounds, nan, where no fault is one that it was designed for or no hour shows false alarms."""
         out = []
         for d, rate in ((d, rate) for d in self.detectors for rate in fault_rates):
             share = metrics.predictive_value(d["detected"], d["designed"], d["false_alarms"], d["hours"], rate)
@@ -88,9 +84,9 @@ class Comparison:
         return out
 
     def roc(self, detectors: Sequence[str] = ()) -> pd.DataFrame:
-        """Return the operating points of `detectors` (default: all), a row per threshold, with exact 95 % intervals
-        (cosim.compare.stats.operating_points). Raises CosimError without fault-free flights or faults: a ROC needs
-        both."""
+        """Return the operating points of `detectors` (default: all), a row per threshold on the largest |r| of each
+        flight, before confirmation, with exact 95 % intervals (cosim.compare.stats.operating_points). Raises CosimError
+        without fault-free flights or faults: a ROC needs both."""
         found = compare_stats.operating_points(self._of(detectors or self._ids))
         if found.empty:
             told = "has no detector with both fault-free flights and faults that it was designed for"

@@ -159,14 +159,13 @@ def bootstrap(difference: np.ndarray, confidence: float = 0.95) -> tuple[float, 
     return float(low), float(high)
 
 
-def coverage_matrix(rows: pd.DataFrame) -> dict[str, dict]:
-    """Return {case: {detector: {word, runs, detected, lane, outcomes}}} of the faulty flights."""
-    out: dict = {}
-    for (case, name), own in rows[rows["case"].notna()].groupby(["case", "id"], sort=False):
-        counts = {"runs": len(own), "detected": int(own["detected"].sum()), "lane": bool(own["concerned"].any())}
-        told = {"word": own["word"].iloc[0], "outcomes": own["outcome"].value_counts().to_dict()}
-        out.setdefault(case, {})[name] = counts | told
-    return out
+def coverage_matrix(rows: pd.DataFrame) -> dict[tuple[str, str], dict]:
+    """Return {(case, detector): {word, runs, detected, lane, outcomes}} of the faulty flights."""
+    return {
+        key: {"word": own["word"].iloc[0], "runs": len(own), "detected": int(own["detected"].sum()),
+              "lane": bool(own["concerned"].any()), "outcomes": own["outcome"].value_counts().to_dict()}
+        for key, own in rows[rows["case"].notna()].groupby(["case", "id"], sort=False)
+    }  # fmt: skip
 
 
 def confusion(rows: pd.DataFrame, detector: str) -> pd.DataFrame:

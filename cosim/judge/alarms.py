@@ -3,7 +3,6 @@
 Ticks are `dt` [s] apart; a fault is a dict with `start_s` and `end_s` [s], the latter inf for one that stays.
 """
 
-import functools
 import math
 from collections.abc import Iterable, Mapping
 
@@ -15,13 +14,8 @@ GRACE_S = 2.0  # an alarm that rises up to this after a fault has healed is stil
 
 def span(fault: Mapping, dt: float, t0: float = 0.0) -> tuple[int, int | None]:
     """Return the ticks (first, end), first <= k < end, of a fault, GRACE_S after its end included; None: all."""
-    return _span(fault["start_s"], fault["end_s"], dt, t0)
-
-
-@functools.lru_cache(maxsize=4096)  # each fault is asked for beside every other one
-def _span(start_s, end_s, dt, t0):
-    end = None if math.isinf(end_s) else math.ceil((end_s + GRACE_S - t0) / dt)
-    return round((start_s - t0) / dt), end
+    end = None if math.isinf(fault["end_s"]) else math.ceil((fault["end_s"] + GRACE_S - t0) / dt)
+    return round((fault["start_s"] - t0) / dt), end
 
 
 def acts(fault: Mapping, ticks: int, dt: float) -> bool:

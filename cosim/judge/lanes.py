@@ -1,7 +1,7 @@
 """The table of a flight: a row per detector lane and fault, the same for terminal, page and notebook."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from actuators.constants import DEG_PER_RAD
@@ -39,7 +39,7 @@ def part(lane: Mapping[str, Any], entry: Mapping[str, Any] | None = None) -> str
     return name.removeprefix("elevator.").replace("_", " ")
 
 
-def entries(lanes: Sequence[Mapping[str, Any]], cases: Sequence[str] = ()) -> list[dict[str, Any]]:
+def entries(lanes: Iterable[Mapping[str, Any]], cases: Sequence[str] = ()) -> list[dict[str, Any]]:
     """Return one record per lane and fault that it could notice, with its `case` and `outcome` (None without one)."""
     out = []
     for lane in lanes:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from cosim.judge import coverage
-from cosim.judge.lanes import part, seconds
+from cosim.judge.lanes import entries, part, seconds
 from cosim.scenario import Scenario
 
 LEVELS = {"local": "actuator", "aircraft": "aircraft", "both": "joint"}
@@ -108,17 +108,16 @@ def _began(found, scenario):
 
 def _entries(i, lanes):
     """Return what each lane that fault `i` concerns made of it, beside what the lane is."""
-    each = ({**d, **e} for d in lanes if d.get("concerned", True) for e in d.get("by_fault") or [d])
-    return [e for e in each if e.get("fault", i) == i]
+    return [e for e in entries(d for d in lanes if d.get("concerned", True)) if e.get("fault", i) == i]
 
 
 def _heard(i, lanes, case, lost):
     """Return who noticed fault `i` first, who named it right first, who was first at the other level, and the last
     verdict of both."""
-    entries = _entries(i, lanes)
+    met = _entries(i, lanes)
 
     def first(key, *levels):
-        told = [e for e in entries if e.get(key) is not None and e["level"] in levels]
+        told = [e for e in met if e.get(key) is not None and e["level"] in levels]
         # in the same tick who has heard others comes after them
         return min(told, key=lambda e: (e[key], e["level"] == "both"), default=None)
 
@@ -135,29 +134,31 @@ def _heard(i, lanes, case, lost):
     silence = f"{level} no alarm" if any(d["level"] == other for d in lanes) else ""
     silence = _not_run(other, lanes, case, lost) or silence
     said = f"{level} after {seconds(then['detection_delay_s'])} s by {then['id']}" if then else silence
-    both = next((e["isolated"] for e in entries if e["level"] == "both" and e.get("isolated")), None)
+    both = next((e["isolated"] for e in met if e["level"] == "both" and e.get("isolated")), None)
     verdict = f"joint verdict {both['class']} {both['target'].replace('_', ' ')}" if both else ""
     return "; ".join(filter(None, (text, said, verdict)))
 
 
 def _not_run(level, lanes, case, lost):
     """Return why no detector of `level` that could see `case` flew, or "": one did, or none was lost of {id: why}."""
-    able = (coverage.DESIGNED, coverage.MAY)
-    flown = any(coverage.expected(d["id"], case) in able for d in lanes if d["level"] == level)
-    why = {lost[n]: n for n in lost if coverage.level(n) == level and coverage.expected(n, case) in able}
-    return "" if flown or not why else f"{LEVELS[level]} level not run: {'; '.join(why)}"
-
-
-def _why(entries):
-    """Return why a detector was silent, from what its lanes made of a fault that concerns them; "" if it was not."""
-    if any(e.get("detection_delay_s") is not None for e in entries):
+    able, there = (coverage.DESIGNED, coverage.MAY), {d["id"] for d in lanes if d["level"] == level}
+    names = [n for n in lost if coverage.level(n) == level and coverage.expected(n, case) in able]
+    if not names or any(coverage.expected(n, case) in able for n in there):
         return ""
-    if entries and not any(e.get("able", True) for e in entries):
-        why = next((e["why_not_valid"] for e in entries if e.get("why_not_valid")), None)
+    who = f"{LEVELS[level]} level" if not there else listed(names)
+    return f"{who} not run: {'; '.join(dict.fromkeys(lost[n] for n in names))}"
+
+
+def _why(met):
+    """Return why a detector was silent, from what its lanes made of a fault that concerns them; "" if it was not."""
+    if any(e.get("detection_delay_s") is not None for e in met):
+        return ""
+    if met and not any(e.get("able", True) for e in met):
+        why = next((e["why_not_valid"] for e in met if e.get("why_not_valid")), None)
         return f"could not judge (not valid{f': {why}' if why else ''})"
-    if any(e.get("masked") for e in entries):
+    if any(e.get("masked") for e in met):
         return "(masked by the standing alarm of an earlier fault)"
-    peaks = [(e.get("r_max_after"), e.get("r_max_before")) for e in entries]
+    peaks = [(e.get("r_max_after"), e.get("r_max_before")) for e in met]
     after, before = max(((a, b or math.nan) for a, b in peaks if a is not None), default=(math.nan, math.nan))
     if math.isnan(after):
         return "(not valid)"

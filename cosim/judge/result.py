@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cosim.judge import coverage
 from cosim.judge.alarms import acts, during
 from cosim.judge.detection import ABLE, NO_FAULT, UNSEEN, Heard, JudgedLane, Runs, Said, noticed
+from cosim.judge.lanes import table
 from cosim.scenario import Scenario
 
 __all__ = ["Errors", "JudgedLane", "Result", "concerns", "entry_of", "judge", "judged", "plain"]
@@ -32,26 +33,16 @@ class Result:
     extra: dict = field(default_factory=dict)  # of `cosim run --json`: consequences, notes
 
     def __repr__(self) -> str:
-        loud = [f"  {r['id']:20}{r['target']:24}{_told(r)}" for r in self.detectors if r["alarm"]]
-        quiet = f"  {len(self.detectors) - len(loud)} of {len(self.detectors)} detector lanes without an alarm"
-        head = f"Result: {self.status} after {self.sim_time_s:g} s, log {self.log or 'not written'}"
-        return "\n".join([head, *loud, quiet])
+        loud = [lane for lane in self.detectors if lane["alarm"]]
+        quiet = f"{len(self.detectors) - len(loud)} of {len(self.detectors)} detector lanes without an alarm"
+        head = f"Result: {self.status} after {self.sim_time_s:g} s, log {self.log or 'not written'}; {quiet}"
+        return "\n".join([head, table(loud).upto(2).markdown()] if loud else [head])
 
     def to_dict(self) -> dict:
         """Return plain data for JSON; numbers that do not exist are None."""
         faster = self.sim_time_s / self.wall_time_s if self.wall_time_s > 0 else None
         about = {k: v for k, v in vars(self).items() if k != "extra"}
         return plain({**about, "realtime_factor": faster, **self.extra})
-
-
-def _told(row):
-    """Return what a lane said, as words: its alarm, its name, each with its own time, and its false alarms."""
-    at, late, n, words = row["detected_at_s"], row["detection_delay_s"], row["false_alarms"], []
-    if at is not None:
-        after = "" if late is None else f", {late:.2f} s after fault {row['fault']}"
-        name = f"{row['isolated']['class']} at {row['named_at_s']:.2f} s" if row["isolated"] else "no name given"
-        words = [f"alarm at {at:.2f} s{after}", name]
-    return "; ".join(words + [f"{n} false alarm{'s' * (n > 1)}"] * bool(n))
 
 
 def plain(value: Any) -> Any:
@@ -148,25 +139,21 @@ def entry_of(told: Said, dt: float, faults: Sequence[Mapping]) -> dict:
     return entry
 
 
-@dataclass
 class Errors:
     """Sums over the errors of an estimate, in blocks that follow one another."""
 
-    n: int = 0
-    total: float = 0.0
-    squares: float = 0.0
-    largest: float = 0.0
+    def __init__(self) -> None:
+        self.sums, self.largest = np.zeros(3), 0.0  # number, sum, sum of squares
 
     def add(self, error: NDArray) -> None:
         """Take more errors (n,)."""
-        self.n += len(error)
-        self.total += float(np.sum(error))
-        self.squares += float(np.sum(error**2))
+        self.sums += len(error), np.sum(error), np.sum(error**2)
         self.largest = max(self.largest, float(np.max(np.abs(error), initial=0.0)))
 
     def entry(self, unit: str) -> dict:
         """Return RMSE, bias (mean) and largest magnitude [unit]; {} without a sample."""
-        if not self.n:
+        n, total, squares = self.sums.tolist()
+        if not n:
             return {}
-        return {"estimate_rmse": math.sqrt(self.squares / self.n), "estimate_bias": self.total / self.n,
-                "estimate_max": self.largest, "estimate_unit": unit}  # fmt: skip
+        return {"estimate_rmse": math.sqrt(squares / n), "estimate_bias": total / n, "estimate_max": self.largest,
+                "estimate_unit": unit}  # fmt: skip

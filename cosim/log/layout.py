@@ -8,6 +8,7 @@ tick follow one another (a row); rows of one rate make a block, the slowest rate
 import hashlib
 import struct
 from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -62,26 +63,18 @@ def schema_name(channel: str) -> str:
     return "cosim." + channel.strip("/").replace("/", "_")
 
 
-def schema_data(channel: str, parts: Sequence[Any]) -> bytes:
+@lru_cache(256)  # every flight of a process has the same ones
+def schema_data(channel: str, parts: tuple) -> bytes:
     """Return the FileDescriptorSet of a channel's message.
 
     proto2: proto3 forbids names that differ only in case or underscores (`h_s` and `H_s`, `y_1_0` and `y_10`), which
     Rerun and the C++ library then refuse.
     """
-    key = channel, tuple((p.name, p.fields) for p in parts)
-    found = _SCHEMAS.get(key)
-    if found is None:
-        files = FileDescriptorSet()
-        file = files.file.add(name=f"cosim{channel}.proto", package="cosim", syntax="proto2")
-        name = schema_name(channel)
-        _describe(file.message_type.add(name=name.removeprefix("cosim.")), tree_of(channel, parts), f".{name}")
-        if len(_SCHEMAS) > 256:
-            _SCHEMAS.clear()
-        found = _SCHEMAS[key] = files.SerializeToString(deterministic=True)
-    return found
-
-
-_SCHEMAS: dict[tuple, bytes] = {}  # every flight of a process has the same ones
+    files = FileDescriptorSet()
+    file = files.file.add(name=f"cosim{channel}.proto", package="cosim", syntax="proto2")
+    name = schema_name(channel)
+    _describe(file.message_type.add(name=name.removeprefix("cosim.")), tree_of(channel, parts), f".{name}")
+    return files.SerializeToString(deterministic=True)
 
 
 def _describe(message: DescriptorProto, node: dict, place: str) -> None:

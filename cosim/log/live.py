@@ -44,56 +44,6 @@ def library() -> Any:
     return sdk
 
 
-class Shown:
-    """Channels of `context`, a foxglove.Context, for topics and pose of a LogWriter; `send` shows a tick.
-
-    `speed` is that of the samples in multiples of the clock's: the faster, the fewer are shown of each second flown.
-    """
-
-    def __init__(self, topics: Sequence[Any], pose: Any, dt_ns: int, context: Any):
-        self._context, self.dt_ns, self.speed = context, dt_ns, 1.0
-        self._known: dict[tuple, Any] = {}  # (topic, fields) -> its channel: with it the channel would close
-        self._places: dict[str, Any] = {}
-        self.declare(topics, pose)
-
-    def declare(self, topics: Sequence[Any], pose: Any) -> None:
-        """Show these topics from now on: what is new gets a channel, what is known keeps its own."""
-        sdk, self._pose, self._channels = library(), pose, []
-        sampled = by_channel([t for t in topics if t.every == 1])
-        block = Block(1, [(i, name, parts) for i, (name, parts) in enumerate(sampled.items())])
-        self._target = target_of(block, topics, 1)
-        ends = [*(at for _, at in block.channels[1:]), block.size]
-        for (name, parts), (_, at), end in zip(sampled.items(), block.channels, ends):
-            key = name, tuple((p.name, tuple(p.fields)) for p in parts)
-            if key not in self._known:
-                schema = sdk.Schema(name=schema_name(name), encoding="protobuf", data=schema_data(name, parts))
-                self._known[key] = sdk.Channel(name, schema=schema, message_encoding="protobuf",
-                                               context=self._context, metadata=channel_metadata(parts))  # fmt: skip
-            self._channels.append((self._known[key], slice(at + HEAD.size, end)))
-        for topic in ("/tf", "/fix") if not self._places else ():
-            kind = foxglove.TOPICS[topic]
-            schema = sdk.Schema(name=kind.DESCRIPTOR.full_name, encoding="protobuf", data=foxglove.schema(kind))
-            self._places[topic] = sdk.Channel(topic, schema=schema, message_encoding="protobuf", context=self._context)
-
-    @property
-    def stride(self) -> int:
-        """Return every how many ticks one is shown."""
-        return max(1, round(1e9 / RATE / self.dt_ns * self.speed))
-
-    def send(self, k: int, v: np.ndarray) -> None:
-        """Show tick `k` of the vector v that the topics index."""
-        self._target.store(k, v)
-        where = self._pose.messages(v[list(self._pose.index)][None], k, self.dt_ns) if self._pose else ()
-        self.show(k, self._target.rows[0], {name: data for _, name, data in where})
-
-    def show(self, k: int, row: np.ndarray, where: Mapping[str, bytes]) -> None:
-        """Show tick `k`: the messages of the topics as a log has them (bytes,), and those of /tf and /fix."""
-        for channel, part in self._channels:
-            channel.log(row[part].tobytes(), log_time=k * self.dt_ns)
-        for name in self._places.keys() & where.keys():
-            self._places[name].log(where[name], log_time=k * self.dt_ns)
-
-
 @dataclass(frozen=True)
 class Control:
     """Something that viewers may do: `do` takes the keys of a request and returns those of the answer.
@@ -142,16 +92,16 @@ class Live:
         more: Mapping[str, Any] | None = None,
     ):  # fmt: skip
         sdk = library()
-        context = context or sdk.Context()
-        self.shown, self.pace = Shown(topics, pose, dt_ns, context), Pace(dt_ns * 1e-9, speed)
-        self.shown.speed = speed
+        self._context, self.dt_ns, self.pace = context or sdk.Context(), dt_ns, Pace(dt_ns * 1e-9, speed)
+        self._known: dict[tuple, Any] = {}  # (name, descriptors) -> its channel: with it the channel would close
+        self.declare(topics, pose)
         self._controls = dict(controls or {})
         self.layout = live_layout(topics, {name: c.example for name, c in self._controls.items()})
         self._waiting: queue.SimpleQueue[tuple[str, Any, Future]] = queue.SimpleQueue()
         token, inner = secrets.token_urlsafe(18) if controls else "", gate.hidden_host()
         try:
             offered = {**self._offer(sdk), **(more or {})}
-            self.server = sdk.start_server(name=name, host=inner, port=0, context=context, **offered)
+            self.server = sdk.start_server(name=name, host=inner, port=0, context=self._context, **offered)
         except Exception as error:  # the library has no narrower one
             raise OutputError(f"cannot be served: {error}", place=inner) from None
         try:
@@ -163,11 +113,45 @@ class Live:
         self.url = f"ws://{HOST}:{self._gate.port}" + f"/?token={token}" * bool(token)
         self._k = 0
 
+    def declare(self, topics: Sequence[Any], pose: Any) -> None:
+        """Show these topics from now on: what is new gets a channel, what is known keeps its own."""
+        sampled, self._pose, self._channels = by_channel([t for t in topics if t.every == 1]), pose, []
+        block = Block(1, [(i, name, parts) for i, (name, parts) in enumerate(sampled.items())])
+        self._target = target_of(block, topics, 1)
+        ends = [*(at for _, at in block.channels[1:]), block.size]
+        for (name, parts), (_, at), end in zip(sampled.items(), block.channels, ends):
+            channel = self._channel(name, schema_name(name), schema_data(name, tuple(parts)), channel_metadata(parts))
+            self._channels.append((channel, slice(at + HEAD.size, end)))
+        kinds = {name: foxglove.TOPICS[name] for name in ("/tf", "/fix")}
+        self._places = {n: self._channel(n, m.DESCRIPTOR.full_name, foxglove.schema(m), {}) for n, m in kinds.items()}
+
+    def _channel(self, name, message, data, metadata):
+        if (name, data) not in self._known:
+            sdk = library()
+            how: dict[str, Any] = {"schema": sdk.Schema(name=message, encoding="protobuf", data=data)}
+            how |= {"message_encoding": "protobuf", "context": self._context, "metadata": metadata}
+            self._known[name, data] = sdk.Channel(name, **how)
+        return self._known[name, data]
+
+    @property
+    def stride(self) -> int:
+        """Return every how many ticks one is shown: the faster it goes, the fewer of each second flown."""
+        return max(1, round(1e9 / RATE / self.dt_ns * self.pace.speed))
+
+    def show(self, k: int, row: np.ndarray, where: Mapping[str, bytes]) -> None:
+        """Show tick `k`: the messages of the topics as a log has them (bytes,), and those of /tf and /fix."""
+        for channel, part in self._channels:
+            channel.log(row[part].tobytes(), log_time=k * self.dt_ns)
+        for name in self._places.keys() & where.keys():
+            self._places[name].log(where[name], log_time=k * self.dt_ns)
+
     def append(self, v: np.ndarray) -> None:
         """Show the vector v of the next tick, then wait until the clock has come as far as the flight."""
         k, self._k = self._k, self._k + 1
-        if k % self.shown.stride == 0:
-            self.shown.send(k, v)
+        if k % self.stride == 0:
+            self._target.store(k, v)
+            where = self._pose.messages(v[list(self._pose.index)][None], k, self.dt_ns) if self._pose else ()
+            self.show(k, self._target.rows[0], {name: data for _, name, data in where})
         self.pace.wait(k)
 
     def serve(self) -> None:

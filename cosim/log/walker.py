@@ -62,7 +62,7 @@ class Contents:
     topics: dict = field(default_factory=dict)
     ids: dict = field(default_factory=dict)
     dt_ns: int = 0
-    layout: Layout | None = None
+    layout: Any = None
     damage: list = field(default_factory=list)
     whole: bool = False
     closed: bool = False
@@ -101,7 +101,7 @@ def _walk(found, file):
         raise log_error("not an MCAP file", found.path, 0, "" if found.size else "It is empty.")
     opcode, stream = None, _records(found, file)
     try:
-        _preamble(found, stream)
+        _preamble(found, file, stream)
         for opcode, length, body in stream:
             if opcode == Opcode.CHUNK:
                 found.chunks.append(_chunk(found, length, body))
@@ -136,21 +136,22 @@ def _records(found: Contents, file: BinaryIO) -> Iterator[tuple[int, int, bytes]
         found.at += _RECORD.size + length
 
 
-def _preamble(found, stream):
+def _preamble(found, file, stream):
     """Take the records before the first chunk; their hash is compared before any is parsed."""
-    digest, kept = hashlib.sha256(MAGIC), list[tuple[int, bytes]]()
-    for opcode, length, body in stream:
+    kept: list[tuple[int, bytes]] = []
+    for opcode, _, body in stream:
         if not kept:
             _check_header(found, _KINDS[opcode].read(ReadDataStream(io.BytesIO(body))))
         if opcode == Opcode.CHUNK or (opcode == Opcode.METADATA and body[4:12] == b"preamble"):
             break
-        digest.update(_RECORD.pack(opcode, length) + body)
         kept.append((opcode, body))
     else:
         raise log_error("the log ends before its first tick", found.path, found.at)
-    if digest.hexdigest().encode() not in body:
+    file.seek(0)
+    digest = hashlib.sha256(file.read(found.at)).hexdigest()
+    if digest.encode() not in body:
         raise ValueError("the parameters before the first tick are not what was written")
-    schemas, found.metadata["preamble"] = {}, {"sha256": digest.hexdigest()}
+    schemas, found.metadata["preamble"] = {}, {"sha256": digest}
     for opcode, body in kept:
         record = _KINDS[opcode].read(ReadDataStream(io.BytesIO(body)))
         if opcode == Opcode.SCHEMA:
@@ -185,16 +186,15 @@ def _chunk(found, length, body):
     compression = body[32 : 32 + min(name_length, 16)].decode()
     if compression not in COMPRESSIONS or len(compression) != name_length:
         raise ValueError(f"unknown compression {compression!r}")
-    (data_size,) = struct.unpack_from("<Q", body, 32 + name_length)
     head = 40 + name_length
-    if data_size != length - head:
+    if struct.unpack_from("<Q", body, 32 + name_length) != (length - head,):
         raise ValueError("its length is wrong")
     if size > MOST_CHUNK:
         raise ValueError(f"{size} bytes of content are beyond the reader's limit")
     if not start <= end < 2**63 or (found.chunks and start <= found.chunks[-1].end_ns):
         raise ValueError(f"times {start} to {end} ns do not follow those before")
     begin = found.at + _RECORD.size
-    chunk = Chunk(found.at, begin + length, begin + head, data_size, compression, size, crc, start, end)
+    chunk = Chunk(found.at, begin + length, begin + head, length - head, compression, size, crc, start, end)
     if size < sum(found.layout.sizes(*found.ticks(chunk))):
         raise ValueError(f"{size} bytes of content cannot hold its ticks")
     return chunk
@@ -246,7 +246,6 @@ def load(found: Contents, file: BinaryIO, chunk: Chunk) -> tuple[bytes, np.ndarr
         raise log_error(str(error), found.path, chunk.offset) from error
     if crc32(raw) != chunk.crc:
         raise log_error("the chunk is damaged (CRC)", found.path, chunk.offset)
-    assert found.layout is not None
     content = np.frombuffer(raw, "u1")
     wrong = found.layout.wrong(content, *found.ticks(chunk))
     if wrong is not None:
@@ -257,7 +256,6 @@ def load(found: Contents, file: BinaryIO, chunk: Chunk) -> tuple[bytes, np.ndarr
 
 def tail(found: Contents, chunk: Chunk, content: np.ndarray) -> list[tuple[int, int, int, bytes]]:
     """Return [(channel id, tick, offset, payload)] of the messages after the samples; raises LogError unless whole."""
-    assert found.layout is not None
     at = sum(found.layout.sizes(*found.ticks(chunk)))
     data, out = content[at:].tobytes().rjust(len(content), b"\0"), []
     while at < len(data):

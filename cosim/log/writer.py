@@ -72,7 +72,7 @@ class LogWriter:
         self._shape, self._compression, self._kept = (n_values,), compression, kept
         self._messages: list[tuple[int, str, bytes]] = []  # (tick, topic, payload) of those to come, in order
         keep_memory()
-        declared: list = [(name, schema_name(name), schema_data(name, parts), channel_metadata(parts))
+        declared: list = [(name, schema_name(name), schema_data(name, tuple(parts)), channel_metadata(parts))
                           for name, parts in by_channel(topics).items()]  # fmt: skip
         declared += [(name, m.DESCRIPTOR.full_name, foxglove.schema(m), {}) for name, m in foxglove.TOPICS.items()]
         self._layout = Layout(topics, {name: i for i, (name, *_) in enumerate(declared, 1)}, self.dt_ns)
@@ -188,14 +188,14 @@ class LogWriter:
 
 def _check(topics, n_values, dt_ns, metadata):
     names = [t.name for t in topics]
-    if len(set(names)) != len(names) or set(names) & set(foxglove.TOPICS):
-        raise ValueError(f"topics must have distinct names other than {sorted(foxglove.TOPICS)}")
-    if not any(t.every == 1 for t in topics):
-        raise ValueError("at least one topic must be logged at every tick")
-    for topic in topics:
-        if topic.index.min() < 0 or topic.index.max() >= n_values:
-            raise ValueError(f"topic {topic.name}: a position lies outside the tick vector of {n_values} values")
-    if set(metadata) & set(RESERVED):
-        raise ValueError(f"metadata names {RESERVED} are taken")
-    if dt_ns <= 0:
-        raise ValueError(f"dt_ns must be positive, not {dt_ns}")
+    far = [t.name for t in topics if t.index.min() < 0 or t.index.max() >= n_values]
+    for wrong, said in (
+        (len({*names, *foxglove.TOPICS}) < len(names) + len(foxglove.TOPICS),
+         f"topics must have distinct names other than {sorted(foxglove.TOPICS)}"),
+        (all(t.every > 1 for t in topics), "at least one topic must be logged at every tick"),
+        (far, f"topics {far}: a position lies outside the tick vector of {n_values} values"),
+        (set(metadata) & set(RESERVED), f"metadata names {RESERVED} are taken"),
+        (dt_ns <= 0, f"dt_ns must be positive, not {dt_ns}"),
+    ):  # fmt: skip
+        if wrong:
+            raise ValueError(said)

@@ -108,7 +108,9 @@ class PlainDetector:
         measured: Any = namedtuple("Measured", tuple(self.INPUTS.names or ()))  # type: ignore[misc]
 
         def make(p, dt):
-            update = self.cls(dt, **{name: float(p[name]) for name in self._defaults}).update
+            given = {name: type(own)(p[name]) if p[name] % 1 == 0 else float(p[name])  # as its default is
+                     for name, own in self._defaults.items()}  # fmt: skip
+            update = self.cls(dt, **given).update
             limit = float(p["limit_s"]) if limited else math.inf
 
             def step(t, x, u):
@@ -228,7 +230,7 @@ def parameters(cls: type) -> dict[str, float]:
     rest = [p for p in own[1:] if p.kind not in free]
     if bare := [p.name for p in rest if p.default is p.empty]:
         raise PartError(f"__init__ has no default for {bare[0]}", place=cls.__name__)
-    return {p.name: float(p.default) for p in rest if isinstance(p.default, int | float)}
+    return {p.name: p.default for p in rest if isinstance(p.default, int | float)}
 
 
 def record_of(cls: type) -> Detector:

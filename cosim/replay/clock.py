@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cosim.errors import LogError
 
 UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}  # [s]
-NAMES = ("t", "time", "timestamp")
+NAMES = ("t", "time", "timestamp", "clock")
 UNSAID = "time = 'NAME [us]' in the map says the unit: ns, us, ms, s, min, h"
 SLOWEST = 1.0  # [s] between two samples: whatever takes longer is no recording of a flight, or not in seconds
 

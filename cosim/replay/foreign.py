@@ -48,9 +48,9 @@ def read_recording(path: str | Path, names: Sequence[str], time: str | None = No
     """Return the columns or fields `names` of the recording at `path` over the clock `time` (cosim/replay/clock.py).
 
     `time` is a column or a field, with "[us]" behind it where its name does not end in its unit, or for an MCAP file
-    `log_time` (its default) or `publish_time`; of a table the default is the only column that is called t, time or
-    timestamp. Raises LogError for a file that is not read here, a name that it lacks, a column that holds no numbers,
-    a clock that goes back or stands.
+    `log_time` (its default) or `publish_time`; of a table the default is the only column that is called t, time,
+    timestamp or clock. Raises LogError for a file that is not read here, a name that it lacks, a column that holds no
+    numbers, a clock that goes back or stands.
     """
     with _readable(path := Path(path)):
         return _mcap(path, names, time) if path.suffix.lower() == ".mcap" else _table(path, names, time)

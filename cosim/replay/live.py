@@ -79,8 +79,8 @@ class _Player:
             if not self.playing:
                 ended.wait(IDLE_S)
                 continue
-            live.shown.show(self.k, *log.row(self.k))
-            step = min(live.shown.stride, self._n - self.k)
+            live.show(self.k, *log.row(self.k))
+            step = min(live.stride, self._n - self.k)
             self.k += step
             live.pace.wait(self.k - 1)
             if self.k >= self._n:
@@ -92,10 +92,10 @@ class _Player:
             request = self._asked.get()
             self.playing = request.playback_command == self._sdk.websocket.PlaybackCommand.Play
             if 0.01 <= request.playback_speed <= 1000.0:
-                self.speed = live.shown.speed = request.playback_speed
+                self.speed = request.playback_speed
             if request.seek_time is not None:
                 self.k = min(max(0, round(request.seek_time / self._dt_ns)), self._n - 1)
-                live.shown.show(self.k, *log.row(self.k))
+                live.show(self.k, *log.row(self.k))
             if self.playing and self.k >= self._n:
                 self.k = 0
             live.pace.change(self.speed, self.k)

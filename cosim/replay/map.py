@@ -16,7 +16,7 @@ import numpy as np
 from cosim.flight.detection import detectors as table
 from cosim.judge.result import judge, plain
 from cosim.log import LogWriter, Topic, viewer_layouts
-from cosim.parts import load, with_detectors
+from cosim.parts import loaded, with_detectors
 from cosim.replay import clock
 from cosim.replay import map_signals as signals_of
 from cosim.replay.caveats import caveats, lost
@@ -24,7 +24,7 @@ from cosim.replay.detector_replay import Lane, elements, flat, inputs, judged_la
 from cosim.replay.foreign import read_recording
 from cosim.replay.log_schema import ReplayError, check_start, chosen_overrides, override
 from cosim.replay.map_file import load_map
-from cosim.replay.write import stacked
+from cosim.replay.write import append, stacked
 from cosim.scenario import parse, vocabulary
 from cosim.scenario.user_parts import locate
 
@@ -72,28 +72,29 @@ class Prepared:
 def prepare(path: str | Path, map_path: Any, *, detectors: Any = None, start_s: float = 0.0,
             user_detectors: Sequence[Any] = ()) -> Prepared:  # fmt: skip
     """Return the recording at `path` as the map at `map_path` has it; arguments and errors as of `diagnose`."""
-    made = [load(g).DETECTOR.id for g in user_detectors]
+    own = [part.DETECTOR.id for part in loaded(user_detectors)]
     check_start(start_s)
     m, text = load_map(map_path)
     scenario = with_detectors(_scenario(m, detectors, map_path), user_detectors)
-    detectors = [*detectors, *made] if detectors else detectors
     m, dt = signals_of.with_hinge(m), 1.0 / m.rate_hz
     factors = signals_of.factors(m, map_path, scenario)
-    found = [d for d in table.chosen(scenario) if not detectors or d.id in detectors]
+    found = [d for d in table.chosen(scenario) if not detectors or d.id in (*detectors, *own)]
     wires = {(d.id, lane): d.inputs(lane) for d in found for lane in d.lanes}
     sources = {w.signal.word: w.signal for own in wires.values() for w in own if w.signal.kind != "detector"}
-    own = {name: s for name, s in m.signals.items() if s.channel}
-    if not own:
+    mapped = {name: s for name, s in m.signals.items() if s.channel}
+    if not mapped:
         raise ReplayError("no signal has a channel", place=str(map_path))
-    names = dict.fromkeys(name for s in own.values() for name in (s.channel, s.valid) if name)
+    names = dict.fromkeys(name for s in mapped.values() for name in (s.channel, s.valid) if name)
     read = read_recording(path, tuple(names), m.time)
-    used = {s.channel: read.times[read.channels[s.channel][0]] for s in own.values()}
+    used = {s.channel: read.times[read.channels[s.channel][0]] for s in mapped.values()}
     at = signals_of.ticks(list(used.values()), dt, start_s or None)
     if not 2 <= len(at) <= MOST_TICKS:
         spans = ", ".join(f"{name} {t[0]:.12g} to {t[-1]:.12g} s" for name, t in list(used.items())[:6])
         said = f"the channels have {len(at)} ticks of {m.rate_hz} Hz in common"
         raise ReplayError(said, place=str(path), allowed=f"2 to {MOST_TICKS}; {spans}", remedy=clock.UNSAID)
     told = f"each tick ({m.rate_hz} Hz) has the sample nearest to it, within {500 * dt:.3g} ms"
+    if any(clock.interval(t) > 1.01 * dt for t in used.values()):
+        told += "; between samples a sensor is interpolated and a command held"
     out = Prepared(m, text, scenario, f"clock: {read.clock}; {told}", found, wires, at, dt, list(read.notes))
     kept = {}
     for name, signal in ((n, s) for n, s in m.signals.items() if n in sources):
@@ -178,10 +179,9 @@ def run_all(made: Prepared, overrides: Mapping[str, Any]) -> tuple[list, list]:
             if words[lane].keys() & made.unsure.keys():
                 for name, value in d.record.slow.items():
                     p[name][i] = value
-        override(d.record, d.module, p, overrides.get(d.id, {}), dt)
-        for i, lane in enumerate(ready.lanes):
-            u = lane_inputs(d.module, wires[d.id, lane], values, n)
-            own = Lane(d.id, lane, d.level, d.every, d.module, p[i : i + 1], d.module.init(p[i : i + 1]))
+            own_p, u = p[i : i + 1], lane_inputs(d.module, wires[d.id, lane], values, n)
+            override(d.record, d.module, own_p, overrides.get(d.id, {}), dt)
+            own = Lane(d.id, lane, d.level, d.every, d.module, own_p, d.module.init(own_p))
             again = own.step(u[:, :: d.every], dt)[0]
             done.append((ready, lane, u, again))
             if d.id in read:
@@ -233,25 +233,23 @@ def _verdict(d, lane, again, made):
 
 def _write(path, done, out, text, dt):
     """Write inputs and outputs of every lane that ran to a log."""
-    infos, parts = [], []
+    infos, values = [], []
     for d, lane, u, again in done:
-        module = d.module
-        read = flat(np.ascontiguousarray(u))[0]
-        for name, own, values, every in (
-            (f"/input/{d.id}/{lane}", elements(module.INPUTS, module.INPUTS.names), read, 1),
-            (f"/replay/detectors/{d.id}/{lane}", elements(module.STATE, module.OUTPUTS), again, d.every),
+        read, module = flat(np.ascontiguousarray(u))[0], d.module
+        for where, kind, names, rows, every in (
+            ("/input", module.INPUTS, module.INPUTS.names, read, 1),
+            ("/replay/detectors", module.STATE, module.OUTPUTS, again, d.every),
         ):
-            fields, units = zip(*own)
-            infos.append((name, Topic(name, fields, units, every=every, channel=name.rpartition("/")[0]), "detectors"))
-            parts.append(np.zeros((u.shape[1], len(own))))
-            parts[-1][::every] = values
-    topics, n = stacked(infos)
+            fields, units = zip(*elements(kind, names))
+            topic = Topic(f"{where}/{d.id}/{lane}", fields, units, every=every, channel=f"{where}/{d.id}")
+            infos.append((topic.name, topic, "detectors"))
+            values.append(rows)
+    topics = stacked(infos)
     attachments = {"map.toml": ("application/toml", text.encode()), **viewer_layouts(topics)}
     metadata = {"run": {"title": f"diagnosis of {Path(out.recording).name}", "start_s": repr(out.start_s)}}
     kept: dict[str, Any] = {"metadata": metadata, "attachments": attachments, "rows_per_chunk": 500, "kept": False}
-    with LogWriter(path, topics, n_values=n, dt_ns=round(dt * 1e9), **kept) as log:
-        for row in np.concatenate(parts, axis=1):
-            log.append(row)
+    with LogWriter(path, topics, n_values=topics[-1].index[-1] + 1, dt_ns=round(dt * 1e9), **kept) as log:
+        append(log, topics, values, 0, len(values[0]))
         told = {"detectors": out.detectors, "caveats": [out.clock, *out.caveats], "not_run": out.not_run}
         kept = {name: json.dumps(plain(found), sort_keys=True) for name, found in told.items()}
         log.close(result={"status": "diagnosed", **kept})

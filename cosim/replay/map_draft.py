@@ -27,7 +27,7 @@ NAMES = {  # word of the vocabulary -> what people call it, in small letters and
     "psi": ("psi", "heading"), "pdot": ("pdot", "p dot"), "qdot": ("qdot", "q dot"), "rdot": ("rdot", "r dot"),
     "n_x": ("n x", "nx"), "n_y": ("n y", "ny"), "n_z": ("n z", "nz", "load factor"),
     "mass": ("mass", "gross weight"), "cg": ("cg",),
-    "de_cmd": ("de cmd", "elev cmd", "elevator cmd", "elevator command"),
+    "de_cmd": ("de cmd", "elev cmd", "elevator cmd", "elevator command", "elev demand", "elevator demand"),
     "valve_command": ("valve command", "valve cmd", "valve"), "current_command": ("current command", "current cmd"),
     "rod": ("rod", "ram", "lvdt"), "surface": ("surface", "surf", "rvdt", "elevator position", "elevator"),
     "pressure": ("pressure", "dp", "delta p"), "velocity": ("motor speed",), "position": ("screw", "motor position"),
@@ -59,7 +59,8 @@ def draft(path: str | Path, *, aircraft: str | None = None) -> str:
     own = load_aircraft(aircraft or DEFAULT)
     channels, texts = columns_of(path)
     lines = [f"# Draft of a map for {Path(path).name} by names alone: check every unit, sign and meaning."]
-    lines += ["rate_hz = 200  # tick at which the detectors were designed", _time(Path(path), [*channels, *texts])]
+    time, clock_line = _time(Path(path), [*channels, *texts])
+    lines += ["rate_hz = 200  # tick at which the detectors were designed", clock_line]
     lines += ['# aircraft = "NAME"  # that was recorded', "", "[flight]  # the point for which the detectors are set"]
     lines += [f"aircraft = {inline(own.name)}"] * (own.name != DEFAULT)
     lines += [f"{key} = {value:g}  # not in the recording" for key, value in _point(own).items()]
@@ -71,7 +72,7 @@ def draft(path: str | Path, *, aircraft: str | None = None) -> str:
             taken[guess.signal] = _line(channel, guess)
         elif channel.isprintable():
             texts.append(channel)
-    lines += ["", "[signals]", *taken.values(), "", *(f"# not used: {inline(c)}" for c in texts)]
+    lines += ["", "[signals]", *taken.values(), "", *(f"# not used: {inline(c)}" for c in texts if c != time)]
     return "\n".join(lines).rstrip() + "\n"
 
 
@@ -82,49 +83,42 @@ def guessed(channel: str, own: Aircraft) -> Guess | None:
     if bracket:
         return _named(_tokens(field[: bracket.start()]), bracket[1].strip(), own)
     tokens = _tokens(field)
-    for k in range(max(1, len(tokens) - 2), len(tokens)):
-        if guess := _named(tokens[:k], "/".join(tokens[k:]), own):
-            return guess
-    return _named(tokens, "", own)
+    splits = [*range(max(1, len(tokens) - 2), len(tokens)), len(tokens)]  # with a unit of two words, of one, without
+    return next(filter(None, (_named(tokens[:k], "/".join(tokens[k:]), own) for k in splits)), None)
 
 
 def _named(tokens: list[str], unit: str, own: Aircraft) -> Guess | None:
     """Return what the words of a name are, without its `unit`; None where the unit is of something else."""
-    split, place = " ".join(BOTH.get(t.lower(), t.lower()) for t in tokens).split(), []
-    word = _word(split)
-    if not word:
-        place = [long for long, short in PLACES.items() if {*split} & {*short.split()}]
-        word = _word([t for t in split if not any(t in short.split() for short in PLACES.values())])
-    if not word:
-        return None
+    split = " ".join(BOTH.get(t.lower(), t.lower()) for t in tokens).split()
+    place = "" if _word(split) else "_".join(long for long, short in PLACES.items() if {*split} & {*short.split()})
+    word = _word([t for t in split if not place or not any(t in short.split() for short in PLACES.values())])
     known = words().get(word)
-    si, local = (known.unit, bool(known.technologies)) if known else ("N m", True)
-    local = local or word in ("hm0", "hmd")
-    shares = {"Pa": 1.0} if word == "pressure" else {"N": 1.0} if word == "hinge_moment" else {}
-    fits = [u for u in (unit, SHORT.get(unit.lower(), ""), unit.lower()) if u and factor(u, si, shares)]
-    if (unit and not fits) or (place and not local):
+    if not word:
         return None
-    unit = fits[0] if fits else ""
-    segment = next((s for s in own.segments if place and s in ("_".join(place), place[0])), "")
-    said = []
-    if not unit and word not in BARE:
-        said.append(f"unit? {si} if none is said")
-    if local:
-        said += [] if segment else ["which segment?"]
-        segment = segment or own.segments[0]
+    si = known.unit if known else "N m"
+    local = word in ("hm0", "hmd", "hinge_moment") or bool(known and known.technologies)
+    shares = {"Pa": 1.0} if word == "pressure" else {"N": 1.0} if word == "hinge_moment" else {}
+    unit = next((u for u in (unit, SHORT.get(unit.lower(), ""), unit.lower()) if u and factor(u, si, shares)), unit)
+    if (unit and not factor(unit, si, shares)) or (place and not local):
+        return None
+    said = [f"unit? {si} if none is said"] * (not unit and word not in BARE)
+    segment = next((s for s in own.segments if place and s in (place, place.partition("_")[0])), "")
+    said += ["which segment?"] * (local and not segment)
     if local or word == "de_cmd":
         said.append(f"sign? {known.meaning if known else 'hinge moment, + drives the trailing edge down'}")
-    return Guess(f"{segment}.{word}" if local else word, "" if unit == si else unit, "; ".join(said))
+    signal = f"{segment or own.segments[0]}.{word}" if local else word
+    return Guess(signal, "" if unit == si else unit, "; ".join(said))
 
 
 def _word(tokens: list[str]) -> str:
     """Return the word of the vocabulary that people call so, "" for none."""
-    return next((word for word, names in NAMES.items() if " ".join(tokens) in names), "")
+    called = "".join(tokens)
+    return next((word for word, names in NAMES.items() if called in (n.replace(" ", "") for n in names)), "")
 
 
 def _tokens(name: str) -> list[str]:
-    """Return the words of a name: of NzG, ELEV_CMD_DEG, left-inner rod."""
-    return re.sub(r"[^A-Za-z0-9%]+", " ", re.sub(r"(?<=z)(?=G\b)", " ", name)).split()
+    """Return the words of a name: of NzG, ELEV_CMD_DEG, PitchRate, left-inner rod."""
+    return re.sub(r"(?<=[A-Za-z][a-z])(?=[A-Z])|[^A-Za-z0-9%]+", " ", name).split()
 
 
 def _line(channel: str, guess: Guess) -> str:
@@ -134,15 +128,16 @@ def _line(channel: str, guess: Guess) -> str:
     return f"# {line}  # {guess.open}" if guess.open else line
 
 
-def _time(path: Path, columns: list[str]) -> str:
+def _time(path: Path, columns: list[str]) -> tuple[str, str]:
+    """Return (column of the clock or "", the line that names it)."""
     if path.suffix.lower() == ".mcap":
-        return 'time = "log_time"  # or publish_time, or a field of the messages: "header.stamp", "t [us]"'
+        return "", 'time = "log_time"  # or publish_time, or a field of the messages: "header.stamp", "t [us]"'
     try:
         name, _ = clock.of_table(columns, None, path)
     except LogError:
-        return '# time = "NAME"  # which column? "NAME [us]" where its name does not end in its unit'
-    said = f"time = {inline(name)}"
-    return said if clock.unit_of(name) else f"# time = {inline(name + ' [s]')}  # in which unit? ns, us, ms, s, min, h"
+        return "", '# time = "NAME"  # which column? "NAME [us]" where its name does not end in its unit'
+    unsaid = f"# time = {inline(name + ' [s]')}  # in which unit? ns, us, ms, s, min, h"
+    return name, f"time = {inline(name)}" if clock.unit_of(name) else unsaid
 
 
 def _point(own: Aircraft) -> dict[str, float]:

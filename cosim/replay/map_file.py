@@ -16,7 +16,7 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from cosim.replay.log_schema import ReplayError
-from cosim.scenario.problem import Origin, Table, explained
+from cosim.scenario.problem import Origin, Table, explained, within
 from cosim.texts import read, toml
 
 
@@ -31,7 +31,7 @@ class Signal(Table, strict=False):
     sign: Literal[1, -1] = 1
     offset: float = 0.0  # [SI]
     resample: Literal["linear", "hold"] | None = None  # between samples farther apart than a tick
-    max_gap_s: Annotated[float, Field(gt=0.0)] | None = None
+    max_gap_s: Annotated[float, within(0.0, open_low=True)] | None = None
     valid: str | None = None  # channel above 0.5 where the sample is one
     missing: float | None = None  # a number of the channel that stands for a lost sample, -9999 say
     held: bool = False  # of a command to an actuator: what acted until the sample's time; else what is sent at it
@@ -47,7 +47,7 @@ class Map(Table, strict=False):
     """A map file; `flight`, `elevator` and `detectors` are a scenario's tables and checked as such."""
 
     title: str = ""
-    rate_hz: Annotated[int, Field(ge=50, le=2000)] = 200
+    rate_hz: Annotated[int, within(50, 2000)] = 200
     time: str | None = None  # the clock: a column or field, "NAME [us]" with its unit, log_time or publish_time
     aircraft: str = ""  # that was recorded: of a detector designed for another one the caveats say so
     flight: dict = Field(default_factory=dict)

@@ -31,6 +31,12 @@ DRAWN = ("/truth/", "/law", "/sensors/", "/faults/")  # topics whose fields a pa
 PLACES = 400  # of the aircraft's path
 ESTIMATE = ("all", "valid", "not_valid", "low", "high")  # curves of an estimate: with its two-sigma band
 
+INJECTED = {  # field of an actuator's inputs, or kind of fault -> unit of a hydraulic actuator's, of an EMA's
+    **dict.fromkeys(("f_u", "s_u"), ("valve, 1 = full", "A")), **dict.fromkeys(("f_cmd", "s_cmd"), ("rad", "rad")),
+    "f_rate": ("rad/s", "rad/s"), "backlash": ("rad of surface", "m of screw travel"),
+    "friction": ("share of the brake's force", "N m at the motor"),
+}  # fmt: skip
+
 
 class Lane:
     """One detector lane: its judgement, what it said where that changes, its statistic and one estimate as drawn.
@@ -264,14 +270,10 @@ class LoggedFlight:
     def provenance(self) -> Any:
         """Return {name: text}: versions, seed, hashes."""
         run, libraries = self.log.metadata.get("run", {}), self.log.metadata.get("libraries", {})
-        result = self.log.result or {}
         out = {k: run[k] for k in ("software", "seed", "rate_hz", "ticks") if k in run} | dict(libraries)
-        for name in ("content", *(k for k in result if k.startswith("sha256"))):
-            if name in result:
-                out[f"hash of {name}" if name == "content" else name] = result[name]
-        if "sha256" in self.log.metadata.get("preamble", {}):
-            out["hash of the preamble"] = self.log.metadata["preamble"]["sha256"]
-        return out
+        if self.log.result:
+            out["hash of content"] = self.log.result["content"]
+        return out | {"hash of the preamble": self.log.metadata["preamble"]["sha256"]}
 
 
 class _Truth:
@@ -316,17 +318,8 @@ def unit_of(place: str, kind: Any) -> Any:
         known = {**ACTUATOR_SENSORS, **SENSORS}
         own = max((n for n in known if name == n or name.endswith(f"_{n}")), key=len, default="")
         return "share" if "scale" in field else known[own][0].si if own else ""
-    if field in ("f_u", "s_u"):
-        return "A" if section == "ema_in" else "valve, 1 = full"
-    if field in ("f_cmd", "s_cmd"):
-        return "rad"
-    if field == "f_rate":
-        return "rad/s"
-    if kind == "backlash":
-        return "m of screw travel" if section == "ema_in" else "rad of surface"
-    if kind == "friction":
-        return "N m at the motor" if section == "ema_in" else "share of the brake's force"
-    return "share"
+    hydraulic, ema = INJECTED.get(field) or INJECTED.get(kind) or ("share", "share")
+    return ema if section == "ema_in" else hydraulic
 
 
 def joined(spans: Iterable[tuple[float, float]], gap: float = 0.0) -> list[tuple[float, float]]:

@@ -94,10 +94,10 @@ def matrix(rows: pd.DataFrame) -> Table | None:
                  "designed for. The expectation stands in the record of each detector in fdi/ and was written from the "
                  "equations, not from these flights.")  # fmt: skip
     groups: dict = {}
-    for case in sorted(found, key=_order):
+    for case in sorted({case for case, _ in found}, key=_order):
         head = coverage.label(case).split(":")[0] if "." in case else "other effectors"
         head = "aircraft sensors" if case.startswith("sensor") else head
-        row = [_cell(n, found[case].get(n)) for n in names]
+        row = [_cell(n, found.get((case, n))) for n in names]
         groups.setdefault(head, []).append((coverage.label(case).split(": ")[-1], *row))
     for head, lines in groups.items():
         made.add(head)

@@ -339,7 +339,7 @@ def _said(lane, first, stop, start, step):
 
 def _labels(figure, flown, lane, alarms):
     """Write the verdict on its bar, right of the bar's beginning; of bars without room between them that of the
-    longest. A text that would pass the right edge of a narrow page ends before the bar."""
+    longest. A text that would pass the right edge of a narrow page ends before the bar, or with the axis."""
     near: list[list] = []
     span = flown.end - flown.t0
     for alarm in alarms:
@@ -348,8 +348,9 @@ def _labels(figure, flown, lane, alarms):
         else:
             near.append([alarm])
     for a, _, said in (max(own, key=lambda alarm: alarm[1] - alarm[0]) for own in near):
-        fits = a + span * LETTER * len(said) < flown.end
-        side = {"xanchor": "left", "xshift": 12} if fits else {"xanchor": "right", "xshift": -3}
+        room = span * LETTER * len(said)
+        side = {"xanchor": "left", "xshift": 12} if a + room < flown.end else {"xanchor": "right", "xshift": -3}
+        a = flown.end if a + room >= flown.end and a - room < flown.t0 else a  # on its bar, not on its lane's name
         look = {"font": {"size": 11, "color": "--ink"}, "bgcolor": "--page", "borderpad": 1}  # watching runs behind it
         told = {"text": said, "x": a, "y": lane.name, "showarrow": False, "detector": lane.id}
         figure.layout["annotations"].append({**told, **side, **look})

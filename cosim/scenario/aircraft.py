@@ -15,14 +15,14 @@ from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, mod
 from actuators.constants import M_PER_FT, RAD_PER_DEG
 from actuators.registry import SHIPPED
 from cosim.errors import ScenarioError, did_you_mean
-from cosim.scenario.problem import Origin, Table, explained
+from cosim.scenario.problem import Origin, Table, explained, within
 from cosim.texts import read, toml
 
 FOLDER = Path(__file__).resolve().parents[2] / "aircraft"
 RECORD = "aircraft.toml"
 DEFAULT = "transport"
 R = TypeVar("R")
-Positive = Annotated[float, Field(gt=0.0)]
+Positive = Annotated[float, within(0.0, open_low=True)]
 
 
 def _rising(span: tuple[float, float]) -> tuple[float, float]:
@@ -43,7 +43,7 @@ class Geometry(Table):
     tail_arm_ft: Positive  # from the CG to the tail, which meets a gust later
     downwash: Annotated[float, Field(ge=0.0, lt=1.0)]  # d epsilon / d alpha at the tail
     station_in: float  # of the CG reference in the structural frame, x aft
-    reference_pct: Annotated[float, Field(ge=0.0, le=100.0)]  # CG reference, of the mean chord
+    reference_pct: Annotated[float, within(0.0, 100.0)]  # CG reference, of the mean chord
 
 
 class Gyration(Table):
@@ -112,11 +112,6 @@ class Surface(Table):
     omega_rad_s: Positive
 
     @property
-    def travel(self) -> tuple[float, float]:
-        """Return the stops [rad]."""
-        return _radians(self.travel_deg)
-
-    @property
     def rate(self) -> float:
         """Return the fastest rate [rad/s]."""
         return math.radians(self.rate_deg_s)
@@ -134,7 +129,7 @@ class Aircraft(Table):
     """What the loop must know of an aircraft beside its JSBSim model."""
 
     title: str
-    engines: Annotated[int, Field(ge=1, le=8)]
+    engines: Annotated[int, within(1, 8)]
     geometry: Geometry
     mass: Mass
     limits: Limits
@@ -203,7 +198,7 @@ class Aircraft(Table):
     @property
     def travels(self) -> dict[str, tuple[float, float]]:
         """Return `travels_deg` in rad."""
-        return {name: _radians(span) for name, span in self.travels_deg.items()}
+        return {name: (math.radians(low), math.radians(high)) for name, (low, high) in self.travels_deg.items()}
 
     @property
     def travel(self) -> float:
@@ -242,10 +237,6 @@ class Aircraft(Table):
         return _multipliers(self.folder)
 
 
-def _radians(span):
-    return math.radians(span[0]), math.radians(span[1])
-
-
 def bundled() -> list[str]:
     """Return the names of the aircraft that ship."""
     return sorted(p.parent.name for p in FOLDER.glob(f"*/{RECORD}"))
@@ -280,21 +271,21 @@ def of_folder(function: Callable[..., R]) -> Callable[..., R]:
     return called
 
 
-_placed: dict[str, Path] = {}  # digest -> folder of an aircraft that lies elsewhere than its name says
-
-
-def placed(sha256: str, folder: Path | None = None) -> Path | None:
-    """Return where the aircraft of a digest lies, as a `folder` has told; the same digest is the same aircraft."""
-    return _placed.setdefault(sha256, folder) if folder else _placed.get(sha256)
-
-
-def load_aircraft(name: str = DEFAULT, sha256: str | None = None) -> Aircraft:
-    """Return the record of a bundled aircraft, or of the folder `name`, or of the one that a log has brought with the
-    digest `sha256`; raises ScenarioError, also where there is no JSBSim model."""
-    made = _read(_placed[sha256]) if sha256 in _placed and not ships(name) else load_record(name)
+def load_aircraft(name: str = DEFAULT) -> Aircraft:
+    """Return the record of a bundled aircraft, or of the folder `name`; raises ScenarioError, also where there is no
+    JSBSim model."""
+    made = load_record(name)
     if not (made.folder / f"{made.name}.xml").is_file():
         raise ScenarioError(f"there is no {made.name}.xml, its JSBSim model", place=made.name)
     return made
+
+
+def aircraft_of(tables: dict[str, Any]) -> Aircraft:
+    """Return the record of the aircraft that the tables of a scenario name; what is no name is for its model to
+    refuse."""
+    flight = tables.get("flight")
+    name = flight.get("aircraft") if isinstance(flight, dict) else None
+    return load_aircraft(name if isinstance(name, str) else DEFAULT)
 
 
 def load_record(name: str) -> Aircraft:

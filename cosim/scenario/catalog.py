@@ -11,7 +11,7 @@ from typing import Any
 from actuators.constants import M_PER_FT, M_S_PER_KT, RAD_PER_DEG
 from actuators.registry import SHIPPED
 from actuators.technology import ARM_DEG, LOSS, MM, SURFACE_DEG, Key, Kind, Technology, Unit
-from cosim.scenario.aircraft import Aircraft, load_aircraft
+from cosim.scenario.aircraft import load_aircraft
 
 _TRANSPORT = load_aircraft()
 SEGMENTS = _TRANSPORT.segments  # of the default aircraft
@@ -109,26 +109,19 @@ ENGINE_KINDS = {"thrust_loss": Kind("thrust falls by a share", LOSS, exclusive="
 _ALWAYS = ("ofc_liquid", "ofc_solid", "bias", "runaway")  # they enter with a command
 
 TECHNOLOGIES: dict[str, Technology] = {}
-USERS: set[str] = set()  # of these, the user actuators that a scenario names
 ACTUATOR_SENSORS: dict[str, tuple[Unit, ...]] = {}  # sensor of an actuator -> units of its faults and settings
 LOOP_SENSOR: dict[str, str] = {}  # technology -> the sensor that closes its position loop
 ELEVATOR_KINDS: dict[str, Kind] = {}
 
 
-def register(technology: Technology, *, users: bool = False) -> None:
-    """Let scenarios name `technology`, its sensors and its kinds of fault; ValueError where it contradicts another.
-    With `users` it is a user's, and known to the scenario that names it alone."""
+def register(technology: Technology) -> None:
+    """Know `technology`, its sensors and its kinds of fault; ValueError where it contradicts another. One that does not
+    ship is for the scenario that brings it along."""
     for name, sensor in technology.sensors.items():
         if ACTUATOR_SENSORS.get(name, sensor.units) != sensor.units:
             raise ValueError(f"sensor {name!r} of {technology.name!r} has other units than another technology's")
     TECHNOLOGIES[technology.name] = technology
-    (USERS.add if users else USERS.discard)(technology.name)
     _derive()
-
-
-def technologies(own: Iterable[str]) -> tuple[str, ...]:
-    """Return the technologies that a scenario may name which brings `own` along."""
-    return tuple(name for name in TECHNOLOGIES if name not in USERS or name in own)
 
 
 def _derive():
@@ -149,16 +142,6 @@ for _technology in SHIPPED:
     register(_technology)
 
 
-def optional_keys(kind: str, target: str, aircraft: Aircraft) -> tuple[Key, ...]:
-    """Return the keys that `kind` may have on `target`; a runaway's limit is by default the stop it drives to, and only
-    a chirp has a rate of its frequency."""
-    if kind in OSCILLATIONS:
-        return (SWEEP,)
-    if kind != "runaway":
-        return ()
-    return (Key("limit_deg", *aircraft.travels_deg[target.split(".")[0]], RAD_PER_DEG, "rad"),)
-
-
 SENSOR_SUMMARIES = {
     "bias": "constant error",
     "drift": "error that grows with time",
@@ -169,8 +152,7 @@ SENSOR_SUMMARIES = {
     "dropout": "no valid sample",
 }
 OSCILLATIONS = ("ofc_liquid", "ofc_solid", "oscillation")
-SENSOR_PATHS = ("all", "observers")  # of an aircraft sensor; the first is the default
-ACTUATOR_PATHS = ("loop", "monitor")  # of an actuator's sensor
+PATHS = {"sensor": ("all", "observers"), "actuator_sensor": ("loop", "monitor")}  # the first is the default
 
 
 def sensor_kinds(units: Iterable[Unit]) -> dict[str, Kind]:
@@ -229,8 +211,8 @@ KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers st
         "end_s": "healed; left out: until the end",
         "ramp_s": "grows from nothing over so long; not for a jam, freeze, free float or dropout",
         "at": "where it enters; default: the first that the kind names",
-        "path": f"of an aircraft sensor {' | '.join(SENSOR_PATHS)}: observers leaves the law's copy healthy; "
-        f"of an actuator's sensor {' | '.join(ACTUATOR_PATHS)}: monitor leaves the servo's copy healthy",
+        "path": f"of an aircraft sensor {' | '.join(PATHS['sensor'])}: observers leaves the law's copy healthy; "
+        f"of an actuator's sensor {' | '.join(PATHS['actuator_sensor'])}: monitor leaves the servo's copy healthy",
         "shape": f"of an oscillation: {' | '.join(SHAPES)}; the amplitude is the peak, converted between valve and "
         "rod as that of a sine of frequency_hz",
         "chirp_hz_s": "of a chirp: change of its frequency per second, from frequency_hz at the onset to 0.01 or "

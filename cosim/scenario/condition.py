@@ -27,14 +27,12 @@ TIME = "t"
 OF_FAULT = re.compile(r"fault\.(\d{1,4})\.(active|since)")
 LONGEST = 2000  # characters
 COMPARE: dict[type, Callable] = {ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge}
-_SIGNAL = re.compile(r"(?<![\w.])[A-Za-z_][\w.\[\]]*")
 
 
 @dataclass(frozen=True)
 class Condition:
-    """Comparisons as a syntax tree, in which the signal of number n is the name `_n`."""
+    """Comparisons of signals with numbers, joined by `and` and `or`, as a syntax tree."""
 
-    names: tuple[str, ...]
     tree: ast.expr
 
     def true(self, values: "Mapping[str, np.ndarray]") -> "np.ndarray":
@@ -45,42 +43,42 @@ class Condition:
         if isinstance(node, ast.BoolOp):
             join = operator.and_ if isinstance(node.op, ast.And) else operator.or_
             return functools.reduce(join, (self._true(part, values) for part in node.values))
-        return COMPARE[type(node.ops[0])](values[self.names[int(node.left.id[1:])]], _number(node.comparators[0]))
+        return COMPARE[type(node.ops[0])](values[_name(node.left)], _number(node.comparators[0]))
 
     def signals(self) -> tuple[str, ...]:
         """Return the names of its signals."""
-        return tuple(dict.fromkeys(self.names))
+        names = (_name(node.left) for node in ast.walk(self.tree) if isinstance(node, ast.Compare))
+        return tuple(dict.fromkeys(names))
 
 
 def condition(text: str) -> Condition:
     """Return the condition that `text` says. Raises ScenarioError with what is wrong."""
-    names: list[str] = []
-
-    def numbered(word):
-        if word[0].lower() in ("and", "or"):
-            return word[0].lower()
-        names.append(word[0])
-        return f"_{len(names) - 1}"
-
     try:
         if len(text) > LONGEST or "#" in text:  # a comment of Python's
             raise ValueError
-        tree = ast.parse(_SIGNAL.sub(numbered, " ".join(text.split())), mode="eval").body
+        text = re.sub(r"\b(AND|OR)\b", lambda word: word[0].lower(), " ".join(text.split()))
+        words = re.sub(r"(?<=[A-Za-z_])\.(?=\d)", "._", text)  # fault.0 becomes a name of Python's
+        tree = ast.parse(words, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise _wrong("is no condition") from None
-    _check(tree, names)
-    return Condition(tuple(names), tree)
+    _check(tree)
+    return Condition(tree)
 
 
-def _check(node, names):
+def _name(node):
+    """Return the name of a signal as it was written."""
+    return ast.unparse(node).replace("._", ".")
+
+
+def _check(node):
     if isinstance(node, ast.BoolOp):
         for part in node.values:
-            _check(part, names)
+            _check(part)
         return
     compares = isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in COMPARE
-    if not compares or not isinstance(node.left, ast.Name):
+    if not compares or not isinstance(node.left, ast.Name | ast.Attribute | ast.Subscript):
         raise _wrong("a part is no comparison of a signal with a number")
-    name = names[int(node.left.id[1:])]
+    name = _name(node.left)
     if _number(node.comparators[0]) is None:
         raise _wrong(f"{name} is not compared with a number")
     if name.startswith("fault.") and not OF_FAULT.fullmatch(name):
@@ -102,7 +100,7 @@ def _number(node):
         value = ast.literal_eval(node)
     except ValueError:
         return None
-    return float(value) if isinstance(value, int | float) else None
+    return float(value) if type(value) in (int, float) else None
 
 
 def other_fault(name: str) -> int | None:

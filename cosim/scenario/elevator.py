@@ -39,24 +39,28 @@ class Elevator(Table, extra="allow"):
         """Add technology and feedback of every segment."""
         if not isinstance(raw, dict):
             return raw
-        default, wrong = of(info).technology, Problems()
+        default, wrong, given = of(info).technology, Problems(), raw.get("feedback", {})
         wrong.unknown(raw, (*default, *cls.model_fields))
-        raw = _settings(raw, default)
+        if not isinstance(parameters := raw.get("parameters", {}), dict):
+            raise problem("must be a table", key="parameters")
+        known = (*(t.name for t in c.SHIPPED), *(info.context or {}).get("actuators", ()))
         technology = {name: raw.get(name, own) for name, own in default.items()}
-        known = c.technologies((info.context or {}).get("actuators", c.TECHNOLOGIES))
-        for name, tech in technology.items():
-            if not isinstance(tech, str) or tech not in known:
+        for name, word in technology.items():
+            if isinstance(word, dict):
+                technology[name], own = _with_its_table(name, word)
+                parameters = {**parameters, name: own}
+            if technology[name] not in known:
                 wrong.add("is not one of the choices", key=name, allowed=", ".join(known))
-        given = raw.get("feedback", {})
         word = given if isinstance(given, str) else "iotsekf"
         if word not in c.FEEDBACKS:
             wrong.append(choice(word, c.FEEDBACKS, "feedback", key="feedback"))
-        own = given if isinstance(given, dict) else {}
-        wrong.unknown(own, default, "feedback.")
-        wrong.unknown(raw["parameters"], default, "parameters.")
+        sources = given if isinstance(given, dict) else {}
+        wrong.unknown(sources, default, "feedback.")
+        wrong.unknown(parameters, default, "parameters.")
         wrong.check()
         filled = {name: word if tech == "hydraulic" else "measured" for name, tech in technology.items()}
-        return {**technology, **raw, "feedback": {**filled, **own} if isinstance(given, str | dict) else given}
+        feedback = {**filled, **sources} if isinstance(given, str | dict) else given
+        return {**technology, **raw, **technology, "feedback": feedback, "parameters": parameters}
 
     @property
     def ema_estimate(self) -> str:
@@ -88,20 +92,14 @@ class Elevator(Table, extra="allow"):
         return dict(self.model_extra or {})
 
 
-def _settings(raw, segments):
-    """Return `raw` with every [elevator.<segment>.<technology>] as the word and an entry of `parameters`."""
-    given = raw.get("parameters") or {}
-    out, parameters = dict(raw), dict(given) if isinstance(given, dict) else {}
-    for name in segments:
-        if not isinstance(raw.get(name), dict):
-            continue
-        if len(raw[name]) != 1 or not isinstance(next(iter(raw[name].values())), dict):
-            raise problem("must be a technology with its table", key=name, allowed=f"[elevator.{name}.<technology>]")
-        ((out[name], table),) = raw[name].items()
-        both = {k: v for k, v in table.items() if k not in Settings.model_fields}
-        own = {part: table.get(part, {}) for part in Settings.model_fields}
-        parameters[name] = {part: {**both, **v} if isinstance(v, dict) else v for part, v in own.items()}
-    return {**out, "parameters": parameters}
+def _with_its_table(name, given):
+    """Return (technology, table of its Settings) of [elevator.<segment>.<technology>]."""
+    if len(given) != 1 or not isinstance(next(iter(given.values())), dict):
+        raise problem("must be a technology with its table", key=name, allowed=f"[elevator.{name}.<technology>]")
+    ((technology, table),) = given.items()
+    both = {key: value for key, value in table.items() if key not in Settings.model_fields}
+    parts = {part: table.get(part, {}) for part in Settings.model_fields}
+    return technology, {part: {**both, **own} if isinstance(own, dict) else own for part, own in parts.items()}
 
 
 def _near(name, nominal):

@@ -1,25 +1,20 @@
 """[flight]: the point at which the aircraft is trimmed. Feet, knots, tonnes and degrees end here."""
 
 import math
-from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from actuators.constants import M_PER_FT, M_S_PER_KT
+from actuators.technology import Key
 from cosim.scenario.aircraft import DEFAULT, of
-from cosim.scenario.problem import Problems, Seconds, Table, problem
+from cosim.scenario.problem import Problems, Seconds, Table, accepted, problem, within
 
 SPEEDS = ("cas_kt", "mach", "tas_kt")
 AIR = ("turbulence", "air", "wind_kt", "wind_from_deg", "shear_kt_1000ft", "gusts")  # keys of what the air does
 PATHS = (("climb_fpm", "gamma_deg"), ("bank_deg", "turn_deg_s"))  # of each pair one, or none
 
 Turbulence = Literal["none", "light", "moderate", "severe"]
-
-
-def _si(key: str, convert: Callable[[float], float]) -> Any:
-    """Return the property of a Flight that is its `key` in SI, None where that is not given."""
-    return property(lambda flight: None if (value := getattr(flight, key)) is None else convert(value))
 
 
 def cas_kt(altitude_ft: float, *, mach: float | None = None, tas_kt: float | None = None) -> float:
@@ -39,7 +34,7 @@ class AirChange(Table):
 
     start_s: Seconds
     turbulence: Turbulence
-    ramp_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 5.0  # until it is reached
+    ramp_s: Annotated[float, within(0.0, 3600.0)] = 5.0  # until it is reached
 
 
 class Gust(Table):
@@ -47,8 +42,8 @@ class Gust(Table):
 
     start_s: Seconds
     axis: Literal["vertical", "lateral", "longitudinal"] = "vertical"
-    speed_fps: Annotated[float, Field(ge=-150.0, le=150.0)]  # of the air, true: from below, the right, ahead +
-    gradient_ft: Annotated[float, Field(ge=10.0, le=10000.0)] = 350.0  # flown from its beginning to its full speed
+    speed_fps: Annotated[float, within(-150.0, 150.0)]  # of the air, true: from below, the right, ahead +
+    gradient_ft: Annotated[float, within(10.0, 10000.0)] = 350.0  # flown from its beginning to its full speed
     shape: Literal["1-cosine", "ramp"] = "1-cosine"  # CS-25 25.341(a), or MIL-F-8785C 3.7.1.3, which stays
 
 
@@ -63,23 +58,17 @@ class Flight(Table):
     cas_kt: float | None = None
     mach: float | None = None
     tas_kt: float | None = None
-    climb_fpm: Annotated[float, Field(ge=-6000.0, le=6000.0)] | None = None  # descent -
-    gamma_deg: Annotated[float, Field(ge=-15.0, le=15.0)] | None = None  # angle of the path, in place of climb_fpm
-    bank_deg: Annotated[float, Field(ge=-60.0, le=60.0)] | None = None  # of a steady turn, right +
-    turn_deg_s: Annotated[float, Field(ge=-6.0, le=6.0)] | None = None  # rate of the heading, in place of bank_deg
+    climb_fpm: Annotated[float, within(-6000.0, 6000.0)] | None = None  # descent -
+    gamma_deg: Annotated[float, within(-15.0, 15.0)] | None = None  # angle of the path, in place of climb_fpm
+    bank_deg: Annotated[float, within(-60.0, 60.0)] | None = None  # of a steady turn, right +
+    turn_deg_s: Annotated[float, within(-6.0, 6.0)] | None = None  # rate of the heading, in place of bank_deg
     turbulence: Turbulence = "none"
     air: Annotated[tuple[AirChange, ...], Field(strict=False, max_length=16)] = ()  # changes of the turbulence
-    wind_kt: Annotated[float, Field(ge=0.0, le=250.0)] = 0.0  # steady, at altitude_ft
-    wind_from_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0  # true; the aircraft starts heading north
-    shear_kt_1000ft: Annotated[float, Field(ge=-100.0, le=100.0)] = 0.0  # growth of that wind with altitude
+    wind_kt: Annotated[float, within(0.0, 250.0)] = 0.0  # steady, at altitude_ft
+    wind_from_deg: Annotated[float, within(0.0, 360.0)] = 0.0  # true; the aircraft starts heading north
+    shear_kt_1000ft: Annotated[float, within(-100.0, 100.0)] = 0.0  # growth of that wind with altitude
     gusts: Annotated[tuple[Gust, ...], Field(strict=False, max_length=16)] = ()
-    mass = _si("mass_t", lambda t: t * 1000.0)  # [kg]
-    cg = _si("cg_pct", lambda pct: pct / 100.0)  # fraction of the mean aerodynamic chord
-    altitude = _si("altitude_ft", lambda ft: ft * M_PER_FT)  # [m]
-    climb = _si("climb_fpm", lambda fpm: fpm * M_PER_FT / 60.0)  # vertical speed at the start [m/s]
-    gamma = _si("gamma_deg", math.radians)  # angle of the path at the start [rad]
-    bank = _si("bank_deg", math.radians)  # of a steady turn [rad]
-    turn = _si("turn_deg_s", math.radians)  # rate of the heading [rad/s]
+
     @model_validator(mode="after")
     def _together(self):
         wrong = Problems()
@@ -88,13 +77,10 @@ class Flight(Table):
                 said = f"begins before air.{i - 1} is reached"
                 allowed = f"{before.start_s + before.ramp_s:g} or later: start_s + ramp_s of air.{i - 1}"
                 wrong.add(said, key=f"air.{i}.start_s", allowed=allowed, remedy="Order them by time")
+        given = {key for key, value in self if value is not None}
+        wrong.one_of(SPEEDS, given, who="the flight")
         for pair in PATHS:
-            if all(getattr(self, key) is not None for key in pair):
-                wrong.add(f"{' and '.join(pair)} are both given", key=pair[1], allowed="one of them, or none")
-        given = [k for k in SPEEDS if getattr(self, k) is not None]
-        if len(given) != 1:
-            said = f"{' and '.join(given)} are both given" if given else "no speed is given"
-            wrong.add(said, key=given[1] if given else "cas_kt", allowed="exactly one of cas_kt, mach, tas_kt")
+            wrong.one_of(pair, given)
         wrong.check()
         return self
 
@@ -102,13 +88,8 @@ class Flight(Table):
     @classmethod
     def _within_limits(cls, value: Any, info: ValidationInfo) -> Any:
         record = of(info)
-        low, high = {**dict(record.mass), **dict(record.limits)}[info.field_name or ""]
-        said = f"{low:.10g} to {high:.10g}"
-        if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
-            raise problem("must be a valid number", allowed=said)
-        if value is not None and math.isfinite(value) and not low <= value <= high:
-            raise problem("is out of range", allowed=said)
-        return value
+        span = {**dict(record.mass), **dict(record.limits)}[info.field_name or ""]
+        return None if value is None else accepted(value, Key("", *span))
 
     @model_validator(mode="after")
     def _no_faster(self, info: ValidationInfo):
@@ -179,13 +160,3 @@ class Flight(Table):
         units = {"cas_kt": "kt CAS", "mach": "Mach", "tas_kt": "kt TAS"}
         speed = next(f"{getattr(self, key):g} {units[key]}" for key in SPEEDS if getattr(self, key))
         return f"{self.mass_t:g} t, CG {self.cg_pct:g} %, {self.altitude_ft:,.0f} ft, {speed}"
-
-    @property
-    def speed(self) -> tuple[str, float]:
-        """Return (kind, value): ("cas" or "tas", m/s) or ("mach", -)."""
-        if self.mach is not None:
-            return "mach", self.mach
-        if self.cas_kt is not None:
-            return "cas", self.cas_kt * M_S_PER_KT
-        assert self.tas_kt is not None  # exactly one is given
-        return "tas", self.tas_kt * M_S_PER_KT

@@ -5,15 +5,14 @@ A file is read once, when the scenario is: the scenario then holds its numbers, 
 
 import csv
 import itertools
-from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationError, ValidationInfo, model_validator
 
 from actuators.technology import Key
 from cosim.errors import ScenarioError, did_you_mean
-from cosim.scenario.problem import Problems, Table, problem
+from cosim.scenario.problem import Problems, Table, accepted, problem
 from cosim.scenario.user_parts import find as file_of
 from cosim.texts import read
 
@@ -38,8 +37,10 @@ MOST = 30_000  # numbers of a table: with all their digits they fit into a scena
 Column = Annotated[tuple[float, ...], Field(strict=False)]
 
 
-class Inputs(Table):
+class Inputs(Table, extra="allow"):
     """Fly a table of one's own stick, bank, throttle and stabiliser inputs, or a CSV file with them."""
+
+    __pydantic_extra__: dict[str, Column]
 
     kind: Literal["inputs"]
     file: str | None = None  # read by `located`, which puts its columns here
@@ -47,62 +48,49 @@ class Inputs(Table):
     hold_altitude: bool = False  # the altitude hold steers while the stick is free; else the path is held
     hold_speed: bool = False  # the speed hold moves the throttles
     time_s: Column
-    stick: Column | None = None
-    nz_g: Column | None = None
-    bank_deg: Column | None = None
-    heading_deg: Column | None = None
-    elevator_deg: Column | None = None
-    throttle: Column | None = None
-    throttle_change: Column | None = None
-    stabiliser_deg: Column | None = None
-    stabiliser_change_deg: Column | None = None
 
-    @field_validator("file")
+    @model_validator(mode="before")
     @classmethod
-    def _was_read(cls, name: str | None) -> None:
-        if name is not None:
-            raise problem("was not read", remedy="Load the scenario by its name or file")
-
-    @field_validator(*RANGES, mode="before")
-    @classmethod
-    def _numbers(cls, values: Any, info: ValidationInfo) -> Any:
+    def _numbers(cls, raw: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
         """Name the first number that is wrong."""
-        name, wrong = info.field_name or "", Problems()
-        key = Key(name, *RANGES[name])
-        if name == "stabiliser_deg" and info.context:
-            key = Key(name, *info.context["aircraft"].travels_deg["stabiliser"])
-        for row, value in enumerate(values if isinstance(values, list | tuple) else ()):
-            wrong.number(value, key, str(row))
-            wrong.check()
-        return values
+        if "file" in raw:
+            raise problem("was not read", key="file", remedy="Load the scenario by its name or file")
+        wrong = Problems()
+        wrong.unknown(raw, (*cls.model_fields, *RANGES))
+        wrong.check()
+        own = {"stabiliser_deg": info.context["aircraft"].travels_deg["stabiliser"]} if info.context else {}
+        keys = {name: Key(name, *span) for name, span in {**RANGES, **own}.items()}
+        columns = {name: values for name, values in raw.items() if name in keys and isinstance(values, list | tuple)}
+        checked = {name: tuple(accepted(x, keys[name], f"{name}.{row}") for row, x in enumerate(values))
+                   for name, values in columns.items()}  # fmt: skip
+        return {**raw, **checked}
 
     @model_validator(mode="after")
     def _together(self):
-        times, columns = self.time_s, self.columns
+        times, columns, wrong = self.time_s, self.columns, Problems()
         if (total := sum(map(len, (times, *columns.values())))) > MOST:
-            raise problem(f"the table has {total:,} numbers", key=TIME, allowed=f"up to {MOST:,}")
+            wrong.add(f"the table has {total:,} numbers", key=TIME, allowed=f"up to {MOST:,}")
         if not columns or not times:
             said = "no input beside it" if times else "there are no rows"
-            raise problem(said, key=TIME, allowed=f"rows of numbers for {TIME} and {', '.join([*RANGES][1:])}")
+            wrong.add(said, key=TIME, allowed=f"rows of numbers for {TIME} and {', '.join([*RANGES][1:])}")
         for row, (before, after) in enumerate(itertools.pairwise(times), 1):
             if not after > before:
-                raise problem(f"does not come after {before:g}", key=f"{TIME}.{row}", allowed="rising times")
+                wrong.add(f"does not come after {before:g}", key=f"{TIME}.{row}", allowed="rising times")
         for name, values in columns.items():
             if len(values) != len(times):
                 said = f"has {len(values)} numbers, {TIME} has {len(times)}"
-                raise problem(said, key=name, allowed="one in each row")
+                wrong.add(said, key=name, allowed="one in each row")
         for pair in EITHER:
-            if all(name in columns for name in pair):
-                raise problem(f"{' and '.join(pair)} are both given", key=pair[1], remedy="Keep one of them")
+            wrong.one_of(pair, columns)
         if self.hold_speed and {"throttle", "throttle_change"} & columns.keys():
-            raise problem("the table moves the throttles, too", key="hold_speed", allowed="false")
+            wrong.add("the table moves the throttles, too", key="hold_speed", allowed="false")
+        wrong.check()
         return self
 
     @property
     def columns(self) -> dict[str, tuple[float, ...]]:
         """Return {column: its numbers} of what the table moves, in the units of their names."""
-        given = {name: getattr(self, name) for name in RANGES if name != TIME}
-        return {name: values for name, values in given.items() if values is not None}
+        return dict(self.model_extra or {})
 
 
 def located(table: dict, folder: Path | None, place: str) -> dict:
@@ -134,24 +122,27 @@ def _columns(text, place):
     if TIME not in names:  # whatever file this is: not a word of it is shown
         said = f"no column {TIME}"
         raise ScenarioError(said, place=place, allowed=f"a first line with {TIME} and inputs, and rows of numbers")
-    for name in names:
-        if name not in RANGES or names.count(name) > 1:
-            said = "is no input" if name not in RANGES else "stands twice"
-            remedy = did_you_mean(name, RANGES)
-            raise ScenarioError(said, place=f"{place}: column {name[:40]!r}", allowed=", ".join(RANGES), remedy=remedy)
-    out: dict[str, list[Any]] = {name: [] for name in names}
-    for i, row in rows[1:]:
+    if odd := next((name for name in names if name not in RANGES or names.count(name) > 1), None):
+        where, near = f"{place}: column {odd[:40]!r}", did_you_mean(odd, RANGES.keys() - names)
+        raise ScenarioError("is no input, or stands twice", place=where, allowed=", ".join(RANGES), remedy=near)
+    for i, row in rows:
         if len(row) != len(names):
             raise ScenarioError(f"{len(row)} values", place=f"{place}: row {i}", allowed=f"{len(names)}, as in row 1")
-        for name, word in zip(names, row):
-            out[name].append(word)
-            with suppress(ValueError):
-                out[name][-1] = float(word.replace(",", ".") if semicolons else word)
+    words = {name: [row[i] for _, row in rows[1:]] for i, name in enumerate(names)}
+    out = {name: [_number(word.replace(",", ".") if semicolons else word) for word in column]
+           for name, column in words.items()}  # fmt: skip
     try:
         Inputs.model_validate({"kind": "inputs", **out})
     except ValidationError as error:
-        first = error.errors()[0]
-        name, _, at = ".".join(filter(None, (*map(str, first["loc"]), first["ctx"]["key"]))).partition(".")
-        where = f"{place}: row {rows[1 + int(at)][0]}, {name} = {str(out[name][int(at)])[:40]}" if at else place
-        raise ScenarioError(first["msg"], place=where, allowed=first["ctx"]["allowed"]) from None
+        about = error.errors()[0]["ctx"]
+        name, _, at = about["key"].partition(".")
+        where = f"row {rows[1 + int(at)][0]}, {name} = {str(out[name][int(at)])[:40]}" if at else name
+        raise ScenarioError(about["text"], place=f"{place}: {where}", allowed=about["allowed"]) from None
     return out
+
+
+def _number(word):
+    try:
+        return float(word)
+    except ValueError:
+        return word

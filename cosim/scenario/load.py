@@ -9,11 +9,11 @@ from typing import Any
 from pydantic import ValidationError
 
 from cosim.errors import ScenarioError, did_you_mean, told_at_call
-from cosim.scenario import inputs, own_actuator
-from cosim.scenario.aircraft import DEFAULT as DEFAULT_AIRCRAFT
-from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario import inputs
+from cosim.scenario.aircraft import aircraft_of
 from cosim.scenario.model import Scenario
 from cosim.scenario.override import applied
+from cosim.scenario.own_actuator import OwnActuators, register
 from cosim.scenario.problem import Origin, explained
 from cosim.scenario.user_parts import locate
 from cosim.texts import read, toml
@@ -35,10 +35,6 @@ def load_scenario(name_or_path: str | os.PathLike = DEFAULT, overrides: str | It
     """
     place, text = _read(name_or_path)
     overrides = [overrides] if isinstance(overrides, str) else list(overrides)
-    for given in overrides:
-        if not isinstance(given, str):
-            allowed = "texts like 'faults.0.frequency_hz=3'"
-            raise ScenarioError(f"{given!r} is no text", place="overrides", allowed=allowed)
     table, wrong, said = applied(toml(text, place=place, error=ScenarioError), overrides)
 
     def origin() -> Origin:
@@ -75,22 +71,13 @@ def located(table: dict[str, Any], name: str | os.PathLike) -> dict[str, Any]:
 def parse(table: dict[str, Any], *, place: str = "scenario", origin: Callable[[], Origin] | None = None) -> Scenario:
     """Return the Scenario of nested dicts; raises ScenarioError that names every mistake with `place` or, where
     `origin` tells it, the line or override, key, value and what is allowed."""
-    own_actuator.take(table)
-    own = tuple(table["actuators"]) if isinstance(table.get("actuators"), dict) else ()
     try:
-        return Scenario.model_validate(table, context={"aircraft": _aircraft(table, place), "actuators": own})
+        own = OwnActuators.model_validate(table).actuators
+        if own:
+            register(own)
+        return Scenario.model_validate(table, context={"aircraft": aircraft_of(table), "actuators": tuple(own)})
     except ValidationError as error:
         raise explained(error, table, origin() if origin else Origin(place)) from None
-
-
-def _aircraft(table, place):
-    """Return the record of the aircraft that `table` names; what is no name is for the model to refuse."""
-    flight = table.get("flight")
-    flight = flight if isinstance(flight, dict) else {}
-    name, sha256 = flight.get("aircraft", DEFAULT_AIRCRAFT), flight.get("aircraft_sha256")
-    try:
-        known = name if isinstance(name, str) else DEFAULT_AIRCRAFT
-        return load_aircraft(known, sha256 if isinstance(sha256, str) else None)
     except ScenarioError as error:
         error.place = f"{place}: {error.place}"
         raise

@@ -1,105 +1,76 @@
-"""Manoeuvres a scenario can fly, each with its own few numbers."""
+"""Manoeuvres that a scenario can fly: each kind has its own few numbers, as a kind of fault has."""
 
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any
 
-from pydantic import Field, PlainValidator, ValidationInfo, model_validator
+from pydantic import PlainValidator, ValidationInfo, model_validator
 
+from actuators.technology import Key, Kind
 from cosim.errors import did_you_mean
-from cosim.scenario.inputs import Inputs
-from cosim.scenario.problem import MISSING, Seconds, Table, problem
+from cosim.scenario.inputs import RANGES, Inputs
+from cosim.scenario.problem import MISSING, Problems, Table, problem
 
-Length = Annotated[float, Field(gt=0.0, le=3600.0)]
-LoadFactor = Annotated[float, Field(ge=-1.5, le=1.5)]
-
-
-class _Manoeuvre(Table):
-    hold_speed: bool = False  # the throttles hold the speed; a climb, descent or turn from the start has it anyway
+_START = Key("start_s", 0.0, 36000.0, default=5.0)
+_GENTLE = Key("amplitude_g", -1.5, 1.5, default=0.15)  # stays inside the load factor that Alwi14's point C has left
 
 
-class Cruise(_Manoeuvre):
-    """Hold the trimmed flight, hands off."""
-
-    kind: Literal["cruise"] = "cruise"
+def _length(name: str, default: float) -> Key:
+    return Key(name, 0.0, 3600.0, open_low=True, default=default)
 
 
-class AoaProtection(_Manoeuvre):
-    """Pull the stick (a share of full travel) and hold it: the angle-of-attack protection takes over."""
-
-    kind: Literal["aoa_protection"]
-    start_s: Seconds = 5.0
-    duration_s: Length = 20.0
-    stick: Annotated[float, Field(ge=0.1, le=1.0)] = 1.0
-
-
-class NoseUp(_Manoeuvre):
-    """Pull abruptly for a short time."""
-
-    kind: Literal["nose_up"]
-    start_s: Seconds = 5.0
-    duration_s: Length = 2.0
-    amplitude_g: Annotated[float, Field(ge=0.05, le=1.5)] = 0.5
-
-
-class PitchProtection(_Manoeuvre):
-    """Pull gently for long, until the pitch-attitude protection takes over."""
-
-    kind: Literal["pitch_protection"]
-    start_s: Seconds = 5.0
-    duration_s: Length = 20.0
-    amplitude_g: Annotated[float, Field(ge=0.05, le=1.0)] = 0.3
-
-
-class CoordinatedTurn(_Manoeuvre):
-    """Bank, hold, and roll out."""
-
-    kind: Literal["coordinated_turn"]
-    hold_speed: bool = True
-    start_s: Seconds = 5.0
-    duration_s: Length = 60.0
-    bank_deg: Annotated[float, Field(ge=-60.0, le=60.0)] = 30.0
+KINDS = {
+    "cruise": Kind("Hold the trimmed flight, hands off"),
+    "aoa_protection": Kind(
+        "Pull the stick (a share of full travel) and hold it: the angle-of-attack protection takes over",
+        keys=(_START, _length("duration_s", 20.0), Key("stick", 0.1, 1.0, default=1.0))),
+    "nose_up": Kind(
+        "Pull abruptly for a short time",
+        keys=(_START, _length("duration_s", 2.0), Key("amplitude_g", 0.05, 1.5, default=0.5))),
+    "pitch_protection": Kind(
+        "Pull gently for long, until the pitch-attitude protection takes over",
+        keys=(_START, _length("duration_s", 20.0), Key("amplitude_g", 0.05, 1.0, default=0.3))),
+    "coordinated_turn": Kind(
+        "Bank, hold, and roll out",
+        keys=(_START, _length("duration_s", 60.0), Key("bank_deg", -60.0, 60.0, default=30.0))),
+    "yaw_angle": Kind(
+        "Change the heading by an angle and hold it (heading-hold mode)",
+        keys=(_START, Key("heading_deg", -180.0, 180.0, default=10.0))),
+    "nz_doublet": Kind(
+        "Demand load factor up and down, each for a width", keys=(_START, _length("width_s", 3.0), _GENTLE)),
+    "three_two_one_one": Kind(
+        "Alternate pulses of 3, 2, 1 and 1 units, as a load-factor demand or added to the elevator command",
+        keys=(_START, _length("unit_s", 1.0)), one_of=(_GENTLE, Key("amplitude_deg", -15.0, 15.0))),
+    "inputs": Kind("Fly a table of one's own stick, bank, throttle and stabiliser inputs, or a CSV file with them"),
+}  # fmt: skip
+HOLD_SPEED = ("coordinated_turn", "yaw_angle")  # where nothing else is said
 
 
-class YawAngle(_Manoeuvre):
-    """Change the heading by an angle and hold it (heading-hold mode)."""
-
-    kind: Literal["yaw_angle"]
-    hold_speed: bool = True
-    start_s: Seconds = 5.0
-    heading_deg: Annotated[float, Field(ge=-180.0, le=180.0)] = 10.0
+def keys_of(kind: str) -> tuple[str, ...]:
+    """Return the keys of a kind of manoeuvre."""
+    if kind == "inputs":
+        return tuple({**Inputs.model_fields, **RANGES})
+    return "kind", "hold_speed", *(key.name for key in (*KINDS[kind].keys, *KINDS[kind].one_of))
 
 
-class NzDoublet(_Manoeuvre):
-    """Demand load factor up and down, each for a width."""
+class Manoeuvre(Table, extra="allow"):
+    """What the pilot does: a kind of KINDS with its numbers."""
 
-    kind: Literal["nz_doublet"]
-    start_s: Seconds = 5.0
-    width_s: Length = 3.0
-    amplitude_g: LoadFactor = 0.15
+    __pydantic_extra__: dict[str, Any]
 
-
-class ThreeTwoOneOne(_Manoeuvre):
-    """Alternate pulses of 3, 2, 1 and 1 units, as a load-factor demand or added to the elevator command."""
-
-    kind: Literal["three_two_one_one"]
-    start_s: Seconds = 5.0
-    unit_s: Length = 1.0
-    amplitude_g: LoadFactor | None = None
-    amplitude_deg: Annotated[float, Field(ge=-15.0, le=15.0)] | None = None
+    hold_speed: bool  # the throttles hold the speed; a climb, descent or turn from the start has it anyway
+    kind: str
 
     @model_validator(mode="before")
     @classmethod
-    def _one_amplitude(cls, raw: Any) -> Any:
-        given = [k for k in ("amplitude_g", "amplitude_deg") if isinstance(raw, dict) and raw.get(k) is not None]
-        if len(given) > 1:
-            raise problem(f"{' and '.join(given)} exclude each other", key=given[1], remedy="Keep one of them")
-        # stays inside the load factor that Alwi14's point C has left
-        return {**raw, "amplitude_g": 0.15} if isinstance(raw, dict) and not given else raw
+    def _filled(cls, raw: dict[str, Any]) -> dict[str, Any]:
+        given = KINDS[raw["kind"]].filled({"hold_speed": raw["kind"] in HOLD_SPEED, **raw})
+        return {**{key: given[key] for key in keys_of(raw["kind"]) if key in given}, **given}
 
-
-_EVERY = (
-    Cruise, AoaProtection, NoseUp, PitchProtection, CoordinatedTurn, YawAngle, NzDoublet, ThreeTwoOneOne, Inputs
-)  # fmt: skip
-KINDS: dict[str, type[Table]] = {get_args(kind.model_fields["kind"].annotation)[0]: kind for kind in _EVERY}
+    @model_validator(mode="after")
+    def _numbers(self):
+        wrong = Problems()
+        wrong.of_kind(KINDS[self.kind], self.model_extra or {}, self.kind, others=Manoeuvre.model_fields)
+        wrong.check()
+        return self
 
 
 def _of_its_kind(raw: Any, info: ValidationInfo) -> Any:
@@ -110,7 +81,8 @@ def _of_its_kind(raw: Any, info: ValidationInfo) -> Any:
     if not isinstance(kind, str) or kind not in KINDS:
         said = "is no manoeuvre" if "kind" in raw else MISSING
         raise problem(said, key="kind", allowed=choices, remedy=did_you_mean(kind or "", KINDS))
-    return KINDS[kind].model_validate(raw, context=info.context)
+    return (Inputs if kind == "inputs" else Manoeuvre).model_validate(raw, context=info.context)
 
 
-Manoeuvre = Annotated[Any, PlainValidator(_of_its_kind)]
+AnyManoeuvre = Annotated[Any, PlainValidator(_of_its_kind)]
+CRUISE = Manoeuvre.model_validate({"kind": "cruise"})

@@ -12,9 +12,9 @@ from cosim.scenario.aircraft import Aircraft, load_aircraft, of
 from cosim.scenario.elevator import Elevator
 from cosim.scenario.fault import Fault, check_together
 from cosim.scenario.flight import Flight
-from cosim.scenario.manoeuvre import Cruise, Manoeuvre
+from cosim.scenario.manoeuvre import CRUISE, AnyManoeuvre
 from cosim.scenario.own_actuator import OwnActuator
-from cosim.scenario.problem import MULTIPLIER, Duration, Problems, Table, choice, problem
+from cosim.scenario.problem import MULTIPLIER, Duration, Problems, Table, choice, problem, within
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_parts import UserPart
 from fdi.registry import DEFAULT, SHIPPED, USER_DETECTORS
@@ -37,7 +37,7 @@ class Sensors(Table, extra="allow"):
 
     __pydantic_extra__: dict[str, dict[str, float]]
     set: Literal["transport"] = "transport"
-    noise_scale: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0
+    noise_scale: Annotated[float, within(0.0, 100.0)] = 1.0
     reconstructed: bool = False  # the law flies on n_z and alpha less what lpv_smo estimates of faults
 
     @model_validator(mode="after")
@@ -71,31 +71,25 @@ def _sensor_keys(units):
 
 
 class Tolerances(Table, extra="allow"):
-    """Multipliers of what flies against its nominal value: aerodynamic coefficients, actuator parameters."""
+    """Multipliers of what flies against its nominal value: {aero: {coefficient: multiplier}, technology: {parameter:
+    multiplier}}."""
 
     __pydantic_extra__: dict[str, dict[str, float]]
-    aero: dict[str, float] = Field(default_factory=dict)
+    aero: dict[str, float]
 
     @model_validator(mode="before")
     @classmethod
-    def _every_group(cls, raw: Any) -> Any:
-        """A table for each technology that has parameters: {technology: {parameter: multiplier}}."""
+    def _filled(cls, raw: Any, info: ValidationInfo) -> Any:
+        """Check the names and numbers; add a table for each technology that has parameters."""
         if not isinstance(raw, dict):
             return raw
-        groups = [name for name, t in c.TECHNOLOGIES.items() if t.servo]
-        wrong = Problems()
-        wrong.unknown(raw, ("aero", *groups))
+        groups, wrong = ["aero", *(t.name for t in c.SHIPPED if t.servo)], Problems()
+        wrong.unknown(raw, groups)
+        for group in (group for group in groups if raw.get(group) and isinstance(raw[group], dict)):
+            known = of(info).multipliers if group == "aero" else toleranced(group)
+            wrong.numbers(raw[group], dict.fromkeys(known, MULTIPLIER), "parameter that has a tolerance", group)
         wrong.check()
-        return {"aero": {}, **{name: {} for name in groups if name not in c.USERS}, **raw}
-
-    @model_validator(mode="after")
-    def _known(self, info: ValidationInfo):
-        wrong = Problems()
-        for group, table in self:
-            known = of(info).multipliers if group == "aero" else toleranced(group) if table else ()
-            wrong.numbers(table, dict.fromkeys(known, MULTIPLIER), "parameter that has a tolerance", group)
-        wrong.check()
-        return self
+        return {**{name: {} for name in groups}, **raw}
 
 
 def _parameter(value):
@@ -169,11 +163,11 @@ class Scenario(Table):
 
     title: str = ""
     duration_s: Duration = 30.0
-    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 1
-    rate_hz: Annotated[int, Field(ge=50, le=2000)] = 200
+    seed: Annotated[int, within(0, 2**31 - 1)] = 1
+    rate_hz: Annotated[int, within(50, 2000)] = 200
     log_profile: Profile = None
     flight: Flight
-    manoeuvre: Manoeuvre = Cruise()
+    manoeuvre: AnyManoeuvre = CRUISE
     actuators: dict[str, OwnActuator] = Field(default_factory=dict)  # technologies that the scenario brings along
     elevator: Elevator = Field(default_factory=dict, validate_default=True)
     law: Law = Law.model_validate({})
@@ -213,7 +207,7 @@ class Scenario(Table):
     @property
     def aircraft(self) -> Aircraft:
         """Return the record of the aircraft that flies."""
-        return load_aircraft(self.flight.aircraft, self.flight.aircraft_sha256)
+        return load_aircraft(self.flight.aircraft)
 
     @property
     def dt(self) -> float:
@@ -251,13 +245,13 @@ class Scenario(Table):
         """Return lines about what is legal and probably not meant."""
         lines = []
         for i, f in enumerate(self.faults):
+            first = round(f.start_s / self.dt)  # the nearest tick
             if f.start_s >= self.duration_s and not f.waits:
                 late = f"starts at {f.start_s:g} s, after the flight's end at {self.duration_s:g} s"
                 never = f"never began: {f.when} did not come true"
                 lines.append(f"faults.{i} ({f.kind}) {late if f.when is None else never}")
-            elif not f.waits and _acts_in_none(f, self.ticks, self.dt):
+            elif not f.waits and (first >= self.ticks or first >= f.end / self.dt - 0.5):
                 lines.append(f"faults.{i} ({f.kind}) acts in no tick: they are {self.dt:g} s apart")
-        for i, f in enumerate(self.faults):
             rate, limit = ((f.model_extra or {}).get(k, 0.0) for k in ("rate_deg_s", "limit_deg"))
             if rate * limit < 0.0 and f.target != "stabiliser":  # the others trim at zero
                 said = f"drives away from limit_deg = {limit:g}: a surface that is past it stays there"
@@ -275,8 +269,3 @@ class Scenario(Table):
         """
         return toml.dumps(user_parts.portable(self.model_dump(mode="python", exclude_none=True), aircraft=aircraft))
 
-
-def _acts_in_none(fault, ticks, dt):
-    """Tell whether no tick is nearer to the time of a fault than half a tick: of its start, before its end."""
-    first = round(fault.start_s / dt)
-    return first >= ticks or (fault.end_s is not None and first >= fault.end_s / dt - 0.5)

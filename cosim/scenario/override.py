@@ -9,10 +9,10 @@ from collections.abc import Iterable
 from typing import Any
 
 from cosim.errors import CosimError, Mistakes, ScenarioError
-from cosim.scenario.aircraft import DEFAULT, load_aircraft
+from cosim.scenario.aircraft import aircraft_of
 from cosim.scenario.flight import PATHS, SPEEDS
 from cosim.scenario.inputs import RANGES
-from cosim.scenario.manoeuvre import KINDS
+from cosim.scenario.manoeuvre import KINDS, keys_of
 from cosim.scenario.toml import inline
 from cosim.texts import toml, unpaired_surrogate
 
@@ -28,15 +28,15 @@ def applied(
     key=value") of each applied."""
     out, wrong, said = copy.deepcopy(table), Mistakes(), []
     for text in overrides:
-        key, equals, value = text.partition("=")
-        key, place = key.strip(), f"--set {text}"
+        place = f"--set {text}"
         with wrong.caught():
-            if unpaired_surrogate(text):
-                raise ScenarioError("is not UTF-8", place=place)
+            if not isinstance(text, str) or unpaired_surrogate(text):
+                raise ScenarioError("is no text in UTF-8", place=place, remedy=EXAMPLE)
+            key, equals, value = text.partition("=")
             if not equals:
                 raise ScenarioError(FORM, place=place, remedy=EXAMPLE)
-            _set(out, key, _parse(value.strip()), place)
-            said.append((key, place))
+            _set(out, key.strip(), _parse(value.strip()), place)
+            said.append((key.strip(), place))
     return out, wrong, said
 
 
@@ -66,36 +66,36 @@ def _set(table, key, value, place):
     path, node = key.split("."), table
     if not all(path):
         raise ScenarioError(FORM, place=place, remedy=EXAMPLE)
+    _open(table, path)
     for i, part in enumerate(path[:-1]):
         here = ".".join(path[: i + 1])
-        if isinstance(node, list):
-            node = _item(node, part, here, place)
-        else:
-            new: list | dict = [] if here in LISTS else {}
-            if path == ["manoeuvre", "hold_speed"]:  # that of the default manoeuvre, which the table leaves out
-                new = {"kind": "cruise"}
-            node = node.setdefault(part, new)
-        if isinstance(node, str) and here == "elevator.feedback":  # one word for all hydraulic ones becomes a table
-            flown = {**_aircraft(table).technology, **table["elevator"]}
-            word, own = node, (s for s in _aircraft(table).segments if flown[s] == "hydraulic")
-            node = table["elevator"]["feedback"] = dict.fromkeys(own, word)
-        if isinstance(node, str) and path[0] == "elevator" and i == 1 and len(path) > 3:  # parameters of its actuator
-            node = table["elevator"][part] = {path[i + 1]: {}}
+        new: list | dict = [] if here in LISTS else {}
+        node = _item(node, part, here, place) if isinstance(node, list) else node.setdefault(part, new)
         if not isinstance(node, dict | list):
             raise ScenarioError(f"{here} is a value, it has no key {path[i + 1]!r}", place=place)
-    key = path[-1]
     if isinstance(node, list):
-        _item(node, key, ".".join(path), place, value)
+        _item(node, path[-1], key, place, value)
         return
     if path[0] == "elevator" and isinstance(node.get("feedback"), dict):
-        node["feedback"].pop(key, None)  # the default of the new technology
-    for other in _replaced(node, path, value) - {key}:
+        node["feedback"].pop(path[-1], None)  # the default of the new technology
+    for other in _replaced(node, path, value) - {path[-1]}:
         node.pop(other, None)
-    node[key] = value
+    node[path[-1]] = value
 
 
-def _aircraft(table):
-    return load_aircraft(table.get("flight", {}).get("aircraft", DEFAULT))
+def _open(table, path):
+    """Write as tables what the keys of `path` stand below: a manoeuvre that is left out, words of [elevator]."""
+    elevator = table.get("elevator")
+    if path == ["manoeuvre", "hold_speed"]:
+        table.setdefault("manoeuvre", {"kind": "cruise"})
+    if path[0] != "elevator" or len(path) < 3 or not isinstance(elevator, dict):
+        return
+    word = elevator.get(path[1])
+    if path[1] == "feedback" and isinstance(word, str):  # of all hydraulic segments
+        default = aircraft_of(table).technology
+        elevator["feedback"] = {name: word for name in default if {**default, **elevator}[name] == "hydraulic"}
+    elif isinstance(word, str) and len(path) > 3:  # parameters of its actuator
+        elevator[path[1]] = {path[2]: {}}
 
 
 def _item(items, index, here, place, value=None):
@@ -120,7 +120,7 @@ def _replaced(node, path, value):
         case ["flight", _]:
             return next((set(group) for group in (SPEEDS, *PATHS) if key in group), set())
         case ["manoeuvre", "kind"] if renamed:
-            fields = KINDS[value].model_fields if isinstance(value, str) and value in KINDS else {}
+            fields = keys_of(value) if isinstance(value, str) and value in KINDS else ()
             kept = {"start_s", "duration_s", *(["hold_speed"] if node.get("hold_speed") is True else [])}
             return {k for k in node if k not in fields or k not in kept}
         case ["manoeuvre", "file"]:

@@ -2,13 +2,13 @@
 
 import functools
 import os
-from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from actuators.constants import TO_SI
+from actuators.registry import SHIPPED
 from cosim.errors import ScenarioError
 from cosim.scenario import catalog as c
 from cosim.scenario.problem import Table, choice, problem
@@ -50,11 +50,12 @@ class OwnActuator(Table):
         own, other = ("valve_command", "command") if self.servo else ("command", "valve_command")
         inputs = {word: si for word, si in INPUTS.items() if word != other}
         measured = ("surface", "rod", "pressure") if self.servo else ("surface",)
-        for part, word in (("inputs", own), *(("outputs", word) for word in measured)):
-            if word not in getattr(self, part):
+        every = ("inputs", inputs, (own,)), ("outputs", OUTPUTS, measured), ("start", {"surface": "rad", **inputs}, ())
+        for part, words, needed in every:
+            given = getattr(self, part)
+            for word in (word for word in needed if word not in given):
                 raise problem("is missing", key=f"{part}.{word}", allowed="{ variable = ..., unit = ... }")
-        for part, words in (("inputs", inputs), ("outputs", OUTPUTS), ("start", {"surface": "rad", **inputs})):
-            for word, variable in getattr(self, part).items():
+            for word, variable in given.items():
                 if word not in words:
                     raise choice(word, words, f"word of {part}", key=f"{part}.{word}")
                 if variable.unit and variable.unit not in (known := TO_SI[words[word]]):
@@ -67,30 +68,20 @@ class OwnActuator(Table):
         return Path(os.path.expanduser(self.file or self.fmu or ""))
 
 
+class OwnActuators(Table, extra="ignore"):
+    """Of the tables of a scenario that of the actuators that it brings along, which says what the others may name."""
+
+    actuators: dict[str, OwnActuator] = Field(default_factory=dict)
+
+
 def register(actuators: dict[str, OwnActuator]) -> None:
     """Let scenarios name these technologies; a shipped one keeps its name."""
-    from actuators import user_actuator  # it needs NumPy
+    from actuators import user_actuator  # it needs NumPy, and an FMU's reader takes a while to import
 
+    shipped = [technology.name for technology in SHIPPED]
     for name, own in actuators.items():
-        place = f"actuators.{name}"
-        if name in c.TECHNOLOGIES and c.TECHNOLOGIES[name] in c.SHIPPED:
-            raise ScenarioError(f"{name!r} is the name of a shipped technology", place=place, remedy="Choose another")
-        if not name.isidentifier():
-            raise ScenarioError(f"{name!r} is no name", place=place, allowed="letters, digits and underscores")
-
-        error = functools.partial(ScenarioError, place=place)
-        if own.file is not None:
-            made = user_actuator.from_file(name, own.path, own.servo, load, error)
-        else:
-            made = user_actuator.from_fmu(name, own, {**INPUTS, **OUTPUTS}, error)
-        c.register(made, users=True)
-
-
-def take(table: dict) -> None:
-    """Register what the raw `table` of a scenario brings along; what is wrong with it is for the model to say."""
-    own, made = table.get("actuators"), {}
-    for name, raw in own.items() if isinstance(own, dict) else ():
-        with suppress(ValueError):
-            made[name] = OwnActuator.model_validate(raw)
-    if made:  # an FMU's reader takes a while to import
-        register(made)
+        error = functools.partial(ScenarioError, place=f"actuators.{name}")
+        if not name.isidentifier() or name in shipped:
+            allowed = f"letters, digits and underscores, but {', '.join(shipped)}"
+            raise error(f"{name!r} is no name of a user's actuator", allowed=allowed)
+        c.register(user_actuator.technology(name, own, {**INPUTS, **OUTPUTS}, load, error))

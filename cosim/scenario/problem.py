@@ -1,24 +1,24 @@
 """What is wrong with a file of a user's: each mistake with where it was written.
 
-Pydantic collects what is wrong with the fields of every `Table`, which says it in our words. What no field can say, a
-table's validator says with `problem`, or with `Problems` where several can be wrong; `Origin` knows the line or the
-override that a key stands in; `explained` makes one error of them.
+Pydantic collects what is wrong with the fields of every `Table`, which says it in our words; a number that is `within`
+a range says its range. What no field can say, a table's validator says with `problem`, or with `Problems` where several
+can be wrong; `Origin` knows the line or the override that a key stands in; `explained` makes one error of them.
 """
 
+import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
-from actuators.technology import Key
+from actuators.technology import Key, Kind
 from cosim.errors import CosimError, ScenarioError, did_you_mean, joined
+from cosim.scenario.toml import inline
 from cosim.texts import toml_lines
 
-Seconds = Annotated[float, Field(ge=0.0, le=36000.0)]  # of a flight, at the most as long as one may last
-Duration = Annotated[float, Field(gt=0.0, le=36000.0)]
 MULTIPLIER = Key("multiplier", 0.2, 5.0)
 MISSING, NEAR = "is missing", "Did you mean"
 WORDS = {  # what pydantic calls by the names of Python
@@ -26,6 +26,7 @@ WORDS = {  # what pydantic calls by the names of Python
     **dict.fromkeys(("tuple_type", "list_type"), "must be a list"),
     "string_type": "must be text",
     "bool_type": "must be true or false",
+    "missing": MISSING,
     **dict.fromkeys(("too_short", "string_too_short"), "must not be empty"),
 }
 
@@ -40,6 +41,32 @@ def choice(value: Any, choices: Iterable[str], what: str, *, key: str = "") -> P
     return problem(f"{value!r} is no {what}", key=key, allowed=", ".join(choices), remedy=did_you_mean(value, choices))
 
 
+def accepted(value: Any, key: Key, path: str = "", unit: str = "") -> Any:
+    """Return `value` where it is a number that `key` accepts, or raise a `problem` at `path` with the range."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not key.accepts(value):
+        said = "is out of range" if is_number else "must be a valid number"
+        raise problem(said, key=path, allowed=f"{key.range} {unit}".rstrip())
+    return value
+
+
+class Within(Key):
+    """A Key as the annotation of a field, a number of its range: Annotated[float, within(0.0, 1.0)]."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Check the number before pydantic makes a float or an integer of it."""
+        return core_schema.no_info_before_validator_function(lambda value: accepted(value, self), handler(source))
+
+
+def within(low: float, high: float = math.inf, *, open_low: bool = False) -> Within:
+    """Return the annotation of a number from `low` (or above it) to `high`."""
+    return Within("", low, high, open_low=open_low)
+
+
+Seconds = Annotated[float, within(0.0, 36000.0)]  # of a flight, at the most as long as one may last
+Duration = Annotated[float, within(0.0, 36000.0, open_low=True)]
+
+
 class Problems(list[PydanticCustomError]):
     """What is wrong with one table: a `problem` each."""
 
@@ -49,11 +76,10 @@ class Problems(list[PydanticCustomError]):
 
     def number(self, value: Any, key: Key, path: str = "", unit: str = "") -> None:
         """Add what is wrong with `value` of `key`, the path of which is its own name where none is given."""
-        where = {"key": path or key.name, "allowed": f"{key.range} {unit}".rstrip()}
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            self.add("must be a valid number", **where)
-        elif not key.accepts(value):
-            self.add("is out of range", **where)
+        try:
+            accepted(value, key, path or key.name, unit)
+        except PydanticCustomError as wrong:
+            self.append(wrong)
 
     def numbers(
         self, numbers: Mapping[str, Any], keys: Mapping[str, Key], what: str, path: str,
@@ -67,12 +93,43 @@ class Problems(list[PydanticCustomError]):
             else:
                 self.append(choice(name, keys, what, key=f"{path}.{name}"))
 
-    def unknown(self, table: Iterable[str], known: Iterable[str], path: str = "") -> None:
-        """Add each key of `table` that is not `known`; `path` stands before it in what is said."""
-        known = tuple(known)
+    def unknown(
+        self, table: Iterable[str], known: Collection[str], path: str = "", *, of: str = "", others: Iterable[str] = ()
+    ) -> list[str]:
+        """Add each key of `table` that is not `known`; return what they may mean, one of `known` or of the `others` of
+        the same table. `path` stands before it in what is said, `of` what has no such key behind it."""
+        meant = []
         for key in (key for key in table if key not in known):
-            near = did_you_mean(key, known)
-            self.add("unknown key", key=f"{path}{key}", allowed=", ".join(known), remedy=near)
+            near = did_you_mean(key, [*known, *others])
+            meant += near.split("'")[1:2]
+            said = f"unknown key{' for ' * bool(of)}{of}"
+            self.add(said, key=f"{path}{key}", allowed=", ".join(known) or "no further key", remedy=near)
+        return meant
+
+    def one_of(self, names: Sequence[str], given: Iterable[str], *, who: str = "", allowed: str = "") -> None:
+        """Add that more than one of `names` is in `given`, or none where `who` needs one of them."""
+        both = [name for name in names if name in given]
+        if len(both) > 1:
+            self.add(f"{' and '.join(both)} exclude each other", key=both[1], remedy="Keep one of them")
+        elif who and not both:
+            said = f"{who} needs {'one of ' if len(names) > 1 else ''}{', '.join(names)}"
+            self.add(said, key=names[0], allowed=allowed)
+
+    def of_kind(
+        self, kind: Kind, numbers: Mapping[str, Any], what: str, optional: Iterable[Key] = (),
+        others: Iterable[str] = (),
+    ) -> None:  # fmt: skip
+        """Add what is wrong with `numbers` {name: value} of a `kind`: one of its `one_of`, all of its `keys`, perhaps
+        some of `optional`, no other. It is called `what`; `others` are further keys of the table."""
+        known = {k.name: k for k in (*kind.one_of, *kind.keys, *optional)}
+        meant = self.unknown(numbers, known, of=what, others=others)  # what an unknown key explains
+        names = [k.name for k in kind.one_of]
+        if names:
+            self.one_of(names, numbers.keys() & names or meant, who=what, allowed=kind.one_of[0].range)
+        for key in (k for k in kind.keys if k.name not in numbers and k.name not in meant):
+            self.add(f"{what} needs {key.name}", key=key.name, allowed=key.range)
+        for name in (name for name in numbers if name in known):
+            self.number(numbers[name], known[name])
 
     def check(self) -> None:
         """Raise what was found, if anything, as pydantic's error."""
@@ -90,8 +147,9 @@ class Origin:
 
     @classmethod
     def of_toml(cls, text: str, place: str) -> "Origin":
-        """Return that of a file's TOML text, which has been read before."""
-        return cls(place, {key: f"{place}:{line}" for key, line in toml_lines(text).items()})
+        """Return that of a file's TOML text, which has been read before; a key in quotes may have dots of its own."""
+        lines = {tuple(".".join(key).split(".")): line for key, line in toml_lines(text).items()}
+        return cls(place, {key: f"{place}:{line}" for key, line in lines.items()})
 
     def overridden(self, key: str, where: str) -> "Origin":
         """Return this one with `key`, and all below it, written at `where`."""
@@ -99,9 +157,9 @@ class Origin:
         kept = {k: v for k, v in self.where.items() if k[: len(path)] != path}
         return Origin(self.place, {**kept, path: where})
 
-    def of(self, key: str | tuple[str, ...]) -> str:
-        """Return where `key` (dotted, or its parts) was written, or the nearest table around it."""
-        path = tuple(key.split(".")) if isinstance(key, str) else key
+    def of(self, key: str) -> str:
+        """Return where a dotted `key` was written, or the nearest table around it."""
+        path = tuple(key.split("."))
         found = (self.where.get(path[:n]) for n in range(len(path), 0, -1))
         return next((where for where in found if where), self.place)
 
@@ -140,10 +198,8 @@ def _value(table, key, said):
             table = table[int(part) if isinstance(table, list) else part]
         except (KeyError, IndexError, ValueError, TypeError):
             return ""
-    if isinstance(table, bool):
-        table = str(table).lower()  # as TOML spells it
-    elif isinstance(table, str) and said.startswith("must be a"):
-        table = f'"{table}"'  # what is wrong are its quotes
+    if isinstance(table, bool) or (isinstance(table, str) and said.startswith("must be a")):
+        table = inline(table)  # as TOML spells it: what is wrong may be its quotes
     return "" if isinstance(table, dict | list) else f" = {str(table)[:60]}"
 
 
@@ -166,33 +222,14 @@ class Table(BaseModel):
 
 def _in_words(one, fields):
     """Return the `problem` of one error of pydantic's about a table of `fields`."""
-    ctx, wrong, loc = one.get("ctx", {}), one["type"], one["loc"]
-    known = fields.get(loc[0]) if loc else None
+    ctx, wrong = one.get("ctx", {}), one["type"]
     if wrong == "cosim":
-        return problem(ctx["text"], key=ctx["key"], allowed=ctx["allowed"], remedy=ctx["remedy"])
+        return problem(**ctx)
     if wrong == "extra_forbidden":
-        return problem("unknown key", allowed=", ".join(fields), remedy=did_you_mean(loc[-1], fields))
+        return problem("unknown key", allowed=", ".join(fields), remedy=did_you_mean(one["loc"][-1], fields))
     if wrong == "literal_error":
         allowed = ctx["expected"].replace("'", "").replace(" or ", ", ")
         return problem("is not one of the choices", allowed=allowed)
     said = WORDS.get(wrong) or re.sub(r"^\w+ should", "must", one["msg"].removeprefix("Value error, "))
-    said = {"missing": MISSING}.get(wrong, "is out of range" if "than" in wrong else said)
-    return problem(said, allowed=_range(known))
-
-
-def _range(field):
-    """Return the range of a field of numbers as words, "" for any other."""
-    if field is None:
-        return ""
-    parts = [*field.metadata]
-    for option in getattr(field.annotation, "__args__", ()):
-        parts += [m for meta in getattr(option, "__metadata__", ()) for m in getattr(meta, "metadata", [meta])]
-    bounds = {k: getattr(m, k) for m in parts for k in ("ge", "gt", "le", "lt") if getattr(m, k, None) is not None}
-    if not {"le", "lt"} & bounds.keys():
-        return ""
-    low = f"above {_plain(bounds['gt'])}" if "gt" in bounds else _plain(bounds.get("ge", 0))
-    return f"{low} to {_plain(bounds.get('le', bounds.get('lt')))}"
-
-
-def _plain(bound):
-    return str(int(bound)) if bound == int(bound) else f"{bound:g}"
+    known = fields[one["loc"][0]].metadata if one["loc"] and one["loc"][0] in fields else ()
+    return problem(said, allowed="".join(each.range for each in known if isinstance(each, Key)))

@@ -1,5 +1,6 @@
 """Write TOML (the standard library only reads it): scalars and lists of them, tables and lists of them."""
 
+import json
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -29,8 +30,7 @@ def _key(key):
 
 
 def _text(text):
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + re.sub(r"[\x00-\x1f\x7f]", lambda m: f"\\u{ord(m[0]):04x}", escaped) + '"'
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def inline(value: Any) -> str:

@@ -7,6 +7,7 @@ it. To read a scenario runs nothing.
 """
 
 import copy
+import functools
 import hashlib
 import importlib.util
 import logging
@@ -23,7 +24,7 @@ from actuators.exception_text import sentence
 from cosim.errors import CosimError, LogError, Mistakes, OutputError, ScenarioError
 from cosim.files import replace
 from cosim.scenario import toml
-from cosim.scenario.aircraft import placed, ships
+from cosim.scenario.aircraft import ships
 from fdi.registry import USER_DETECTORS
 
 SHA256 = "sha256"
@@ -39,7 +40,10 @@ class UserPart(NamedTuple):
     sha256: str
 
 
-_announced: set[UserPart] = set()  # FMUs
+@functools.cache
+def _announce(part: UserPart) -> None:
+    """Say once that the code of a part runs."""
+    _log.info("runs code: %s, sha256 %s", *part)
 
 
 def contents(path: str | os.PathLike) -> dict[str, Path]:
@@ -88,7 +92,7 @@ def load(path: str | os.PathLike, error: Callable[[str], Exception] | None = Non
 
 
 def _run(path, file, part, error):
-    _log.info("runs code: %s, sha256 %s", *part)
+    _announce(part)
     name = f"cosim_user_{path.stem}_{part.sha256[:12]}"
     spec = importlib.util.spec_from_file_location(name, file, submodule_search_locations=[str(path)] * path.is_dir())
     assert spec is not None and spec.loader is not None
@@ -119,36 +123,42 @@ class Place(NamedTuple):
     table: dict
     key: str
     digest: str
-    name: str
+    part: str  # the table, "detectors.parity"
+
+    @property
+    def name(self) -> str:
+        """Return the key of the scenario, "detectors.parity.file"."""
+        return f"{self.part}.{self.key}"
+
+    @property
+    def path(self) -> Path:
+        """Return what is named."""
+        return Path(os.path.expanduser(self.table[self.key]))
 
 
 def places(tables: dict[str, Any]) -> Iterator[Place]:
     """Yield every Place of the tables of a scenario, also of one that is not checked yet."""
     flight, law = tables.get("flight"), tables.get("law")
     if isinstance(flight, dict) and isinstance(name := flight.get("aircraft"), str) and not ships(name):
-        yield Place(flight, "aircraft", "aircraft_sha256", "flight.aircraft")
+        yield Place(flight, "aircraft", "aircraft_sha256", "flight")
     groups = [(g, tables[g]) for g in ("actuators", "detectors") if isinstance(tables.get(g), dict)]
-    for name, own in (("law", law), *((f"{g}.{n}", own) for g, table in groups for n, own in table.items())):
+    for part, own in (("law", law), *((f"{g}.{n}", own) for g, table in groups for n, own in table.items())):
         for key in ("file", "fmu"):
             if isinstance(own, dict) and isinstance(own.get(key), str) and own[key]:
-                yield Place(own, key, SHA256, f"{name}.{key}")
+                yield Place(own, key, SHA256, part)
 
 
 def locate(tables: dict[str, Any], folder: Path | None, place: str) -> dict[str, Any]:
     """Return the tables of a scenario with every file as a path of this machine: it lies beside the scenario's own file
-    (`folder`), or where the path leads from here. Raises ScenarioError for one that is not there."""
+    (`folder`), or where the path leads from here. Raises ScenarioError for one that is not there; what an aircraft's
+    name means `load_aircraft` says."""
     if next(places(tables), None) is None:
         return tables
     out, wrong = copy.deepcopy(tables), Mistakes()
     for at in places(out):
-        name = at.table[at.key]
-        if at.key == "aircraft":
-            beside = folder / os.path.expanduser(name) if folder else None
-            if beside and os.path.isdir(beside):
-                at.table[at.key] = os.path.abspath(beside)
-            continue
         with wrong.caught():
-            at.table[at.key] = find(name, folder, f"{place}: {at.name}")
+            if at.key != "aircraft" or os.path.isdir((folder or Path()) / at.path):
+                at.table[at.key] = find(at.table[at.key], folder, f"{place}: {at.name}")
     wrong.check()
     return out
 
@@ -166,16 +176,15 @@ def identified(scenario: Any) -> Any:
     """Return the Scenario with the digest of each of its files. Raises ScenarioError where one is not what it means."""
     table, stamped = scenario.model_dump(mode="python", exclude_none=True), False
     for at in places(table):
-        where, wanted = f"{at.name} = {at.table[at.key]}", at.table.get(at.digest)
-        if not flies(scenario, at) or _known(at):
-            continue
-        part = identity(at.table[at.key])
-        at.table[at.digest] = part.sha256
+        wanted, known = at.table.get(at.digest), USER_DETECTORS.get(at.part.removeprefix("detectors."))
+        if not flies(scenario, at) or (known is not None and known.sha256 == wanted):
+            continue  # a detector that is not needed, or is loaded already from what the scenario means
+        part = identity(at.path)
         if wanted not in (None, part.sha256):
-            raise ScenarioError(CHANGED, place=where, remedy=AGREE)
-        if at.key == "fmu" and part not in _announced:
-            _announced.add(part)
-            _log.info("runs code: %s, sha256 %s", *part)
+            raise ScenarioError(CHANGED, place=f"{at.name} = {at.table[at.key]}", remedy=AGREE)
+        if at.key == "fmu":
+            _announce(part)
+        at.table[at.digest] = part.sha256
         stamped = True
     context = {"aircraft": scenario.aircraft, "actuators": tuple(scenario.actuators)}
     return type(scenario).model_validate(table, context=context) if stamped else scenario
@@ -183,23 +192,13 @@ def identified(scenario: Any) -> Any:
 
 def flies(scenario: Any, at: Place) -> bool:
     """Tell whether what a scenario names flies; a detector may be named and not run."""
-    return _detector(at) is None or _detector(at) in scenario.running
-
-
-def _detector(at):
-    group, _, rest = at.name.partition(".")
-    return rest.rpartition(".")[0] if group == "detectors" else None
-
-
-def _known(at):
-    """Tell whether a detector is loaded already, from what the scenario means."""
-    part = USER_DETECTORS.get(_detector(at))
-    return part is not None and part.sha256 == at.table.get(at.digest)
+    group, _, name = at.part.partition(".")
+    return group != "detectors" or name in scenario.running
 
 
 def named(tables: dict[str, Any]) -> dict[str, UserPart]:
     """Return {key of the scenario: UserPart} of what the tables name; a digest that is not known is empty."""
-    return {at.name: UserPart(Path(at.table[at.key]).name, str(at.table.get(at.digest, ""))) for at in places(tables)}
+    return {at.name: UserPart(at.path.name, str(at.table.get(at.digest, ""))) for at in places(tables)}
 
 
 def portable(tables: dict[str, Any], *, aircraft: bool = True) -> dict[str, Any]:
@@ -207,25 +206,22 @@ def portable(tables: dict[str, Any], *, aircraft: bool = True) -> dict[str, Any]
     out = copy.deepcopy(tables)
     for at in places(out):
         if aircraft or at.key != "aircraft":
-            at.table[at.key] = Path(at.table[at.key]).name
+            at.table[at.key] = at.path.name
     return out
 
 
 FOLDER = "user_files"  # of the names of attachments: user_files/law/law.py
 MOST = 16 << 20  # [byte] a larger file is known by its digest alone: a log stays one that can be sent
-_aircraft: list[Any] = []  # folders of aircraft that came with logs
+_aircraft: dict[str, Any] = {}  # digest -> temporary folder of an aircraft that came with a log
 
 
 def sources(scenario: Any) -> dict[str, tuple[str, bytes]]:
     """Return {attachment: (media type, bytes)} of the files that a flight of `scenario` is made of."""
-    out = {}
-    for at in places(scenario.model_dump(mode="python", exclude_none=True)):
-        if not flies(scenario, at):
-            continue
-        for name, path in contents(at.table[at.key]).items():
-            if path.stat().st_size <= MOST:
-                out[f"{FOLDER}/{_part(at)}/{name}"] = ("application/octet-stream", path.read_bytes())
-    return out
+    tables = scenario.model_dump(mode="python", exclude_none=True)
+    files = {f"{FOLDER}/{at.part}/{name}": path for at in places(tables) if flies(scenario, at)
+             for name, path in contents(at.path).items()}  # fmt: skip
+    kind = "application/octet-stream"
+    return {name: (kind, path.read_bytes()) for name, path in files.items() if path.stat().st_size <= MOST}
 
 
 def write(tables: dict[str, Any], attachments: Mapping[str, bytes], folder: Path) -> list[str]:
@@ -233,7 +229,7 @@ def write(tables: dict[str, Any], attachments: Mapping[str, bytes], folder: Path
     files the log does not hold. Raises OutputError for a folder that holds something, LogError for names that lead out
     of it.
     """
-    files = dict(_files(attachments))
+    files = _files(attachments)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         held = any(folder.iterdir())
@@ -243,9 +239,9 @@ def write(tables: dict[str, Any], attachments: Mapping[str, bytes], folder: Path
         raise OutputError("holds something", place=str(folder), remedy="Choose an empty folder, or a new one, with -o")
     missing = []
     for at in places(tables):
-        name = PurePosixPath(_part(at)) / Path(at.table[at.key]).name
+        name = PurePosixPath(at.part, at.path.name)
         there = any(path == name or name in path.parents for path in files)
-        at.table[at.key] = name.as_posix() if there else Path(at.table[at.key]).name
+        at.table[at.key] = name.as_posix() if there else name.name
         missing += [] if there else [at.name]
     _unpack({**files, PurePosixPath("scenario.toml"): toml.dumps(tables).encode()}, folder)
     return missing
@@ -257,38 +253,34 @@ def _unpack(files, folder):
 
 
 def bring_aircraft(tables: dict[str, Any], attachments: Mapping[str, bytes], place: str) -> None:
-    """Make the attached aircraft of a log known, which is data, so that its scenario can be read. Raises LogError where
-    it is not the one that the scenario means."""
+    """Unpack the attached aircraft of a log, which is data, and name its folder in `tables`. Raises LogError where it
+    is not the one that the scenario means."""
     at = next((at for at in places(tables) if at.key == "aircraft"), None)
-    sha256 = at and at.table.get(at.digest)
-    files = {path: data for path, data in _files(attachments) if path.parts[0] == "flight"}
-    if at is None or not isinstance(sha256, str) or not files or placed(sha256):
+    files = {path: data for path, data in _files(attachments).items() if path.parts[0] == "flight"}
+    if at is None or not files:
         return
-    home = tempfile.TemporaryDirectory(prefix="cosim-aircraft-")
-    try:
-        _unpack(files, Path(home.name))
-    except OutputError as error:
-        raise LogError(f"its aircraft cannot be written out: {error.problem}", place=place) from None
-    folder = Path(home.name) / "flight" / Path(at.table[at.key]).name
-    if not folder.is_dir() or identity(folder).sha256 != sha256:
-        raise LogError("is damaged: its aircraft is not the one that flew", place=place)
-    _aircraft.append(home)
-    placed(sha256, folder)
+    sha256 = str(at.table.get(at.digest))
+    if sha256 not in _aircraft:
+        home = tempfile.TemporaryDirectory(prefix="cosim-aircraft-")
+        try:
+            _unpack(files, Path(home.name))
+        except OutputError as error:
+            raise LogError(f"its aircraft cannot be written out: {error.problem}", place=place) from None
+        folder = Path(home.name, "flight", at.path.name)
+        if not folder.is_dir() or identity(folder).sha256 != sha256:
+            raise LogError("is damaged: its aircraft is not the one that flew", place=place)
+        _aircraft[sha256] = home
+    at.table[at.key] = str(Path(_aircraft[sha256].name, "flight", at.path.name))
 
 
-def _part(at):
-    """Return the folder of a file: the key of the table that names it."""
-    return at.name.rpartition(".")[0]
-
-
-def _files(attachments: Mapping[str, bytes]) -> Iterator[tuple[PurePosixPath, bytes]]:
-    """Yield (path, bytes) of what is attached. Raises LogError for a path that leads elsewhere."""
+def _files(attachments: Mapping[str, bytes]) -> dict[PurePosixPath, bytes]:
+    """Return {path: bytes} of what is attached. Raises LogError for a path that leads elsewhere."""
+    out: dict[PurePosixPath, bytes] = {}
     for name, data in attachments.items():
         top, _, rest = name.partition("/")
-        if top != FOLDER:
-            continue
         path = PurePosixPath(rest)
         wrong = any(_hidden(part) or set(part) & set('\\:\0') or not part.isprintable() for part in path.parts)
-        if wrong or path.is_absolute() or len(path.parts) < 2 or path.as_posix() != rest:
+        if top == FOLDER and (wrong or path.is_absolute() or len(path.parts) < 2 or path.as_posix() != rest):
             raise LogError(f"is damaged: attachment {name!r}", place="log")
-        yield path, data
+        out |= {path: data} if top == FOLDER else {}
+    return out

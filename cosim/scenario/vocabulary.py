@@ -85,31 +85,30 @@ def words() -> dict[str, Signal]:
 
 
 @functools.cache
-def _words(technologies):
-    out = []
+def _words(names):
+    return {signal.word: signal for signal in _signals([c.TECHNOLOGIES[name] for name in names])}
+
+
+def _signals(technologies):
     for name, meaning in AIRCRAFT.items():
-        bus, unit = f"sensors.{name}", c.SENSORS[name][0].si
-        place = (f"{bus}.y_obs", f"{bus}.valid_obs", "/sensors/aircraft", name)
-        out.append(Signal(name, "sensor", meaning, unit, *place))
+        unit, bus = c.SENSORS[name][0].si, f"sensors.{name}"
+        yield Signal(name, "sensor", meaning, unit, f"{bus}.y_obs", f"{bus}.valid_obs", "/sensors/aircraft", name)
     for name, meaning in COMMANDS.items():
         unit = "-" if name == "throttle_cmd" else "rad"
-        out.append(Signal(name, "command", meaning, unit, f"law.law.{name}", "", "/law", name))
-    sensors = {name: s for t in technologies for name, s in c.TECHNOLOGIES[t].sensors.items()}
-    for name in c.ACTUATOR_SENSORS:
-        bus, unit = f"sensors.{{lane}}_{name}", c.ACTUATOR_SENSORS[name][0].si
-        unit = "-" if unit.startswith("of ") else unit
-        has = tuple(t for t in technologies if name in c.TECHNOLOGIES[t].sensors)
-        place = (f"{bus}.y_obs", f"{bus}.valid_obs", "/sensors/{lane}", name)
-        out.append(Signal(name, "sensor", sensors[name].meaning, unit, *place, has))
-    for tech in technologies:
-        name, meaning, unit = c.TECHNOLOGIES[tech].sent
-        topic = f"/actuators/{tech}/{{lane}}"
+        yield Signal(name, "command", meaning, unit, f"law.law.{name}", "", "/law", name)
+    for name, (own, *_) in c.ACTUATOR_SENSORS.items():
+        has = tuple(t.name for t in technologies if name in t.sensors)
+        meaning = next(t.sensors[name].meaning for t in reversed(technologies) if name in t.sensors)
+        unit, bus = "-" if own.si.startswith("of ") else own.si, f"sensors.{{lane}}_{name}"
+        yield Signal(name, "sensor", meaning, unit, f"{bus}.y_obs", f"{bus}.valid_obs", "/sensors/{lane}", name, has)
+    for t in technologies:
+        name, meaning, unit = t.sent
+        place = f"{t.name}_in.{{lane}}.u", "", f"/actuators/{t.name}/{{lane}}", "u_held", (t.name,)
         if name:
-            out.append(Signal(name, "sent", meaning, unit, f"{tech}_in.{{lane}}.u", "", topic, "u_held", (tech,)))
+            yield Signal(name, "sent", meaning, unit, *place)
     for name, (meaning, unit) in HINGE.items():
-        source, topic = f"hinge_model.{{lane}}.{name}", "/hinge/{lane}"
-        out.append(Signal(name, "model", meaning, unit, source, "", topic, name, technologies))
-    return {s.word: s for s in out}
+        has = tuple(t.name for t in technologies)
+        yield Signal(name, "model", meaning, unit, f"hinge_model.{{lane}}.{name}", "", "/hinge/{lane}", name, has)
 
 
 def find(name: str, lane: str = "") -> Signal:

@@ -86,10 +86,9 @@ def _another(name: str, aircraft: str, check: bool) -> int:
         thresholds = own.folder / "thresholds"
         shutil.rmtree(thresholds, ignore_errors=True)  # no flight of the training knows what the last one found
         thresholds.mkdir()
-        digest = stored_designs.digest(own)
-        training = another(str(own.folder), digest)
+        training = another(str(own.folder))
         trainer.store(_trained(f"all --aircraft {own.name}", training, own.name, into=thresholds), thresholds)
-        about = {"aircraft_sha256": digest}
+        about = {"aircraft_sha256": stored_designs.digest(own)}
         replace_text(own.folder / "designs" / stored_designs.FILE, compact.text(about))
     return _state(designs.check(aircraft))
 

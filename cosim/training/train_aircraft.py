@@ -36,7 +36,6 @@ from cosim.training.trainer import Limits, Training, decimals
 from fdi import registry
 from fdi.control_redundancy.core import NR
 from fdi.kinematic import signatures
-from fdi.kinematic.rows import WIND
 
 # what each is trained in; the others' estimates are not made for severe air
 TRAINED_IN = dict.fromkeys(LEVEL, AIR[:3]) | {"kinematic": AIR}
@@ -66,8 +65,8 @@ def arguments(index: int, first_seed: int = FIRST_SEED, aircraft: str = DEFAULT)
 
 
 def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the blocks of the three estimates and of an oscillation: 1, rms of gusts or their amplitude at its
-    frequency, distance from where offsets were learned."""
+    """Return the blocks of the three estimates and of an oscillation: 1, rms of gusts, distance from where offsets were
+    learned."""
     log = watched(frame, "lpv_smo", p, LPV)
     features = [1.0, log["rms"], log["apart"]]
     hold, valid, dt = HELD * float(p["t_confirm"][0]), log["valid"] > 0.5, frame.attrs["dt"]
@@ -76,22 +75,32 @@ def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
     for part in ("limit", "gust", "away"):  # the shape of an oscillation is asked, its size is what is found
         q[f"swing_{part}"] = 0.0
     fits = watched(frame, "lpv_smo", q, ("bank_cos", "bank_sin", "bank_new", "hit"))
-    size = np.hypot(fits["bank_cos"], fits["bank_sin"])  # (ticks, 2, frequencies): of the estimate, of gusts
-    found = np.where((fits["hit"] >= p["hits"][0] - 1.0) & (fits["bank_new"] > 0.5), size[:, 0], 0.0)
-    swings = [blocks(found[:, k], [1.0, size[:, 1, k], log["apart"]], valid, dt) for k in range(found.shape[1])]
+    size = np.hypot(fits["bank_cos"][:, 0], fits["bank_sin"][:, 0])
+    size = np.where((fits["hit"] >= p["hits"][0] - 1.0) & (fits["bank_new"] > 0.5), size, 0.0)
+    swings = [blocks(size[:, k], features, valid, dt) for k in range(size.shape[1])]
     return out | {"swing": np.concatenate(swings)}  # one limit for all frequencies: few flights pass the shape of each
 
 
-def survey_kinematic(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the blocks of each row, less what its limit has of a wind across already, of its jumps, and of the noise
-    of all readings."""
-    log = watched(frame, "kinematic", p, ("res", "raw", "lateral", "rough", "valid", "ratio"))
-    valid, dt, rough = log["valid"] > 0.5, frame.attrs["dt"], log["rough"]
-    out = {}
-    for i, row in enumerate(signatures.ROWS):
+def over_rows(frame: pd.DataFrame, log: np.ndarray) -> list[tuple[np.ndarray, list]]:
+    """Return (statistic (ticks,), what its limit grows with) of every row of kinematic: the residual less what the
+    limit has of the wind's doubt already, and the terms that `fields` gives weights. Units of the row."""
+    speed = frame[sources("kinematic")["v_ground"]].to_numpy()
+    doubt = {signatures.CLIMB + k: log["doubt"][:, k] for k in range(3)}
+    out = []
+    for i in range(signatures.NR):
         lateral = log["lateral"][:, i]
-        side = [lateral * rough] if lateral.any() else []  # climb, turn and speed
-        out[row] = blocks(np.abs(log["res"][:, i]) - WIND * lateral, [1.0, rough, *side], valid, dt)
+        side = [lateral * speed, lateral * log["rough"]] if i in doubt else []  # climb, turn and speed
+        out.append((np.abs(log["res"][:, i]) - doubt.get(i, 0.0), [1.0, log["rough"], *side]))
+    return out
+
+
+def survey_kinematic(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the blocks of each row, of its jumps, and of the noise of all readings."""
+    log = watched(frame, "kinematic", p, ("res", "raw", "lateral", "doubt", "rough", "valid", "ratio"))
+    valid, dt = log["valid"] > 0.5, frame.attrs["dt"]
+    out = {}
+    for i, (row, (over, features)) in enumerate(zip(signatures.ROWS, over_rows(frame, log), strict=True)):
+        out[row] = blocks(over, features, valid, dt)
         out[f"{row} jump"] = blocks(np.abs(np.diff(log["raw"][:, i], prepend=log["raw"][0, i])), [1.0], valid, dt)
     return out | {"noise": blocks(log["ratio"].max(axis=1), [1.0], valid, dt)}
 
@@ -120,9 +129,9 @@ def watched(frame: pd.DataFrame, name: str, p: np.ndarray, fields: tuple[str, ..
     return detect(frame, registry.module(name), sources(name), p, fields)
 
 
-def surveyed(index: int, first_seed: int, aircraft: str = DEFAULT, digest: str = "") -> dict[str, Any]:
+def surveyed(index: int, first_seed: int, aircraft: str = DEFAULT) -> dict[str, Any]:
     """Return what is found in one training flight of an aircraft, plain data: its air, and of each detector that is
-    trained in it the survey. On another aircraft the Sun13 estimators fly in it, too; `digest` is of its numbers."""
+    trained in it the survey. On another aircraft the Sun13 estimators fly in it, too."""
     own, flight, turbulence = load_aircraft(aircraft), arguments(index, first_seed, aircraft), air(index)
     frame = fly_level(**flight)
     out: dict[str, Any] = {"air": turbulence}
@@ -147,9 +156,9 @@ def elevators(index: int, own: Aircraft) -> tuple[str, ...]:
     return ("hydraulic",) * len(own.technology) if index // 32 % 2 else tuple(own.technology.values())
 
 
-def flights(first_seed: int, number: int, **aircraft: str) -> list[dict[str, Any]]:
-    """Return the arguments of `surveyed` of every flight; `aircraft` and its `digest` if it is not the default one."""
-    return [{"index": k, "first_seed": first_seed, **aircraft} for k in range(number)]
+def flights(first_seed: int, number: int, aircraft: str = DEFAULT) -> list[dict[str, Any]]:
+    """Return the arguments of `surveyed` of every flight."""
+    return [{"index": k, "first_seed": first_seed, "aircraft": aircraft} for k in range(number)]
 
 
 def limits(values: list[dict], aircraft: str = DEFAULT) -> Limits:
@@ -196,9 +205,9 @@ def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
         floors = {row: FLOOR * SENSORS[f"n_{row}"][1] for row in "xyz"}
         return {"threshold": [max(made[f"t_{row}"][0], floor) for row, floor in floors.items()],
                 "gust_max": made["gust_max"][0]}  # fmt: skip
-    rows = [(made[row] + [0.0])[:3] for row in signatures.ROWS]
-    threshold, gust, side = (list(column) for column in zip(*rows))
-    return {"threshold": threshold, "gust": gust, "side": side,
+    rows = [(made[row] + [0.0] * 4)[:4] for row in signatures.ROWS]
+    threshold, gust, side, side_gust = (list(column) for column in zip(*rows))
+    return {"threshold": threshold, "gust": gust, "side": side, "side_gust": side_gust,
             "jump": [made[f"{row} jump"][0] for row in signatures.ROWS], "noise_ratio": made["noise"][0]}  # fmt: skip
 
 
@@ -206,7 +215,7 @@ _ABOUT = {"flight_s": FLIGHT_S, "noise_scale": NOISE_SCALE, "tolerance": TOLERAN
 TRANSPORT = Training(FIRST_SEED, FLIGHTS, flights, surveyed, limits, _ABOUT)
 
 
-def another(aircraft: str, digest: str) -> Training:
+def another(aircraft: str) -> Training:
     """Return the training of the detectors of the aircraft level on another aircraft, a name or folder."""
-    return Training(OTHERS_SEED, OTHERS, partial(flights, aircraft=aircraft, digest=digest), surveyed,
+    return Training(OTHERS_SEED, OTHERS, partial(flights, aircraft=aircraft), surveyed,
                     partial(limits, aircraft=aircraft), _ABOUT)  # fmt: skip

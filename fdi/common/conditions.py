@@ -111,13 +111,15 @@ def unobservable_modes(A: np.ndarray, C: np.ndarray) -> Any:
 
 
 def detectable(A1: np.ndarray, C: np.ndarray) -> None:
-    """Raise DesignError that names a mode of A1 which is not stable and does not show in C: condition (iv)."""
-    size = max(np.linalg.norm(A1, 2), 1e-12)
-    for value in unobservable_modes(A1, unit_rows(C)):
+    """Raise DesignError where a mode of A1 that is not stable does not show in C, condition (iv); it names the mode."""
+    n, size, unit = A1.shape[0], max(np.linalg.norm(A1, 2), 1e-12), unit_rows(C)
+    for value in unobservable_modes(A1, unit):
         if value.real >= -1e-9 * size:
+            _, values, Vt = np.linalg.svd(np.vstack([(value * np.eye(n) - A1) / size, unit]))
             raise DesignError(
-                f"condition (iv) fails: the mode {value:.4g} 1/s of A1 = (I - HC) A is not stable and does not show in "
-                "C; measure it or lower the rank of E"
+                f"condition (iv) fails: the mode {value:.4g} 1/s of A1 = (I - HC) A is not stable and does not show "
+                f"in C (smallest singular value {values[-1]:.1e}, mostly state {np.argmax(abs(Vt[-1]))}); measure it "
+                "or lower the rank of E"
             )
 
 
@@ -152,6 +154,13 @@ def basis(E: np.ndarray) -> np.ndarray:
     """Return an orthonormal basis of range(E)."""
     U, s, _ = np.linalg.svd(unit_columns(E), full_matrices=False)
     return U[:, : rank_of(s)]
+
+
+def angle_deg(E: np.ndarray, F: np.ndarray) -> float:
+    """Return the smallest principal angle between the ranges of E and F [deg]; 90 when E has no column."""
+    from scipy.linalg import subspace_angles
+
+    return 90.0 if E.shape[1] == 0 else float(np.degrees(np.min(subspace_angles(E, F))))
 
 
 def unit_columns(X: np.ndarray) -> Any:

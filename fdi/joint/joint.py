@@ -206,15 +206,13 @@ def _name(x, p):
     """Name the finest place that holds SURE, and the class that holds SURE_CLASS of it, where a lane names any."""
     x.isolated_part, x.p, held = 0.0, 0.0, 1.0
     for level in range(NLEVEL):
-        for n in range(NN):
-            x.share[n] = 0.0
+        x.share[:] = 0.0
         for h in range(int(p.n_h)):
             x.share[int(p.names[h, level])] += x.weight[h]
         for n in range(1, NN):
             if x.isolated_part == 0.0 and x.share[n] >= SURE:
                 x.isolated_part, x.p, held = float(n), x.share[n], x.share[n]
-    for c in range(NC):
-        x.class_share[c] = 0.0
+    x.class_share[:] = 0.0
     for h in range(int(p.n_h)):
         within = x.isolated_part == 0.0
         for level in range(NLEVEL):

@@ -23,9 +23,9 @@ the earth, gravity) are learned in the first `t_learn`. Rows that fire within `t
 fault, and name the sensor: the only one whose rows contain all that fired, of which every row that must fire did, and
 whose first row jumped or did not; one that gusts would hide need not fire. More than one, or none, is AMBIGUOUS.
 
-Climb, turn and speed take the lateral velocity from the vane of sideslip, which has the gusts in it and not the wind:
-their thresholds grow with the rms of gusts, as the vane has it about its mean, and with the lateral motion through
-which gusts and a wind across (`rows.WIND`) act.
+Climb, turn and speed take the lateral velocity from the vane and the wind (fdi/kinematic/wind.py). The vane has the
+gusts in it: their thresholds grow with the rms of those, as the vane has it about its mean, and with the lateral motion
+through which they act.
 
 Noise and frozen readings show in the second difference of the reading alone, y_k - 2 y_k-1 + y_k-2 of variance 6
 sigma^2, in which motion at the sampling rate is nothing. Gusts are not nothing in it: their part goes with a power of
@@ -52,8 +52,9 @@ from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
 from fdi.common.why import BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
 from fdi.kinematic import signatures as table
+from fdi.kinematic import wind
 from fdi.kinematic.rows import compare, read, weigh
-from fdi.kinematic.signatures import EITHER, NR, NS, SENSORS
+from fdi.kinematic.signatures import CLIMB, EITHER, NR, NS, SENSORS
 
 ISOLABLE_PARTS = table.ISOLABLE_PARTS
 SPEEDS = ("tas", "cas", "v_ground")
@@ -63,10 +64,12 @@ TICK = 0.005  # of the training flights [s]
 GUSTY = {**dict.fromkeys(("tas", "cas", "mach"), 1), **dict.fromkeys(("alpha", "beta"), 2),
          **dict.fromkeys(("n_x", "n_y", "n_z"), 3)}  # fmt: skip
 POWER = np.array([GUSTY.get(name, 0) for name in SENSORS])
-# An error of an integrated reading that jumped fades from its row: it stands for OFF_S at most [s], until the reading
-# has jumped back to BACK of what it was off by
-BACK, OFF_S = 0.3, 120.0
+# A named error is over when what it did last would be SEEN of a threshold and is not there, for SHOWN_S [s]. One of an
+# integrated reading fades from its row: it stands for OFF_S at most [s], until the reading has jumped back to BACK of
+# what it was off by. One that came without a jump, a drift or a frozen reading, ends with one
+SHOWN_S, BACK, SEEN, OFF_S = 5.0, 0.3, 0.75, 120.0
 LEFT = 4.0  # thresholds: from there a row is quiet within 1.4 of its time constants
+FADING, STAYING, NOISY, JUMPED_BACK = 0.0, 1.0, 2.0, 3.0
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
 
 PARAMS = dtype(
@@ -74,7 +77,8 @@ PARAMS = dtype(
         ("threshold", "f8", (NR,)),  # of the rows: rad (3), m/s (3), m, m/s, relative, m
         ("jump", "f8", (NR,)),  # a change from tick to tick beyond it is one; the same units
         ("gust", "f8", (NR,)),  # growth of the thresholds with the rms of lateral gusts; their units per m/s
-        ("side", "f8", (NR,), "-"),  # of climb, turn and speed with lateral motion: so many times the rms of gusts
+        ("side", "f8", (NR,), "rad"),  # of climb, turn and speed with lateral motion: the error of sideslip
+        ("side_gust", "f8", (NR,), "-"),  # of which gusts make so many times their rms
         ("tau_gust", "f8", "s"),  # memory of that rms
         ("noise_ratio", "f8", "-"),  # second differences so many times their learned mean square are noise
         ("frozen_ratio", "f8", "-"),  # and so few times are a reading that repeats
@@ -100,6 +104,8 @@ STATE = dtype(
         ("alarm", "f8", "-"),
         ("verdict", "f8", "-"),  # SENSOR, AMBIGUOUS
         ("isolated_part", "f8", "-"),  # index into ISOLABLE_PARTS
+        ("second", "f8", "-"),  # the other one where two sensors are wrong, 0 where one explains all
+        ("verdict_2", "f8", "-"),
         ("valid", "f8", "-"),
         ("why", "f8", "-"),  # code of fdi.common.why, 0 while valid
         ("res", "f8", (NR,), "rad, m/s, m, -"),  # residuals through the lag, less what was learned
@@ -108,6 +114,7 @@ STATE = dtype(
         ("raw", "f8", (NR,)),  # residuals
         ("last", "f8", (NR,)),  # at the tick before
         ("off", "f8", (NR,)),  # sum of the jumps of a fault
+        ("off_most", "f8", (NR,)),  # and the largest that it was
         ("seen", "f8", (NR,)),  # 1 where the tick before had one
         ("model", "f8", (NR,)),  # states of the rows that integrate
         ("rate", "f8", (NR,)),  # what they integrated last
@@ -116,7 +123,7 @@ STATE = dtype(
         ("sideslip", "f8", "rad"),  # its mean and mean square, as the vane has it
         ("square", "f8", "rad2"),
         ("rough", "f8", "m/s"),  # rms of lateral gusts
-        ("lean", "f8", "-"),  # mean sine of the bank while offsets were learned
+        *wind.STATE,
         ("offset", "f8", (NR,)),
         ("limit", "f8", (NR,)),  # thresholds now
         (
@@ -137,12 +144,17 @@ STATE = dtype(
         ("age", "f8", "s"),
         ("n_learn", "f8", "-"),
         ("since", "f8", "s"),  # time since the first row fired, 0 while none has
+        ("beyond", "f8", "s"),  # and since one did that does not read the named sensor
+        ("known", "f8", (NR,)),  # 1 where a row reads that sensor
         ("noisy", "f8", "-"),  # 1 + sensor whose noise is wrong, 0 for none
         ("quiet", "f8", "s"),  # time since anything fired
-        ("leap", "f8"),  # by how much the attitude, altitude or speed that is named jumped, 0 once it has jumped back
+        ("held", "f8", (NR,)),  # residuals that were beyond their thresholds, the last of each row
+        ("refuted", "f8", "s"),  # time for which those of the named error would be there and are not
+        ("leapt", "f8", "-"),  # 1 where the reading that is named jumped at first
+        ("shows", "f8", "-"),  # how that error shows: FADING, STAYING, NOISY, JUMPED_BACK
     ]
 )
-OUTPUTS = ("r", "alarm", "verdict", "isolated_part", "valid", "why", "res")
+OUTPUTS = ("r", "alarm", "verdict", "isolated_part", "second", "verdict_2", "valid", "why", "res")
 DETECTOR = Detector(
     id="kinematic",
     level="aircraft",
@@ -180,43 +192,38 @@ def init(p: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def _jumps(x, p, i, dt):
-    """Note whether row i jumped, and by how much in all; return whether it did."""
-    x.jumped[i] = max(x.jumped[i] - dt, 0.0)
-    if x.jumped[i] == 0.0 and x.alarm < 0.5:
-        x.off[i] = 0.0
-    leap = x.raw[i] - x.last[i] if x.live[i] * x.seen[i] > 0.5 else 0.0
-    x.last[i], x.seen[i] = x.raw[i], x.live[i]
-    if math.fabs(leap) <= p.jump[i] * x.grown[i]:
-        return False
-    x.jumped[i] = p.t_hold
-    x.off[i] += leap
-    return True
-
-
-@kernel
 def _residuals(x, p, dt):
     """Learn offsets, lag the residuals, note what fires and what jumps; return the largest over its threshold."""
-    c, largest, fades, back = 1.0 - math.exp(-dt / p.tau_r), 0.0, -1, False
+    c, largest = 1.0 - math.exp(-dt / p.tau_r), 0.0
+    learning, fades, back = x.age <= p.t_learn, -1, False
     if x.alarm > 0.5 and x.verdict == SENSOR:
         fades = table.FADES[int(x.isolated_part) - 1]
     for i in range(NR):
-        x.fired[i] = max(x.fired[i] - dt, 0.0)
-        if _jumps(x, p, i, dt) and i == fades:
-            back = math.fabs(x.off[i]) <= BACK * math.fabs(x.leap)
+        x.fired[i], x.jumped[i] = max(x.fired[i] - dt, 0.0), max(x.jumped[i] - dt, 0.0)
+        if x.jumped[i] == 0.0 and x.alarm < 0.5:
+            x.off[i] = x.off_most[i] = 0.0
         if x.live[i] < 0.5:
-            x.res[i] = 0.0
-        elif x.age > p.t_learn:
-            x.res[i] += c * (x.raw[i] - x.offset[i] - x.res[i])
-            r = math.fabs(x.res[i]) / x.limit[i]
-            largest = max(largest, r)
-            if r >= 1.0:
-                x.fired[i] = p.t_hold
-        elif x.age > p.t_settle:
-            x.offset[i] += (x.raw[i] - x.offset[i]) / max(x.n_learn, 1.0)
+            x.seen[i], x.res[i] = 0.0, 0.0
+            continue
+        leap = x.raw[i] - x.last[i] if x.seen[i] > 0.5 else 0.0
+        if math.fabs(leap) > p.jump[i] * x.grown[i]:
+            x.jumped[i] = p.t_hold
+            x.off[i] += leap
+            x.off_most[i] = max(x.off_most[i], math.fabs(x.off[i]))
+            back = back or (i == fades and (x.leapt < 0.5 or math.fabs(x.off[i]) < BACK * x.off_most[i]))
+        x.last[i], x.seen[i] = x.raw[i], 1.0
+        if learning:
+            if x.age > p.t_settle and i != CLIMB:  # its own in fdi/kinematic/wind.py
+                x.offset[i] += (x.raw[i] - x.offset[i]) / max(x.n_learn, 1.0)
+            continue
+        x.res[i] += c * (x.raw[i] - x.offset[i] - x.res[i])
+        r = math.fabs(x.res[i]) / x.limit[i]
+        largest = max(largest, r)
+        if r >= 1.0:
+            x.fired[i], x.held[i] = p.t_hold, x.res[i]
     if back:
         _restart(x)
-    elif fades < 0 and x.alarm > 0.5:
+    elif x.shows == STAYING:
         _saturate(x)
     return largest
 
@@ -224,7 +231,7 @@ def _residuals(x, p, dt):
 @kernel
 def _restart(x):
     """Start what integrates anew from the reading that is right again [Lu15]."""
-    x.leap = 0.0
+    x.shows = JUMPED_BACK
     for i in range(NR):
         if table.KNOWN[int(x.isolated_part), i] > 0.5:
             x.seen[i], x.res[i], x.fired[i] = 0.0, 0.0, 0.0
@@ -277,25 +284,23 @@ def _noise(x, p, dt):
 
 
 @kernel
-def _hidden(x, s, i):
-    """Return whether the threshold of row i may hide what signature s, which shows in its first row, does there."""
-    first, power = table.FIRST_ROW[s], table.SPEED_POWERS[s, i]
-    fast = x.y[15] if power > 0.0 else 1.0 / max(x.y[15], 1.0) if power < 0.0 else 1.0
-    size = math.fabs(x.res[first]) * table.SIZES[s, i] * fast
-    return x.fired[first] > 0.0 and 0.0 < size <= HIDDEN * x.limit[i]
-
-
-@kernel
 def _explains(x, s):
-    """Return whether signature s explains what fired and jumped."""
-    jumped = x.jumped[table.FIRST_ROW[s]] > 0.0
-    if (table.JUMPS[s] > 0.5 and not jumped) or (table.JUMPS[s] < -0.5 and jumped):
+    """Return whether signature s explains what fired and jumped; what x.known has, another sensor may have done."""
+    first = table.FIRST_ROW[s]
+    jumped = x.jumped[first] > 0.0
+    if x.known[first] > 0.5 or (table.JUMPS[s] > 0.5 and not jumped) or (table.JUMPS[s] < -0.5 and jumped):
         return False
     for i in range(NR):
-        if x.fired[i] > 0.0 and table.MAY[s, i] < 0.5:
-            return False
-        if x.fired[i] <= 0.0 and table.MUST[s, i] > 0.5 and not _hidden(x, s, i):
-            return False
+        if x.fired[i] > 0.0:
+            if table.MAY[s, i] < 0.5 and x.known[i] < 0.5:
+                return False
+        elif table.MUST[s, i] > 0.5:
+            power = table.SPEED_POWERS[s, i]
+            fast = x.y[15] if power > 0.0 else 1.0 / max(x.y[15], 1.0) if power < 0.0 else 1.0
+            size = math.fabs(x.res[first]) * table.SIZES[s, i] * fast
+            # gusts may hide it there
+            if x.fired[first] <= 0.0 or table.SIZES[s, i] <= 0.0 or size > HIDDEN * x.limit[i]:
+                return False
     return True
 
 
@@ -312,17 +317,38 @@ def _named(x):
 
 
 @kernel
+def _again(x, p, dt):
+    """Name a second sensor: by rows that do not read the first one, or by its noise."""
+    if x.noisy > 0.5 and x.noisy != x.isolated_part:
+        row = table.FADES[int(x.noisy) - 1]
+        if row >= 0 and table.CONSTANT_IN[int(x.isolated_part) - 1, row] > 0.5:
+            x.isolated_part, x.shows = x.noisy, NOISY  # an attitude that is frozen looks like an error of its rate, too
+            return
+        x.second, x.verdict_2 = x.noisy, SENSOR
+    left = False
+    for i in range(NR):
+        x.known[i] = table.KNOWN[int(x.isolated_part), i]
+        left = left or (x.fired[i] > 0.0 and x.known[i] < 0.5)
+    x.beyond = x.beyond + dt if left else 0.0
+    if x.beyond >= p.t_collect:
+        count, best = _named(x)
+        if count == 1:
+            x.second, x.verdict_2 = best, SENSOR
+
+
+@kernel
 def _seek(x, p, any_row):
     """Name the sensor when the rows that belong together are in, or say that there is none."""
     sought = x.alarm < 0.5 or x.verdict == AMBIGUOUS
-    if x.noisy > 0.5:  # a reading tells of itself, rows of all that they read
-        x.alarm, x.verdict, x.isolated_part, x.leap = 1.0, SENSOR, x.noisy, 0.0
+    if x.noisy > 0.5 and sought:
+        x.alarm, x.verdict, x.isolated_part, x.shows = 1.0, SENSOR, x.noisy, NOISY
     elif any_row and x.since >= p.t_collect and (sought or x.isolated_part >= EITHER):
         count, best = _named(x)
         if count == 1 and (sought or table.HOLDS[int(x.isolated_part), int(best)] > 0.5):
             x.alarm, x.verdict, x.isolated_part = 1.0, SENSOR, best
             row = table.FADES[int(best) - 1]
-            x.leap = x.off[row] if row >= 0 else 0.0
+            x.shows = FADING if row >= 0 else STAYING
+            x.leapt = 1.0 if row >= 0 and x.off_most[row] > 0.0 else 0.0
         elif sought and x.since >= p.t_ambiguous:
             x.alarm, x.verdict, x.isolated_part = 1.0, AMBIGUOUS, 0.0
 
@@ -332,29 +358,59 @@ def _decide(x, p, dt):
     """Name what is wrong; hold the alarm for t_release, or as the error ends."""
     any_row = False
     for i in range(NR):
+        x.known[i] = 0.0
         any_row = any_row or x.fired[i] > 0.0
     x.quiet = 0.0 if any_row or x.noisy > 0.5 else x.quiet + dt
     x.since = x.since + dt if any_row else 0.0
     _seek(x, p, any_row)
-    if x.quiet > (OFF_S if x.leap != 0.0 else p.t_release):
+    if x.alarm < 0.5:
+        x.refuted = 0.0
+        return
+    if x.verdict == SENSOR and x.second < 0.5:
+        _again(x, p, dt)
+    x.refuted = 0.0 if x.r >= 1.0 else x.refuted + dt if _would_show(x) else x.refuted
+    longest = OFF_S if x.shows == FADING and x.leapt > 0.5 else p.t_release
+    if x.quiet > longest or x.refuted > SHOWN_S:
         _clear(x)
 
 
 @kernel
-def _clear(x):
-    x.alarm, x.verdict, x.isolated_part = 0.0, NONE, 0.0
-    x.leap = 0.0
-    x.fired[:] = 0.0
+def _would_show(x):
+    """Return whether the named error would be at a threshold now if it were as it was, and is not."""
+    if x.shows != STAYING:
+        return x.shows > STAYING
+    for i in range(NR):
+        held = math.fabs(x.held[i])
+        if (
+            table.CONSTANT_IN[int(x.isolated_part) - 1, i] > 0.5
+            and held >= SEEN * x.limit[i]
+            and math.fabs(x.res[i]) < 0.5 * held
+        ):
+            return True
+    return False
 
 
 @kernel
-def _rest(x):
-    """Judge nothing while out of range; afterwards all is learned anew."""
-    x.age = x.n_learn = x.since = x.r = x.valid = 0.0
-    x.why = BOX_SPEED
+def _clear(x):
+    x.alarm, x.verdict, x.isolated_part, x.second, x.verdict_2, x.beyond = 0.0, NONE, 0.0, 0.0, NONE, 0.0
+    x.shows = x.refuted = x.leapt = 0.0
+    x.fired[:] = 0.0
+    x.held[:] = 0.0
+
+
+@kernel
+def _rest(x, p, why):
+    """Judge nothing while out of range; what integrates starts anew afterwards, learning does where it was not done."""
     x.ticks[:] = 0.0
+    x.live[:] = 0.0
     x.seen[:] = 0.0
     x.res[:] = 0.0
+    x.jumped[:] = 0.0
+    if x.age <= p.t_learn:
+        x.age, x.n_learn = 0.0, 0.0
+        x.offset[:] = 0.0
+        x.level[:] = 0.0
+    x.since, x.noisy, x.quiet, x.valid, x.why, x.r = 0.0, 0.0, 0.0, 0.0, why, 0.0
     _clear(x)
 
 
@@ -373,14 +429,13 @@ def _flies(u):
 def step(x, u, p, dt):
     """Read, compare, decide."""
     if not _flies(u):
-        _rest(x)
+        _rest(x, p, BOX_SPEED)
         return
     read(x, u)
     compare(x, p, dt)
     x.age += dt
     if p.t_settle < x.age <= p.t_learn:
         x.n_learn += 1.0
-        x.lean += (math.sin(x.y[3]) - x.lean) / x.n_learn
     r = max(_residuals(x, p, dt), _noise(x, p, dt))
     if x.age <= p.t_learn:
         weigh(x)

@@ -7,9 +7,9 @@ from actuators.constants import G0
 from fdi.common.decision import usable
 from fdi.kinematic import signatures as table
 from fdi.kinematic.signatures import CLIMB, NR, NS, SPEED, TURN
+from fdi.kinematic.wind import blow, plane
 
-WIND = 25.0  # across that an aircraft may fly in [m/s]: the lateral velocity over the ground is not measured
-SPREAD = 3.0  # half of what lateral velocity may be off by, over the rms of lateral gusts: half of `side`
+SPREAD = 3.0  # half of what lateral velocity may be off by, over the rms of lateral gusts: half of `side_gust`
 EARTH = 6.356766e6  # radius that makes a geometric altitude one of the standard atmosphere [m]
 
 WORN = 1.25  # times it thresholds hold: they are trained at 1.2, and what is learned of it in 6 s is within 4 %
@@ -62,8 +62,9 @@ def compare(x, p, dt):
     _integrated(x, p, table.PHI, phi, roll + st / ct * turning, rates, dt, 1.0)
     _integrated(x, p, table.THETA, theta, pitch * cp - yaw * sp, rates, dt, 0.0)
     _integrated(x, p, table.PSI, y[5], turning / ct, rates * ok[5], dt, 1.0)
-    u, w = y[15] * math.cos(y[14]), y[15] * math.sin(y[14])
-    v = y[11] * math.sin(y[17]) if ok[11] * ok[17] > 0.5 else 0.0  # in the air; limits allow for gusts and wind
+    blow(x, p, dt)
+    u, w = plane(x)
+    v = x.lateral_ground  # gusts are in it, and `side` allows for them
     path = ok[14] * ok[15] * ok[3] * ok[4]
     x.live[CLIMB] = path * ok[8]
     steep = u * st - w * cp * ct
@@ -99,7 +100,7 @@ def _air_data(x):
 def _lateral(x, p, dt, steep):
     """Set x.limit, which grows with gusts from the side, and x.rough, their rms as the vane of sideslip has it.
 
-    The rows take the lateral velocity from sideslip: in a bank, rolling and yawing wind and gusts show in them. `steep`
+    The rows take the lateral velocity from sideslip and wind: in a bank, rolling and yawing gusts show in them. `steep`
     is the rate of climb per speed along the plane of symmetry [m/s].
     """
     y = x.y
@@ -108,16 +109,18 @@ def _lateral(x, p, dt, steep):
         x.sideslip += c * (y[17] - x.sideslip)
         x.square += c * (y[17] * y[17] - x.square)
         x.rough = y[15] * math.sqrt(max(x.square - x.sideslip * x.sideslip, 0.0))
-    # what a lateral velocity does in the bank in which offsets were learned is in them
-    fade, bank = dt / p.tau, math.fabs(math.sin(y[3]) - x.lean)
-    # in a climb what of the speed over the ground is lateral does not climb: v^2 / (2 V)
-    side = 0.5 * WIND + SPREAD * x.rough
+    fade, bank = dt / p.tau, math.fabs(math.sin(y[3]))
+    # in a climb what of the speed over the ground is lateral does not climb: v^2 / (2 V), v and an error of it alike
+    side = math.fabs(x.lateral_ground) + SPREAD * x.rough
     visible = bank + math.fabs(steep) * side / max(y[15] * y[15], 1.0)
     x.lateral[CLIMB] += (1.0 - math.exp(-dt / p.tau_r)) * (visible - x.lateral[CLIMB])  # as its residual comes
     x.lateral[TURN] += fade * (p.tau * math.fabs(y[0]) - x.lateral[TURN])
     x.lateral[SPEED] += fade * (p.tau * G0 * bank / max(y[15], 1.0) - x.lateral[SPEED])
     for i in range(NR):
-        x.limit[i] = x.grown[i] * p.threshold[i] + p.gust[i] * x.rough + x.lateral[i] * (WIND + p.side[i] * x.rough)
+        x.limit[i] = x.grown[i] * p.threshold[i] + p.gust[i] * x.rough
+        x.limit[i] += x.lateral[i] * (p.side[i] * y[15] + p.side_gust[i] * x.rough)
+    for i in range(3):
+        x.limit[CLIMB + i] += x.doubt[i]
 
 
 @kernel

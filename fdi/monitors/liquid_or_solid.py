@@ -37,8 +37,7 @@ STATE = [
     ("votes", "f8", "-"),  # how often in a row
     ("gain", "f8", "-"),  # of the command's own part
     ("gain_sigma", "f8", "-"),  # its deviation
-    ("sine", "f8", "m"),  # amplitude of the best sine, and its frequency
-    ("sine_hz", "f8", "Hz"),
+    ("sine_hz", "f8", "Hz"),  # frequency of the best sine
     ("residual", "f8", "-"),  # share of the rest that the best sine leaves
 ]
 
@@ -60,8 +59,7 @@ def keep_sample(x, rod, healthy, p):
 def weigh(x, p, h):
     """Return the class that the gain of the command's own part tells, else AMBIGUOUS; `h`: time of a sample [s]."""
     n = int(min(x.since, float(RING)))
-    first = int(x.head) - n
-    first = first + RING if first < 0 else first
+    first = (int(x.head) - n) % RING
     Y, M = x.ring[0], x.ring[1]
     ff, fd, dd = beside(Y, M, first, n, 0.0)
     before = ff - fd * fd / max(dd, 1e-12)
@@ -79,7 +77,7 @@ def weigh(x, p, h):
     if best == 0.0:
         return AMBIGUOUS
     x.gain_sigma = math.sqrt(max(rest, 0.0) * CORRELATED / (n * h) / max(x.gain_sigma, 1e-12))
-    x.residual, x.sine_hz, x.sine = rest / before, best, math.sqrt(2.0 * (before - rest) / n)
+    x.residual, x.sine_hz = rest / before, best
     off = SURE * x.gain_sigma
     if x.residual > SWINGS:
         return AMBIGUOUS

@@ -22,8 +22,9 @@ from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage, reference
 from actuators.hydraulic import servo
 from actuators.hydraulic.lu17 import opening
-from fdi.common.decision import clipped, held, usable
+from fdi.common.decision import held, usable
 from fdi.common.record import Detector
+from fdi.common.reference import chase
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE
 from fdi.monitors import liquid_or_solid
@@ -77,9 +78,7 @@ STATE = dtype(
         ("started", "f8", "-"),
         ("target", "f8", "m"),  # last finite command
         ("x3", "f8", "-"),  # lagged pressure difference
-        ("q_est", "f8", "m"),  # rod estimate: `actuators.common.reference` by other names, r being the statistic
-        ("qd_est", "f8", "m/s"),
-        ("qdd_est", "f8", "m/s2"),
+        ("est", "f8", (3,)),  # rod estimate [m], its rate and acceleration
         ("past", "f8", (HISTORY + 1,), "m"),  # reference positions, newest first
         ("limited", "f8", "-"),  # 1 where the reference moves at its limits, fading afterwards
         ("high", "f8", (B, 2)),  # filter states of the residual
@@ -88,7 +87,6 @@ STATE = dtype(
         ("ref_low", "f8", (B, 2)),
         ("ref_peak", "f8", (B,), "m"),  # its largest motion in the band, fading
         ("wide", "f8", (2, 2)),  # filter states of the high-pass of residual, reference
-        ("e_band", "f8", (B,), "m"),  # residual by band
         ("side", "f8", (B,), "-"),  # sign of the last swing that counts, 0 for none in the window
         ("ages", "f8", (B, COUNT), "s"),  # time since the last swings that count, newest first
         ("counts", "f8", (B,), "-"),  # 1 where the band's swings make an oscillation
@@ -206,18 +204,13 @@ def _predict(x, p, dt):
     """Advance the rod estimate to the next tick, with the limits of `actuators.common.reference`."""
     for i in range(HISTORY, 0, -1):
         x.past[i] = x.past[i - 1]
-    away = x.target - x.q_est
-    most = p.v_max * max(opening(away, x.x3), servo.ROOT_LEAST)
-    v = clipped(p.k1 * away, most)
-    a = clipped(p.k2 * (v - x.qd_est), p.a_max)
-    j = clipped(p.k3 * (a - x.qdd_est), p.j_max)
     x.limited *= 1.0 - dt * p.f_low[0] / MEMORY
-    if math.fabs(x.qd_est) > AT_LIMIT * p.v_max or math.fabs(x.qdd_est) > AT_LIMIT * p.a_max:
+    if math.fabs(x.est[1]) > AT_LIMIT * p.v_max or math.fabs(x.est[2]) > AT_LIMIT * p.a_max:
         x.limited = 1.0
-    x.q_est += dt * (x.qd_est + dt * (x.qdd_est / 2.0 + dt * j / 6.0))
-    x.qd_est += dt * (x.qdd_est + dt * j / 2.0)
-    x.qdd_est += dt * j
-    x.past[0] = x.q_est
+    away = x.target - x.est[0]
+    most = p.v_max * max(opening(away, x.x3), servo.ROOT_LEAST)
+    chase(x.est, away, most, p.k1, p.k2, p.k3, p.a_max, p.j_max, dt)
+    x.past[0] = x.est[0]
 
 
 @kernel
@@ -229,7 +222,6 @@ def _count(x, p, b, off, dt):
     v, _ = _filtered(x.low[b], high, p.low[b])
     limit = p.threshold[b] + (p.share[b] + LIMITED * x.limited) * x.ref_peak[b]
     n, half, side = int(p.half_periods), 0.5 / p.f_low[b], 1.0 if v > 0.0 else -1.0
-    x.e_band[b] = v
     if side != x.side[b] and math.fabs(v) >= limit:
         x.side[b] = side
         for i in range(COUNT - 1, 0, -1):
@@ -248,9 +240,9 @@ def _count(x, p, b, off, dt):
 def _start(x, u, p):
     """Let the estimate begin at the first reading: the first command, with its noise, is still to be followed."""
     x.started = 1.0
-    x.q_est = min(max(u.y_rod, p.r_lo), p.r_hi)
-    x.past[:] = x.q_est
-    x.wide[1, 1] = x.q_est  # the high-pass starts in equilibrium
+    x.est[0] = min(max(u.y_rod, p.r_lo), p.r_hi)
+    x.past[:] = x.est[0]
+    x.wide[1, 1] = x.est[0]  # the high-pass starts in equilibrium
     x.ages[:] = LONG_AGO
 
 

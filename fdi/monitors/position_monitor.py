@@ -9,7 +9,7 @@ healthy servo show where it has to move: hence the share.
 A deviation beyond the threshold for the confirmation time is an alarm. Its name follows from how the surface moves:
 
     SENSOR      its reading had noise and repeats itself
-    RUNAWAY     it has gone `travel_run` away from the model and goes on after `t_run`, or is at the end of its travel
+    RUNAWAY     it has gone `travel_run` away from the model and goes on after `t_run`
     JAM_SOLID   it stands for `t_rest`, while the model has moved
     AMBIGUOUS   anything else
 
@@ -28,8 +28,9 @@ from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage, reference
 from actuators.ema import servo as ema_servo
 from actuators.hydraulic import servo as hydraulic_servo
-from fdi.common.decision import clipped, confirm, held, usable
+from fdi.common.decision import confirm, held, usable
 from fdi.common.record import Detector
+from fdi.common.reference import chase
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, RUNAWAY, SENSOR
 
@@ -50,7 +51,7 @@ PARAMS = dtype(
         ("t_rest", "f8", "s"),  # at rest for so long, while the model moved: a jam
         ("jam_share", "f8", "-"),  # of the deviation that the model has moved meanwhile
         ("travel_run", "f8", "rad"),  # in one direction, away from the model, ...
-        ("t_run", "f8", "s"),  # ... and still moving after this, or at the end of its travel: a runaway
+        ("t_run", "f8", "s"),  # ... and still moving after this: a runaway
         ("t_invalid", "f8", "s"),  # without a measurement for longer the estimate is not valid
     ]
 )
@@ -66,9 +67,7 @@ STATE = dtype(
         ("started", "f8", "-"),  # 1 after the first usable measurement
         ("command", "f8", "rad"),  # last finite command
         ("surface", "f8", "rad"),  # last usable measurement
-        ("m", "f8", "rad"),  # the model now: `actuators.common.reference` by other names, r being the statistic
-        ("md", "f8", "rad/s"),
-        ("mdd", "f8", "rad/s2"),
+        ("m", "f8", (3,)),  # the model now [rad], its rate and acceleration
         ("model", "f8", "rad"),  # where the surface should have been when it was measured
         ("lag", "f8", "rad"),  # fading peak of command less model
         ("slow", "f8", "rad"),  # lagged surface, its rate, and that lagged
@@ -80,12 +79,10 @@ STATE = dtype(
         ("rest_model", "f8", "rad"),
         ("rest_time", "f8", "s"),
         ("loose", "f8", "s"),  # for so long it is held to move by itself
-        ("leave", "f8", "rad"),  # where it began to go away from the model, the model then, and the time since
-        ("leave_model", "f8", "rad"),
+        ("leave", "f8", "rad"),  # where it began to go away from the model, and the time since
         ("leave_time", "f8", "s"),
         ("far", "f8", "rad"),  # how far it came
         ("turned", "f8", "-"),  # 1 where a runaway has turned back, while the alarm stands
-        ("end_time", "f8", "s"),  # for how long it has been at the end of its travel
         ("same", "f8", "s"),  # for how long the reading has repeated itself
         ("step_last", "f8", "rad"),  # its last step, and the share of steps that turned back, over a second
         ("turns", "f8", "-"),
@@ -133,9 +130,7 @@ LOOSE = 30.0  # a surface that has moved where it should not be is held to be lo
 T_SAME, TURNS = 0.1, 0.3  # a reading that repeats itself for so long [s]; share of steps that turn back: noise has 0.67
 NEAR, STOPPED = 0.5, 0.3  # of the threshold; a jam has come to rest so long after it was within that [s]
 AWAY = 0.25  # of the threshold: a smaller deviation is none
-FOLLOWS = 0.5  # of the travel: where the model goes the same way so far, part of the command is lost
 SLOWS = 0.8  # of its lagged rate: a surface slower than that is about to stop or to turn back
-END, T_END = math.radians(1.0), 0.5  # at the end of its travel: so near to a limit, for so long [s]
 TRAVEL = (math.radians(-23.0), math.radians(17.0))  # of the elevator [rad]
 STOP = math.radians(0.1)  # commands end so far inside the stops
 
@@ -162,14 +157,10 @@ def init(p: np.ndarray) -> np.ndarray:
 @kernel
 def _predict(x, p, dt):
     """Advance the model to the next tick, with the limits of `actuators.common.reference`."""
-    away = min(max(x.command, p.limit_low + STOP), p.limit_high - STOP) - x.m
-    v = clipped(p.k1 * away, min(p.v_max, math.sqrt(0.8 * p.a_max * math.fabs(away))))
-    a = clipped(p.k2 * (v - x.md), p.a_max)
-    j = clipped(p.k3 * (a - x.mdd), p.j_max)
+    away = min(max(x.command, p.limit_low + STOP), p.limit_high - STOP) - x.m[0]
     x.lag = max(math.fabs(away), x.lag * (1.0 - min(dt / p.t_lag, 1.0)))
-    x.m += dt * (x.md + dt * (x.mdd / 2.0 + dt * j / 6.0))
-    x.md += dt * (x.mdd + dt * j / 2.0)
-    x.mdd += dt * j
+    most = min(p.v_max, math.sqrt(0.8 * p.a_max * math.fabs(away)))
+    chase(x.m, away, most, p.k1, p.k2, p.k3, p.a_max, p.j_max, dt)
 
 
 @kernel
@@ -189,9 +180,9 @@ def _repeats(x, step, dt):
 def _start(x, p):
     """Let the model begin at the command, and every memory at the first reading."""
     x.started = 1.0
-    x.m = min(max(x.command, p.limit_low + STOP), p.limit_high - STOP)
+    x.m[0] = min(max(x.command, p.limit_low + STOP), p.limit_high - STOP)
     x.slow = x.calm = x.rest = x.leave = x.far = x.surface
-    x.rest_model = x.leave_model = x.m
+    x.rest_model = x.m[0]
 
 
 @kernel
@@ -221,14 +212,11 @@ def _runs(x, p, away, dt):
         return x.turned < 0.5
     if math.fabs(x.r) < AWAY or (x.slow - x.leave) * away < 0.0 or (x.far - x.slow) * away > MOVED:
         x.leave = x.far = x.slow
-        x.leave_model, x.leave_time = x.model, 0.0
+        x.leave_time = 0.0
     x.leave_time += dt
     x.far = max(x.far * away, x.slow * away) * away
-    x.end_time = x.end_time + dt if min(x.slow - p.limit_low, p.limit_high - x.slow) < END else 0.0
-    travel = (x.far - x.leave) * away
-    goes_on = x.leave_time >= p.t_run and x.rate * away > max(x.md * away, SLOWS * x.rate_was * away)
-    own = (x.model - x.leave_model) * away <= FOLLOWS * travel
-    return x.turned < 0.5 and travel >= p.travel_run and own and (x.end_time > T_END or (goes_on and x.end_time == 0.0))
+    goes_on = x.leave_time >= p.t_run and x.rate * away > max(x.m[1] * away, SLOWS * x.rate_was * away)
+    return x.turned < 0.5 and (x.far - x.leave) * away >= p.travel_run and goes_on
 
 
 @kernel
@@ -257,7 +245,7 @@ def step(x, u, p, dt):
             x.valid = 0.0
             return
         _start(x, p)
-    x.model = x.m - p.late * x.md
+    x.model = x.m[0] - p.late * x.m[1]
     _predict(x, p, dt)
     x.age = 0.0 if good > 0.5 else x.age + dt
     x.valid = 1.0 if x.age <= p.t_invalid else 0.0

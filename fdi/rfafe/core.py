@@ -137,8 +137,7 @@ def learned(x, p, good):
 def delayed(x, p, u, j):
     """Store input j of this tick and return the delayed one: without a delay what was held since the last sample."""
     if x.fresh == 0.0:
-        for k in range(NL):
-            x.line[k, j] = u
+        x.line[:, j] = u
     late = int(x.head) - 1 - int(p.u_delay[j])
     out = x.line[late + NL if late < 0 else late, j]
     x.line[int(x.head), j] = u

@@ -23,6 +23,7 @@ import math
 from actuators.block import kernel
 from fdi.common import bank
 from fdi.common.decision import T_HOLD, confirm
+from fdi.common.sinusoid import beside
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, OFC_SOLID
 
 NF = 2  # estimates at most
@@ -196,25 +197,14 @@ def _name(x, p, k):
 def missing(x, p, k):
     """Return (share of the command that does not come through, 1 / its variance) by the full window of frequency k."""
     n, j = int(p.bank_n[k]), int(p.bank_level[k])
-    i = (int(x.bank_head[j]) + bank.N - n) % bank.N
-    loss = p.bank_loss[k]
-    turn_c, turn_s = math.cos(p.bank_angle[k]), math.sin(p.bank_angle[k])
-    first = -0.5 * (n - 1) * p.bank_angle[k]
-    c, s = math.cos(first), math.sin(first)
-    f1, u1, ff, fu, uu = 0.0, 0.0, 0.0, 0.0, 0.0
-    for _ in range(n):
-        f = x.bank_ring[0, j, i] - loss * (x.bank_cos[0, k] * c + x.bank_sin[0, k] * s)
-        u = x.bank_ring[1, j, i] - loss * (x.bank_cos[1, k] * c + x.bank_sin[1, k] * s)
-        f1 += f
-        u1 += u
-        ff += f * f
-        fu += f * u
-        uu += u * u
-        i = 0 if i == bank.N - 1 else i + 1
-        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
-    ff -= f1 * f1 / n
-    fu -= f1 * u1 / n
-    uu -= u1 * u1 / n
+    first = (int(x.bank_head[j]) + bank.N - n) % bank.N
+    f, u = x.bank_ring[0, j], x.bank_ring[1, j]
+    ff, fu, uu = beside(f, u, first, n, p.bank_angle[k])
+    f1, u1 = 0.0, 0.0
+    for m in range(first, first + n):
+        f1 += f[m % bank.N] / n
+        u1 += u[m % bank.N] / n
+    ff, fu, uu = ff - n * f1 * f1, fu - n * f1 * u1, uu - n * u1 * u1  # of two periods the mean is beside the sine
     if uu <= 0.0:
         return 0.0, 0.0
     left = max(ff - fu * fu / uu, 0.01 * ff) / (n - 2.0)

@@ -93,14 +93,10 @@ def unknown_input(
     return out
 
 
-def reduce_E(E: np.ndarray, rank: Any, *, keep: Any = None) -> np.ndarray:
+def reduce_E(E: np.ndarray, rank: int) -> np.ndarray:
     """Return E* (n, rank), the nearest matrix of that rank by its largest singular values, as orthonormal columns.
 
-    `keep` lists the states that may have entries; the others are set to zero first (the published form keeps the
-    actuators' rows zero).  [Sun13] (33)-(36), whose index order suggests the smallest: the largest are meant.
+    [Sun13] (33)-(36), whose index order suggests the smallest: the largest are meant.
     """
-    E = np.array(E, float)
-    if keep is not None:
-        E[[i for i in range(len(E)) if i not in set(keep)]] = 0.0
     U, s, _ = np.linalg.svd(E, full_matrices=False)
     return U[:, : min(rank, int(np.sum(s > 1e-12 * max(s[0], 1e-300))))]

@@ -23,10 +23,11 @@ import numpy as np
 
 from actuators.block import kernel
 from actuators.common import reference
+from fdi.common.reference import chase
 from fdi.rfafe import core as rfafe_core
 
 K1, K2, K3, V_MAX, A_MAX, J_MAX, LAG, V_LAG, T_LAG = range(9)  # of a segment's row in `servo`
-R, RD, RDD, D = range(4)  # of its row in `ref`
+R, RD, _, D = range(4)  # of its row in `ref`
 
 PARAMS = [
     ("servo", "f8", (4, 9)),      # 1/s, deg/s, deg/s2, deg/s3, deg, deg/s, s; k1 = 0: a lag with a rate limit instead
@@ -56,14 +57,9 @@ def memory(model: Mapping[str, Any]) -> float:
 @kernel
 def move(r, c, u, dt):
     """Advance a segment's row `r` of `ref` by one tick under the command `u` [deg]; `c` is its row of `servo`."""
-    e = u - r[R]
-    most = min(c[V_MAX], math.sqrt(0.8 * c[A_MAX] * math.fabs(e)))
-    v = min(max(c[K1] * e, -most), most)
-    a = min(max(c[K2] * (v - r[RD]), -c[A_MAX]), c[A_MAX])
-    j = min(max(c[K3] * (a - r[RDD]), -c[J_MAX]), c[J_MAX])
-    r[R] += dt * (r[RD] + dt * (r[RDD] / 2.0 + dt * j / 6.0))
-    r[RD] += dt * (r[RDD] + dt * j / 2.0)
-    r[RDD] += dt * j
+    away = u - r[R]
+    most = min(c[V_MAX], math.sqrt(0.8 * c[A_MAX] * math.fabs(away)))
+    chase(r, away, most, c[K1], c[K2], c[K3], c[A_MAX], c[J_MAX], dt)
     r[D] += (1.0 - math.exp(-dt / c[T_LAG])) * (c[LAG] * math.tanh(r[RD] / c[V_LAG]) - r[D])
 
 

@@ -8,13 +8,11 @@
     H, T, N, K = K1 + K2, M, P  as printed; Y = P K1; gamma of (29) is driven to zero by construction
     centre, radius  disk (30) about (-q, 0), its q > 0 and r;  decay  strip (31), its zeta;  1/s
 
-(15), (30), (31) are linear in (P, Y); (16) is made exact by choosing P in the subspace {P = P', (TF)' P null(C) = 0},
-which is stronger than minimising gamma in (29). G = g theta (TF)'P(TF), so that theta cancels in (15): it has no
-effect. All is solved in balanced states and in units of the disk's centre, and scaled back so that P >= I in the
-caller's units.
+(15), (30), (31) are linear in (P, Y); (16) has a solution M where (TF)' P null(C) = 0, which is asked for in place of
+the least gamma in (29). G = g theta (TF)'P(TF), so that theta cancels in (15): it has no effect. All is solved in
+balanced states and in units of the disk's centre, and scaled back so that P >= I in the caller's units.
 """
 
-import itertools
 import math
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -28,7 +26,7 @@ from fdi.rfafe.discrete import Discrete, discretise
 
 G_SHARE = 0.05  # g above: gives up 2.5 % of (15)'s lower right block for a finite bound delta of (23)
 BANDWIDTH = 40.0  # wb of f_hat [rad/s]: middle of the useful 27-60, where 2 Hz passes and gyro noise stays small
-MARGINS = (1e-3, 1e-5, 1e-7)  # of the inequalities, of which the first that can be had is taken
+MARGIN = 1e-3  # of the inequalities
 VIOLATED = 1e-6  # of an inequality's size: more when the solution is substituted back is no solution
 
 
@@ -126,7 +124,7 @@ def design(
     ratio = float(np.min(np.linalg.norm(TF, axis=0) / np.linalg.norm(F, axis=0)))
     if ratio < min_ratio:
         raise DesignError(
-            f"|TF|/|F| is {ratio:.3f}, below {min_ratio}: E lies close to F, so "
+            f"|TF|/|F| is {ratio:.3f}, below {min_ratio}: E lies {conditions.angle_deg(E, F):.1f} deg from F, so "
             "decoupling it removes the fault and multiplies the noise; lower the rank of E or remove its part along F "
             "(`separate`)")
     A1 = conditions.without_rounding(T @ A, np.abs(T) @ np.abs(A))
@@ -136,11 +134,13 @@ def design(
     region = _region(region, bandwidth, alpha, conditions.fixed_modes(*balanced))
     if alpha is None:
         alpha = region.centre * (1.0 + region.centre / (2.0 * bandwidth))
-    scales = (scale, conditions.balance(A, C, F, sigma), np.ones(len(A)))
-    P, Y, scale = _solve(A1, C, TF, scales, region, alpha)
-    K1 = np.linalg.solve(P * np.outer(scale, scale), Y * scale[:, None]) * scale[:, None]
-    N, M, X = A1 - K1 @ C, _exact_M(TF, P, C), TF.T @ P @ TF
-    _substitute(P * np.outer(scale, scale), N / scale[:, None] * scale, TF / scale[:, None], region, alpha)
+    P, Y = _solve(*balanced, region, alpha)
+    K1 = np.linalg.solve(P, Y) * scale[:, None]
+    N = A1 - K1 @ C
+    _substitute(P, N / scale[:, None] * scale, balanced[2], region, alpha)
+    back = np.linalg.norm(np.linalg.inv(P) * np.outer(scale, scale), 2)  # homogeneous: P >= I fixes the scale
+    P, Y = back * P / np.outer(scale, scale), back * Y / scale[:, None]
+    M, X = TF.T @ P @ np.linalg.pinv(C), TF.T @ P @ TF
     made = {"A": A, "B": B, "C": C, "D": D, "E": E, "F": F, "N": N, "T": T, "K": K1 + N @ H, "K1": K1, "K2": N @ H,
             "H": H, "M": M, "P": P, "Y": Y, "Gamma": bandwidth * np.linalg.inv(X), "alpha": float(alpha)}  # fmt: skip
     return Design(**made, region=region, discrete=discretise(SimpleNamespace(**made), dt))
@@ -190,64 +190,23 @@ def _region(region, bandwidth, alpha, zeros):
     return region
 
 
-def _solve(A1, C, TF, scales, region, alpha):
-    """Return P >= I, Y and the scale they were found in, the first of `scales` and of MARGINS that works."""
-    for margin, scale in itertools.product(MARGINS, scales):
-        try:
-            P, Y = _attempt(*_scaled(A1, C, TF, scale), region, alpha, margin)
-        except lmi.Infeasible as error:
-            last = error
-            continue
-        bound = np.linalg.eigvalsh(P)[0] / np.max(scale) ** 2  # of the least eigenvalue in the caller's units
-        P, Y = P / np.outer(scale, scale), Y / scale[:, None]
-        low, high = np.linalg.eigvalsh(P)[[0, -1]]
-        known = low - 8.0 * np.finfo(float).eps * len(P) * high  # the same less what rounding hides
-        size = (1.0 + 1e-9) / (known if known > 0.0 else bound)  # homogeneous: P >= I fixes the scale
-        return P * size, Y * size, scale
-    raise lmi.Infeasible(f"no P, Y satisfy (15), (16), (30), (31) for alpha = {alpha:g} and {region}; try alpha of "
-                         f"{region.centre / 3:.3g} and above, or a slower region [{last}]")  # fmt: skip
+def _solve(A1, C, TF, region, alpha):
+    """Return P, Y of (15), (16), (30), (31), time in units of 1/centre, e_f scaled by sqrt(alpha centre)."""
+    from scipy.linalg import null_space, orth  # imports of SciPy cost a start a tenth of a second
 
-
-def _attempt(A1, C, TF, region, alpha, margin):
-    """Solve (15), (30), (31) for P, Y, time in units of 1/centre, e_f scaled by sqrt(alpha centre)."""
-    cp = lmi.cvxpy()
-    n, unit = A1.shape[0], region.centre
-    A1 = A1 / unit
-    TF = TF / np.linalg.norm(TF, axis=0)
-    U, s, Vt = np.linalg.svd(C, full_matrices=False)
-    rank = conditions.rank_of(s)
-    span = _symmetric_basis(TF, Vt[:rank], n)
-    p, Yr, t = cp.Variable(span.shape[1]), cp.Variable((n, rank)), cp.Variable()
-    P = cp.reshape(span @ p, (n, n), order="F")
-    PN = P @ A1 - Yr @ Vt[:rank]
-    sides = _left_sides(cp.bmat, P, PN, TF, region, alpha)
-    constraints = [lmi.negative(side, margin) for side in sides]
-    constraints += [lmi.negative(np.eye(n) - P, 0.0), lmi.negative(P - t * np.eye(n), 0.0)]
+    cp, n, hidden, Cr = lmi.cvxpy(), len(A1), null_space(C), orth(C.T).T
+    P, Yr, t = cp.Variable((n, n), symmetric=True), cp.Variable((n, len(Cr))), cp.Variable()
+    TF, PN = TF / np.linalg.norm(TF, axis=0), P @ A1 / region.centre - Yr @ Cr
+    held = [lmi.negative(side, MARGIN) for side in _left_sides(cp.bmat, P, PN, TF, region, alpha)]
+    held += [P >> np.eye(n), P << t * np.eye(n)]
+    held += [TF.T @ P @ hidden == 0.0] if hidden.shape[1] else []  # (16)
     # well-conditioned P, and N near the disk's centre: modest gains, and an f_hat/f that alpha can make flat
-    lmi.solve(cp.Problem(cp.Minimize(t + cp.norm(PN + P, "fro")), constraints))
-    P = (span @ p.value).reshape(n, n, order="F")
-    return (P + P.T) / 2, unit * Yr.value @ np.diag(1.0 / s[:rank]) @ U[:, :rank].T
-
-
-def _symmetric_basis(TF, Cr, n):
-    """Return columns vec(P_i) that span {P = P' : (TF)' P null(C) = 0}."""
-    from scipy.linalg import null_space  # imports of SciPy cost a start a tenth of a second
-
-    units = []
-    for i, j in zip(*np.triu_indices(n), strict=True):
-        S = np.zeros((n, n))
-        S[i, j] = S[j, i] = 1.0 if i == j else math.sqrt(0.5)
-        units.append(S)
-    stack, hidden = np.array([S.ravel() for S in units]).T, null_space(Cr)
-    rows = np.array([(TF.T @ S @ hidden).ravel() for S in units]).T
-    return stack @ null_space(rows, rcond=1e-12) if hidden.shape[1] else stack
-
-
-def _exact_M(TF, P, C):
-    """Return M with MC = (TF)'P (16), least squares in outputs scaled to unit rows."""
-    size = np.linalg.norm(C, axis=1)
-    size[size == 0.0] = 1.0
-    return TF.T @ P @ np.linalg.pinv(C / size[:, None]) / size
+    try:
+        lmi.solve(cp.Problem(cp.Minimize(t + cp.norm(PN + P, "fro")), held))
+    except lmi.Infeasible as error:
+        raise lmi.Infeasible(f"no P, Y satisfy (15), (16), (30), (31) for alpha = {alpha:g} and {region}; try alpha of "
+                             f"{region.centre / 3:.3g} and above, or a slower region [{error}]") from error  # fmt: skip
+    return P.value, region.centre * Yr.value @ Cr @ np.linalg.pinv(C)
 
 
 def _left_sides(block, P, PN, TF, region, alpha):

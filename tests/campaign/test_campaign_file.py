@@ -107,7 +107,7 @@ def test_base_may_be_a_file_beside_the_campaign(written):
     [
         ("rnus = 3", "Did you mean 'runs'"),
         ("runs = 0", "runs = 0: is out of range; allowed: 1 to 1000000"),
-        ("runs = true", "runs = true: must be a valid integer"),
+        ("runs = true", "runs = true: must be a valid number; allowed: 1 to 1000000"),
         ("x = [", "not valid TOML"),
         ("base = 'liquid-ocf'", "liquid-ofc"),
         ("sampling = 'sobol'", "latin_hypercube"),
@@ -121,7 +121,7 @@ def test_base_may_be_a_file_beside_the_campaign(written):
         ("[draw]\n'flight.mass_t' = {low = 300}", "neither low and high"),
         ("[draw]\n'flight.mass_t' = {mean = 300}", "mean and sigma"),
         ("[draw]\n'flight.mass_t' = {low = 0, high = 200, scale = 'log'}", "no logarithm"),
-        ("[draw]\n'flight.mass_t' = {low = nan, high = 200}", "draw.flight.mass_t.low: must be a finite number"),
+        ("[draw]\n'flight.mass_t' = {low = nan, high = 200}", "draw.flight.mass_t.low: is out of range"),
         ("[draw]\n'flight.*' = {low = 1, high = 2}", "tolerances.aero.*"),
         ("[draw]\n'flight.mass_t' = {choice = []}", "draw.flight.mass_t.choice: must not be empty"),
         ("[[part]]\nnmae = 'x'", "Did you mean 'name'"),

@@ -14,6 +14,7 @@ from cosim.cli import commands as cli
     [
         ("replay x.mcap --from -1", "cosim replay: Invalid value for '--from'"),
         ("campaign x --workers 0", "cosim campaign: Invalid value for '--workers'"),
+        ("compare x --fault-rate 0", "cosim compare: Invalid value for '--fault-rate'"),
         ("info --foo", "cosim info: No such option: --foo"),
         ("--foo", "cosim: No such option: --foo"),
         ("rum", "cosim: No such command 'rum'. Did you mean 'run'? `cosim -h`"),

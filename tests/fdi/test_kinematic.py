@@ -128,20 +128,53 @@ def test_sensors_twice_as_noisy_as_specified_are_no_fault(seed):
     assert not log["alarm"].any() and log["r"].max() < 0.9
 
 
-def test_a_turn_in_a_cross_wind_is_no_sensor_and_hides_no_attitude():
-    given = ["duration_s=40", "flight.turbulence=light", "flight.wind_kt=50", "flight.wind_from_deg=270",
+@pytest.fixture(scope="module")
+def turned():
+    given = ["duration_s=40", "flight.turbulence=light", "flight.wind_kt=57", "flight.wind_from_deg=270",
              "detectors.enabled=[]", "manoeuvre.kind=coordinated_turn", "manoeuvre.start_s=14"]  # fmt: skip
-    turned = fly(load_scenario("cruise", given), WIRES.values())
-    assert not watched(turned)["alarm"].any()
-    assert said(watched(turned, "theta", lambda y: y + DEG, start=25.0)) == "theta"
+    return fly(load_scenario("cruise", given), [*WIRES.values(), "truth.aircraft.v"])
 
 
-def test_what_is_learned_in_a_bank_makes_no_alarm_afterwards():
+def test_a_turn_in_a_cross_wind_is_quiet_and_teaches_the_lateral_velocity(turned):
+    log, v = watched(turned), turned["truth.aircraft.v"].to_numpy()
+    assert not log["alarm"].any() and log["r"].max() < 0.8
+    error = (log["lateral_ground"] - v)[turned.index > 20.0]
+    assert np.sqrt(np.mean(v**2)) > 15.0 and np.sqrt(np.mean(error**2)) < 3.0
+    level = int(np.searchsorted(turned.index, 13.0))
+    assert math.sqrt(log["cov"][-1, 1, 1]) < 2.0 < 4.0 < math.sqrt(log["cov"][level, 1, 1])  # only the bank told it
+
+
+def test_what_is_learned_in_a_bank_is_uncertain_and_no_wind():
     given = ["duration_s=22", "flight.turbulence=severe", "flight.mass_t=370", "flight.cg_pct=26.1", "seed=1300178",
              "flight.altitude_ft=10880", "flight.cas_kt=201", "detectors.enabled=[]"]  # fmt: skip
     frame = fly(load_scenario("cruise", given), WIRES.values())
     assert np.abs(frame[WIRES["phi"]][2.0:8.0]).max() > 10 * DEG  # while it learns gusts bank the aircraft
-    assert not watched(frame)["alarm"].any()
+    log = watched(frame)
+    assert not log["alarm"].any() and np.abs(log["wind"][:, 1]).max() < 20.0  # there is none; it said up to 100 m/s
+
+
+@pytest.mark.parametrize("sensor", ["hdot", "theta", "n_x", "alpha_ground"])
+def test_a_fault_in_a_turn_in_a_cross_wind_is_named_and_not_taken_for_wind(turned, sensor):
+    log = watched(turned, sensor, lambda y: y + STEPS[sensor], start=25.0)
+    assert said(log) == PAIRED.get(sensor, sensor)
+
+
+PAIRS = [("theta", "cas"), ("n_z", "theta"), ("q", "tas")]
+
+
+@pytest.mark.parametrize("sensors", PAIRS)
+def test_a_second_sensor_is_named_beside_the_first_by_a_row_that_does_not_read_it(flown, sensors):
+    frame = flown.copy()
+    for sensor, start in zip(sensors, (START, START + 3.0)):
+        frame.loc[frame.index >= start, WIRES[sensor]] += STEPS[sensor]
+    log = detect(frame, kinematic, WIRES)
+    assert (said(log), kinematic.ISOLABLE_PARTS[int(log["second"][-1])]) == sensors and log["verdict_2"][-1] == SENSOR
+    assert not log["second"][frame.index < START + 3.0].any()
+
+
+@pytest.mark.parametrize("sensor", STEPS)
+def test_one_wrong_sensor_is_never_two(turned, sensor):
+    assert not watched(turned, sensor, lambda y: y + STEPS[sensor], start=25.0)["second"].any()
 
 
 ENDS = {

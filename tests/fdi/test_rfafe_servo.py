@@ -3,7 +3,6 @@ oscillation takes out of the command is a regression."""
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from actuators.constants import RAD_PER_DEG
 from cosim.flight.loop.signals import fly
@@ -88,16 +87,19 @@ def test_the_segment_that_alone_does_not_follow_is_named(who, kind):
 
 @pytest.mark.parametrize("hz", [1.0, 3.0, 8.0])
 def test_the_share_and_its_variance_are_those_of_least_squares(hz):
-    """f = -share u + noise: the slope of f over u with a constant, and the square of its standard error."""
+    """f = -share u + noise + a sine and a constant: slope of f over u beside them, its standard error squared."""
     p, x = rfafe.params()[0], np.zeros(1, rfafe.STATE)[0]
     k = int(np.argmin(np.abs(p["bank_hz"] - hz)))
     n, j = int(p["bank_n"][k]), int(p["bank_level"][k])
     rng = np.random.default_rng(7)
     u = rng.standard_normal(n)
-    f = 0.3 - 0.8 * u + 0.5 * rng.standard_normal(n)
+    turn = p["bank_angle"][k] * np.arange(n)
+    beside = np.stack([u, np.cos(turn), np.sin(turn), np.ones(n)], axis=1)
+    f = beside @ [-0.8, 1.0, 2.0, 0.3] + 0.5 * rng.standard_normal(n)
     head = 5  # of a ring: the window runs over its end
     x["bank_ring"][0, j, np.arange(head - n, head)] = f
     x["bank_ring"][1, j, np.arange(head - n, head)] = u
     x["bank_head"][j], x["bank_seen"][j] = head, bank.N
-    told = stats.linregress(u, f)
-    assert decision.missing(x, p, k) == pytest.approx((-told.slope, told.stderr**-2), rel=1e-9)
+    (slope, *_), (left,), *_ = np.linalg.lstsq(beside, f)
+    weight = (n - 2) / (left * np.linalg.inv(beside.T @ beside)[0, 0])
+    assert decision.missing(x, p, k) == pytest.approx((-slope, weight), rel=0.1)  # over about two periods

@@ -274,7 +274,7 @@ def test_loss_of_effectiveness_is_refused_beside_what_replaces_the_command(other
 def test_kind_is_refused_on_an_actuator_that_cannot_have_it(kind):
     spec = c.ELEVATOR_KINDS[kind]
     value = {k.name: max(k.low, 0.0) + 0.5 * (k.high - max(k.low, 0.0)) for k in (*spec.one_of[:1], *spec.keys)}
-    for technology in set(c.TECHNOLOGIES) - c.USERS - set(spec.technologies):
+    for technology in {t.name for t in c.SHIPPED} - set(spec.technologies):
         with pytest.raises(ScenarioError, match="is a fault of"):
             scenario("sun13", elevator__left_inner=technology, elevator__feedback="measured",
                      **fault(0, "elevator.left_inner", kind, START, END, **value))  # fmt: skip

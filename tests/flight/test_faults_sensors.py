@@ -25,7 +25,7 @@ def small(name, kind):
     return numbers | ({"frequency_hz": 1.0} if kind == "oscillation" else {}), value * unit.factor
 
 
-@pytest.mark.parametrize("path", c.SENSOR_PATHS)
+@pytest.mark.parametrize("path", c.PATHS["sensor"])
 @pytest.mark.parametrize("kind", c.SENSOR_SUMMARIES)
 def test_sensor_fault_enters_the_copies_of_its_path_and_heals(kind, path):
     start, end = 2.0, 3.0
@@ -67,7 +67,7 @@ PART_SIZE = {"rod": ("mm", 0.3), "surface": ("deg", 0.1), "pressure": ("pct", 1.
              "position": ("mm", 0.1), "current": ("a", 0.3)}  # fmt: skip
 
 
-@pytest.mark.parametrize("path", c.ACTUATOR_PATHS)
+@pytest.mark.parametrize("path", c.PATHS["actuator_sensor"])
 @pytest.mark.parametrize("kind", c.SENSOR_SUMMARIES)
 def test_fault_of_an_actuators_sensor_enters_the_copies_of_its_path_and_heals(kind, path):
     start, end = 2.0, 3.0

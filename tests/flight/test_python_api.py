@@ -18,7 +18,7 @@ def log(cruise_log):
 
 def test_one_override_may_be_a_text():
     assert cosim.load_scenario("cruise", "duration_s=3") == cosim.load_scenario("cruise", ["duration_s=3"])
-    with pytest.raises(ScenarioError, match=r"overrides: 3 is no text; allowed: texts like 'faults.0.frequency_hz=3'"):
+    with pytest.raises(ScenarioError, match=r"--set 3: is no text in UTF-8\. Example: --set faults\.0\.frequency_hz=3"):
         cosim.load_scenario("cruise", [3])
 
 

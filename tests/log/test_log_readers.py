@@ -200,7 +200,7 @@ def test_lengths_and_tags_of_any_size_are_read_by_the_mcap_package_and_by_us(tmp
 @pytest.mark.parametrize("topic", [*TOPICS, *WIDE], ids=lambda t: t.name)
 def test_no_schema_has_names_that_its_syntax_takes_for_one(topic):
     parts = [t for t in (*TOPICS, *WIDE) if t.channel == topic.channel and t.every == topic.every]
-    (file,) = descriptor_pb2.FileDescriptorSet.FromString(schema_data(topic.channel, parts)).file
+    (file,) = descriptor_pb2.FileDescriptorSet.FromString(schema_data(topic.channel, tuple(parts))).file
     descriptor_pool.DescriptorPool().Add(file)
     assert file.syntax == "proto2"
 

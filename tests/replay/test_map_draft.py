@@ -20,7 +20,7 @@ ROD = 5.0 * np.sin(6.0 * T)
 FLIES = {
     "AOA_DEG": ("alpha", "deg"), "Alpha (deg)": ("alpha", "deg"), "pitch rate dps": ("q", "dps"), "NzG": ("n_z", ""),
     "Q_DEG_S": ("q", "deg/s"), "R (deg/s)": ("r", "deg/s"), "P dot (deg/s^2)": ("pdot", "deg/s^2"),
-    "Mach": ("mach", ""), "AoA [deg]": ("alpha", "deg"),
+    "Mach": ("mach", ""), "AoA [deg]": ("alpha", "deg"), "PitchRate (deg/s)": ("q", "deg/s"),
     "/fdm/jsbsim/velocities/vc-kts": ("cas", "kts"), "/fdm/jsbsim/accelerations/Nz": ("n_z", ""), "cg_pct": ("cg", "%"),
     "V_{Total} (ft/s)": ("tas", "ft/s"), "/air.heading_deg": ("psi", "deg"), "theta [rad]": ("theta", ""),
 }  # fmt: skip
@@ -29,6 +29,7 @@ ASKS = {
     "RI motor current mA": ("right_inner.current", "mA", "sign"),
     "LOB dP [bar]": ("left_outer.pressure", "bar", "sign"),
     "right-outer Rod (mm)": ("right_outer.rod", "mm", "sign?"), "ELEV_CMD_DEG": ("de_cmd", "deg", "sign?"),
+    "ElevDemand [deg]": ("de_cmd", "deg", "sign?"),
     "RAM_IN": ("left_outer.rod", "in", "which segment?"), "hinge load kN": ("left_outer.hinge_moment", "kN", "segment"),
 }  # fmt: skip
 UNKNOWN = ("cpuload.load", "BARO pressure alt", "left engine alpha", "q kt", "Elevator Command (norm)", "x" * 300, "")
@@ -67,13 +68,15 @@ def test_a_draft_is_a_map_of_which_only_what_is_sure_flies(tmp_path):
     ("name", "line"),
     [
         ("t", '# time = "t [s]"  # in which unit?'),
-        ("clock_s", '# time = "NAME"  # which column?'),
+        ("clock_ms", 'time = "clock_ms"'),
+        ("epoch_s", '# time = "NAME"  # which column?'),
         ("timestamp [us]", 'time = "timestamp [us]"'),
     ],
 )
 def test_the_clock_is_drafted_where_its_name_says_its_unit(name, line, tmp_path):
     pd.DataFrame({name: T, "AOA_DEG": ROD, "narrow": "x"}).to_parquet(tmp_path / "a.parquet")
     text = draft(tmp_path / "a.parquet", aircraft="narrowbody")
+    assert (f'# not used: "{name}"' in text) == ('"NAME"' in line)
     assert line in text.splitlines()[2] and 'aircraft = "narrowbody"' in text and "mass_t = " in text
 
 

@@ -8,6 +8,7 @@ from scenario_tables import fault, flight
 
 from cosim.campaign.inventory import inventory
 from cosim.errors import CosimError
+from cosim.flight.plant.point import FlightPoint
 from cosim.scenario import builtin_names, load_scenario, parse
 from cosim.scenario import catalog as c
 from cosim.scenario.elevator import Elevator
@@ -90,7 +91,9 @@ def test_numbers_come_out_in_si():
     )
     assert [t.name for t in thrust] == ["1", "2", "3", "4"] and {t.magnitude for t in thrust} == {0.25}
     assert runaway.magnitude == pytest.approx(math.radians(-20)) and runaway.limit == pytest.approx(math.radians(-5))
-    assert s.flight.speed == ("cas", pytest.approx(149.189, abs=1e-3)) and s.flight.altitude == pytest.approx(6096)
+    point = FlightPoint.of(s)
+    assert (point.speed_kind, point.speed) == ("cas", pytest.approx(149.189, abs=1e-3))
+    assert point.altitude == pytest.approx(6096)
 
 
 def test_sensor_settings_in_si():

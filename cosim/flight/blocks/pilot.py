@@ -4,7 +4,6 @@ import math
 from typing import Any
 
 from cosim.flight.blocks.manoeuvre import doublet, three_two_one_one
-from cosim.scenario import manoeuvre as m
 from cosim.scenario.inputs import Inputs
 
 FULL_STICK_G = 2.0  # the stop of the stick is beyond every limit of the law: 2.5 g in a climb, too
@@ -27,27 +26,25 @@ def steps(manoeuvre: Any, trim: Any = None) -> dict[str, Any]:
     return {**told, **holds, "phi_0": trim.phi}
 
 
-def _steps(manoeuvre):
-    k = manoeuvre
-    if isinstance(k, Inputs):  # cosim/flight/user_inputs.py
-        heading = k.heading_deg is not None
-        return {"steps": [], "hold_psi": heading, "hold_h": k.hold_altitude}
-    if isinstance(k, m.Cruise):
-        table = []
-    elif isinstance(k, m.AoaProtection):
-        table = _pulse(k.start_s, k.duration_s, "nz_dem", FULL_STICK_G * k.stick)
-    elif isinstance(k, m.NoseUp | m.PitchProtection):
-        table = _pulse(k.start_s, k.duration_s, "nz_dem", k.amplitude_g)
-    elif isinstance(k, m.CoordinatedTurn):
-        table = _pulse(k.start_s, k.duration_s, "phi_dem", math.radians(k.bank_deg))
-        return {"steps": table, "hold_h": True}
-    elif isinstance(k, m.YawAngle):
-        table = [(k.start_s, {"psi_dem": math.radians(k.heading_deg)})]
-        return {"steps": table, "hold_psi": True, "hold_h": True}
-    elif isinstance(k, m.NzDoublet):
-        table = doublet(k.start_s, k.width_s, "nz_dem", k.amplitude_g)
-    elif k.amplitude_deg is not None:
-        table = three_two_one_one(k.start_s, k.unit_s, "de_add", math.radians(k.amplitude_deg))
-    else:
-        table = three_two_one_one(k.start_s, k.unit_s, "nz_dem", k.amplitude_g)
+def _steps(k):
+    table: list = []
+    match k.kind:
+        case "inputs":  # cosim/flight/user_inputs.py
+            return {"steps": table, "hold_psi": "heading_deg" in k.columns, "hold_h": k.hold_altitude}
+        case "aoa_protection":
+            table = _pulse(k.start_s, k.duration_s, "nz_dem", FULL_STICK_G * k.stick)
+        case "nose_up" | "pitch_protection":
+            table = _pulse(k.start_s, k.duration_s, "nz_dem", k.amplitude_g)
+        case "coordinated_turn":
+            table = _pulse(k.start_s, k.duration_s, "phi_dem", math.radians(k.bank_deg))
+            return {"steps": table, "hold_h": True}
+        case "yaw_angle":
+            table = [(k.start_s, {"psi_dem": math.radians(k.heading_deg)})]
+            return {"steps": table, "hold_psi": True, "hold_h": True}
+        case "nz_doublet":
+            table = doublet(k.start_s, k.width_s, "nz_dem", k.amplitude_g)
+        case "three_two_one_one" if "amplitude_deg" in k.model_extra:
+            table = three_two_one_one(k.start_s, k.unit_s, "de_add", math.radians(k.amplitude_deg))
+        case "three_two_one_one":
+            table = three_two_one_one(k.start_s, k.unit_s, "nz_dem", k.amplitude_g)
     return {"steps": table}

@@ -64,7 +64,7 @@ def fly_live(
     flight = Flight(scenario, log=log)
 
     def told(**more):
-        live.shown.declare(topics(flight.setup), pose(flight.setup.loop.bus))
+        live.declare(topics(flight.setup), pose(flight.setup.loop.bus))
         return {**more, "tick": flight.tick, "t": flight.time, "faults": flight.told()}
 
     def inject(given):
@@ -78,9 +78,8 @@ def fly_live(
         return told(fault=int(fault))
 
     def pace(given):
-        live.shown.speed = checked_speed(given.get("value"))
-        live.pace.change(live.shown.speed, flight.tick)
-        return told(speed=live.shown.speed)
+        live.pace.change(checked_speed(given.get("value")), flight.tick)
+        return told(speed=live.pace.speed)
 
     where = pose(flight.setup.loop.bus)
     about: dict[str, Any] = {"dt_ns": round(flight.dt * 1e9), "pose": where, "name": scenario.title or "cosim"}

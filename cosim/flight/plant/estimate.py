@@ -22,12 +22,12 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from pydantic import Field, ValidationError, create_model
+from pydantic import ValidationError, create_model
 
 from actuators.constants import M_PER_FT
 from cosim.errors import ScenarioError
 from cosim.scenario.aircraft import Aircraft
-from cosim.scenario.problem import Origin, Table, explained
+from cosim.scenario.problem import Origin, Table, explained, within
 from cosim.texts import read, toml
 
 ALPHA = np.radians(
@@ -61,7 +61,7 @@ BOUNDS = {  # group -> number -> bounds within which the formulas are those of a
 
 def _number(low, high):
     fields: dict[str, Any] = {"from": (Literal["published", "handbook", "assumption"], ...)}
-    value = Annotated[float, Field(gt=low, le=high)]
+    value = Annotated[float, within(low, high, open_low=True)]
     return create_model("Number", __base__=Table, value=(value, ...), source=(str, ...), **fields), ...
 
 

@@ -72,11 +72,12 @@ class FlightPoint:
     def of(cls, scenario: Scenario) -> "FlightPoint":
         """Return the flight point of `scenario`, with its coefficients' multipliers, air and seed."""
         f = scenario.flight
-        kind, speed = f.speed
-        return cls(
-            f.mass, f.cg, f.altitude, kind, speed, dict(scenario.tolerances.aero), f.turbulence,
-            changes=f.changes, wind=f.wind, shear=f.shear, gusts=f.discrete, seed=scenario.seed,
-            aircraft=f.aircraft, climb=f.climb, gamma=f.gamma, bank=f.bank, turn=f.turn,
+        return cls.at(
+            f.mass_t, f.cg_pct, f.altitude_ft, cas_kt=f.cas_kt, mach=f.mach, tas_kt=f.tas_kt,
+            multipliers=dict(scenario.tolerances.aero), turbulence=f.turbulence, changes=f.changes, wind=f.wind,
+            shear=f.shear, gusts=f.discrete, seed=scenario.seed, aircraft=f.aircraft,
+            climb=f.climb_fpm and f.climb_fpm * M_PER_FT / 60.0, gamma=f.gamma_deg and math.radians(f.gamma_deg),
+            bank=f.bank_deg and math.radians(f.bank_deg), turn=f.turn_deg_s and math.radians(f.turn_deg_s),
         )  # fmt: skip
 
 
