@@ -8,6 +8,7 @@ from actuators.block import kernel
 from actuators.constants import G0, M_S_PER_KT, RAD_PER_DEG
 from fdi.common.decision import delayed, held, usable
 from fdi.common.why import BOX_MASS, LOST_SENSOR, VALID
+from fdi.kinematic.wind import ACROSS, ALONG, DEVIATIONS, GUST_S, PRIOR, WIND_WALK
 from fdi.lpv_smo.kernels import affine, held_first_order, trim_map, unit_vector_step
 
 N, P, M, R, T = 7, 6, 2, 4, 35  # states, outputs, inputs, scheduling parameters, terms of a cubic trim map
@@ -15,8 +16,7 @@ NB = 32  # most boxes
 NOT_TAKEN_OUT = 2.0  # limits grow with what is left of a gust that is taken out; an unknown wind stays in
 MARGIN = 1.4  # of half a box from its middle: beyond a fifth of its width the affine model is no longer believed
 STAY = 1.25  # so far a box is kept though another one fits better
-WIND_S = 15.0  # memory of the wind along the flight [s]
-WIND = 25.0  # across, not measured [m/s]
+BLOWN_S = 4.0  # for which a change of the wind across that only the vane tells is remembered [s]
 DELAY = 12  # of the commands: beyond 5 ms at 2 kHz [ticks]
 SIGMA_Q = 0.02 * RAD_PER_DEG  # noise of q per sample, sensor set `transport` [rad/s]
 
@@ -113,29 +113,64 @@ def outputs(x, u, p, dt):
 
 @kernel
 def drift(x, u, p, dt):
-    """Learn the wind along the flight; set speed and angle of attack over the air that drifts with it.
+    """Advance the steady wind in the axes of the heading, x.ahead against the flight and x.across from the left [m/s],
+    as `fdi.kinematic.wind` does; set x.speed and x.over, speed and angle of attack over the air that drifts with it,
+    x.side, sideslip over the ground [rad], and x.doubt, what the deviation of x.across may be worth as a gust [rad].
 
-    An extension: [Alwi14] takes the ground for the air. Airspeed less ground speed has the wind ahead, and gusts. One
-    across turns the path while the aircraft rolls: limits grow by what WIND would do, x.doubt.
+    Airspeed less ground speed has the wind ahead, and gusts. In a bank lateral velocity over the ground lowers the
+    aircraft: V slip = sin(phi) (V_air sin(beta) + cos(phi) wind). Without one it turns the path while the aircraft
+    rolls: until a bank has told the wind, limits are wider there. A gust from the side is told by the vane, whose
+    lateral velocity it changes where that over the ground stays: x.blown [m/s], for BLOWN_S.
     """
     air = usable(u.tas, u.tas_valid) > 0.5
     if x.age == 0.0:
-        x.ahead, x.spin = u.tas - x.v_s if air else 0.0, 0.0
-    x.pull = (u.tas - x.v_s - x.ahead) / min(1.0 + x.age, WIND_S) if air else 0.0
-    x.ahead += x.pull * dt
+        x.ahead, x.ahead_var = u.tas - x.v_s if air else 0.0, PRIOR
+        x.across, x.across_var, x.lean, x.tilt, x.spin, x.blown = 0.0, PRIOR * PRIOR, 0.0, 0.0, 0.0, 0.0
+    phi = held(u.phi, u.phi_valid, 0.0)
+    roll = held(u.p, u.p_valid, 0.0)
+    yaw = held(u.r, u.r_valid, 0.0)
+    vane = air and usable(u.beta, u.beta_valid) > 0.5
+    sp, cp, speed = math.sin(phi), math.cos(phi), max(x.v_s, 10.0)
+    lateral = u.tas * math.sin(u.beta) if vane else 0.0
+    turn = dt * (u.q * sp + yaw * cp) / math.cos(u.theta)
+    x.ahead, x.across = x.ahead - turn * x.across, x.across + turn * x.ahead
+    x.ahead_var += WIND_WALK * WIND_WALK * dt
+    x.across_var += WIND_WALK * WIND_WALK * dt
+    c = 1.0 - math.exp(-dt / p.tau_f)  # slip has passed that lag
+    x.lean += c * (sp * lateral - x.lean)
+    x.tilt += c * (sp * cp - x.tilt)
+    rough, white, x.pull = speed * speed * x.gust, 2.0 * GUST_S / dt, 0.0
+    if air:
+        gain = x.ahead_var / (x.ahead_var + white * (ALONG * ALONG + rough))
+        x.pull = gain * (u.tas - x.v_s - x.ahead) / dt
+        x.ahead += x.pull * dt
+        x.ahead_var -= gain * x.ahead_var
+    if vane and x.age > p.t_settle:
+        s = x.tilt * x.tilt * x.across_var + white * (ACROSS * ACROSS + sp * sp * rough)
+        gain = x.tilt * x.across_var / s
+        x.across += gain * (speed * x.slip * RAD_PER_DEG - x.lean - x.tilt * x.across)
+        x.across_var -= gain * x.tilt * x.across_var
     below = x.v_s * math.sin(u.alpha_ground) + x.ahead * math.sin(u.theta)
     x.over = math.atan2(below, x.v_s * math.cos(u.alpha_ground) + x.ahead * math.cos(u.theta))
     x.speed = x.v_s + x.ahead
-    roll, yaw = held(u.p, u.p_valid, 0.0), held(u.r, u.r_valid, 0.0)
-    x.spin += (1.0 - math.exp(-dt / p.tau_f)) * (roll * math.cos(x.over) + yaw * math.sin(x.over) - x.spin)
-    x.doubt = NOT_TAKEN_OUT * WIND / max(x.speed, 10.0) * math.fabs(x.spin) / max(-x.A[0, 0], 0.1)
+    # the path over the ground veers by gravity and rates alone, a vane by gusts from the side, too
+    veer = G0 * sp * math.cos(u.theta) - speed * (yaw * math.cos(x.over) - roll * math.sin(x.over))
+    change = lateral - x.lateral if vane and x.vane > 0.5 else veer * dt
+    blown = math.exp(-dt / BLOWN_S) * (x.blown + veer * dt - change)
+    x.across += blown - x.blown
+    x.across_var = max(x.across_var, 0.25 * blown * blown)  # the side force is left out: half of it may be wrong
+    x.blown, x.lateral, x.vane = blown, lateral, 1.0 if vane else 0.0
+    x.side = math.atan((lateral + cp * x.across) / speed)
+    x.spin += c * (roll * math.cos(x.over) + yaw * math.sin(x.over) - x.spin)
+    angle = DEVIATIONS * math.sqrt(x.across_var) * cp / speed * math.fabs(x.spin) / max(-x.A[0, 0], 0.1)
+    x.doubt = NOT_TAKEN_OUT * angle
 
 
 @kernel
 def lateral(x, u, p):
     """Fill x.d with what bank and lateral rates add to the wings-level equations, in canonical coordinates.
 
-    alpha' += g/V cos(theta) cos(alpha) (cos phi - 1)
+    alpha' += g/V cos(theta) cos(alpha) (cos phi - 1) - (p cos(alpha) + r sin(alpha)) tan(side)
     theta' += q (cos phi - 1) - r sin phi
     Z' += V sin(alpha) cos(theta) (1 - cos phi),  V' -= g of the same,   q' += ((Izz - Ixx) p r - Ixz (p^2 - r^2)) / Iyy
 
@@ -147,6 +182,8 @@ def lateral(x, u, p):
     lost, alpha, speed = 1.0 - math.cos(phi), x.alpha_hat, max(x.speed, 10.0)
     tilt = math.sin(alpha) * math.cos(u.theta) * lost
     d0 = -G0 / speed * math.cos(u.theta) * math.cos(alpha) * lost / RAD_PER_DEG
+    if p.gust > 0.5:
+        d0 -= (roll * math.cos(x.over) + yaw * math.sin(x.over)) * math.tan(x.side) / RAD_PER_DEG
     d1 = speed * tilt
     d2 = -(u.q * lost + yaw * math.sin(phi)) / RAD_PER_DEG
     d3 = -G0 * tilt + x.pull

@@ -30,12 +30,12 @@ In flight three things go beyond the paper, all off by default (`fitted` switche
 
 - Several boxes, each with a model and gains of its own whose inequalities hold at its vertices; the state goes over
   from one to the next. `why` says what it is outside of.
-- Wind and gusts. A steady wind along the flight is learned (`core.drift`); the states are those of the path over the
-  air that drifts with it (over the ground in tables 2, 3), the forces those of the air. A gust of angle a turns the
-  path by xi = A_11 a, which that angle shows (`core.gust`) and which no fault of n_z or of the vane moves; what a does
-  to the three estimates is taken out of them, and likewise what the air's own speed does. The tail meets it later than
-  the wing, which is what a rate of pitch of -a' would do. Thrust acts on pitch through the engines' arm: nu of the
-  speed channel says how much. A wind across turns the path while the aircraft rolls: limits grow by what it may do.
+- Wind and gusts. A steady wind is learned (`core.drift`); the states are those of the path over the air that drifts
+  with it (over the ground in tables 2, 3), the forces those of the air. A gust of angle a turns the path by
+  xi = A_11 a, which that angle shows (`core.gust`) and which no fault of n_z or of the vane moves; what a does to the
+  three estimates is taken out of them, and likewise what the air's own speed does. The tail meets it later than the
+  wing, which is what a rate of pitch of -a' would do. Thrust acts on pitch through the engines' arm: nu of the speed
+  channel says how much.
 - Each estimate is judged by itself, against a threshold that grows with the rms of a: a fault does not raise it. An
   oscillation of the elevator's estimate is found by a frequency bank, too, against one that grows with the amplitude of
   a at its frequency.
@@ -116,6 +116,7 @@ PARAMS = dtype(
         ("swing_limit", "f8", "rad"),  # amplitude of an oscillation of the elevator's estimate
         ("swing_away", "f8", "-"),
         ("swing_gust", "f8", "-"),
+        ("swing_band", "f8", "-"),  # and with the amplitude of gusts at its frequency
         ("coherence", "f8", "-"),  # least agreement of its two periods
         ("purity", "f8", "-"),  # least share of the window's power that it explains
         ("hits", "f8", "-"),  # fits in a row that must pass
@@ -126,7 +127,7 @@ _COMMANDS = ("de_lo", "de_li", "de_ri", "de_ro", "stab")  # trailing edge down +
 _MEASURED = {  # field -> unit; it comes with a field <name>_valid
     "h": "m", "theta": "rad", "V": "m/s", "q": "rad/s", "n_z": "g", "alpha": "rad",  # inertial h, V over the ground
     "alpha_ground": "rad",  # read where `gust` is 1, as are the next: without tas the air's own speed counts as steady
-    "tas": "m/s", "phi": "rad", "p": "rad/s", "r": "rad/s", "mass": "kg", "cg": "-", "cas": "m/s",
+    "tas": "m/s", "beta": "rad", "phi": "rad", "p": "rad/s", "r": "rad/s", "mass": "kg", "cg": "-", "cas": "m/s",
     "mach": "-",  # cg as a fraction of the mean chord
 }  # fmt: skip
 INPUTS = dtype(
@@ -170,12 +171,21 @@ STATE = dtype(
         ("push", "f8", "m/s2"),  # acceleration along the path that the model does not know of, through the lag
         ("wind", "f8", "m/s"),  # airspeed less that over the drifting air, through the lag
         ("slip", "f8", "deg"),  # alpha_hat less alpha_ground, through the lag
-        ("ahead", "f8", "m/s"),  # steady wind against the heading
+        ("ahead", "f8", "m/s"),  # steady wind against the heading, from left to right of it, their variances
+        ("across", "f8", "m/s"),
         ("pull", "f8", "m/s2"),  # of speed, that the estimate of x.ahead makes and no force
+        ("ahead_var", "f8", "m2/s2"),
+        ("across_var", "f8", "m2/s2"),
         ("speed", "f8", "m/s"),  # over the air that drifts with that wind, and the angle of attack over it
         ("over", "f8", "rad"),
+        ("lean", "f8", "m/s"),  # what the air's lateral velocity makes of slip, and a unit of that wind, lagged
+        ("tilt", "f8", "-"),
+        ("blown", "f8", "m/s"),  # what gusts from the side have added to the wind across
+        ("lateral", "f8", "m/s"),  # the air's lateral velocity at the last tick, and 1 if the vane told it
+        ("vane", "f8", "-"),
+        ("side", "f8", "rad"),  # sideslip over the ground
         ("spin", "f8", "rad/s"),  # rate about the path, through the lag
-        ("doubt", "f8", "rad"),  # what a wind across may be worth as an angle of a gust
+        ("doubt", "f8", "rad"),  # what the wind's deviation may be worth as an angle of a gust
         ("learned", "f8", "-"),  # 1 when the offset holds
         ("n_learn", "f8", "-"),
         ("offset", "f8", (3,), "deg, g, deg"),  # of the estimates, their mean while it is learned
@@ -223,7 +233,7 @@ DETECTOR = Detector(
         **dict.fromkeys(("de_lo", "de_li", "de_ri", "de_ro"), "de_cmd"),  # a measured surface would hide its fault
         **{"stab": "stab_cmd", "h": "h_inertial", "V": "v_ground"},
         **{w: w for w in ("alpha_ground", "tas", "theta", "q", "n_z", "alpha", "mass", "cg", "cas", "mach")},
-        **{w: w for w in ("phi", "p", "r")},
+        **{w: w for w in ("beta", "phi", "p", "r")},
     },
     group="airframe motion",
     designed_for={  # [Alwi14]: steps of elevator, n_z and alpha
@@ -335,7 +345,8 @@ def _oscillates(x, p, dt):
     for k in range(bank.K):
         if x.bank_new[k] < 0.5:
             continue
-        limit = p.swing_limit + p.swing_away * x.apart + p.swing_gust * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
+        limit = p.swing_limit + p.swing_away * x.apart + p.swing_gust * x.rms
+        limit += p.swing_band * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
         fits = bank.mixed(x, k, 1.0, 0.0) >= limit * limit
         if fits:
             agreement, purity = bank.character(x, p, k, 1.0, 0.0)
