@@ -50,7 +50,7 @@ def _distance(x, p, k):
 
 @kernel
 def _choose(x, p):
-    """Choose the box that holds rho best, keep it as long as it does; return 0.0 or `BOX_...`."""
+    """Choose the box that holds rho best, keep it as long as it does, clamp rho to it; return 0.0 or `BOX_...`."""
     last = min(max(int(x.box), 0), int(p.n_box) - 1)
     x.box = last
     far, where = _distance(x, p, last)
@@ -63,7 +63,13 @@ def _choose(x, p):
     if now != last and x.age > 0.0:  # the same estimate in the other box's coordinates
         for i in range(P):
             x.w += (p.L[now, i] - p.L[last, i]) * x.s[i]
-    return VALID if far <= MARGIN else BOX_MASS + where
+    if far <= MARGIN:
+        return VALID
+    for i in range(R):
+        half = 0.5 * (p.high[now, i] - p.low[now, i])
+        middle = p.low[now, i] + half
+        x.rho[i] = min(max(x.rho[i], middle - MARGIN * half), middle + MARGIN * half)
+    return BOX_MASS + where
 
 
 @kernel

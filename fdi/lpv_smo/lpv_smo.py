@@ -431,8 +431,10 @@ def _weigh(x, p, dt):
 
 
 @kernel
-def _reason(x, u, p, dt):
-    """Return VALID where the estimates may be judged, else why not."""
+def _reason(x, u, p, dt, why):
+    """Return VALID where the estimates may be judged, else why not; `why` is that of the box."""
+    if why != VALID:
+        return why
     if usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid) < 0.5:
         return LOST_SENSOR
     if x.age <= p.t_settle:
@@ -454,7 +456,8 @@ def step(x, u, p, dt):
     if x.age == 0.0:  # the first tick needs all of them; later n_z and alpha may drop out
         good *= usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid)
     why = inputs(x, u, p, dt) if good > 0.5 else LOST_SENSOR
-    if why != VALID:  # without a fault-free output there is no e_y, beyond all boxes no model
+    # without a fault-free output there is no e_y; what is learned at the start is learned within a box
+    if good < 0.5 or (why != VALID and p.t_learn > 0.0 and x.learned < 0.5):
         x.age = 0.0
         _withhold(x, why)
         return
@@ -469,7 +472,7 @@ def step(x, u, p, dt):
     _from_trim(x, p, dt)
     reconstruct(x, u, p, dt)
     _weigh(x, p, dt)
-    why = _reason(x, u, p, dt)
+    why = _reason(x, u, p, dt, why)
     if why == VALID:
         x.valid, x.why = 1.0, VALID
         _decide(x, p, dt)
