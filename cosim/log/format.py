@@ -51,16 +51,19 @@ class Topic:
         index = np.array(range(len(fields)) if self.index is None else self.index, np.int64)
         for name, value in (("fields", fields), ("units", units), ("channel", channel), ("index", index)):
             object.__setattr__(self, name, value)
-        if not _TOPIC.match(self.name) or not f"{self.name}/".startswith(f"{channel}/"):
-            raise ValueError(f"topic {self.name!r}: use /words/of/letters_digits_underscores, its channel first")
         bad = [f for f in fields if not _NAME.match(f)]
-        if bad or len(set(fields)) != len(fields):
-            raise ValueError(f"topic {self.name}: field names must be distinct identifiers, not {bad or fields}")
-        if not 0 < len(fields) <= MOST_FIELDS or not len(units) == len(fields) == index.size:
-            said = f"1 to {MOST_FIELDS} fields, a unit and a position each"
-            raise ValueError(f"topic {self.name}: {said}; got {len(fields)}, {len(units)} and {index.size}")
-        if int(self.every) != self.every or self.every < 1:
-            raise ValueError(f"topic {self.name}: every must be a whole number of ticks >= 1, not {self.every}")
+        of_each = f"1 to {MOST_FIELDS} fields, a unit and a position each"
+        for wrong, said in (
+            (not _TOPIC.match(self.name) or not f"{self.name}/".startswith(f"{channel}/"),
+             "use /words/of/letters_digits_underscores, its channel first"),
+            (bad or len(set(fields)) != len(fields), f"field names must be distinct identifiers, not {bad or fields}"),
+            (not 0 < len(fields) <= MOST_FIELDS or not len(units) == len(fields) == index.size,
+             f"{of_each}; got {len(fields)}, {len(units)} and {index.size}"),
+            (int(self.every) != self.every or self.every < 1,
+             f"every must be a whole number of ticks >= 1, not {self.every}"),
+        ):  # fmt: skip
+            if wrong:
+                raise ValueError(f"topic {self.name!r}: {said}")
 
 
 @dataclass

@@ -38,23 +38,13 @@ def event(start_ns: int, end_ns: int | None, texts: dict) -> bytes:
 class Pose:
     """Give viewers the aircraft's place: /tf and /fix, every `every` ticks.
 
-    The positions in the tick vector: lat, lon [rad], h [m], phi, theta, psi [rad]. Frames follow Foxglove: `map` is
-    east, north, up from where the log begins (flat, EARTH_RADIUS); `aircraft` is forward, left, up.
+    `index` are the positions in the tick vector of lat, lon [rad], h [m], phi, theta, psi [rad]. Frames follow
+    Foxglove: `map` is east, north, up from where the log begins (flat, EARTH_RADIUS); `aircraft` is forward, left, up.
     """
 
-    lat: int
-    lon: int
-    h: int
-    phi: int
-    theta: int
-    psi: int
+    index: tuple[int, ...]
     every: int = 20
     _origin: tuple | None = field(default=None, init=False)
-
-    @property
-    def index(self) -> tuple[int, int, int, int, int, int]:
-        """Return the positions in the order in which `messages` takes the values."""
-        return self.lat, self.lon, self.h, self.phi, self.theta, self.psi
 
     def messages(self, rows: Any, k0: int, dt_ns: int) -> list:
         """Return [(tick, topic, bytes)] of rows (n, 6) in the order of `index`, the first of tick k0."""

@@ -102,13 +102,13 @@ class Log:
         spans = self._within(self.topics[self._parts(topic)[0]].every, start, stop).values()
         return np.concatenate([np.arange(0), *(np.arange(s.start, s.stop, s.step) for s in spans)])
 
-    def messages(self, topic: str, start: int = 0, stop: int | None = None) -> list[Any]:
+    def messages(self, topic: str, start: int = 0, stop: int = 1 << 62) -> list[Any]:
         """Return the well-known messages of /events, /tf or /fix as a list of (tick, protobuf message), start <= k <
         stop."""
         kind, out = foxglove.TOPICS[topic], []
         for i, content in self._contents(self._within(1, start, stop)):
             for channel, k, _, data in tail(self._scan, self.chunks[i], content):
-                if channel == self._scan.ids.get(topic) and start <= k < (k + 1 if stop is None else stop):
+                if channel == self._scan.ids.get(topic) and start <= k < stop:
                     out.append((k, data))
         try:
             return [(k, kind.FromString(data)) for k, data in out]

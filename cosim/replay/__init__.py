@@ -51,7 +51,7 @@ class Replay:
     rows: int = 0  # ticks replayed, over all lanes
     values: int = 0  # values compared
     skipped: int = 0  # rows that follow a gap of the log, up to the next whole state
-    dt: float = 0.0  # of a tick [s]
+    dt_s: float = 0.0  # of a tick
     changed: dict = field(default_factory=dict)  # {detector: {parameter: value}}: then differences are expected
     differences: list = field(default_factory=list)  # a dict per field: count, first tick, largest
     detectors: list = field(default_factory=list)  # detection metrics, logged and replayed
@@ -65,9 +65,8 @@ class Replay:
 
     def to_dict(self) -> Any:
         """Return what `cosim replay --json` prints."""
-        own = {{"dt": "dt_s"}.get(name, name): value for name, value in vars(self).items()}
         differences = [vars(d) for d in self.differences]
-        return plain({"log": self.log, "exact": self.exact, **own, "differences": differences})
+        return plain({"log": self.log, "exact": self.exact, **vars(self), "differences": differences})
 
 
 @told_at_call
@@ -111,7 +110,7 @@ def replay(
                 overlay.append(read, made, a, b)
             if progress:
                 progress(b * log.dt_ns / 1e9, log.n_ticks * log.dt_ns / 1e9)
-    result = Replay(str(path), dt=tick_of(log), changed=overrides or {}, output=str(output) if output else None)
+    result = Replay(str(path), dt_s=tick_of(log), changed=overrides or {}, output=str(output) if output else None)
     result.rows, result.values = sum(m.rows for m in members), sum(m.values for m in members)
     result.skipped = sum(m.skipped for m in members)
     result.notes = [line for d in entries if (line := lanes.code_that_flew(d))]
@@ -181,13 +180,13 @@ class _Member:
         whole, held = (log.ticks(lane.hidden, start, stop), read[lane.hidden]) if self.hidden else none
         out, at, i = logged.copy(), np.searchsorted(ticks, whole), 0
         while i < len(ticks):
-            if ticks[i] != lane.at:
+            if ticks[i] != lane.at:  # ticks are missing before row i: on from the next whole state
                 k = int(np.searchsorted(at, i))
                 j = int(at[k]) + 1 if k < len(at) else len(ticks)
                 self.skipped += (j - i) * (lane.at is not None)
                 if k < len(at):
                     lane.restore(logged[j - 1], held[k], int(whole[k]))
-            else:
+            else:  # rows i to j follow one another
                 gaps = np.flatnonzero(np.diff(ticks[i:]) != lane.every)
                 j = i + 1 + int(gaps[0]) if len(gaps) else len(ticks)
                 inside = slice(*np.searchsorted(at, (i, j)))

@@ -80,15 +80,10 @@ def attached(log: Log, name: str, kind: Any, lanes: int) -> np.ndarray:
     except (ValueError, EOFError) as wrong:
         raise LogError(f"{name} is no array: {wrong}", place=str(log.path)) from wrong
     found = found if isinstance(found, np.ndarray) else found["array"]
-    if found.dtype.names != kind.names or found.shape != (lanes,) or not all(
-        found.dtype[n].shape == kind[n].shape for n in kind.names
-    ):
+    if found.dtype != kind or found.shape != (lanes,):
         changed = ", ".join(sorted(set(kind.names) ^ set(found.dtype.names or ())))
         raise older(log, f"{name} ({changed or 'its arrays'})")
-    out = np.zeros(found.shape, kind)
-    for n in kind.names:
-        out[n] = found[n]
-    return out
+    return found
 
 
 def trusted(place: str, record: Any, module: Any, x: np.ndarray, p: np.ndarray | None = None, dt: float = 0.0) -> None:

@@ -270,14 +270,10 @@ class LoggedFlight:
     def provenance(self) -> Any:
         """Return {name: text}: versions, seed, hashes."""
         run, libraries = self.log.metadata.get("run", {}), self.log.metadata.get("libraries", {})
-        result = self.log.result or {}
         out = {k: run[k] for k in ("software", "seed", "rate_hz", "ticks") if k in run} | dict(libraries)
-        for name in ("content", *(k for k in result if k.startswith("sha256"))):
-            if name in result:
-                out[f"hash of {name}" if name == "content" else name] = result[name]
-        if "sha256" in self.log.metadata.get("preamble", {}):
-            out["hash of the preamble"] = self.log.metadata["preamble"]["sha256"]
-        return out
+        if self.log.result:
+            out["hash of content"] = self.log.result["content"]
+        return out | {"hash of the preamble": self.log.metadata["preamble"]["sha256"]}
 
 
 class _Truth:

@@ -45,7 +45,7 @@ def write(path, ticks=230, seed=0, result=True, pose=False, **options):
         "metadata": {"run": {"seed": str(seed), "unit": "µ"}},
         "attachments": {"scenario.toml": ("application/toml", b"seed = 0\n"), "empty.bin": ("", b"")},
         "rows_per_chunk": 50,
-        "pose": Pose(0, 1, 2, 6, 3, 4, every=20) if pose else None,
+        "pose": Pose((0, 1, 2, 6, 3, 4), every=20) if pose else None,
         **options,
     }
     with LogWriter(path, TOPICS, n_values=N_VALUES, **options) as log:

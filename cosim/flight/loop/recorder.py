@@ -137,7 +137,8 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
 
 def pose(bus: Any) -> Pose:
     """Return where in the bus the aircraft's place stands."""
-    return Pose(**{n: bus.index(f"truth.aircraft.{n}") for n in ("lat", "lon", "h", "phi", "theta", "psi")})
+    index = [bus.index(f"truth.aircraft.{n}") for n in ("lat", "lon", "h", "phi", "theta", "psi")]
+    return Pose(tuple(index))
 
 
 def result_texts(result: Any) -> dict[str, Any]:
