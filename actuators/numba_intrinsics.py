@@ -22,7 +22,7 @@ def _pointer(kind):
     return at
 
 
-float64_at, float32_at, int64_at = _pointer(types.float64), _pointer(types.float32), _pointer(types.int64)
+float64_at, int64_at = _pointer(types.float64), _pointer(types.int64)
 
 
 @intrinsic

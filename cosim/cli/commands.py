@@ -3,7 +3,6 @@ is needed: the help needs none of it."""
 
 import contextlib
 import math
-import os
 import re
 from dataclasses import asdict
 from pathlib import Path
@@ -188,16 +187,16 @@ def report(
     """
     path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
     reserve(path, PAGE)
-    from cosim.report import comparison_report, diagnosis_report, flight_report
+    from cosim import report as pages  # each is imported when it is used: that of a flight needs no statistics
 
     if log.is_dir():
         from cosim.compare import compare
 
         with Progress("reading", "logs", console=err) as tell:
-            made = comparison_report(compare([log], progress=tell), path)
+            made = pages.comparison_report(compare([log], progress=tell), path)
     else:
         foreign = "map.toml" in cosim.open_log(log, tolerant=True).attachments
-        made = (diagnosis_report if foreign else flight_report)(log, path)
+        made = (pages.diagnosis_report if foreign else pages.flight_report)(log, path)
     answer(json_, {"report": str(made)}, lambda _: whole(f"report {made}"))
 
 
@@ -355,21 +354,10 @@ def check(
     A detector: runs, deterministic, causal, live as in replay, lost samples. A law: runs, deterministic, lost samples.
     An aircraft: what is missing, signs, trim, hinge moments, effectors. Exit status 1: it does not.
     """
-    from cosim.scenario.aircraft import ships
+    from cosim.flight.check import check as checked
 
-    if ships(what) or os.path.isdir(what):
-        from cosim.flight.plant.check import check as of_aircraft
-
-        points = of_aircraft(what)
-        found: dict[str, Any] = {
-            "aircraft": what, "keeps": all(p.good for p in points),
-            "checks": [{"question": p.point, "result": "good" if p.good else "bad", "answer": p.found} for p in points],
-        }  # fmt: skip
-    else:
-        from cosim.flight.check import check as of_detector
-
-        with Progress("checking", console=err) as tell:
-            found = of_detector(what, progress=tell)
+    with Progress("checking", console=err) as tell:
+        found = checked(what, progress=tell)
     told = [Row((MARKS[line["result"]], line["question"], line["answer"])) for line in found["checks"]]
     answer(json_, found, lambda _: Table(what, "", "question", "answer", rows=told))
     raise Exit(0 if found["keeps"] else 1)

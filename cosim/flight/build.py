@@ -1,7 +1,7 @@
 """Build a flight from its scenario: trim the aircraft, lay out the bus, put every block into equilibrium, wire them."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from cosim.flight.blocks.noise import Draw, generator
 from cosim.flight.blocks.pilot import steps
 from cosim.flight.blocks.servo_gain import SENSOR_DELAY
 from cosim.flight.detection import detectors
-from cosim.flight.detection.detectors import cost
+from cosim.flight.detection.detectors import Installed, cost
 from cosim.flight.faults import inject
 from cosim.flight.loop import wiring
 from cosim.flight.loop.bus import Bus
@@ -27,6 +27,7 @@ from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import Trim
 from cosim.flight.tick import Block, Loop
 from cosim.flight.user_inputs import user_inputs
+from cosim.judge.detection import JudgedLane
 from cosim.parts import rollout_of
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
@@ -44,8 +45,8 @@ class Setup:
     loop: Loop
     trim: Trim
     lanes: list  # fault lanes
+    detectors: list[Installed]
     trace: Trace  # what a run keeps of every tick
-    step_us: dict = field(default_factory=dict)
 
     @property
     def ticks(self) -> int:
@@ -62,17 +63,16 @@ class Setup:
         """Return the detectors that are steps in Python."""
         return [d for d in self.loop.detectors if isinstance(d.rollout, PythonBlock)]
 
-    def judged_lanes(self) -> list:
-        """Return the JudgedLane of every detector lane."""
-        return self.trace.judged_lanes(self.step_us)
+    def judged_lanes(self, timed: bool = False) -> list[JudgedLane]:
+        """Return the JudgedLane of every detector lane; `timed`, with the microseconds of its step."""
+        step_us = {d.name: self._cost(d) for d in self.loop.detectors} if timed else {}
+        return self.trace.judged_lanes(step_us)
 
-    def time_detectors(self) -> None:
-        """Measure each detector's cost per step and lane, on copies: a flight's own numbers stay untouched."""
-        for d in self.loop.detectors:
-            if d in self.in_python:  # its objects are the flight's own: what its steps took in the loop
-                self.step_us[d.name] = d.rollout.seconds / max(1, d.rollout.steps * len(d.x)) * 1e6
-                continue
-            self.step_us[d.name] = cost(d.module, d.x, d.u, d.p, self.loop.dt * d.every)
+    def _cost(self, d):
+        """Return the microseconds of a detector per step and lane: in Python, whose objects are the flight's own, what
+        its steps took in the loop, else by steps on copies."""
+        own = d.rollout
+        return own.seconds / max(1, own.steps * len(d.x)) * 1e6 if d in self.in_python else cost(d)
 
 
 def _sensor_lanes(scenario, dt):
@@ -107,40 +107,36 @@ def _sensor_lanes(scenario, dt):
     return tuple(names), np.concatenate(rows)
 
 
-def _bus(scenario, plant, law, sensor_lanes, fault_lanes, built, chosen):
-    """Return the Bus with a section for everything that a tick holds, in the order of the tick."""
-    surface = dtype([(name, "f8", "-" if name.startswith("thr") else "rad") for name in plant.border.inputs])
-    segments = scenario.aircraft.segments
-    sections = [
-        ("clock", CLOCK, ("clock",)), ("truth", plant.border.truth, ("aircraft",)),
-        ("surfaces", surface, ("aircraft",)), ("sensors_in", sensors.INPUTS, sensor_lanes),
-        ("sensors", sensors.STATE, sensor_lanes), ("pilot_in", manoeuvre.INPUTS, ("pilot",)),
-        ("pilot", manoeuvre.STATE, ("pilot",)), ("law_in", law.INPUTS, ("law",)), ("law", law.STATE, ("law",)),
-        ("hinge_model_in", hinge_model.INPUTS, segments), ("hinge_model", hinge_model.STATE, segments),
-        ("faults_in", faults.INPUTS, tuple(fault_lanes)), ("faults", faults.STATE, tuple(fault_lanes)),
+def _parts(scenario, trim, truth, designed, fault_lanes, chosen):
+    """Return [(name, module, lanes, PARAMS, STATE before the first tick, ticks from step to step where not 1)] of the
+    blocks of a flight; `designed` is what the operating point gives."""
+    dt, aircraft, technology = scenario.dt, scenario.aircraft, scenario.elevator.technology
+    law_p, slopes = designed
+    factors = [1.0 + TECHNOLOGIES[tech].hinge_error * generator(scenario.seed, f"hinge.{seg}").uniform(-1.0, 1.0)
+               for seg, tech in technology.items()]  # fmt: skip
+    own = [
+        ("sensors", sensors, *_sensor_lanes(scenario, dt)),
+        ("pilot", manoeuvre, ("pilot",), manoeuvre.params(**steps(scenario.manoeuvre, trim))),
+        ("law", user_law.block(scenario), ("law",), user_law.tuned(scenario, law_p)),
+        ("hinge_model", hinge_model, tuple(aircraft.segments),
+         hinge_model.design(slopes, trim, truth, aircraft.short.values(), factors)),
+        ("faults", faults, tuple(lane.name for lane in fault_lanes),
+         np.concatenate([np.zeros(0, faults.PARAMS), *(lane.p for lane in fault_lanes)])),
+        *((d.id, d.module, d.lanes, d.params(scenario, dt), d.record.every) for d in chosen),
     ]  # fmt: skip
-    for name, module, _, _, lanes in built:
-        sections += [(name + "_in", module.INPUTS, lanes), (name, module.STATE, lanes)]
-    for d in chosen:
-        sections += [(d.id + "_in", d.module.INPUTS, d.lanes), (d.id, d.module.STATE, d.lanes)]
-    return Bus(sections)
+    loads = {seg: (truth[f"de_{s}"], truth[f"hm0_{s}"], truth[f"hmd_{s}"]) for seg, s in aircraft.short.items()}
+    others = {name: truth[wiring.SURFACE_OF[name]] for name in wiring.OTHERS}
+    made = [(name, module, lanes, p, module.init(p), *every) for name, module, lanes, p, *every in own]
+    return [*made, *actuation.blocks(scenario, loads, others, dt)]
 
 
 def _wires(scenario, bus, chosen, fault_lanes):
     """Return {stage of the tick: (to, source)}, positions in the bus."""
-    tech = scenario.elevator.technology
-    stages = {
-        "sensors": wiring.sensor_wires(scenario),
-        "law": wiring.law_wires(),
-        "demand": wiring.demand_wires(),
-        "hinge": wiring.hinge_wires(tech),
-        "servos": wiring.servo_wires(tech) + detectors.feedback_wires(scenario),
-        "actuators": wiring.actuator_wires(scenario),
-        "surfaces": wiring.surface_wires(scenario),
-        "detectors": [w for d in chosen for w in d.wires(of_detectors=False)],
-        "faults": [(f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes]
-        + [(f"faults_in.{lane.name}.ref", lane.reference) for lane in fault_lanes if lane.reference],
-    }
+    stages = wiring.wires(scenario)
+    stages["servos"] += detectors.feedback_wires(scenario, chosen)
+    stages |= {d.id: d.wires() for d in chosen}
+    stages["faults"] = [(f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes]
+    stages["faults"] += [(f"faults_in.{lane.name}.ref", lane.reference) for lane in fault_lanes if lane.reference]
     return {stage: bus.wires(pairs) for stage, pairs in stages.items()}
 
 
@@ -152,51 +148,32 @@ def build(scenario: Scenario) -> Setup:
     dt, point = scenario.dt, FlightPoint.of(scenario)
     plant = Plant(point, dt=dt)
     trim = plant.trim()
-    aircraft = scenario.aircraft
-    truth = plant.truth()
-    t = truth[0]
-    sensor_lanes, sensor_p = _sensor_lanes(scenario, dt)
-    loads = {seg: (t[f"de_{s}"], t[f"hm0_{s}"], t[f"hmd_{s}"]) for seg, s in aircraft.short.items()}
-    others = {name: t[wiring.SURFACE_OF[name]] for name in wiring.OTHERS}
-    built = actuation.blocks(scenario, loads, others, dt)
-    pilot_p = manoeuvre.params(**steps(scenario.manoeuvre, trim))
-    law_p, slopes = designed(point, trim, dt)
-    law_p, law = user_law.tuned(scenario, law_p), user_law.block(scenario)
-    factors = [1.0 + TECHNOLOGIES[tech].hinge_error * generator(scenario.seed, f"hinge.{seg}").uniform(-1.0, 1.0)
-               for seg, tech in scenario.elevator.technology.items()]  # fmt: skip
-    hinge_p = hinge_model.design(slopes, trim, t, aircraft.short.values(), factors)
-    chosen = detectors.chosen(scenario)
-    fault_lanes = inject.lanes(scenario)
+    truth, border = plant.truth(), plant.border
+    chosen, fault_lanes = detectors.chosen(scenario), inject.lanes(scenario)
+    parts = _parts(scenario, trim, truth[0], designed(point, trim, dt), fault_lanes, chosen)
 
-    bus = _bus(scenario, plant, law, sensor_lanes, [lane.name for lane in fault_lanes], built, chosen)
+    surface = dtype([(name, "f8", "-" if name.startswith("thr") else "rad") for name in border.inputs])
+    whole = [("clock", CLOCK, ("clock",)), ("truth", border.truth, ("aircraft",)), ("surfaces", surface, ("aircraft",))]
+    for name, module, lanes, *_ in parts:
+        whole += [(f"{name}_in", module.INPUTS, lanes), (name, module.STATE, lanes)]
+    bus = Bus(whole)
     bus["truth"][:] = truth
     bus["surfaces"].view("f8")[:] = trim.surfaces  # until the first tick sends its own
-
-    def block(name, module, p, x0, every=1):
-        own = rollout_of(module, bus.lanes[name], limited=True)
-        return Block(bus, name, module, p, x0, dt, every, own)
-
-    actuator_blocks = [block(n, m, p, x) for n, m, p, x, _ in built]
+    blocks = {name: Block(bus, name, module, p, x0, dt, rollout_of(module, lanes, limited=True), *every)
+              for name, module, lanes, p, x0, *every in parts}  # fmt: skip
     wires = _wires(scenario, bus, chosen, fault_lanes)
     places = [(to, f"faults.{lane.name}.{source}") for lane in fault_lanes for to, source in lane.places]
     to, source = bus.wires(places)
+    servos = [technology.servo for technology in TECHNOLOGIES.values()]
     loop = Loop(
-        bus=bus, plant=plant, dt=dt, draw=Draw(scenario.seed, [f"noise.{lane}" for lane in sensor_lanes]),
-        wires=wires, places=(np.unique(to), to, source),
-        faults=block("faults", faults, np.concatenate([np.zeros(0, faults.PARAMS), *(f.p for f in fault_lanes)]), 0),
-        sensors=block("sensors", sensors, sensor_p, sensors.init(sensor_p)),
-        pilot=block("pilot", manoeuvre, pilot_p, manoeuvre.init(pilot_p)),
-        law=block("law", law, law_p, law.init(law_p)),
-        hinge=block("hinge_model", hinge_model, hinge_p, hinge_model.init(hinge_p)),
-        detectors=[block(d.id, d.module, p, d.module.init(p), d.every) for d in chosen
-                   for p in [d.params(scenario, dt)]],
-        servos=[b for b in actuator_blocks if b.name not in TECHNOLOGIES],
-        actuators=[b for b in actuator_blocks if b.name in TECHNOLOGIES],
-        corrections=corrections(scenario, bus),
-        read={d.id: bus.wires(own) for d in chosen if (own := d.wires(of_detectors=True))},
-        inputs=user_inputs(scenario, bus, trim),
+        bus=bus, plant=plant, dt=dt, draw=Draw(scenario.seed, [f"noise.{lane}" for lane in bus.lanes["sensors"]]),
+        wires=wires, places=(np.unique(to), to, source), faults=blocks["faults"], sensors=blocks["sensors"],
+        pilot=blocks["pilot"], law=blocks["law"], hinge=blocks["hinge_model"],
+        detectors=[blocks[d.id] for d in chosen], servos=[b for name, b in blocks.items() if name in servos],
+        actuators=[b for name, b in blocks.items() if name in TECHNOLOGIES],
+        corrections=corrections(scenario, bus), inputs=user_inputs(scenario, bus, trim),
     )  # fmt: skip
     # what the actuators were last told: in equilibrium, the servo's holding command
     told, command = wires["actuators"]
     bus.v[told] = bus.v[command]
-    return Setup(scenario=scenario, loop=loop, trim=trim, lanes=fault_lanes, trace=Trace(scenario, bus, chosen))
+    return Setup(scenario, loop, trim, fault_lanes, chosen, Trace(scenario, bus, chosen))

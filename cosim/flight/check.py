@@ -1,7 +1,7 @@
-"""Whether a detector, or a control law, keeps the contract that ours keep: `cosim check mine.py`.
+"""Whether a detector, a control law or an aircraft keeps the contract that ours keep: `cosim check mine.py`.
 
-It is run on the signals of a real flight with a fault, twice, tick by tick, with another future and with lost samples;
-a law flies. "bad" is a breach, "note" something to know.
+A detector is run on the signals of a real flight with a fault, twice, tick by tick, with another future and with lost
+samples; a law flies. "bad" is a breach, "note" something to know.
 """
 
 import os
@@ -15,9 +15,11 @@ from cosim.errors import CosimError
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import sources_of, wires
 from cosim.flight.loop.signals import fly, inputs
+from cosim.flight.plant import check as of_aircraft
 from cosim.flight.user_law import SENSORS, SURFACES
 from cosim.parts import PartError, load, rollout_of
 from cosim.scenario import Scenario, load_scenario, user_parts
+from cosim.scenario.aircraft import ships
 from cosim.scenario.catalog import SEGMENTS
 
 if TYPE_CHECKING:
@@ -30,24 +32,30 @@ GUSTS = 0.5  # [g] largest change of load factor that is called light turbulence
 LOST_S = 0.5  # that a measurement is lost
 DOUBLET = "manoeuvre={kind='nz_doublet', start_s=1.0, width_s=1.0, amplitude_g=" + f"{ASKED:g}}}"
 BASE = ("detectors.enabled=[]", "flight.turbulence=light", DOUBLET)
+QUESTIONS = "runs", "deterministic", "causal", "live as in replay", "lost samples"
 SEEN = (*(f"law.law.{field}" for field, *_ in SURFACES.values()), "truth.aircraft.nz")
 
 
-def check(file: str | os.PathLike, *, progress: Callable[[float, float], None] | None = None) -> dict[str, Any]:
-    """Return {id, file, keeps, checks: [{question, result, answer}]} of a detector's file or a control law's; result is
-    good, bad or note. Raises PartError for a file that is neither."""
-    path = Path(os.path.expanduser(file))
-    law = path.exists() and _is_law(user_parts.load(path, lambda text: PartError(text, place=str(file)))[0])
-    name, questions = _of_law(path.resolve()) if law else _of_detector(load(file))
-    rows = []
-    for i, (question, ask) in enumerate(questions):
+def check(what: str | os.PathLike, *, progress: Callable[[float, float], None] | None = None) -> dict[str, Any]:
+    """Return {id, file, keeps, checks: [{question, result, answer}]} of a detector's file, a control law's, or the
+    folder or the name of an aircraft; result is good, bad or note. Raises PartError for a file that is none of these.
+    """
+    path, name = Path(os.path.expanduser(what)), str(what)
+    rows: Iterable[tuple[str, str, str]]
+    if ships(name) or (path.is_dir() and not (path / "__init__.py").is_file()):
+        rows = of_aircraft.rows(name)
+    elif path.exists() and _is_law(user_parts.load(path, lambda text: PartError(text, place=name))[0]):
+        name, rows = path.stem, _of_law(path.resolve())
+    else:
+        part = load(what)
+        name, rows = part.DETECTOR.id, _of_detector(part)
+    checks = []
+    for row in rows:
+        checks.append(dict(zip(("question", "result", "answer"), row)))
         if progress:
-            progress(i, len(questions))
-        rows.append({"question": question, **dict(zip(("result", "answer"), ask()))})
-        if rows[0]["result"] == "bad":
-            break  # every other question would say the same
-    keeps = all(row["result"] != "bad" for row in rows)
-    return {"id": name, "file": str(Path(file)), "keeps": keeps, "checks": rows}
+            progress(len(checks), max(len(checks), len(QUESTIONS)))
+    keeps = all(row["result"] != "bad" for row in checks)
+    return {"id": name, "file": str(Path(what)), "keeps": keeps, "checks": checks}
 
 
 def _is_law(module):
@@ -55,13 +63,13 @@ def _is_law(module):
     return hasattr(module, "Law") or (hasattr(module, "rollout") and not other)
 
 
-def _said(wrong, good, otherwise="bad"):
-    """Return (result, answer): what is wrong, or that nothing is."""
-    return (otherwise, wrong) if wrong else ("good", good)
+def _said(question, wrong, good, otherwise="bad"):
+    """Return a row: what is wrong, or that nothing is."""
+    return question, otherwise if wrong else "good", wrong or good
 
 
 def _of_detector(part):
-    """Return (id, questions) of a detector: each a name and a function that asks it."""
+    """Yield a row for each of QUESTIONS about a detector; only the first where it does not run."""
     u, p, dt = _signals(part)
     names = list(part.OUTPUTS)
     r = [n for n in names for _ in range(part.STATE[n].itemsize // 8)].index("r")
@@ -76,48 +84,40 @@ def _of_detector(part):
         why = f"r is not finite at {lost[0] * dt:.3f} s" if len(lost) else ""
         return out, notes[-1] if getattr(rollout, "dropped", ()) else why, notes
 
+    runs, deterministic, causal, live, loses = QUESTIONS
     whole, why, _ = run(u)
-
-    def runs():
-        alarms = np.count_nonzero(np.diff(np.r_[0.0, whole[:, names.index("alarm")]]) > 0.5)
-        return _said(why, f"{len(whole)} steps, largest r {whole[:, r].max():.2g}, {alarms} alarms")
-
-    def deterministic():
-        at = _differ(whole, run(u)[0])
-        wrong = "" if at is None else f"two runs differ at {at * dt:.3f} s: a seed, a clock, a global"
-        return _said(wrong, "twice the same bits")
-
-    def causal():
-        for cut in (u.shape[1] // 4, u.shape[1] // 2, u.shape[1] - 1):
-            other = u.copy()
-            other[:, cut:] = other[:, cut:][:, ::-1] if cut < u.shape[1] - 1 else np.zeros(1, u.dtype)
-            at = _differ(whole[:cut], run(other)[0][:cut])
-            if at is not None:
-                return "bad", f"what it says at {at * dt:.3f} s depends on what is measured from {cut * dt:.3f} s on"
-        return "good", "another future leaves the past as it was"
-
-    def live():
-        at = _differ(whole, run(u, range(1, u.shape[1]))[0])
-        return _said("" if at is None else f"tick by tick differs from all at once at {at * dt:.3f} s", "the same bits")
-
-    def loses():
-        noted = ""
-        for what, other in _lossy(u, round(LOST_S / dt)):
-            _, why, notes = run(other)
-            if why:
-                return "bad", f"without {what} for half a second: {why}"
-            noted = noted or (f"without {what}: {notes[0]}" if notes else "")
-        return _said(noted, "half a second without an input, or all: r stays finite", "note")
-
-    asked = zip(("runs", "deterministic", "causal", "live as in replay", "lost samples"),
-                (runs, deterministic, causal, live, loses))  # fmt: skip
-    return part.DETECTOR.id, list(asked)
+    alarms = np.count_nonzero(np.diff(np.r_[0.0, whole[:, names.index("alarm")]]) > 0.5)
+    yield _said(runs, why, f"{len(whole)} steps, largest r {whole[:, r].max():.2g}, {alarms} alarms")
+    if why:
+        return
+    at = _apart(whole, run(u)[0], dt)
+    yield _said(deterministic, at and f"two runs differ at {at}: a seed, a clock, a global", "twice the same bits")
+    wrong = ""
+    for cut in (u.shape[1] // 4, u.shape[1] // 2, u.shape[1] - 1):
+        other = u.copy()
+        other[:, cut:] = other[:, cut:][:, ::-1] if cut < u.shape[1] - 1 else np.zeros(1, u.dtype)
+        if at := _apart(whole[:cut], run(other)[0][:cut], dt):
+            wrong = wrong or f"what it says at {at} depends on what is measured from {cut * dt:.3f} s on"
+    yield _said(causal, wrong, "another future leaves the past as it was")
+    at = _apart(whole, run(u, range(1, u.shape[1]))[0], dt)
+    yield _said(live, at and f"tick by tick differs from all at once at {at}", "the same bits")
+    yield _without_samples(loses, run, u, round(LOST_S / dt))
 
 
-def _differ(a, b):
-    """Return the first row in which two arrays differ bit for bit, None when they do not."""
+def _without_samples(question, run, u, ticks):
+    noted = ""
+    for what, other in _lossy(u, ticks):
+        _, why, notes = run(other)
+        if why:
+            return question, "bad", f"without {what} for half a second: {why}"
+        noted = noted or (f"without {what}: {notes[0]}" if notes else "")
+    return _said(question, noted, "half a second without an input, or all: r stays finite", "note")
+
+
+def _apart(a, b, dt):
+    """Return the time of the first row in which two arrays differ bit for bit, "" when they do not."""
     wrong = (np.ascontiguousarray(a).view(np.int64) != np.ascontiguousarray(b).view(np.int64)).any(axis=1)
-    return int(np.flatnonzero(wrong)[0]) if wrong.any() else None
+    return f"{np.argmax(wrong) * dt:.3f} s" if wrong.any() else ""
 
 
 def _lossy(u, ticks):
@@ -157,31 +157,23 @@ def _scenario(technology: str) -> Scenario:
 
 
 def _of_law(path):
-    """Return (name, questions) of a law: it flies a load-factor doublet in light turbulence, twice, and once while its
-    measurements are lost."""
+    """Yield a row for each question about a law that can be asked: it flies a load-factor doublet in light turbulence,
+    twice, and once while its measurements are lost."""
+    runs, deterministic, *_, loses = QUESTIONS
     flown, said = _flown(path, LAW_S)
-
-    def runs():
-        if flown is None:
-            return "bad", said
-        away = np.abs(flown[SEEN[-1]] - 1.0).max()
-        strays = f"{away:.2f} g away from level flight where {ASKED:g} g are asked in light turbulence: {said}"
-        return _said(strays if away > ASKED + GUSTS else "", said)
-
-    def deterministic():
-        again, _ = _flown(path, LAW_S)
-        same = flown is not None and flown.equals(again)
-        wrong = "two flights differ: a seed, a clock, what the first has left behind"
-        return _said("" if same else wrong, "twice the same bits")
-
-    def loses():
-        one = [_lost(name, 1.0 + i * LOST_S) for i, name in enumerate(SENSORS)]
-        every = [_lost(name, 1.0 + len(SENSORS) * LOST_S) for name in SENSORS]
-        lossy, said = _flown(path, 2.0 + (len(SENSORS) + 1) * LOST_S, [*one, *every])
-        told = f"{LOST_S:g} s without each measurement, then without any: {said}"
-        return _said(told if lossy is None else "", told)
-
-    return path.stem, [("runs", runs), ("deterministic", deterministic), ("lost samples", loses)]
+    if flown is None:
+        yield runs, "bad", said
+        return
+    away = np.abs(flown[SEEN[-1]] - 1.0).max()
+    strays = f"{away:.2f} g away from level flight where {ASKED:g} g are asked in light turbulence: {said}"
+    yield _said(runs, strays if away > ASKED + GUSTS else "", said)
+    wrong = "two flights differ: a seed, a clock, what the first has left behind"
+    yield _said(deterministic, "" if flown.equals(_flown(path, LAW_S)[0]) else wrong, "twice the same bits")
+    one = [_lost(name, 1.0 + i * LOST_S) for i, name in enumerate(SENSORS)]
+    every = [_lost(name, 1.0 + len(SENSORS) * LOST_S) for name in SENSORS]
+    lossy, said = _flown(path, 2.0 + (len(SENSORS) + 1) * LOST_S, [*one, *every])
+    told = f"{LOST_S:g} s without each measurement, then without any: {said}"
+    yield _said(loses, told if lossy is None else "", told)
 
 
 def _lost(name: str, start: float) -> str:

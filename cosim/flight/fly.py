@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.flight.loop.schedule import Tape
+from cosim.flight.loop.tape import Tape
 from cosim.flight.tick import Loop, order
 from cosim.judge.store import column_store, release
 
@@ -73,35 +73,42 @@ def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None, pause: A
 
     `logs` take the bus of each tick (cosim/flight/tick.py). The trace is an array (ticks, columns) of what the
     judgement needs (cosim/judge/store.py), or of `keep` (positions, dtype). `pause` is (tick, call): `call(tick)`
-    before that one is flown.
+    before that one is flown. `progress(t, end)` is called now and then.
     """
-    loop, n = setup.loop, setup.ticks
     index, kind = keep or (setup.trace.index, np.float32)
-    trace = column_store(n, len(index), kind)
-    rows = np.empty((min(n, SPAN), len(index)), kind)
-    tape = Tape(loop.v, loop.dt)
+    trace = column_store(setup.ticks, len(index), kind)
+    flown, status, reason = onwards(setup.loop, trace, index, 0, *logs, progress=progress, pause=pause)
+    return trace[:flown], status or "completed", reason
+
+
+def onwards(
+    loop: Loop, trace: np.ndarray, index: np.ndarray, first: int, *logs: Any, progress: Any = None, pause: Any = None
+) -> tuple[int, str, str]:
+    """Fly a loop from tick `first` to the end of `trace` (ticks, n), whose rows take the positions `index` of the bus.
+
+    The rest is as for `fly`. Return (ticks flown since the start, status, reason), "" to the end.
+    """
+    n = len(trace)
+    rows, tape = np.empty((min(n, SPAN), len(index))), Tape(loop.v, loop.dt)
     order(loop, tape, *logs, keep=(index, rows))
-    stop, call = pause or (n, None)
-    flown, status, reason = 0, "", ""
-    for a, b in pairwise(sorted({*range(0, n, len(rows)), stop, n})):
-        if call and a == stop:
+    stop, call = pause or (n, lambda k: None)
+    flown, status, reason = first, "", ""
+    for a, b in pairwise(sorted({first, *range(first - first % SPAN + SPAN, n, SPAN), stop, n})):
+        if a == stop:
             call(stop)
-        flown, status, reason = onwards(loop, tape, range(a, b), progress, n)
+        flown, status, reason = _span(loop, tape, range(a, b), progress, n)
         trace[a:flown] = rows[a % SPAN :][: flown - a]
         release(trace)
         if status:
             break
-    if call and stop == n and not status:
+    if stop == n and not status:
         call(stop)
-    return trace[:flown], status or "completed", reason
+    return flown, status, reason
 
 
-def onwards(loop: Loop, tape: Tape, ticks: range, progress: Any = None, n: int = 0) -> tuple[int, str, str]:
-    """Run these ticks of a loop by its tape; return (ticks flown since the start, status, reason), "" to the end.
-
-    `progress(t, n dt)` is called now and then.
-    """
-    k, whole = ticks.start, ticks.start
+def _span(loop, tape, ticks, progress, n):
+    """Run these ticks by a tape; return what `onwards` does."""
+    whole = ticks.start
     inside = _inside(loop.bus["truth"])
     try:
         for k in ticks:
@@ -114,5 +121,5 @@ def onwards(loop: Loop, tape: Tape, ticks: range, progress: Any = None, n: int =
                 if progress and k % PROGRESS_EVERY == 0:
                     progress(k * loop.dt, n * loop.dt)
     except KeyboardInterrupt:
-        return whole, "interrupted", f"at {k * loop.dt:.2f} s by the user"
+        return whole, "interrupted", f"at {whole * loop.dt:.2f} s by the user"
     return whole, "", ""

@@ -53,11 +53,9 @@ def simulate(
             wall_time_s=wall,
             faults=[{"kind": f.kind, "target": f.target, "start_s": f.start_s} for f in scenario.faults],
         )  # fmt: skip
-        if timed:
-            setup.time_detectors()
         swings = fault_free.displacement(trace) if fault_free and status != "interrupted" else None
         faults = judged(scenario, swings)
-        result.detectors = [judge(w, trace, setup.loop.dt, faults) for w in setup.judged_lanes()]
+        result.detectors = [judge(w, trace, setup.loop.dt, faults) for w in setup.judged_lanes(timed)]
         done = setup.trace.consequences(scenario, trace)
         lost = {name: why.partition(" (")[0] for name, why in left_out(scenario).items()}  # without the remedy's path
         result.extra = {"achieved": swings, "consequences": done, "startup_s": flown - started, "notes": setup.notes,

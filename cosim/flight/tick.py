@@ -3,7 +3,7 @@
 Everything of a tick is in one vector (cosim/flight/loop/bus.py). Each block below reads its own inputs there and leaves
 its state there; between blocks, wires copy (cosim/flight/loop/wiring.py). JSBSim is at t_k when the tick begins and at
 t_k+1 when it ends. `order` says once, to a tape, what every tick does; the tape does it without Python between the
-blocks (cosim/flight/loop/schedule.py).
+blocks (cosim/flight/loop/tape.py).
 """
 
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ import numpy as np
 
 from cosim.flight.blocks.noise import Draw
 from cosim.flight.loop.bus import Bus
-from cosim.flight.loop.schedule import Block, Tape
+from cosim.flight.loop.tape import Block, Tape
 from cosim.flight.plant.plant import Plant
 
 
@@ -47,11 +47,9 @@ def order(s: "Loop", tape: Tape, *logs: Any, keep: Any = None) -> None:
 
     tape.copy(*s.wires["hinge"])
     tape.step(s.hinge)
-    tape.copy(*s.wires["detectors"])
-    for detector in s.detectors:
-        if detector.name in s.read:
-            tape.copy(*s.read[detector.name])  # outputs at t_k of detectors before it
-        tape.step(detector)  # 4. detectors on measurements and commands at t_k, and on what the servos sent until now
+    for detector in s.detectors:  # 4. detectors on measurements and commands at t_k, on what the servos sent until now,
+        tape.copy(*s.wires[detector.name])  # and on outputs at t_k of detectors before it
+        tape.step(detector)
 
     tape.copy(*s.wires["servos"])
     for servo in s.servos:
@@ -80,7 +78,7 @@ class Loop:
     plant: Plant
     dt: float
     draw: Draw  # the noise
-    wires: dict  # stage -> (to, source), positions in the bus
+    wires: dict  # stage, or detector -> (to, source), positions in the bus
     places: tuple  # (clear, to, source): where faults act
     faults: Block
     sensors: Block
@@ -91,8 +89,6 @@ class Loop:
     servos: list = field(default_factory=list)
     actuators: list = field(default_factory=list)
     corrections: dict = field(default_factory=dict)  # stage -> calls after it (cosim/flight/blocks/corrections.py)
-    # detector -> (to, source) of its inputs that are outputs of detectors before it
-    read: dict = field(default_factory=dict)
     inputs: dict = field(default_factory=dict)  # stage -> a pilot's own table (cosim/flight/user_inputs.py)
 
     def __post_init__(self):
@@ -107,8 +103,3 @@ class Loop:
             self._tape, self._logs = Tape(self.v, self.dt), logs
             order(self, self._tape, *logs)
         return self._tape
-
-
-def tick(s: Any, k: int, *logs: Any) -> None:
-    """Advance the loop `s` from t_k to t_k+1; `logs` take the bus of t_k, see `order`."""
-    s.tape(*logs).run(k)

@@ -72,7 +72,7 @@ class Said:
         self.names = [n for n in (*SAID, *lane.alarms.values(), "valid", "why") if n in lane.at]
         self._columns = [lane.at[n] for n in self.names]
         self._onset = min((round(f["start_s"] / dt) for f in faults), default=None)
-        self.first, self.rows = np.zeros(0, int), np.zeros((0, len(self.names)))
+        self._changes: list[tuple[NDArray, NDArray]] = [(np.zeros(0, int), np.zeros((0, len(self.names))))]
         self._last = np.full((1, len(self.names)), math.nan)
 
     def add(self, trace: NDArray) -> "Said":
@@ -81,8 +81,7 @@ class Said:
             rows = trace[a : a + BLOCK]
             said = rows[:, self._columns]
             new = (said != np.vstack([self._last, said[:-1]])).any(axis=1)
-            self.first = np.append(self.first, self.ticks + np.flatnonzero(new))
-            self.rows = np.vstack([self.rows, said[new]])
+            self._changes.append((self.ticks + np.flatnonzero(new), said[new]))
             if "r" in self.lane.at:
                 r, n = np.abs(rows[:, self.lane.at["r"]]), len(rows)
                 cut = n if self._onset is None else min(max(self._onset - self.ticks, 0), n)
@@ -91,6 +90,16 @@ class Said:
             self._last, self.ticks = said[-1:], self.ticks + len(rows)
             release(trace)
         return self
+
+    @property
+    def first(self) -> NDArray:
+        """Return the ticks at which something changes (changes,)."""
+        return np.concatenate([first for first, _ in self._changes])
+
+    @property
+    def rows(self) -> NDArray:
+        """Return what is said from each of them on (changes, names)."""
+        return np.concatenate([rows for _, rows in self._changes])
 
     def spans(self, name: str) -> list[tuple[int, int]]:
         """Return [(first tick, tick after the last)] of the stretches in which an output is above one half."""
@@ -235,7 +244,13 @@ class Heard:
         self.words = [(verdict, part) for _, verdict, part in heard]  # of each run
         self.alarm = np.array([alarm for alarm, *_ in heard], bool)
         self.rises = runs.first[self.alarm & ~np.append(False, self.alarm[:-1])]
-        self._names: dict[tuple, Name] = {}  # by fault, words and the others that are there
+
+        @functools.cache
+        def named(verdict, part, *here):
+            met = [group[0] for group, is_here in zip(self.groups, here) if is_here]
+            return name_of(fault, self.lane.level, code.class_name(verdict), part, met)
+
+        self._name = named
 
     def tick(self, t: float) -> int:
         """Return the first tick at or after `t` [s], at most the number of ticks."""
@@ -296,21 +311,16 @@ class Heard:
 
     # -- names
 
-    def given(self, first: int, stop: int, fault: Mapping | None = None) -> list[Word]:
-        """Return the words of the ticks first <= k < stop in which an alarm stands with a name, as names of `fault`, by
-        default the lane's own. Of the others those count that are there then."""
+    def given(self, first: int, stop: int) -> list[Word]:
+        """Return the words of the ticks first <= k < stop in which an alarm stands with a name, as names of the fault.
+        Of the others those count that are there then."""
         inside = zip(*self.runs.inside(first, stop))
-        return [Word(int(a), int(b), self.words[i], self.name(i, fault)) for i, a, b in inside
+        return [Word(int(a), int(b), self.words[i], self.name(i)) for i, a, b in inside
                 if self.alarm[i] and self.words[i][0] > 0.5]  # fmt: skip
 
-    def name(self, run: int, fault: Mapping | None = None) -> Name:
-        """Return how what is said in a run stands to `fault`, by default the lane's own."""
-        here = tuple(there[run] for there in self.there)
-        key = (id(fault), *self.words[run], *here)
-        if key not in self._names:
-            (verdict, part), met = self.words[run], [group[0] for group, is_here in zip(self.groups, here) if is_here]
-            self._names[key] = name_of(fault or self.fault, self.lane.level, code.class_name(verdict), part, met)
-        return self._names[key]
+    def name(self, run: int) -> Name:
+        """Return how what is said in a run stands to the fault, beside the others that are there."""
+        return self._name(*self.words[run], *(there[run] for there in self.there))
 
     def verdicts(self, words: Sequence[Word]) -> dict:
         """Return the first of n > 0 words, the name at the end, and when the latter was first said [s]."""
@@ -323,13 +333,10 @@ class Heard:
         target = whole if not part else part if self.lane.level != "local" else f"{whole}.{part}"
         return {"class": code.class_name(verdict), "target": target}
 
-    def first_right(
-        self, first: int, end: int, right: Callable[[Name], bool] = lambda n: n.right, fault: Mapping | None = None
-    ) -> int | None:
-        """Return the first tick in [first, end) from which an alarm has the `right` name of `fault` for HOLD_S, else
-        None."""
+    def first_right(self, first: int, end: int, right: Callable[[Name], bool] = lambda n: n.right) -> int | None:
+        """Return the first tick in [first, end) from which an alarm has the `right` name for HOLD_S, else None."""
         begin = stop = -1
-        for word in self.given(first, end, fault):
+        for word in self.given(first, end):
             if right(word.name):
                 begin = begin if word.first == stop else word.first  # begins where the last one ends: the same stretch
                 stop = word.stop

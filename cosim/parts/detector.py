@@ -34,7 +34,7 @@ import numpy as np
 
 from actuators.block import Entry, dtype, record
 from actuators.exception_text import sentence
-from actuators.python_block import PythonBlock, of_rollout
+from actuators.python_block import PythonBlock
 from cosim.errors import CosimError
 from cosim.judge.coverage import true_class
 from cosim.scenario import catalog, vocabulary
@@ -61,10 +61,6 @@ class _Drop(Exception):
     def __init__(self, status: float, said: str):
         super().__init__(said)
         self.status = status
-
-
-def _nonsense(said):
-    return _Drop(NONSENSE, said)
 
 
 def is_block(module: Any) -> bool:
@@ -126,7 +122,9 @@ class PlainDetector:
             return step
 
         def failed(i, t, error):
-            made.notes.append(_dropped(self, lanes, i, t, error))
+            where = f" on {lanes[i]}" if i < len(lanes) else ""
+            said = str(error) if isinstance(error, _Drop) else sentence(error, self.file)
+            made.notes.append(f"{self.DETECTOR.id} is dropped{where} at {t:.3f} s: {said}")
             return [getattr(error, "status", RAISED) if name == "status" else 0.0 for name in OUTPUTS]
 
         made = PythonBlock(make, failed)
@@ -135,7 +133,8 @@ class PlainDetector:
     def _answer(self, said, t, notes):
         """Return the outputs of an answer; raises _Drop for nonsense."""
         if not isinstance(said, Mapping) or not said.keys() <= _KEYS:
-            raise _nonsense(f"update returned {said!r:.80}; allowed: a dict of {', '.join(sorted(_KEYS))}, or None")
+            allowed = f"a dict of {', '.join(sorted(_KEYS))}, or None"
+            raise _Drop(NONSENSE, f"update returned {said!r:.80}; allowed: {allowed}")
         r, alarm, valid, estimate = (
             _number(said.get(name, other), name)
             for name, other in (("r", 0.0), ("alarm", False), ("valid", True), ("estimate", 0.0))
@@ -144,7 +143,7 @@ class PlainDetector:
         isolated_part = said.get("isolated_part", "")
         if isolated_part not in self.ISOLABLE_PARTS:
             allowed = ", ".join(self.ISOLABLE_PARTS[1:])
-            raise _nonsense(f"isolated_part {isolated_part!r} is not one of its isolable_parts: {allowed}")
+            raise _Drop(NONSENSE, f"isolated_part {isolated_part!r} is not one of its isolable_parts: {allowed}")
         if not math.isfinite(r):
             if not notes:
                 notes.append(f"{self.DETECTOR.id}: r = {r} at {t:.3f} s; it counts as not valid while so")
@@ -153,17 +152,11 @@ class PlainDetector:
         return r, on, verdict, code, float(valid > 0.5), estimate, probability, GOOD
 
 
-def _dropped(own, lanes, i, t, error):
-    where = f" on {lanes[i]}" if i < len(lanes) else ""
-    said = str(error) if isinstance(error, _Drop) else sentence(error, own.file)
-    return f"{own.DETECTOR.id} is dropped{where} at {t:.3f} s: {said}"
-
-
 def _number(value, name):
     try:
         return float(value)
     except (TypeError, ValueError):
-        raise _nonsense(f"{name} = {value!r:.60} is no number") from None
+        raise _Drop(NONSENSE, f"{name} = {value!r:.60} is no number") from None
 
 
 def _verdict(verdict, alarm):
@@ -172,11 +165,11 @@ def _verdict(verdict, alarm):
         return (AMBIGUOUS if alarm else NONE), 1.0
     given = {verdict: 1.0} if isinstance(verdict, str) else verdict
     if not isinstance(given, Mapping) or not given or not given.keys() <= _CODES.keys():
-        raise _nonsense(f"verdict {verdict!r:.60}; allowed: {', '.join(NAMES)}")
+        raise _Drop(NONSENSE, f"verdict {verdict!r:.60}; allowed: {', '.join(NAMES)}")
     best = max(given, key=lambda name: _number(given[name], f"probability of {name}"))
     p = _number(given[best], "probability")
     if not 0.0 <= p <= 1.0 + 1e-6:
-        raise _nonsense(f"probability {p} of {best}; allowed: 0 to 1")
+        raise _Drop(NONSENSE, f"probability {p} of {best}; allowed: 0 to 1")
     return _CODES[best], p
 
 
@@ -193,23 +186,13 @@ class BlockDetector:
         if lacking := {"r", "alarm", "verdict", "isolated_part", "valid"} - set(module.OUTPUTS):
             raise PartError(f"OUTPUTS lacks {', '.join(sorted(lacking))}", place=file)
         if not isinstance(module.rollout, Entry):
-            self.runner = self._python
-        else:
-            try:
-                _ = module.rollout.native.address
-            except Exception as error:  # the compiler has dozens of kinds
-                said = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-                raise PartError(f"does not compile: {said}", place=file) from None
-
-    def _python(self, lanes=(), *, limited=False):
-        """Return a rollout in plain Python, of one flight; a lane in which it raises is dropped."""
-
-        def failed(i, t, error):
-            made.notes.append(_dropped(self, lanes, i, t, error))
-            return 0.0
-
-        made = of_rollout(self._module.rollout, self.STATE, self.INPUTS, failed)
-        return made
+            remedy = "rollout = entry(step, STATE, INPUTS, PARAMS)"
+            raise PartError("rollout is not compiled", place=file, remedy=remedy)
+        try:
+            _ = module.rollout.native.address
+        except Exception as error:  # the compiler has dozens of kinds
+            said = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+            raise PartError(f"does not compile: {said}", place=file) from None
 
     def __getattr__(self, name):
         return getattr(self._module, name)

@@ -180,13 +180,13 @@ class _Member:
         whole, held = (log.ticks(lane.hidden, start, stop), read[lane.hidden]) if self.hidden else none
         out, at, i = logged.copy(), np.searchsorted(ticks, whole), 0
         while i < len(ticks):
-            if ticks[i] != lane.at:
+            if ticks[i] != lane.at:  # ticks are missing before row i: on from the next whole state
                 k = int(np.searchsorted(at, i))
                 j = int(at[k]) + 1 if k < len(at) else len(ticks)
                 self.skipped += (j - i) * (lane.at is not None)
                 if k < len(at):
                     lane.restore(logged[j - 1], held[k], int(whole[k]))
-            else:
+            else:  # rows i to j follow one another
                 gaps = np.flatnonzero(np.diff(ticks[i:]) != lane.every)
                 j = i + 1 + int(gaps[0]) if len(gaps) else len(ticks)
                 inside = slice(*np.searchsorted(at, (i, j)))

@@ -40,7 +40,8 @@ def _designs(m, aircraft, done):
     """Tell of detectors that hold the model of another aircraft than the one that was recorded."""
     own, recorded = aircraft.name, m.aircraft
     told = dict.fromkeys(
-        d.id for d, *_ in done if d.level == "aircraft" and d.id in registry.SHIPPED and not d.record.any_aircraft
+        d.id for d, *_ in done
+        if d.record.level == "aircraft" and d.id in registry.SHIPPED and not d.record.any_aircraft
     )
     if recorded == own or not told:
         return []
@@ -53,7 +54,7 @@ def _lanes(done, dt, t_0):
     """Tell of times at which a detector does not judge, and of alarms that cover the recording."""
     out = []
     for d, lane, _, again in done:
-        names, step = [name for name, _ in elements(d.module.STATE, d.module.OUTPUTS)], dt * d.every
+        names, step = [name for name, _ in elements(d.module.STATE, d.module.OUTPUTS)], dt * d.record.every
         valid = again[:, names.index("valid")] > 0.5
         why = np.where(valid, reason.VALID, reason.NOT_READY)  # of one that does not say it
         why = again[:, names.index("why")] if "why" in names else why

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import CosimError, LogError, did_you_mean
-from cosim.flight.detection.parameters import assign, wrong_parameter, wrong_state
+from cosim.flight.detection.parameters import assign, beyond, parameter_spans, state_spans
 from cosim.log import Log
 from cosim.scenario import Scenario, parse, user_parts
 from cosim.texts import from_json, toml
@@ -88,8 +88,8 @@ def attached(log: Log, name: str, kind: Any, lanes: int) -> np.ndarray:
 
 def trusted(place: str, record: Any, module: Any, x: np.ndarray, p: np.ndarray | None = None, dt: float = 0.0) -> None:
     """Raise LogError when a number in the states or parameters of a log would index beyond the detector's arrays."""
-    found = [wrong_state(record, module, x), None if p is None else wrong_parameter(record, module, p, dt)]
-    for name, value, low, high in filter(None, found):
+    of_parameters = None if p is None else beyond(p, parameter_spans(record, module, dt))
+    for name, value, low, high in filter(None, (beyond(x, state_spans(record, module)), of_parameters)):
         said = f"{record.id}.{name} = {value:g} would reach beyond the detector's arrays"
         raise LogError(said, place=place, allowed=f"{low:g} to {high:g}")
 

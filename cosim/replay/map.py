@@ -79,7 +79,7 @@ def prepare(path: str | Path, map_path: Any, *, detectors: Any = None, start_s: 
     m, dt = signals_of.with_hinge(m), 1.0 / m.rate_hz
     factors = signals_of.factors(m, map_path, scenario)
     found = [d for d in table.chosen(scenario) if not detectors or d.id in (*detectors, *own)]
-    wires = {(d.id, lane): d.inputs(lane) for d in found for lane in d.lanes}
+    wires = {(d.id, lane): d.inputs[lane] for d in found for lane in d.lanes}
     sources = {w.signal.word: w.signal for own in wires.values() for w in own if w.signal.kind != "detector"}
     mapped = {name: s for name, s in m.signals.items() if s.channel}
     if not mapped:
@@ -171,7 +171,7 @@ def run_all(made: Prepared, overrides: Mapping[str, Any]) -> tuple[list, list]:
         spare = {w.source for lane in d.lanes for w in wires[d.id, lane] if d.record.may_lack}
         missing = {lane: [w for w in own if w not in values and w not in spare] for lane, own in words.items()}
         not_run += [{"id": d.id, "target": d.target(lane), "missing": lack} for lane, lack in missing.items() if lack]
-        ready = replace(d, lanes=tuple(lane for lane in d.lanes if not missing[lane]))
+        ready = replace(d, inputs={lane: own for lane, own in d.inputs.items() if not missing[lane]})
         if not ready.lanes:
             continue
         p = ready.params(made.scenario, dt)
@@ -181,11 +181,11 @@ def run_all(made: Prepared, overrides: Mapping[str, Any]) -> tuple[list, list]:
                     p[name][i] = value
             own_p, u = p[i : i + 1], lane_inputs(d.module, wires[d.id, lane], values, n)
             override(d.record, d.module, own_p, overrides.get(d.id, {}), dt)
-            own = Lane(d.id, lane, d.level, d.every, d.module, own_p, d.module.init(own_p))
-            again = own.step(u[:, :: d.every], dt)[0]
+            own = Lane(d.id, lane, d.record.level, d.record.every, d.module, own_p, d.module.init(own_p))
+            again = own.step(u[:, :: d.record.every], dt)[0]
             done.append((ready, lane, u, again))
             if d.id in read:
-                outputs = zip(vocabulary.outputs(d.module), np.repeat(again, d.every, axis=0)[:n].T)
+                outputs = zip(vocabulary.outputs(d.module), np.repeat(again, d.record.every, axis=0)[:n].T)
                 values |= {f"{d.id}.{lane}.{name}": (y, np.ones(n)) for name, y in outputs}
     return done, not_run
 
@@ -218,7 +218,8 @@ def _scenario(m, chosen, place):
 def _verdict(d, lane, again, made):
     """Return one row of the verdict table; times are the recording's."""
     names = [name for name, _ in elements(d.module.STATE, d.module.OUTPUTS)]
-    found = judge(judged_lane(d.id, d.level, lane, d.module.ISOLABLE_PARTS, names), again, made.dt * d.every, [])
+    judged = judged_lane(d.id, d.record.level, lane, d.module.ISOLABLE_PARTS, names)
+    found = judge(judged, again, made.dt * d.record.every, [])
     at, valid = found["detected_at_s"], again[:, names.index("valid")] > 0.5
     return {
         **{name: found[name] for name in ("id", "level", "target", "alarm")},
@@ -238,7 +239,7 @@ def _write(path, done, out, text, dt):
         read, module = flat(np.ascontiguousarray(u))[0], d.module
         for where, kind, names, rows, every in (
             ("/input", module.INPUTS, module.INPUTS.names, read, 1),
-            ("/replay/detectors", module.STATE, module.OUTPUTS, again, d.every),
+            ("/replay/detectors", module.STATE, module.OUTPUTS, again, d.record.every),
         ):
             fields, units = zip(*elements(kind, names))
             topic = Topic(f"{where}/{d.id}/{lane}", fields, units, every=every, channel=f"{where}/{d.id}")

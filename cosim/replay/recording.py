@@ -247,7 +247,7 @@ class LoggedFlight:
         if self.has(topic, field):
             return [(topic, field, 1.0)]
         if field == "truth":
-            return self.sources(dict(wiring.sensor_wires(self.scenario))[name])
+            return self.sources(dict(wiring.wires(self.scenario)["sensors"])[name])
         return [_fault(f.name, source) for f in self._injected for to, source in f.places if to == name]
 
     @cached_property

@@ -56,13 +56,3 @@ def test_a_missed_run_makes_delays_later_not_smaller():
     assert m.delays([0.08, 0.795, 0.10, 1.195])["median"] == pytest.approx(0.4475)
     d = m.delays(np.arange(1.0, 31.0))  # tables of order statistics: covered with 95.7 %
     assert (d["low"], d["high"]) == (10.0, 21.0)
-
-
-@pytest.mark.parametrize(
-    "call",
-    [lambda: m.proportion(3, 2), lambda: m.proportion(-1, 2), lambda: m.rate(1, 0.0), lambda: m.delays([]),
-     lambda: m.delays([-1.0])],
-)  # fmt: skip
-def test_impossible_counts_and_samples_are_refused(call):
-    with pytest.raises(ValueError):
-        call()

@@ -10,7 +10,6 @@ from transport_fit import build
 
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import POINTS, FlightPoint, Plant
-from cosim.flight.plant.trim import surfaces_at
 from cosim.scenario.aircraft import load_aircraft
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -86,10 +85,11 @@ def test_six_points_have_more_than_1_3_g(name):
 
 
 def _pulled(plant, trim, alpha, elevator):
+    surfaces = trim.surfaces.copy()
+    surfaces[plant.border.column(plant.border.elevators)] = elevator
     plant.place(
-        tas=trim.tas, alpha=alpha, theta=alpha, altitude=trim.altitude, q=0.3 * 9.81 / trim.tas,
-        surfaces=surfaces_at(plant.border, trim.stabilizer, trim.throttle, elevator=elevator),
-    )  # fmt: skip
+        tas=trim.tas, alpha=alpha, theta=alpha, altitude=trim.altitude, q=0.3 * 9.81 / trim.tas, surfaces=surfaces
+    )
     t = plant.truth()[0]
     return t.nz * math.cos(alpha) + t.nx * math.sin(alpha), t.qdot
 
@@ -104,11 +104,11 @@ def test_mass_cg_and_radii_of_gyration(mass_t, cg_pct):
     assert t.mass == pytest.approx(mass_t * 1e3, rel=1e-7)  # JSBSim converts pounds to slugs with nine digits
     assert t.cg == pytest.approx(cg_pct / 100.0, abs=1e-9)
     for axis in ("xx", "yy", "zz"):
-        inertia = plant.port.getter(f"inertia/i{axis}-slugs_ft2")() * 1.3558179483314
+        inertia = plant.port.get(f"inertia/i{axis}-slugs_ft2") * 1.3558179483314
         assert inertia == pytest.approx(gyration2[axis] * t.mass, rel=2e-5)
         assert gyration2[axis] * 1e3 * CRUISE_T == pytest.approx(1.3558179 * printed[axis], rel=1e-2)
     # JSBSim shows the element of the inertia matrix, minus the integral of x z
-    assert plant.port.getter("inertia/ixz-slugs_ft2")() * -1.3558179483314 == pytest.approx(
+    assert plant.port.get("inertia/ixz-slugs_ft2") * -1.3558179483314 == pytest.approx(
         gyration2["xz"] * t.mass, rel=2e-3
     )
 

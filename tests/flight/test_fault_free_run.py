@@ -32,10 +32,10 @@ pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="on
 
 def test_a_copy_of_the_process_flies_what_the_whole_run_does_and_one_that_dies_costs_only_time(monkeypatch):
     scenario, flown, positions = cosim.load_scenario("liquid-ofc", SCENARIO), [], []
-    real = reference._quietly
-    for copies, quietly in ((False, real), (True, real), (True, lambda *given: os._exit(3))):
+    real = reference.onwards
+    for copies, onwards in ((False, real), (True, real), (True, lambda *given: os._exit(3))):
         monkeypatch.setattr(reference, "_copies", lambda copies=copies: copies)
-        monkeypatch.setattr(reference, "_quietly", quietly)
+        monkeypatch.setattr(reference, "onwards", onwards)
         reference._positions.clear()
         flown.append(cosim.simulate(scenario, achieved=True, timed=False).extra["achieved"])
         positions.append(next(iter(reference._positions.values())))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cosim.flight.loop.tape import Tape
 from cosim.flight.plant import gusts
 
 AIRCRAFT = {"span": 59.6, "tail_arm": 32.1, "downwash": 0.4}
@@ -12,8 +13,13 @@ RMS = {"light": 1.524, "moderate": 3.048, "severe": 6.401}  # 5, 10, 21 ft/s
 def air(kind, seed, *, seconds, dt=0.005, tas=200.0, weather=None, **angles):
     """Return (ticks, 6): gusts to north, east, down [m/s] and p, q, r [rad/s]."""
     made = gusts.Gusts(gusts.params(kind, dt, **AIRCRAFT, **(weather or {})), dt, seed)
-    where = {"phi": 0.0, "theta": 0.0, "psi": 0.0} | angles
-    return np.array([made.next(tas, **where) for _ in range(round(seconds / dt))])
+    tape, out = Tape(np.zeros(1), dt), np.zeros((round(seconds / dt), 6))
+    made.schedule(tape)
+    made.met[:] = [tas, *({"phi": 0.0, "theta": 0.0, "psi": 0.0, "h": 0.0} | angles).values()]
+    for k, row in enumerate(out):
+        tape.run(k)
+        row[:] = made.moved
+    return out
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from scipy import signal
 from actuators.block import dtype, record
 from cosim.flight.blocks import faults, manoeuvre, sensors
 from cosim.flight.loop.bus import Bus
-from cosim.flight.loop.schedule import Tape
+from cosim.flight.loop.tape import Tape
 
 PAIR = dtype([("a", "f8"), ("b", "f8", (3,))])
 

@@ -7,7 +7,7 @@ from cosim.flight.blocks import noise
 from cosim.flight.blocks.noise import Draw, generator
 from cosim.flight.build import build
 from cosim.flight.fly import fly
-from cosim.flight.loop.schedule import Tape
+from cosim.flight.loop.tape import Tape
 from cosim.scenario import load_scenario
 
 FROZEN = 0.19599028265514082  # the same on every machine

@@ -126,7 +126,7 @@ def test_export_keeps_names_and_numbers(tmp_path):
 def test_unknown_property_is_refused():
     plant = Plant(POINTS["sun13"])
     with pytest.raises(KeyError, match="no property"):
-        plant.port.getter("fcs/elevator-lo-pos-rda")
+        plant.port.get("fcs/elevator-lo-pos-rda")
     assert isinstance(plant.port, Port)
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from cosim import fly, load_scenario, simulate
 from cosim.flight.detection.detector_context import site
-from cosim.flight.detection.parameters import wrong_parameter
+from cosim.flight.detection.parameters import beyond, parameter_spans
 from cosim.replay import replay
 from cosim.scenario.catalog import SEGMENTS
 from fdi import registry
@@ -19,7 +19,7 @@ def test_the_delays_of_every_detector_fit_its_arrays(rate):
     for name, record in registry.records().items():
         for lane in [s for s in SEGMENTS if technology[s] in record.technologies] or [""]:
             p = record.fit(site(scenario.dt, lane, technology))
-            assert wrong_parameter(record, registry.module(name), p, scenario.dt) is None, name
+            assert beyond(p, parameter_spans(record, registry.module(name), scenario.dt)) is None, name
 
 
 @pytest.mark.parametrize("rate", (50, 333, 2000))

@@ -1,11 +1,11 @@
 """The tape: Python may stand anywhere in a tick."""
 
+import functools
 
 import numpy as np
 
 import cosim
 from cosim.flight.build import build
-from cosim.flight.tick import tick
 
 TICKS = 400
 MONITOR = 'detectors.enabled=["position_monitor"]'
@@ -29,26 +29,18 @@ def test_python_between_the_blocks_and_between_ticks_changes_nothing_by_itself()
 
     def in_python(loop):
         for block in (loop.law, *loop.detectors, loop.servos[0]):
-            block.module = _Plain(block.module)
-        return lambda k: tick(loop, k, lambda v: seen.append(v[loop.bus.index("clock.clock.t")]))
+            block.rollout = functools.partial(_advance, block.rollout)
+        tape = loop.tape(lambda v: seen.append(v[loop.bus.index("clock.clock.t")]))
+        return tape.run
 
-    alone = _flown(build(scenario), lambda loop: lambda k: tick(loop, k))
+    alone = _flown(build(scenario), lambda loop: loop.tape().run)
     np.testing.assert_array_equal(alone, _flown(build(scenario), in_python))
     np.testing.assert_array_equal(seen, np.arange(TICKS) * 0.005)
 
 
-class _Plain:
-    """A block's module whose rollout is a call of Python."""
-
-    def __init__(self, module):
-        self._module = module
-
-    def rollout(self, x, u, p, dt, log=None):
-        """Advance as the module does."""
-        self._module.rollout(x, u, p, dt, log)
-
-    def __getattr__(self, name):
-        return getattr(self._module, name)
+def _advance(rollout, x, u, p, dt):
+    """Advance as a compiled block does, by a call of Python."""
+    rollout(x, u, p, dt)
 
 
 def test_a_block_may_step_at_a_multiple_of_the_tick():
@@ -57,6 +49,6 @@ def test_a_block_may_step_at_a_multiple_of_the_tick():
     detector.every, before, moved = 3, None, []
     for k in range(12):
         before = detector.x.copy()
-        tick(loop, k)
+        loop.tape().run(k)
         moved.append(not np.array_equal(before, detector.x))
     assert [k for k in range(12) if moved[k]] == [0, 3, 6, 9]

@@ -170,13 +170,6 @@ def test_a_model_over_a_window_flies_from_scikit_learn_and_from_onnx(tmp_path):
         cosim.window_model("none", "nowhere.onnx", near=tmp_path, **common)
 
 
-PLAIN_BLOCK = """
-
-def rollout(x, u, p, dt, log=None):
-    for i in range(u.shape[0]):
-        for k in range(u.shape[1]):
-            step(x[i], u[i, k], p[i], dt)
-"""
 FLIGHT = "__import__('sys')._getframe(2).f_locals['given'][0]"  # of the caller's caller: every tick of the flight
 NOW = "        now = (y.rod"
 
@@ -186,7 +179,6 @@ NOW = "        now = (y.rod"
     [
         (lambda parity: parity, {}),
         (lambda parity: BLOCK.read_text(), {}),
-        (lambda parity: BLOCK.read_text() + PLAIN_BLOCK, {}),
         (lambda parity: (DATA / "user_parts/counting.py").read_text(),
          {"deterministic": "two runs differ", "live as in replay": "tick by tick"}),
         (lambda parity: parity.replace(NOW, f"        1 / (t < 2.0)\n{NOW}"),
@@ -194,7 +186,7 @@ NOW = "        now = (y.rod"
         (lambda parity: parity.replace(NOW, f"{NOW} + 1e-9 * {FLIGHT}[-1, 0]"),
          {"causal": "depends on what is measured from", "live as in replay": "tick by tick"}),
     ],
-    ids=("class", "block", "plain block", "random", "raises", "future"),
+    ids=("class", "block", "random", "raises", "future"),
 )  # fmt: skip
 def test_check_says_for_each_question_whether_it_is_kept(parity, tmp_path, code, bad):
     (tmp_path / "own.py").write_text(code(parity.read_text()))

@@ -226,6 +226,7 @@ def test_half_the_rate_is_interpolated_and_a_slow_command_is_told(flight, bench,
     told = bench(bench_frame(signals, 100), output=tmp_path / "out.mcap", **how)
     lanes = {d["target"]: d["replayed"] for d in replay(flight.path, **how).detectors}
     native, (row,) = lanes["elevator.left_inner"], told.detectors
+    assert told.clock.endswith("; between samples a sensor is interpolated and a command held")
     assert row["first_alarm_s"] == pytest.approx(native["detected_at_s"], abs=0.05)
     assert row["isolated"] == native["isolated"]
     again = open_log(tmp_path / "out.mcap").frame("/input/position_monitor/left_inner")["surface"].to_numpy()
@@ -358,8 +359,8 @@ def test_the_page_of_a_diagnosis_shows_verdicts_and_what_was_read(bench, signals
 class Stub:
     """A detector that ran: outputs r, alarm, valid, why."""
 
-    id, level, every = "rfafe_airframe", "aircraft", 1
-    record = SimpleNamespace(any_aircraft=False, range=MappingProxyType({}))
+    id = "rfafe_airframe"
+    record = SimpleNamespace(level="aircraft", every=1, any_aircraft=False, range=MappingProxyType({}))
     module = SimpleNamespace(STATE=dtype([(n, "f8") for n in ("r", "alarm", "valid", "why")]),
                              OUTPUTS=("r", "alarm", "valid", "why"))  # fmt: skip
 

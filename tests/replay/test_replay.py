@@ -31,7 +31,12 @@ def test_every_detector_replays_bit_for_bit(whole):
 def test_restart_from_the_middle_is_exact(flight, whole, start):
     r = replay(flight, start_s=start)
     assert r.exact, r.differences
-    assert 0 < r.rows < whole.rows or start < 1.0
+    assert r.skipped == 0 and (0 < r.rows < whole.rows or start < 1.0)
+
+
+def test_a_log_is_written_of_a_whole_replay_alone(flight, tmp_path):
+    with pytest.raises(ReplayError, match="begins with the flight"):
+        replay(flight, start_s=2.0, output=tmp_path / "w.mcap")
 
 
 def test_one_ulp_in_one_logged_input_is_found_and_located(flight, tmp_path):

@@ -35,7 +35,7 @@ def plain(aircraft: Any, kind: str) -> dict[str, float]:
 
 
 def blocks(scenario: Scenario, loads: dict, others: dict, dt: float) -> list[tuple]:
-    """Return [(section, module, p, x0, lanes)] of all actuators, a servo before its actuator.
+    """Return [(section, module, lanes, p, x0)] of all actuators, a servo before its actuator.
 
     `loads` maps segment -> (delta, hm0, hmd) at trim, `others` the remaining surfaces -> their angle [rad]. What flies
     is multiplied by the scenario's tolerances, or what it sets for a segment.
@@ -51,9 +51,9 @@ def blocks(scenario: Scenario, loads: dict, others: dict, dt: float) -> list[tup
             believed = [set_.get(s, Settings()).model for s in lanes]
             travel = aircraft.travels["elevator"]
             made = technology.build(own, truth, believed, trim, travel, dt, sensor_age(dt))
-            out += [(*b, lanes) for b in made]
+            out += [(section, module, lanes, p, x0) for section, module, p, x0 in made]
     left = tuple(s for s in flown if flown[s] == "simple")
     kinds = ["elevator"] * len(left) + [name.split("_")[0] for name in others]
     p = np.concatenate([simple.params(**plain(aircraft, k)) for k in kinds])
     x = simple.init_at(p, np.array([loads[s][0] for s in left] + list(others.values())))
-    return [*out, ("simple", simple, p, x, left + tuple(others))]
+    return [*out, ("simple", simple, left + tuple(others), p, x)]

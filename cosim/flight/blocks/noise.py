@@ -33,7 +33,7 @@ class Draw:
     def schedule(self, tape: Any, to: np.ndarray) -> None:
         """Schedule on a tape to put each tick's numbers at the positions `to` of the bus."""
         tape.first(self._next)
-        tape.noise(to, self._block)
+        tape.table(to, self._block)
 
     def _next(self, k):
         if k % TICKS == 0:

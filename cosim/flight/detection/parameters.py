@@ -15,6 +15,8 @@ from cosim.flight.detection.detector_context import site
 from cosim.scenario.catalog import DEFAULT_TECHNOLOGY
 from fdi import registry
 
+Spans = dict[str, tuple[float, float]]  # index -> the lowest and the highest whole number that it may be
+
 
 def assign(record: Any, module: Any, p: Any, name: str, value: Any, dt: float, *, error: Any, place: str) -> None:
     """Set parameter `name` of all lanes in PARAMS `p`: a number, all elements of an array, or one of them, `name[i,j]`.
@@ -31,62 +33,48 @@ def assign(record: Any, module: Any, p: Any, name: str, value: Any, dt: float, *
                     allowed=f"{option} = {', '.join(map(repr, record.options[option]))}",
                     remedy=f"Set detectors.{record.id}.{option} in the scenario")  # fmt: skip
     shape = p.dtype[base].shape
-    span = parameter_range(base, record, module, dt)
-    if span is not None and not (span[0] <= value <= span[1] and value == round(value)):
-        said = f"a whole number from {span[0]:g} to {span[1]:g}"
-        raise error(f"index {value:g} is out of range", place=place, allowed=said)
     try:
         at = tuple(int(i) for i in index.rstrip("]").split(",")) if index else ()
         p[base][(slice(None), *at)] = value
     except (ValueError, IndexError) as wrong:
         said = f"a number, elements of shape {shape}" if shape else "a number"
         raise error(f"{value!r} cannot be set", place=place, allowed=said) from wrong
+    if found := beyond(p, parameter_spans(record, module, dt)):
+        _, number, low, high = found
+        allowed = f"a whole number from {low:g} to {high:g}"
+        raise error(f"index {number:g} is out of range", place=place, allowed=allowed)
 
 
-def parameter_range(name: str, record: Any, module: Any, dt: float) -> tuple[Any, ...] | None:
-    """Return (lowest, highest) that parameter `name` may be, both whole; None for any number."""
-    if name in record.looks_back:
-        return 0.0, module.STATE[record.looks_back[name]].shape[0] - 1.0
-    if name in record.sizes:
-        least, largest = _designed(record.id, dt)[name]
-        return min(record.sizes[name], least), largest
+def parameter_spans(record: Any, module: Any, dt: float) -> Spans:
+    """Return what the parameters of a detector may be that are used as indices, at a tick of `dt` [s]."""
+    back = {name: (0.0, module.STATE[array].shape[0] - 1.0) for name, array in record.looks_back.items()}
+    return back | _sizes(record.id, dt) if record.sizes else back
+
+
+def state_spans(record: Any, module: Any) -> Spans:
+    """Return what the states of a detector may be that are used as indices."""
+    places = {name: (0.0, module.STATE[array].shape[axis] - 1.0) for name, (array, axis) in record.places.items()}
+    return {"isolated_part": (0.0, len(module.ISOLABLE_PARTS) - 1.0), **places}
+
+
+def beyond(numbers: np.ndarray, spans: Spans) -> tuple[str, float, float, float] | None:
+    """Return (name, value, lowest, highest) of the first index in a record array that does not fit; None when all
+    do."""
+    for name, (low, high) in spans.items():
+        values = np.ravel(numbers[name])
+        fits = (values >= low) & (values <= high) & (values == np.round(values))
+        if not fits.all():
+            return name, float(values[~fits][0]), low, high
     return None
-
-
-def wrong_parameter(record: Any, module: Any, p: np.ndarray, dt: float) -> tuple[Any, ...] | None:
-    """Return (name, value, lowest, highest) of the first index in PARAMS `p` that does not fit; None when all do."""
-    for name in module.PARAMS.names:
-        span = parameter_range(name, record, module, dt)
-        if span is not None and not _whole(p[name], *span):
-            return name, _first(p[name], *span), *span
-    return None
-
-
-def wrong_state(record: Any, module: Any, x: np.ndarray) -> tuple[str, float, float, float] | None:
-    """Return (name, value, lowest, highest) of the first index in STATE `x` that does not fit; None when all do."""
-    spans = {"isolated_part": len(module.ISOLABLE_PARTS) - 1.0}
-    spans |= {name: module.STATE[array].shape[axis] - 1.0 for name, (array, axis) in record.places.items()}
-    for name, high in spans.items():
-        if not _whole(x[name], 0.0, high):
-            return name, _first(x[name], 0.0, high), 0.0, high
-    return None
-
-
-def _whole(values, low, high):
-    values = np.asarray(values)
-    return bool(np.all((values >= low) & (values <= high) & (values == np.round(values))))
-
-
-def _first(values, low, high):
-    values = np.ravel(values)
-    return float(next(v for v in values if not _whole(v, low, high)))
 
 
 @functools.cache
-def _designed(detector, dt):
-    """Return {size: (least, largest)} over the designs of every choice a scenario has: no more fits the arrays."""
+def _sizes(detector, dt):
+    """Return the spans of sizes: up to the largest of the designs of every choice that a scenario has, as no more fits
+    the arrays."""
     record = registry.record(detector)
     lane = next((n for n, t in DEFAULT_TECHNOLOGY.items() if t in record.technologies), "")
     words: list[dict] = [{}] + [{name: word} for name, allowed in record.options.items() for word in allowed]
     made = [record.fit(site(dt, lane, DEFAULT_TECHNOLOGY), **w) for w in words]
-    return {n: (float(min(p[n].min() for p in made)), float(max(p[n].max() for p in made))) for n in record.sizes}
+    return {n: (min(least, *(float(p[n].min()) for p in made)), max(float(p[n].max()) for p in made))
+            for n, least in record.sizes.items()}  # fmt: skip

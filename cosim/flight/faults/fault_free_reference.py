@@ -9,14 +9,11 @@ What is measured of the difference stands in cosim/judge/fault_effect.py.
 
 import ctypes
 import gc
-import math
 import mmap
 import os
 import signal
 import sys
 import threading
-import tomllib
-from collections import OrderedDict
 from dataclasses import replace
 from typing import Any
 
@@ -25,16 +22,14 @@ from numpy.typing import NDArray
 
 from cosim.flight.build import Setup, build
 from cosim.flight.fly import fly, onwards
-from cosim.flight.loop.schedule import Tape
-from cosim.flight.tick import order
 from cosim.judge.fault_effect import moved
 from cosim.judge.store import column_store
-from cosim.scenario import Scenario, parse
+from cosim.scenario import Scenario
 
 KEPT = 16  # flights without faults
 WAITS_FOR_PARENT = "parent"  # name of a thread that holds no lock
 _PR_SET_PDEATHSIG = 1  # of Linux: which signal a process gets when the one that started it ends
-_positions: OrderedDict[str, NDArray] = OrderedDict()  # TOML of a flight without faults -> `positions`
+_positions: dict[str, NDArray] = {}  # TOML of a flight without faults -> rods [m] and surfaces [rad] of its segments
 
 
 def achieved(scenario: Scenario) -> dict[str, dict]:
@@ -64,26 +59,28 @@ class FaultFreeRun:
 
     def __init__(self, setup: Setup):
         self._setup, self._segments = setup, faulted(setup.scenario)
-        self._key = _quiet(setup.scenario).expanded_toml() if self._segments else ""  # of this run
+        self._quiet = unwatched(setup.scenario).model_copy(update={"title": "", "faults": ()})
+        self._key = self._quiet.expanded_toml() if self._segments else ""
         self._child, self._first = 0, 0  # its process, and its first tick
-        self._rows, self._flown = np.zeros((0, 0), np.float32), np.zeros(1, np.int64)  # what it writes
         self.pause: tuple[int, Any] | None = None
         if self._segments and self._key not in _positions and _copies():
             first = int(np.min(setup.loop.faults.p["start"]) / setup.loop.dt) - 1
             self.pause = min(max(0, first), setup.ticks), self._part
 
     def _part(self, k):
-        """Fly on without the faults from tick `k`, in a copy of this process."""
-        n, columns = self._setup.ticks, [column for column, _ in _places(self._setup.trace)]
-        self._rows = np.frombuffer(mmap.mmap(-1, 4 * len(columns) * n), np.float32).reshape(n, -1)
-        self._flown = np.frombuffer(mmap.mmap(-1, 8), np.int64)
+        """Fly on without the faults from tick `k`, in a copy of this process that shares `_rows` with it."""
+        index, n = self._setup.trace.index[self._setup.trace.moving], self._setup.ticks
+        self._rows = np.frombuffer(mmap.mmap(-1, 4 * len(index) * n), np.float32).reshape(n, -1)
         self._first, self._child = k, os.fork()
         if not self._child:
             try:
                 ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # a copy ends with what it was copied from
                 gc.disable()  # what is not written to is not copied
-                self._flown[:] = _quietly(self._setup, k, self._setup.trace.index[columns], self._rows)
-                os._exit(0)
+                loop = self._setup.loop
+                loop.faults.p["start"] = np.inf
+                quiet = replace(loop, detectors=[d for d in loop.detectors if d.name in self._quiet.running])
+                flown, *_ = onwards(quiet, self._rows, index, k)
+                os._exit(flown < n)
             finally:
                 os._exit(1)
 
@@ -92,25 +89,34 @@ class FaultFreeRun:
         if not self._segments:
             return {}
         trace, scenario = self._setup.trace, self._setup.scenario
-        reference, places, out = self._reference(rows), _places(trace), {}
+        reference, out = self._reference(rows), {}
         n = min(len(rows), len(reference))
         for segment, faults in self._segments.items():
-            i = 2 * list(trace.surface).index(segment)
-            difference = _placed(places[i : i + 2], rows[:n]).astype(float) - reference[:n, i : i + 2]
-            out[segment] = moved(difference, faults, scenario.dt, scenario.aircraft.travel)
+            i = 2 * list(scenario.aircraft.short).index(segment)
+            own = slice(i, i + 2)
+            flown = rows[:n, trace.moving[own]] * trace.gains[own]
+            apart = flown.astype(float) - reference[:n, own]
+            out[segment] = moved(apart, faults, scenario.dt, scenario.aircraft.travel)
         return out
 
     def _reference(self, rows):
-        """Return `positions` without the faults; `rows` are those of the flight."""
-        if self._child:
-            child, self._child = self._child, 0
-            if os.waitpid(child, 0)[1] == 0:
-                places = _places(self._setup.trace)
-                own = [(i, gain) for i, (_, gain) in enumerate(places)]
-                reference = _placed(own, self._rows[: int(self._flown[0])])
-                reference[: self._first] = _placed(places, rows[: self._first])
-                _keep(self._key, reference)
-        return positions(self._key)
+        """Return rods and surfaces (ticks, 2 segments) without the faults [m, rad]; `rows` are those of the flight."""
+        child, self._child = self._child, 0
+        if child and os.waitpid(child, 0)[1] == 0:
+            self._rows[: self._first] = rows[: self._first, self._setup.trace.moving]
+            self._keep(self._rows)
+        if self._key not in _positions:
+            whole = build(self._quiet)
+            flown, *_ = fly(whole, keep=(whole.trace.index[whole.trace.moving], np.float32))
+            self._keep(flown)
+        return _positions[self._key]
+
+    def _keep(self, rows):
+        positions = column_store(*rows.shape)
+        np.multiply(rows, self._setup.trace.gains, out=positions)
+        _positions[self._key] = positions
+        if len(_positions) > KEPT:
+            del _positions[next(iter(_positions))]
 
     def __enter__(self) -> "FaultFreeRun":
         return self
@@ -129,54 +135,7 @@ def _copies():
     return sys.platform == "linux" and others <= {WAITS_FOR_PARENT} and hasattr(os, "fork")
 
 
-def _quietly(setup, k, index, rows):
-    """Fly a built flight on from tick `k` without its faults; rows[k:] take the positions `index` of the bus.
-
-    Return how many ticks have been flown.
-    """
-    quiet = _quiet(setup.scenario).running
-    loop = replace(setup.loop, detectors=[d for d in setup.loop.detectors if d.name in quiet])
-    loop.faults.p["start"] = np.inf
-    tape = Tape(loop.v, loop.dt)
-    order(loop, tape, keep=(index, rows))
-    return onwards(loop, tape, range(k, len(rows)))[0]
-
-
-def positions(scenario_toml: str) -> NDArray:
-    """Return columns (ticks, 8) of a flight: per segment rod [m], NaN where it has none, and surface [rad]."""
-    if scenario_toml not in _positions:
-        setup = build(parse(tomllib.loads(scenario_toml)))
-        rows, *_ = fly(setup)
-        _keep(scenario_toml, _placed(_places(setup.trace), rows))
-    _positions.move_to_end(scenario_toml)
-    return _positions[scenario_toml]
-
-
-def _keep(key, value):
-    _positions[key] = value
-    if len(_positions) > KEPT:
-        _positions.popitem(last=False)
-
-
 def unwatched(scenario: Scenario) -> Scenario:
     """Return `scenario` without detectors but those in the loop: nothing of a user's detectors is run to fly it."""
     own = {name: t for name, t in (scenario.detectors.model_extra or {}).items() if "file" not in t}
     return scenario.model_copy(update={"detectors": type(scenario.detectors)(enabled=(), **own)})
-
-
-def _quiet(scenario):
-    return unwatched(scenario).model_copy(update={"title": "", "faults": ()})
-
-
-def _places(trace):
-    """Return (column of the trace, its m or rad) of each segment's rod and surface; NaN where it has no rod."""
-    rods = [trace.rod.get(segment, (column, math.nan)) for segment, column in trace.surface.items()]
-    return [place for rod, column in zip(rods, trace.surface.values()) for place in (rod, (column, 1.0))]
-
-
-def _placed(places, rows):
-    """Return (ticks, places) in single precision of the rows (ticks, columns)."""
-    out = column_store(len(rows), len(places))
-    for i, (column, gain) in enumerate(places):
-        out[:, i] = gain * rows[:, column]
-    return out

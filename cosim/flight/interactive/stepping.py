@@ -24,7 +24,7 @@ import numpy as np
 
 from cosim.errors import ScenarioError, told_at_call
 from cosim.files import LOG, claim, marked, replace_text
-from cosim.flight.build import Setup, build
+from cosim.flight.build import build
 from cosim.flight.faults.conditions import resolved
 from cosim.flight.fly import CHECK_EVERY, health
 from cosim.flight.loop.recorder import topics
@@ -74,7 +74,8 @@ class Flight:
 
     `scenario` is a Scenario or what `cosim.load_scenario` takes, `log` the path of the log that is written when the
     flight is closed, or None; a flight that is killed flies again by LOG.flown.toml. `scenario` of the flight holds
-    what was injected, `tick` and `time` [s] count what was flown, `status` is "flying", "completed", "departed" or
+    what was injected, `setup` is the built flight, another one after `inject` and `heal`, `tick` and `time` [s] count
+    what was flown, `values` is the bus of the tick flown last, `status` "flying", "completed", "departed" or
     "diverged". Raises TrimError when the point cannot be flown.
     """
 
@@ -85,8 +86,8 @@ class Flight:
         for path, sign in ((log, LOG), (self._changed, CHANGED)) if log is not None else ():
             claim(path, sign)
         self.tick, self.status, self.reason = 0, "flying", ""
-        self._setup = build(self.scenario)
-        self._last, self._sink = self._setup.loop.v.copy(), self._keep
+        self.setup = build(self.scenario)
+        self.values = self.setup.loop.v.copy()
         self._result: tuple[int, Result] | None = None
 
     def __repr__(self) -> str:
@@ -108,40 +109,25 @@ class Flight:
         return self.tick * self.dt
 
     @property
-    def setup(self) -> Setup:
-        """Return the built flight as it is now; another one after `inject` and `heal`."""
-        return self._setup
-
-    @property
-    def values(self) -> np.ndarray:
-        """Return the bus of the tick flown last, before the first that of the trim."""
-        return self._last
-
-    @property
     def signals(self) -> Signals:
         """Return the numbers of the tick flown last; before the first those of the trim."""
-        return Signals(self._setup, self._last)
+        return Signals(self.setup, self.values)
 
     def step(self, n: int = 1) -> int:
         """Fly up to `n` ticks and return how many: fewer at the scenario's end and when the aircraft departs."""
-        flown = 0
-        while flown < n and self.status == "flying":
-            self._advance()
-            flown += 1
-        return flown
-
-    def _advance(self):
-        self._setup.loop.tape(self._sink).run(self.tick)
-        if self.tick % CHECK_EVERY == 0:
-            bad, why = health(self._setup.loop.truth)
+        first = self.tick
+        while self.tick < first + n and self.status == "flying":
+            self.setup.loop.tape(self._keep).run(self.tick)
+            bad, why = health(self.setup.loop.truth) if self.tick % CHECK_EVERY == 0 else ("", "")
             if bad:
                 self.status, self.reason = bad, f"at {self.time:.2f} s {why}"
-        self.tick += 1
-        if self.tick >= self.scenario.ticks and self.status == "flying":
-            self.status = "completed"
+            self.tick += 1
+            if self.tick >= self.scenario.ticks and not bad:
+                self.status = "completed"
+        return self.tick - first
 
     def _keep(self, v):
-        self._last = v.copy()
+        self.values = v.copy()
 
     @told_at_call
     def inject(self, /, **fault: Any) -> int:
@@ -188,12 +174,12 @@ class Flight:
         table = self.scenario.model_dump(mode="json", exclude_none=True)
         changed = resolved(retitled(parse({**table, "faults": faults}, place="inject")))
         setup = build(changed)
-        before = self._setup.loop
+        before = self.setup.loop
         for k in range(self.tick):
-            setup.loop.tape(self._sink).run(k)
+            setup.loop.tape(self._keep).run(k)
         if setup.loop.truth.tobytes() != before.truth.tobytes():  # cannot be: a fault that is to come changes nothing
             raise ScenarioError("the flight to here would be another one with this fault", place="inject")
-        self.scenario, self._setup = changed, setup
+        self.scenario, self.setup = changed, setup
         self._result = None
         if self.log is not None:
             replace_text(self._changed, HEAD + changed.expanded_toml(), CHANGED)

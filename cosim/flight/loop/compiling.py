@@ -9,7 +9,7 @@ from actuators.kernels import Native, compile_ahead
 from actuators.registry import SHIPPED
 from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
 from cosim.flight.detection import detectors
-from cosim.flight.loop import schedule
+from cosim.flight.loop import tape
 from cosim.flight.plant import gusts
 from cosim.progress import Compiling
 from cosim.scenario import Scenario
@@ -20,30 +20,26 @@ LOOP = (law, faults, sensors, manoeuvre, hinge_model, gusts)  # blocks that are 
 
 
 def shipped() -> dict[str, ModuleType]:
-    """Return {module name: module} of every block that ships: of the technologies, the detectors, the loop."""
-    return _blocks([*_actuators(t.name for t in SHIPPED), *map(registry.module, registry.DEFAULT), *LOOP])
+    """Return {module name: module} of every block that ships: of the detectors, the technologies, the loop."""
+    return _blocks(map(registry.module, registry.DEFAULT), [t.name for t in SHIPPED])
 
 
 def every() -> list[Native]:
     """Return the compiled functions of every block that ships, and of the tape."""
-    return [*(m.rollout.native for m in shipped().values()), schedule.WALK]
+    return [*(m.rollout.native for m in shipped().values()), tape.WALK]
 
 
-def _actuators(technologies):
-    return [m for name in technologies if name in TECHNOLOGIES for m in TECHNOLOGIES[name].modules()]
-
-
-def _blocks(modules):
-    return {m.__name__: m for m in modules if isinstance(getattr(m, "rollout", None), Entry)}
+def _blocks(detectors, technologies):
+    """Return {module name: module} of what is a block: what takes longest comes first; users' classes are none."""
+    modules = [*detectors, *(m for name in technologies for m in TECHNOLOGIES[name].modules()), *LOOP]
+    return {m.__name__: m for m in modules if isinstance(m, ModuleType) and isinstance(m.rollout, Entry)}
 
 
 def functions(scenario: Scenario) -> dict[str, Native]:
     """Return {module: its compiled function} of every block that a flight of `scenario` steps, and of its tape."""
     used = dict.fromkeys((*scenario.elevator.technology.values(), "simple"))
-    own = [d.module for d in detectors.chosen(scenario)]
-    modules = [m for m in own if isinstance(m, ModuleType)]  # what takes longest comes first; users' elsewhere
-    blocks = _blocks([*modules, *_actuators(used), *LOOP])
-    return {**{name: m.rollout.native for name, m in blocks.items()}, schedule.__name__: schedule.WALK}
+    blocks = _blocks((d.module for d in detectors.chosen(scenario)), used)
+    return {**{name: m.rollout.native for name, m in blocks.items()}, tape.__name__: tape.WALK}
 
 
 def prepare(scenario: Scenario, tell: Callable[[int, int], None] | None = None) -> int:

@@ -47,9 +47,7 @@ def topics(setup: Any) -> list:
 
     add(vocabulary.topic("truth", "aircraft"), section("truth", "aircraft"), "truth")
     add(vocabulary.topic("surfaces", "aircraft"), section("surfaces", "aircraft"), "truth")
-    # the observers' copy is logged beside the law's only where a fault can part them
-    parted = any(j.path in ("observers", "monitor") for j in setup.scenario.injections())
-    copies = {"/sensors": ("y", "valid"), **({"/observers": ("y_obs", "valid_obs")} if parted else {})}
+    copies = {"/sensors": ("y", "valid"), **({"/observers": ("y_obs", "valid_obs")} if _parted(setup.scenario) else {})}
     for prefix, copy in copies.items():
         add(f"{prefix}/aircraft", measured(sensors.installed(setup.scenario.aircraft), "", *copy), "sensors")
         for seg in technology:
@@ -74,6 +72,11 @@ def topics(setup: Any) -> list:
             every = max(1, round(SNAPSHOT_S / setup.loop.dt / d.every)) * d.every
             add(f"/state/{d.name}/{lane}", section(d.name, lane, hidden, str), "snapshot", every)
     return out
+
+
+def _parted(scenario):
+    """Tell whether a fault can part the two copies of a sensor: only then the observers' is logged beside the law's."""
+    return any(j.path in ("observers", "monitor") for j in scenario.injections())
 
 
 def _replayed(channels, manifest):
@@ -104,7 +107,7 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
     import cosim
 
     loop, channels, profile = setup.loop, topics(setup), setup.scenario.log_profile
-    manifest = detectors.manifest(setup, channels)
+    manifest = detectors.manifest(setup.detectors, _parted(setup.scenario))
     if profile:
         channels = PROFILES[profile](channels, manifest)
     blocks = [loop.sensors, loop.pilot, loop.law, loop.hinge, *loop.detectors, *loop.servos, *loop.actuators]

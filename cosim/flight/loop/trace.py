@@ -4,12 +4,12 @@ One indexed copy of the bus per tick in single precision (codes are exact, resid
 stays fast and ten minutes stay small.
 """
 
+import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from actuators.constants import M_S_PER_KT
 from cosim.flight.loop.bus import Bus
@@ -20,50 +20,45 @@ from cosim.scenario import Scenario
 from cosim.scenario.catalog import LOOP_SENSOR, TECHNOLOGIES
 
 
-def _rod(columns, segment, technology, aircraft):
-    """Return (column of the rod's or screw's position, metres per unit)."""
+def _rod(segment, technology, aircraft):
+    """Return (bus name of the rod's or screw's position, metres per unit)."""
     name = technology.loop_sensor
-    state = technology.sensors[name].state
     gains = technology.design(aircraft.own(technology.name)).gains
-    return columns(f"{technology.name}.{segment}.{state}"), gains.get(name, 1.0)
-
-
-@dataclass
-class Columns:
-    """Names of the bus and their columns in the trace; the same name stands once."""
-
-    bus: Bus
-    column: dict = field(default_factory=dict)
-
-    def __call__(self, name: str) -> int:
-        """Return the column of bus name `name`, added when it is new."""
-        return self.column.setdefault(name, len(self.column))
-
-    @property
-    def index(self) -> NDArray[np.int64]:
-        """Return the positions in the bus, one per column."""
-        return np.array([self.bus.index(name) for name in self.column], np.int64)
+    return f"{technology.name}.{segment}.{technology.sensors[name].state}", gains.get(name, 1.0)
 
 
 class Trace:
-    """Hold the columns of one flight: `rows[k] = v[index]` at every tick."""
+    """Hold the columns of one flight: `rows[k] = v[index]` at every tick.
+
+    Of each segment in turn, `moving` are the columns of rod and surface, `gains` their metres and radians per unit, not
+    a number where it has no rod.
+    """
 
     def __init__(self, scenario: Scenario, bus: Bus, detectors: Iterable[Any]):
         """`detectors` are the Installed ones of the flight (cosim/flight/detection/detectors.py)."""
-        columns, technology = Columns(bus), scenario.elevator.technology
+        column: dict[str, int] = {}  # by name on the bus; the same name stands once
+        technology, aircraft = scenario.elevator.technology, scenario.aircraft
+
+        def columns(name):
+            return column.setdefault(name, len(column))
+
         self._lanes = []
         for d, lane in ((each, lane) for each in detectors for lane in each.lanes):
             parts, outputs = d.module.ISOLABLE_PARTS, bus.kinds[d.id].names or ()
             at = {f: columns(f"{d.id}.{lane}.{f}") for f in outputs_read(parts, outputs)}
             estimate = plan(scenario, d.id, lane, columns)
-            self._lanes.append(JudgedLane(d.id, d.level, d.target(lane), parts, at, estimate))
-        self.surface = {seg: columns(f"truth.aircraft.de_{s}") for seg, s in scenario.aircraft.short.items()}
-        self.rod = {seg: _rod(columns, seg, TECHNOLOGIES[t], scenario.aircraft)
-                    for seg, t in technology.items() if t in LOOP_SENSOR}  # fmt: skip
+            self._lanes.append(JudgedLane(d.id, d.record.level, d.target(lane), parts, at, estimate))
+        moving = []
+        for seg, short in aircraft.short.items():
+            own, surface = TECHNOLOGIES[technology[seg]], f"truth.aircraft.de_{short}"
+            rod = _rod(seg, own, aircraft) if own.name in LOOP_SENSOR else (surface, math.nan)
+            moving += [rod, (surface, 1.0)]
+        self.moving = [columns(name) for name, _ in moving]
+        self.gains = np.array([gain for _, gain in moving], np.float32)
         self.motion = {name: columns(f"truth.aircraft.{name}") for name in MOTION}
-        short = scenario.aircraft.short.values()
-        self.hinge = [[columns(f"truth.aircraft.{f}_{s}") for f in ("hm0", "hmd", "de")] for s in short]
-        self.index = columns.index
+        self.hinge = [[columns(f"truth.aircraft.{f}_{s}") for f in ("hm0", "hmd", "de")]
+                      for s in aircraft.short.values()]  # fmt: skip
+        self.index = np.array([bus.index(name) for name in column], np.int64)
 
     def consequences(self, scenario: Scenario, rows: Any) -> dict[str, float] | None:
         """Return what the faults of `scenario` did to the aircraft from `rows` (ticks, columns), None without any."""

@@ -5,77 +5,54 @@ loop compiles it to index arrays, the log stores the detectors' part of it, and 
 same names.
 """
 
-from typing import Any
-
 from cosim.flight.blocks import sensors
 from cosim.flight.blocks.law import SENSORS as LAW_SENSORS
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
 
 DEMANDS = ("nz_dem", "phi_dem", "psi_dem", "de_add", "hold_psi", "hold_h", "hold_v")
-OTHERS = ("aileron_left", "aileron_right", "rudder", "stabiliser")  # surfaces with a simple actuator
+# surfaces with a simple actuator
 SURFACE_OF = {"aileron_left": "da_l", "aileron_right": "da_r", "rudder": "dr", "stabiliser": "stab"}
 COMMAND_OF = {"aileron_left": "da_cmd", "aileron_right": "da_cmd", "rudder": "dr_cmd", "stabiliser": "stab_cmd"}
-
-def sensor_wires(scenario: Scenario) -> list[tuple[str, str]]:
-    """Return the wires from truth and actuators to the sensors."""
-    installed = sensors.installed(scenario.aircraft)
-    pairs = [(f"sensors_in.{name}.truth", f"truth.aircraft.{spec[0]}") for name, spec in installed.items()]
-    for seg, tech in scenario.elevator.technology.items():
-        own = TECHNOLOGIES[tech].sensors
-        pairs += [(f"sensors_in.{seg}_{name}.truth", f"{tech}.{seg}.{s.state}") for name, s in own.items()]
-    return pairs
+OTHERS = tuple(SURFACE_OF)
 
 
-def law_wires() -> list[Any]:
-    """Return the wires of measurements to the law."""
-    pairs = []
-    for i, name in enumerate(LAW_SENSORS):
-        pairs += [(f"law_in.law.y[{i}]", f"sensors.{name}.y"), (f"law_in.law.valid[{i}]", f"sensors.{name}.valid")]
-    return [*pairs, ("pilot_in.pilot.t", "clock.clock.t")]
+def wires(scenario: Scenario) -> dict[str, list[tuple[str, str]]]:
+    """Return {stage of the tick: [(to, source)]} of a flight, but for its detectors and faults."""
+    aircraft, measured = scenario.aircraft, enumerate(LAW_SENSORS)
+    out = {
+        "sensors": [(f"sensors_in.{name}.truth", f"truth.aircraft.{spec[0]}")
+                    for name, spec in sensors.installed(aircraft).items()],
+        "law": [("pilot_in.pilot.t", "clock.clock.t"),
+                *((f"law_in.law.{to}[{i}]", f"sensors.{name}.{to}") for i, name in measured for to in ("y", "valid"))],
+        "demand": [(f"law_in.law.{name}", f"pilot.pilot.{name}") for name in DEMANDS],
+        "hinge": [], "servos": [],
+        "actuators": [(f"simple_in.{name}.command", f"law.law.{command}") for name, command in COMMAND_OF.items()],
+        "surfaces": [*((f"surfaces.aircraft.{to}", f"simple.{name}.delta") for name, to in SURFACE_OF.items()),
+                     *((f"surfaces.aircraft.throttle_{i}", "law.law.throttle_cmd") for i in aircraft.engine_names)],
+    }  # fmt: skip
+    for segment, technology in scenario.elevator.technology.items():
+        for stage, pairs in _of_segment(segment, TECHNOLOGIES[technology], aircraft.short[segment]).items():
+            out[stage] += pairs
+    return out
 
 
-def demand_wires() -> list[tuple[str, str]]:
-    """Return the wires from the manoeuvre to the law."""
-    return [(f"law_in.law.{name}", f"pilot.pilot.{name}") for name in DEMANDS]
-
-
-def hinge_wires(technology: dict) -> list[tuple[str, str]]:
-    """Return the wires of measured air data to the detectors' model of the hinge moment."""
+def _of_segment(segment, technology, short):
+    """Return {stage: wires} of an elevator segment: its sensors, the hinge model on measured air data, its servo, where
+    it has one, its actuator against the hinge moment, its surface."""
+    own, servo = technology.name, technology.servo
+    demand = "law.law.de_cmd"
     ends = (("", "y_obs"), ("_valid", "valid_obs"))
-    return [(f"hinge_model_in.{seg}.{name}{tail}", f"sensors.{name}.{source}")
-            for seg in technology for name in ("alpha", "q", "cas") for tail, source in ends]  # fmt: skip
-
-
-def servo_wires(technology: dict) -> list:
-    """Return the wires of commands and measurements to the servo loops."""
-    pairs = []
-    for seg, tech in technology.items():
-        if not TECHNOLOGIES[tech].servo:
-            continue
-        to = f"{TECHNOLOGIES[tech].servo}_in.{seg}"
-        pairs.append((f"{to}.command", "law.law.de_cmd"))
-        for name, sensor in TECHNOLOGIES[tech].sensors.items():
-            if sensor.servo:
-                measured = (f"sensors.{seg}_{name}.y", f"sensors.{seg}_{name}.valid")
-                pairs += [(f"{to}.{into}", source) for into, source in zip(sensor.servo, measured)]
-    return pairs
-
-
-def actuator_wires(scenario: Scenario) -> list:
-    """Return the wires from servos, law and hinge moments to the actuators."""
-    pairs, short = [], scenario.aircraft.short
-    for seg, tech in scenario.elevator.technology.items():
-        to = f"{tech}_in.{seg}"
-        servo = TECHNOLOGIES[tech].servo
-        pairs.append((f"{to}.u", f"{servo}.{seg}.u") if servo else (f"{to}.command", "law.law.de_cmd"))
-        pairs += [(f"{to}.hm0", f"truth.aircraft.hm0_{short[seg]}"), (f"{to}.hmd", f"truth.aircraft.hmd_{short[seg]}")]
-    return pairs + [(f"simple_in.{name}.command", f"law.law.{COMMAND_OF[name]}") for name in OTHERS]
-
-
-def surface_wires(scenario: Scenario) -> list[tuple[str, str]]:
-    """Return the wires from actuators, law and engine faults to the aircraft."""
-    short = scenario.aircraft.short
-    pairs = [(f"surfaces.aircraft.de_{short[s]}", f"{t}.{s}.delta") for s, t in scenario.elevator.technology.items()]
-    pairs += [(f"surfaces.aircraft.{SURFACE_OF[name]}", f"simple.{name}.delta") for name in OTHERS]
-    return pairs + [(f"surfaces.aircraft.throttle_{i}", "law.law.throttle_cmd") for i in scenario.aircraft.engine_names]
+    measured = [(f"{servo}_in.{segment}.{to}", f"sensors.{segment}_{name}.{source}")
+                for name, s in technology.sensors.items() for to, source in zip(s.servo or (), ("y", "valid"))
+                ]  # fmt: skip
+    drive = (f"{own}_in.{segment}.u", f"{servo}.{segment}.u") if servo else (f"{own}_in.{segment}.command", demand)
+    return {
+        "sensors": [(f"sensors_in.{segment}_{name}.truth", f"{own}.{segment}.{s.state}")
+                    for name, s in technology.sensors.items()],
+        "hinge": [(f"hinge_model_in.{segment}.{name}{tail}", f"sensors.{name}.{source}")
+                  for name in ("alpha", "q", "cas") for tail, source in ends],
+        "servos": [(f"{servo}_in.{segment}.command", demand), *measured] if servo else [],
+        "actuators": [drive, *((f"{own}_in.{segment}.{to}", f"truth.aircraft.{to}_{short}") for to in ("hm0", "hmd"))],
+        "surfaces": [(f"surfaces.aircraft.de_{short}", f"{own}.{segment}.delta")],
+    }  # fmt: skip

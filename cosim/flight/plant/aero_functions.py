@@ -49,10 +49,6 @@ class AeroFunctions:
         cache = dict(given)
         return functools.reduce(operator.add, (self._function(f, cache) for f in self.axes.get(axis, [])), 0.0)
 
-    def value(self, name: str, given: Any) -> Any:
-        """Return one property."""
-        return self._property(name, dict(given))
-
     def _property(self, name, cache):
         if name not in cache:
             found = self.functions.get(name)

@@ -2,13 +2,12 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
 from actuators.constants import FT_PER_M, G0, KT_PER_M_S
 from cosim.errors import ScenarioError, TrimError
-from cosim.flight.plant.model_load_check import fatal
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.scenario.aircraft import load_aircraft
@@ -24,46 +23,38 @@ SIGNS = (  # input, what it moves, which way, in words
 )
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One point of the contract: what was looked at, whether it holds, and what was found."""
-
-    point: str
-    good: bool
-    found: str
-
-
-def check(name: str) -> list[Finding]:
-    """Return the findings about a bundled aircraft or a folder, up to where nothing further can be looked at."""
+def rows(name: str) -> Iterator[tuple[str, str, str]]:
+    """Yield (point of the contract, "good" or "bad", what was found) about a bundled aircraft or a folder, up to where
+    nothing further can be looked at."""
+    stage = "record"
     try:
         aircraft = load_aircraft(name)
-    except ScenarioError as error:
-        return [Finding("record", False, str(error))]
-    out = [Finding("record", True, f"{aircraft.title}: {len(aircraft.segments)} segments, {aircraft.engines} engines")]
-    unknown = sorted({*aircraft.technology.values(), *aircraft.actuators} - {*TECHNOLOGIES})
-    if unknown:
-        return [*out, Finding("actuators", False, f"unknown {', '.join(unknown)}; allowed: {', '.join(TECHNOLOGIES)}")]
-    if said := fatal(aircraft.folder, aircraft.name):
-        return [*out, Finding("JSBSim model", False, said)]
-    point = _middle(name, aircraft)
-    try:
+        yield _row(stage, True, f"{aircraft.title}: {len(aircraft.segments)} segments, {aircraft.engines} engines")
+        if unknown := sorted({*aircraft.technology.values(), *aircraft.actuators} - {*TECHNOLOGIES}):
+            yield _row("actuators", False, f"unknown {', '.join(unknown)}; allowed: {', '.join(TECHNOLOGIES)}")
+            return
+        point, stage = _middle(name, aircraft), "JSBSim model"
         plant = Plant(point)
-    except ScenarioError as error:
-        return [*out, Finding("JSBSim model", False, error.problem)]
-    out.append(Finding("JSBSim model", True, "loads; every property of the contract is there"))
-    out += _geometry(plant, aircraft)
-    try:
+        yield _row(stage, True, "loads; every property of the contract is there")
+        yield _geometry(plant, aircraft)
+        stage = "trim"
         trim = plant.trim()
-    except TrimError as error:
-        return [*out, Finding("trim", False, str(error))]
+    except (ScenarioError, TrimError) as error:
+        yield _row(stage, False, str(error))
+        return
     said = f"alpha {math.degrees(trim.alpha):.1f} deg, stabiliser {math.degrees(trim.stabilizer):.1f} deg"
-    out.append(Finding("trim", True, f"{_words(point)}: {said}, throttle {trim.throttle:.2f}"))
-    out += _loading(plant, point)
-    out += _signs(plant, trim)
-    out += _hinges(plant, aircraft)
-    out += _points(name, aircraft)
-    out.append(_multipliers(name, aircraft, point))
-    return out
+    yield _row("trim", True, f"{_words(point)}: {said}, throttle {trim.throttle:.2f}")
+    t = plant.truth()[0]
+    said = f"CG {t.cg * 100:.1f} % for {point.cg * 100:.1f} %, n_z {t.nz:.3f} in level flight"
+    yield _row("loading", abs(t.cg - point.cg) < 1e-3 and abs(t.nz - 1.0) < 0.02, said)
+    yield from _signs(plant, trim)
+    yield from _hinges(plant, aircraft)
+    yield from _points(name, aircraft)
+    yield _multipliers(aircraft, point)
+
+
+def _row(point, good, said):
+    return point, "good" if good else "bad", said
 
 
 def _middle(name, aircraft):
@@ -82,28 +73,18 @@ def _words(point):
     return f"{point.mass / 1e3:.0f} t, CG {point.cg * 100:.0f} %, {point.altitude * FT_PER_M:,.0f} ft, {speed}"
 
 
-def _geometry(plant, aircraft) -> Iterator[Finding]:
-    g = aircraft.geometry
+def _geometry(plant, aircraft):
+    g, get = aircraft.geometry, plant.port.get
     of_model = {"wing_area_ft2": "metrics/Sw-sqft", "span_ft": "metrics/bw-ft", "chord_ft": "metrics/cbarw-ft",
                 "station_in": "metrics/aero-rp-x-in"}  # fmt: skip
-    wrong = []
-    for key, name in of_model.items():
-        value = plant.port.getter(name)()
-        if abs(value - getattr(g, key)) > 1e-3 * abs(value):
-            wrong.append(f"{key} = {getattr(g, key):g}, the model has {value:g}")
+    values = {key: (getattr(g, key), get(name)) for key, name in of_model.items()}
+    wrong = [f"{key} = {own:g}, the model has {value:g}" for key, (own, value) in values.items()
+             if abs(value - own) > 1e-3 * abs(value)]  # fmt: skip
     said = "; ".join(wrong) or "record and model agree on area, span, chord and reference"
-    yield Finding("geometry", not wrong, said)
+    return _row("geometry", not wrong, said)
 
 
-def _loading(plant, point) -> Iterator[Finding]:
-    t = plant.truth()[0]
-    good = abs(t.mass - point.mass) < 1e-3 * point.mass and abs(t.cg - point.cg) < 1e-3
-    said = f"{t.mass / 1e3:.1f} t and CG {t.cg * 100:.1f} % for {point.mass / 1e3:.1f} t and {point.cg * 100:.1f} %"
-    yield Finding("loading", good, f"point masses and tank give {said}")
-    yield Finding("load factor", abs(t.nz - 1.0) < 0.02, f"n_z {t.nz:.3f} in level flight")
-
-
-def _signs(plant, trim) -> Iterator[Finding]:
+def _signs(plant, trim) -> Iterator[tuple[str, str, str]]:
     def moved(names, by):
         surfaces = trim.surfaces.copy()
         surfaces[plant.border.column(names)] += by
@@ -119,11 +100,11 @@ def _signs(plant, trim) -> Iterator[Finding]:
             change = float(moved((one,), 0.02)[field] - base[field])
             unit = "m/s2" if field == "udot" else "rad/s2"
             effect = f"{change / 0.02:+.3g} {unit} per {'1' if name == 'throttle' else 'rad'}"
-            yield Finding(f"effector {one}", change * sign > 1e-7, f"{words}: {effect}")
+            yield _row(f"effector {one}", change * sign > 1e-7, f"{words}: {effect}")
     moved((), 0.0)
 
 
-def _hinges(plant, aircraft) -> Iterator[Finding]:
+def _hinges(plant, aircraft) -> Iterator[tuple[str, str, str]]:
     t, (low, high) = plant.truth()[0], aircraft.travels["elevator"]
     for name, short in aircraft.short.items():
         hm0, hmd = float(t[f"hm0_{short}"]), float(t[f"hmd_{short}"])
@@ -131,39 +112,35 @@ def _hinges(plant, aircraft) -> Iterator[Finding]:
         most = max(abs(hm0 + hmd * low), abs(hm0 + hmd * high))
         stall = technology.design(aircraft.own(technology.name)).stall_moment
         said = f"{most:.0f} N m at full travel here, its {technology.name} actuator stalls at {stall:.0f} N m"
-        yield Finding(f"hinge moment {name}", hmd < 0.0 and math.isfinite(hm0), f"{said}, slope {hmd:.0f} N m/rad")
+        yield _row(f"hinge moment {name}", hmd < 0.0 and math.isfinite(hm0), f"{said}, slope {hmd:.0f} N m/rad")
 
 
-def _points(name, aircraft) -> Iterator[Finding]:
+def _points(name, aircraft) -> Iterator[tuple[str, str, str]]:
     for label, keys in aircraft.points.items():
         try:
             trim = Plant(FlightPoint.at(**keys, aircraft=name)).trim()
         except (TrimError, ValueError) as error:
-            yield Finding(f"point {label}", False, str(error))
+            yield _row(f"point {label}", False, str(error))
             continue
         said = f"alpha {math.degrees(trim.alpha):.1f} deg, throttle {trim.throttle:.2f}"
-        yield Finding(f"point {label}", trim.throttle < 0.95, said)
+        yield _row(f"point {label}", trim.throttle < 0.95, said)
 
 
-def _multipliers(name, aircraft, point):
-    """Find whether each multiplier of a coefficient changes a force, a moment or a hinge moment."""
-    dead, names = [], aircraft.multipliers
+def _multipliers(aircraft, point):
+    """Return whether each multiplier of a coefficient changes a force, a moment or a hinge moment."""
 
-    def state(multipliers):
-        plant = Plant(FlightPoint(**{**vars(point), "multipliers": multipliers}))
-        surfaces = np.linspace(0.03, 0.06, len(plant.border.inputs))  # no two alike
-        surfaces[plant.border.column(plant.border.throttles)] = 0.5
-        losses = tuple(n for n in plant.border.inputs if n.startswith("thrust_loss"))
-        surfaces[plant.border.column(losses)] = 0.0
+    def state(*doubled):
+        plant = Plant(replace(point, multipliers=dict.fromkeys(doubled, 2.0)))
+        surfaces, border = np.linspace(0.03, 0.06, len(plant.border.inputs)), plant.border  # no two alike
+        surfaces[border.column(border.throttles)] = 0.5
+        surfaces[border.column(tuple(n for n in border.inputs if n.startswith("thrust_loss")))] = 0.0
         plant.place(tas=plant.tas, alpha=0.06, theta=0.06, altitude=point.altitude, beta=0.02, p=0.02, q=0.02, r=0.02,
                     surfaces=surfaces)  # fmt: skip
         t = plant.truth()[0]
         hinges = [t[f"{k}_{s}"] / (G0 * 1e3) for k in ("hm0", "hmd") for s in aircraft.short.values()]
         return np.array([t.udot, t.vdot, t.wdot, t.pdot, t.qdot, t.rdot, *hinges])
 
-    base = state({})
-    for one in names:
-        if not np.abs(state({one: 2.0}) - base).max() > 1e-9:
-            dead.append(one)
+    names, base = aircraft.multipliers, state()
+    dead = [one for one in names if not np.abs(state(one) - base).max() > 1e-9]
     said = f"{', '.join(dead)} change nothing" if dead else f"{len(names)} coefficients can be scaled"
-    return Finding("multipliers", bool(names) and not dead, said if names else "the model has none (aero/mult/...)")
+    return _row("multipliers", bool(names) and not dead, said if names else "the model has none (aero/mult/...)")

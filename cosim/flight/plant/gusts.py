@@ -219,42 +219,24 @@ rollout = entry(step, STATE, INPUTS, PARAMS)
 
 
 class Gusts:
-    """The air of one flight: noise from its own generator, one step per tick, written to the aircraft."""
+    """The air of one flight, as a block with noise from its own generator: it is met as `met` says, and moves `moved`.
+
+    `met` are true airspeed [m/s], bank, pitch, heading [rad] and altitude [m] of the aircraft, `moved` the velocity to
+    north, east and down [m/s] and p, q, r [rad/s].
+    """
 
     DRAWS = 1000  # ticks of noise drawn at once
+    every = 1
 
     def __init__(self, p: np.ndarray, dt: float, seed: int):
         """`p` PARAMS (1,); the same seed gives the same air."""
-        self._rng = generator(seed, "gusts")
-        self._noise, self._k = np.zeros((self.DRAWS, 4)), self.DRAWS
-        self.x, self._u, self._p, self._dt = init(p), np.zeros((1, 1), INPUTS), p, dt
-        self._in, self._out = self._u.view("f8").reshape(-1), self.x.view("f8")[:6]
-        self._advance = rollout.bound(self.x, self._u, p, dt)
+        self._rng, self._noise = generator(seed, "gusts"), np.zeros((self.DRAWS, 4))
+        self.rollout, self.x, self.u, self.p, self.dt = rollout, init(p), np.zeros((1, 1), INPUTS), p, dt
+        self._in, self.moved = self.u.view("f8").reshape(-1), self.x.view("f8")[:6]
+        self.met = self._in[4:]
 
-    @property
-    def now(self) -> list[float]:
-        """Return (north, east, down [m/s], p, q, r [rad/s]) of this tick."""
-        return self._out.tolist()
-
-    def next(self, tas: float, phi: float, theta: float, psi: float, h: float = 0.0) -> list[float]:
-        """Return what `now` is in the next tick of an aircraft at `tas` [m/s] and altitude `h` [m]."""
-        if self._k == self.DRAWS:
-            self._rng.standard_normal(out=self._noise)
-            self._k = 0
-        self._in[:4] = self._noise[self._k]
-        self._in[4:] = tas, phi, theta, psi, h
-        self._k += 1
-        self._advance()
-        return self.now
-
-    def schedule(self, tape: Any, how: Any, read: list, write: list) -> None:
-        """Schedule on a tape that begins at tick 0 to read `read`, step and write to `write`, nodes in the order of
-        `next` in JSBSim's units, by the addresses of `how` (cosim/flight/plant/fast_properties.py)."""
-        raw, put = np.zeros(5), np.zeros(6)
+    def schedule(self, tape: Any) -> None:
+        """Schedule on a tape that begins at tick 0 to advance by one tick."""
         tape.first(lambda k: None if k % self.DRAWS else self._rng.standard_normal(out=self._noise))
-        tape.noise(np.arange(4), self._noise, self._in)
-        tape.get(how.nodes(read), how.get, raw)
-        tape.scale(raw, np.array([M_PER_FT, 1.0, 1.0, 1.0, M_PER_FT]), np.ones(5), self._in[4:])
-        tape.advance(rollout, self.x, self._u, self._p, self._dt)
-        tape.scale(self._out, np.ones(6), np.array([M_PER_FT] * 3 + [1.0] * 3), put)
-        tape.put(how.nodes(write), how.put, put)
+        tape.table(np.arange(4), self._noise, self._in)
+        tape.step(self)

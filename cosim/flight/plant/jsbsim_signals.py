@@ -14,7 +14,7 @@ from actuators.constants import G0, KG_PER_SLUG, M_PER_FT, N_M_PER_LBF_FT, N_PER
 from cosim.scenario.aircraft import Aircraft
 
 _ENGINE = "propulsion/engine[{}]/"
-_MOTION = (  # (field, property, factor, unit); nx, ny, nz and cg get their last step in `to_si`
+_MOTION = (  # (field, property, factor, unit); nx, ny, nz and cg get their last step in `last_step`
     ("alpha", "aero/alpha-rad", 1, "rad"),  # against the air
     ("beta", "aero/beta-rad", 1, "rad"),
     ("p", "velocities/p-rad_sec", 1, "rad/s"),  # body rates
@@ -56,7 +56,7 @@ _REST = (
     ("wind_n", "atmosphere/total-wind-north-fps", M_PER_FT, "m/s"),  # wind with turbulence
     ("wind_e", "atmosphere/total-wind-east-fps", M_PER_FT, "m/s"),
     ("wind_d", "atmosphere/total-wind-down-fps", M_PER_FT, "m/s"),
-    ("alpha_ground", "velocities/w-fps", M_PER_FT, "rad"),  # atan2(w, u) of the velocity over the ground, by `to_si`
+    ("alpha_ground", "velocities/w-fps", M_PER_FT, "rad"),  # atan2(w, u) over the ground, by `last_step`
     ("v_ground", "velocities/u-fps", M_PER_FT, "m/s"),  # its size
 )
 _NX, _MASS, _CG = (next(i for i, s in enumerate(_MOTION) if s[0] == name) for name in ("nx", "mass", "cg"))
@@ -125,13 +125,12 @@ def _border(segments: tuple[str, ...], engines: int) -> Border:
 
 
 @kernel
-def to_si(raw, scale, out, reference, station, chord):
-    """Scale raw properties to the truth: n = F / (m g0) of this frame's forces; cg from a station.
+def last_step(out, reference, station, chord):
+    """Finish the truth that is scaled to SI: n = F / (m g0) of this frame's forces, cg from a station, and the angle
+    and the speed over the ground.
 
     `reference` is the fraction of the mean chord at `station` [in], `chord` the mean chord [in].
     """
-    for i in range(raw.size):
-        out[i] = raw[i] * scale[i]
     weight = out[_MASS] * G0
     for i in range(_NX, _NX + 3):
         out[i] = out[i] * 4.4482216152605 / weight

@@ -12,9 +12,11 @@ misspelt; AB2 integrators, five times more accurate than the default; pitch rate
 drifts; load factors from this frame's forces, as JSBSim's own are one frame old.
 """
 
+import ctypes
 import functools
+import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +24,14 @@ import jsbsim
 import numpy as np
 
 from actuators.constants import G0, M_PER_FT, M_S_PER_KT, N_PER_LBF
-from cosim.errors import ScenarioError, TrimError
+from cosim.errors import ScenarioError
+from cosim.flight.loop.tape import Tape
 from cosim.flight.plant import gusts
-from cosim.flight.plant.fast_properties import fast_access
-from cosim.flight.plant.jsbsim_signals import border, to_si
+from cosim.flight.plant.jsbsim_signals import border, last_step
 from cosim.flight.plant.model_load_check import fatal
 from cosim.flight.plant.point import POINTS, FlightPoint, loading
-from cosim.flight.plant.trim import EARTH_MERIDIAN, level, steady
+from cosim.flight.plant.properties import NODE, Properties, exported
+from cosim.flight.plant.trim import EARTH_MERIDIAN, Trim, trim
 from cosim.scenario.aircraft import FOLDER
 
 WIND_SHARE = 0.8  # of the airspeed that a steady wind may have: the aircraft moves over the ground
@@ -48,13 +51,18 @@ class Port:
             raise KeyError(f"JSBSim has no property {name!r}")
         return self._manager.get_node(name)
 
-    def getter(self, name: str) -> Callable[[], float]:
-        """Return the call that reads property `name`, in JSBSim's unit."""
-        return self.node(name).get_double_value
+    def row(self, units: Iterable[tuple[str, float]]) -> Properties:
+        """Return the Properties of (name, unit in SI)."""
+        names, factors = zip(*units)
+        return Properties([self.node(name) for name in names], factors)
 
-    def setter(self, name: str) -> Callable[[float], None]:
-        """Return the call that sets property `name`, in JSBSim's unit."""
-        return self.node(name).set_double_value
+    def get(self, name: str) -> float:
+        """Return the value of property `name`, in JSBSim's unit."""
+        return self.node(name).get_double_value()
+
+    def set(self, name: str, value: float) -> None:
+        """Set property `name`, in JSBSim's unit."""
+        self.node(name).set_double_value(value)
 
 
 class _Quiet(jsbsim.FGLogger):
@@ -96,67 +104,49 @@ class Plant:
         if self.aircraft.folder.parent != FOLDER and (said := fatal(self.aircraft.folder, self.aircraft.name)):
             raise RuntimeError(said)
         self.border = border(self.aircraft)
-        read, geometry = self.border.read, self.aircraft.geometry
-        jsbsim.set_logger(self._logger)
-        fdm = self._fdm = jsbsim.FGFDMExec(None)
-        fdm.set_aircraft_path(str(self.aircraft.folder.parent))
-        fdm.set_dt(dt)
-        fdm.disable_output()
-        if not fdm.load_model(self.aircraft.name):
-            raise RuntimeError("it is not loaded")
-        self.port = Port(fdm)
-        self.reads = [self.port.node(name) for name, _ in read]  # what crosses the border
-        self.writes = [self.port.node(name) for name in self.border.controls.values()]
-        self._get = [node.get_double_value for node in self.reads]
-        self._set = [node.set_double_value for node in self.writes]
-        self._scale = np.array([factor for _, factor in read], float)
+        geometry = self.aircraft.geometry
+        self._fdm = _executive(self.aircraft.folder, self.aircraft.name, dt, self._logger)
+        self.port = Port(self._fdm)
+        self.outputs = self.port.row(self.border.read)
+        self.inputs = self.port.row((name, 1.0) for name in self.border.controls.values())
         self._frame = np.array([geometry.reference_pct / 100.0, geometry.station_in, self.aircraft.chord_in])
-        self._raw = np.zeros(len(read))
-        self._gusts: tuple[gusts.Gusts, list, list] | None = None
-        self._advance = fdm.run
-        for name, value in loading(self.aircraft, flight.mass, flight.cg).items():
-            self.port.setter(name)(value)
-        for name, value in flight.multipliers.items():
-            self.port.setter(f"aero/mult/{name}")(value)
-        self._ic = [
-            self.port.setter(f"ic/{name}")
-            for name in ("h-sl-ft", "psi-true-rad", "theta-rad", "phi-rad", "u-fps", "v-fps", "w-fps",
-                         "p-rad_sec", "q-rad_sec", "r-rad_sec")
-        ]  # fmt: skip
+        self._air: gusts.Gusts | None = None
+        multipliers = {f"aero/mult/{name}": value for name, value in flight.multipliers.items()}
+        for name, value in (loading(self.aircraft, flight.mass, flight.cg) | multipliers).items():
+            self.port.set(name, value)
+        self._start = self.port.row(_START)
         self._initialise()
-        mass = self.port.getter("inertia/weight-lbs")() * N_PER_LBF / G0
+        mass = self.port.get("inertia/weight-lbs") * N_PER_LBF / G0
         if abs(mass - flight.mass) > 1e-3 * flight.mass:
             said = f"it weighs {mass / 1e3:.1f} t where the record asks for {flight.mass / 1e3:.1f} t"
             raise ValueError(f"{said}: its empty mass is not mass.empty_t")
 
     def _initialise(self):
-        fdm, flight = self._fdm, self.flight
-        setter = self.port.setter
-        setter("ic/lat-geod-deg")(0.0)
-        setter("ic/h-sl-ft")(flight.altitude / M_PER_FT)
         kinds = {"cas": ("ic/vc-kts", 1 / M_S_PER_KT), "tas": ("ic/vt-kts", 1 / M_S_PER_KT), "mach": ("ic/mach", 1.0)}
-        name, factor = kinds[flight.speed_kind]
-        setter(name)(flight.speed * factor)
-        setter("ic/gamma-deg")(0.0)
-        setter("propulsion/set-running")(-1)
-        setter("propulsion/fuel_freeze")(1.0)  # the mass does not change in flight
-        setter("atmosphere/turb-type")(0)
-        fdm.run_ic()
+        speed, factor = kinds[self.flight.speed_kind]
+        start = {
+            "ic/lat-geod-deg": 0.0, "ic/h-sl-ft": self.flight.altitude / M_PER_FT, speed: self.flight.speed * factor,
+            "ic/gamma-deg": 0.0, "propulsion/set-running": -1, "atmosphere/turb-type": 0,
+            "propulsion/fuel_freeze": 1.0,  # the mass does not change in flight
+        }  # fmt: skip
+        for name, value in start.items():
+            self.port.set(name, value)
+        self._fdm.run_ic()
         for axis in ("rate/rotational", "position/rotational", "rate/translational", "position/translational"):
-            setter(f"simulation/integrator/{axis}")(3)  # AB2
-        self.tas = self.port.getter("velocities/vt-fps")() * M_PER_FT
+            self.port.set(f"simulation/integrator/{axis}", 3)  # AB2
+        self.tas = self.port.get("velocities/vt-fps") * M_PER_FT
 
     def guess(self) -> tuple[float, float, float] | None:
         """Return (alpha, stabiliser, throttle) of JSBSim's own trim, surfaces not external; None where it has none."""
-        self.port.setter("ext/engaged")(0)
+        self.port.set("ext/engaged", 0)
         try:
             self._fdm.do_trim(0)
         except jsbsim.TrimFailureError:
             return None
         finally:
             self._fdm.set_dt(self.dt)
-        get = self.port.getter
-        return get("aero/alpha-rad")(), get("fcs/stabilizer-pos-rad")(), get("fcs/throttle-cmd-norm")()
+        get = self.port.get
+        return get("aero/alpha-rad"), get("fcs/stabilizer-pos-rad"), get("fcs/throttle-cmd-norm")
 
     def place(
         self, *, tas: float, alpha: float, theta: float, altitude: float, surfaces: np.ndarray, beta: float = 0.0,
@@ -168,27 +158,27 @@ class Plant:
         Speed and angles are against the air, which moves with `wind` over the ground, forward, right and down in body
         axes.
         """
-        self.port.setter("ext/engaged")(1)
+        self.port.set("ext/engaged", 1)
         self.write(surfaces)
         u = tas * math.cos(alpha) * math.cos(beta) + wind[0]
         v = tas * math.sin(beta) + wind[1]
         w = tas * math.sin(alpha) * math.cos(beta) + wind[2]
-        state = (altitude / M_PER_FT, psi, theta, phi, u / M_PER_FT, v / M_PER_FT, w / M_PER_FT, p, q, r)
-        for put, value in zip(self._ic, state):
-            put(value)
+        self._start.write(np.array([altitude, psi, theta, phi, u, v, w, p, q, r]))
         self._fdm.run_ic()
         throttles = self.border.column(self.border.throttles)
         for i, at in enumerate(throttles):  # spool speeds follow one frame late otherwise
             for name, idle in (("n1", 25.0), ("n2", 60.0)):
-                self.port.setter(f"propulsion/engine[{i}]/{name}")(idle + (100.0 - idle) * surfaces[at])
+                self.port.set(f"propulsion/engine[{i}]/{name}", idle + (100.0 - idle) * surfaces[at])
 
-    def trim(self) -> Any:
+    def trim(self) -> Trim:
         """Trim the flight point and stand ready at time 0: a Trim, or TrimError."""
-        trim = level(self) if self.flight == self.flight.level else steady(self)
+        found = trim(self)
         if not self.flight.windless:
-            self._into_the_air(trim)
-        self._engage()
-        return trim
+            self._into_the_air(found)
+        self._fdm.suspend_integration()  # a frame without motion, after which every model has the state
+        self._fdm.run()
+        self._fdm.resume_integration()
+        return found
 
     def _into_the_air(self, trim):
         """Let the air move, and put the trimmed aircraft into it: trim is against the air."""
@@ -197,11 +187,8 @@ class Plant:
             f.turbulence, self.dt, **self.aircraft.gusts, changes=f.changes, wind=f.wind, shear=f.shear,
             altitude=f.altitude, gusts=f.gusts,
         )  # fmt: skip
-        air = gusts.Gusts(p, self.dt, f.seed)
-        read, write = ([self.port.node(name) for name in names] for names in (_GUST_READ, GUST_WRITE))
-        get, put = [node.get_double_value for node in read], [node.set_double_value for node in write]
-        self._gusts = air, read, write
-        self._advance = functools.partial(_in_gusts, self._fdm.run, air, get, put)
+        self._air = gusts.Gusts(p, self.dt, f.seed)
+        self._met, self._moved = self.port.row(_MET), self.port.row(MOVED)
         if not any(f.wind):
             return
         if math.hypot(*f.wind) > WIND_SHARE * trim.tas:
@@ -211,7 +198,7 @@ class Plant:
                 allowed=f"at most {WIND_SHARE * flies:.0f} kt at this flight point",
                 remedy="Lower the wind or fly faster",
             )  # fmt: skip
-        _write(put, air.now)
+        self._moved.write(self._air.moved)
         (north, east), far = f.wind, EARTH_MERIDIAN + trim.altitude
         cf, sf, ct, st = math.cos(trim.phi), math.sin(trim.phi), math.cos(trim.theta), math.sin(trim.theta)
         wind = ct * north, sf * st * north + cf * east, cf * st * north - sf * east
@@ -222,79 +209,78 @@ class Plant:
             surfaces=trim.surfaces, wind=wind,
         )  # fmt: skip
 
-    def _engage(self):
-        fdm = self._fdm
-        fdm.suspend_integration()
-        fdm.run()
-        fdm.resume_integration()
-        if abs(fdm.get_delta_t() - self.dt) > 1e-12:
-            raise RuntimeError("JSBSim lost its step")
-
     def truth(self) -> np.ndarray:
         """Return a new (1,) array of the truth, SI, of the present state."""
         out = np.zeros(1, self.border.truth)
-        self.fetch()
-        to_si(self._raw, self._scale, out.view("f8"), *self._frame)
+        self.outputs.read(out.view("f8"))
+        last_step(out.view("f8"), *self._frame)
         return out
 
-    def fetch(self) -> None:
-        """Read the properties behind the truth at t_k, in JSBSim's units."""
-        self._raw[:] = [get() for get in self._get]
-
-    def schedule_outputs(self, tape: Any, start: float) -> None:
+    def schedule_outputs(self, tape: Any, start: int) -> None:
         """Schedule on a tape to put the truth at t_k into the bus from position `start` on."""
-        if (how := fast_access()) is None:
-            tape.call(lambda k: self.fetch())
-        else:
-            tape.get(how.nodes(self.reads), how.get, self._raw)
-        tape.truth(self._raw, self._scale, start, self._frame)
+        out = tape.v[start : start + len(self.border.read)]
+        self.outputs.schedule_read(tape, out)
+        tape.truth(out, self._frame)
 
-    def write(self, surfaces: np.ndarray) -> None:
-        """Set the inputs that act at t_k+1: a vector in the order of the border's inputs, rad and fractions."""
-        for put, value in zip(self._set, surfaces.tolist()):
-            put(value)
-
-    def schedule_inputs(self, tape: Any, start: float) -> None:
+    def schedule_inputs(self, tape: Any, start: int) -> None:
         """Schedule on a tape to set the inputs that act at t_k+1 from the bus from position `start` on."""
-        vector = tape.v[start : start + len(self.writes)]
-        if (how := fast_access()) is None:
-            tape.call(lambda k: self.write(vector))
-        else:
-            tape.put(how.nodes(self.writes), how.put, vector)
-
-    def run(self) -> Any:
-        """Advance by one step, through this flight's gusts."""
-        self._advance()
+        self.inputs.schedule_write(tape, tape.v[start : start + len(self.border.inputs)])
 
     def schedule_integration(self, tape: Any) -> None:
         """Schedule on a tape that begins at tick 0 to advance by one step, through this flight's gusts."""
-        advance = self._advance
-        if self._gusts and (how := fast_access()):
-            air, read, write = self._gusts
-            air.schedule(tape, how, read, write)
-            advance = self._fdm.run
+        if self._air:
+            self._met.schedule_read(tape, self._air.met)
+            self._air.schedule(tape)
+            self._moved.schedule_write(tape, self._air.moved)
+        advance = self._fdm.run
         tape.call(lambda k: advance())
 
+    def write(self, surfaces: np.ndarray) -> None:
+        """Set the inputs that act at t_k+1: a vector in the order of the border's inputs, rad and fractions."""
+        self.inputs.write(surfaces)
 
-_GUST_READ = ("velocities/vt-fps", "attitude/phi-rad", "attitude/theta-rad", "attitude/psi-rad",
-              "position/h-sl-ft")  # fmt: skip
-GUST_WRITE = tuple(f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down")) + tuple(
-    f"ext/gust-{rate}-rad_sec" for rate in "pqr"
-)
-
-
-def _in_gusts(run, air, get, put):
-    """Advance by one step with the gusts of its end."""
-    tas, phi, theta, psi, h = (g() for g in get)
-    _write(put, air.next(tas * M_PER_FT, phi, theta, psi, h * M_PER_FT))
-    run()
+    @functools.cached_property
+    def run(self) -> Callable[[], None]:
+        """Return the call that advances by one step, through this flight's gusts."""
+        tape, ticks = Tape(np.zeros(1), self.dt), itertools.count()
+        self.schedule_integration(tape)
+        return lambda: tape.run(next(ticks))
 
 
-def _write(put, moved):
-    """Give JSBSim the air's velocity over the ground [m/s] and its gradients [rad/s]."""
-    north, east, down, *rates = moved
-    for write, value in zip(put, (north / M_PER_FT, east / M_PER_FT, down / M_PER_FT, *rates)):
-        write(value)
+_START = (("ic/h-sl-ft", M_PER_FT), ("ic/psi-true-rad", 1.0), ("ic/theta-rad", 1.0), ("ic/phi-rad", 1.0),
+          *((f"ic/{axis}-fps", M_PER_FT) for axis in "uvw"),
+          *((f"ic/{rate}-rad_sec", 1.0) for rate in "pqr"))  # fmt: skip
+_MET = (("velocities/vt-fps", M_PER_FT), ("attitude/phi-rad", 1.0), ("attitude/theta-rad", 1.0),
+        ("attitude/psi-rad", 1.0), ("position/h-sl-ft", M_PER_FT))  # fmt: skip
+MOVED = (*((f"atmosphere/gust-{axis}-fps", M_PER_FT) for axis in ("north", "east", "down")),
+         *((f"ext/gust-{rate}-rad_sec", 1.0) for rate in "pqr"))  # fmt: skip
+
+
+def verify(ticks: int = 300) -> bool:
+    """Tell whether the properties of a flight have the same bits by address as by Python's calls.
+
+    A wrong address may end this process: call it in one of its own.
+    """
+    plant, found = Plant(FlightPoint()), exported()
+    kind = type(plant.inputs.nodes[0])
+    if found is None or kind.__dictoffset__ or kind.__basicsize__ not in NODE:
+        return False
+    get = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_void_p)(found.get)
+    put = ctypes.PYFUNCTYPE(ctypes.c_bool, ctypes.c_void_p, ctypes.c_double)(found.put)
+    trim, moved = plant.trim(), plant.port.row(MOVED)
+    nodes, into = plant.inputs.nodes + moved.nodes, [*plant.inputs.addresses().tolist(), *moved.addresses().tolist()]
+    start = np.concatenate([trim.surfaces, np.ones(len(MOVED))])
+    for k in range(ticks):
+        given = (start * (1.0 + 0.02 * np.sin(0.05 * k + np.arange(len(start))))).tolist()
+        for address, value in zip(into, given):
+            put(address, value)
+        if [node.get_double_value() for node in nodes] != given:
+            return False
+        plant.run()
+        by_address = np.array([get(address) for address in plant.outputs.addresses().tolist()])
+        if by_address.tobytes() != np.array([node.get_double_value() for node in plant.outputs.nodes]).tobytes():
+            return False
+    return True
 
 
 def bare_model(path: Path, dt: float, start: dict[str, float]) -> tuple[Callable[[], bool], Port]:
@@ -302,21 +288,27 @@ def bare_model(path: Path, dt: float, start: dict[str, float]) -> tuple[Callable
 
     A path without folders is a model that the jsbsim wheel ships. Raises RuntimeError when JSBSim cannot load it.
     """
-    jsbsim.set_logger(_REFERENCE_LOGGER)
-    fdm = jsbsim.FGFDMExec(None)
-    if path.parent.name:
-        fdm.set_aircraft_path(str(path.parent.parent))
-    fdm.set_dt(dt)
-    if not fdm.load_model(path.stem):
-        raise RuntimeError(f"JSBSim cannot load {path}: {'; '.join(_REFERENCE_LOGGER.errors)}")
-    fdm.disable_output()
+    fdm = _executive(path.parent if path.parent.name else None, path.stem, dt, _REFERENCE_LOGGER)
     port = Port(fdm)
     for name, value in start.items():
-        port.setter(name)(value)
+        port.set(name, value)
     fdm.run_ic()
     return fdm.run, port
 
 
+def _executive(folder, name, dt, logger):
+    """Return JSBSim's executive of the model `name` in a folder, None: that of the wheel; raises RuntimeError."""
+    jsbsim.set_logger(logger)
+    fdm = jsbsim.FGFDMExec(None)
+    if folder:
+        fdm.set_aircraft_path(str(folder.parent))
+    fdm.set_dt(dt)
+    fdm.disable_output()
+    if not fdm.load_model(name):
+        raise RuntimeError(f"JSBSim cannot load {name}: {'; '.join(logger.errors)}")
+    return fdm
+
+
 _REFERENCE_LOGGER = _Quiet()  # kept here: JSBSim does not own it
 
-__all__ = ["POINTS", "FlightPoint", "Plant", "Port", "TrimError", "bare_model", "loading"]
+__all__ = ["POINTS", "FlightPoint", "Plant", "Port", "bare_model"]

@@ -104,8 +104,8 @@ def fly_with(
     start = {"ic/h-sl-ft": 3000.0 / M_PER_FT, "ic/vt-fps": 300.0 / M_PER_FT, "ic/alpha-deg": 3.4, "ic/theta-deg": 3.4,
              **{f"coefficient/{n}": off[n] * v for n, v in own.items()}}  # fmt: skip
     run, port = bare_model(MODEL, DT, start)
-    get = {n: port.getter(p) for n, p in READ.items()}
-    put = [port.setter(p) for p in ("fin/l-rad", "fin/m-rad", "fin/n-rad", "thrust/throttle")]
+    get = {n: port.node(p).get_double_value for n, p in READ.items()}
+    effectors = port.row((p, 1.0) for p in ("fin/l-rad", "fin/m-rad", "fin/n-rad", "thrust/throttle"))
     pilot, n = _Autopilot(bank), round(END / DT)
     out, u_c, u = np.empty((n, 7)), np.empty((n, 4)), np.empty((n, 4))
     held = np.zeros(4)
@@ -119,8 +119,7 @@ def fly_with(
                 u[k, j] = (1 - lost) * u_c[k, j] if name == "eta" else held[j]
             else:
                 held[j] = u[k, j]
-        for value, set_ in zip(u[k], put):
-            set_(float(value))
+        effectors.write(u[k])
         run()
         out[k] = [get[name]() for name in MEASURED]
     a = out[:, :3] * N_PER_LBF / numbers()["mass"]

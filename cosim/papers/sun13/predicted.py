@@ -65,4 +65,4 @@ class _One:
         block = np.zeros((TICKS, len(to)))
         if self._lane is not None:
             block[DISTURBED, self._lane] = 1.0
-        tape.noise(to, block)
+        tape.table(to, block)
