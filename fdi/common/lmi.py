@@ -31,8 +31,8 @@ def negative(expression: Any, margin: float) -> Any:
     return (expression + expression.T) / 2 << -margin * np.eye(size)
 
 
-def solve(problem: Any, *, tolerance: Any = 1e-9) -> Any:
-    """Solve a cvxpy problem with Clarabel and return its value; raise Infeasible unless a solution was found.
+def solve(problem: Any, *, tolerance: float = 1e-9) -> None:
+    """Solve a cvxpy problem with Clarabel; raise Infeasible unless a solution was found.
 
     "Almost solved" counts as solved: whoever calls must substitute the result back (`violation`).
     """
@@ -46,7 +46,6 @@ def solve(problem: Any, *, tolerance: Any = 1e-9) -> Any:
         raise Infeasible("Clarabel finds no solution within its accuracy") from error
     if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
         raise Infeasible(f"Clarabel reports the inequalities as {problem.status}")
-    return problem.value
 
 
 def violation(matrix: Any) -> float:

@@ -20,8 +20,6 @@ SAMPLE, RING = 0.02, 250  # a sample of the ring [s]: five of a period at 10 Hz;
 EVERY = 25  # samples after which the name is weighed anew
 PERIODS = 2.0  # that the window must hold
 SWINGS = 0.2  # share of the rest that the sine must leave at most
-NO_SWING = 0.6  # a name is withdrawn where it leaves more
-STEADY = 0.1  # by so much the frequency may change from one evaluation to the next
 VOTES = 2.0  # evaluations in a row that must agree
 CORRELATED = 0.1  # time by which samples of the rest are independent: half a period of the servo's pole [s]
 SURE = 3.0  # deviations of the gain
@@ -92,14 +90,10 @@ def weigh(x, p, h):
 def name(x, p, dt):
     """Weigh an oscillation while it is counted, at every EVERY-th sample; what several agree on is the verdict."""
     if x.timer == p.t_release and x.ticks == 0.0 and int(x.since) % EVERY == 0:
-        hz = x.sine_hz
         said = weigh(x, p, p.even * dt)
-        same = said == x.vote and math.fabs(x.sine_hz - hz) <= STEADY * hz
-        x.votes = x.votes + 1.0 if same else 1.0
+        x.votes = x.votes + 1.0 if said == x.vote else 1.0
         x.vote = said
         if said != AMBIGUOUS and x.votes >= VOTES:
             x.verdict = said
-        elif x.residual > NO_SWING:
-            x.verdict = AMBIGUOUS
     if x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID:
         x.ofc_hz = x.sine_hz

@@ -129,7 +129,7 @@ def design(
             "(`separate`)")
     A1 = conditions.without_rounding(T @ A, np.abs(T) @ np.abs(A))
     scale = conditions.balance(A1, C, TF, sigma)
-    balanced = _scaled(A1, C, TF, scale)
+    balanced = A1 / scale[:, None] * scale, C * scale, TF / scale[:, None]
     conditions.detectable(*balanced[:2])
     region = _region(region, bandwidth, alpha, conditions.fixed_modes(*balanced))
     if alpha is None:
@@ -163,11 +163,6 @@ def _checked(A, B, C, D, E, F):
     if out[5].shape[1] == 0:
         raise DesignError("F has no column")
     return out
-
-
-def _scaled(A1, C, TF, scale):
-    """Return A1, C, TF in states divided by `scale`."""
-    return A1 / scale[:, None] * scale, C * scale, TF / scale[:, None]
 
 
 def _region(region, bandwidth, alpha, zeros):
