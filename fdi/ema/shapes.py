@@ -203,7 +203,7 @@ def ask(x, p, h, own, magnets):
         x.prior[1, W] = magnets
     logdet = factor(x.JJ, x.LL, x.prior[1], 0, N, 1e-9)
     x.shape_left[h] = left(x.JJ, x.LL, x.bb, x.prior[0], x.yy, x.shape_energy, N)
-    x.shape_L[h] = logarithm(x.shape_left[h], x.shape_n) - 0.5 * logdet
+    x.shape_L[h] = logarithm(x.shape_n, x.shape_left[h], 0.0) - 0.5 * logdet
     share, sd = p.felt_mean[h], p.felt_sd[h]
     if sd[0] == 0.0:
         rubs = 1.0 - x.must
