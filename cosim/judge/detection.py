@@ -24,7 +24,7 @@ LAST_S = 1.0  # the name at the end is the one that stood longest over this last
 GAP_S = 0.5  # an alarm that comes back sooner than this is the same alarm
 ABLE = 0.5  # share of the time in which a lane that missed must have been valid for this to count as a miss
 MOVES = ("jam_solid", "jam", "runaway")  # kinds that show only where the rod is not where it should be
-SAID = ("verdict", "isolated_part", "alarm", "second", "verdict_2")  # `second`: the other part of a lane that names two
+SAID = ("verdict", "isolated_part", "alarm")
 OUTPUTS = (*SAID, "r", "valid", "why")
 NO_FAULT: Mapping = {"targets": (), "start_s": math.inf, "end_s": math.inf}
 BLOCK = 1 << 16  # ticks of a trace that are looked at together
@@ -214,18 +214,12 @@ def _says(lane, said, fault, mine, theirs):
 
     Where the lane has an alarm for each part, it blames those of the fault's parts whose alarms are up, and every other
     one that is up and not `theirs`; its alarm is up for the fault while there is one of these. The class is the lane's
-    while its part is one of the fault's, or names one beside others, else that of the kind of part. Of two parts that a
-    lane names those count that are not `theirs`, with the class of the first that is left.
+    while its part is one of the fault's, or names one beside others, else that of the kind of part.
     """
     parts = dict(enumerate(lane.parts))
     alarm, verdict, part = said["alarm"] > 0.5, said["verdict"], parts.get(int(said["isolated_part"]), "")
     if not fault["targets"]:
         return alarm, verdict, part
-    if "second" in said:
-        names = {p: c for p, c in ((part, verdict), (parts.get(int(said["second"]), ""), said["verdict_2"])) if p}
-        left = [p for p in names if p not in theirs] or list(names)
-        own = [p for p in names if p in mine]
-        return alarm, next((names[p] for p in (*own, *left)), verdict), BOTH.join(left)
     up = [p for p, output in lane.alarms.items() if said[output] > 0.5]
     blamed = [p for p in up if p not in theirs]
     if mine & set(blamed) and not mine & set(part.split(BOTH)):

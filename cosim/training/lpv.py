@@ -33,7 +33,6 @@ from fdi.lpv_smo import synthesis as lpv_smo_design
 from fdi.lpv_smo.core import NB
 
 BOX = np.array([[260.0, 405.0], [28.0, 36.0], [210.0, 270.0], [0.40, 0.68]])  # [Alwi14] section 4.3: t, %, kt, Mach
-NAMES = ("mass_t", "cg_pct", "cas_kt", "mach")
 STATES = {"alpha": "deg", "h": "m", "theta": "deg", "tas": "m/s", "q": "deg/s"}  # (33)
 OUTPUTS = {"h": "m", "theta": "deg", "tas": "m/s", "q": "deg/s", "nz": "g", "alpha": "deg"}  # (37)
 THROTTLE_MAX = 0.90  # below it the papers' points trim, and leave some thrust to climb
@@ -162,11 +161,7 @@ def fit(samples: Any, *, box: Any = BOX, weight: Any = None) -> Any:
     C[0, [0, 1, 2, 3, 5], [1, 2, 3, 4, 0]] = 1.0
     D[:, [0, 1, 2, 3, 5]] = 0.0
     trim = lpv_model.fit_trim(samples.rho, samples.trims, box=box)
-    names = [tuple(f"{k}_{v}" for k, v in table.items()) for table in (STATES, OUTPUTS)]
-    return lpv_model.LpvModel(
-        A=A, B=B, C=C, D=D, box=box, trim=trim,
-        states=names[0], inputs=("elevator_deg", "stab_deg"), outputs=names[1], rho=NAMES,
-    )  # fmt: skip
+    return lpv_model.LpvModel(A=A, B=B, C=C, D=D, box=box, trim=trim)
 
 
 def volume(rho: float) -> Any:
@@ -183,7 +178,7 @@ def design(model: Any) -> Any:
     """Design the observer with the paper's weights: xi in the alpha and V channels (36), deltas of section 5."""
     M = np.zeros((5, 2))
     M[0, 0] = M[3, 1] = 1.0
-    return lpv_smo_design.design(model.A, model.B, model.C, model.D, box=model.box, M=M)
+    return lpv_smo_design.design(model.A, model.B, model.C, model.D, box=model.box, F=np.eye(5)[4], M=M)
 
 
 def single(progress: Callable[[str], None], aircraft: str = DEFAULT) -> dict[str, Any]:

@@ -95,10 +95,10 @@ def push(x, p, residual, drive):
         x.bank_tick[j] += 1.0
         a = x.bank_tick[j] / (D * D)
         b = (D - x.bank_tick[j]) / (D * D)
-        x.bank_rise[0, j] += a * residual
-        x.bank_fall[0, j] += b * residual
-        x.bank_rise[1, j] += a * drive
-        x.bank_fall[1, j] += b * drive
+        for s in range(2):
+            value = residual if s == 0 else drive
+            x.bank_rise[s, j] += a * value
+            x.bank_fall[s, j] += b * value
         if x.bank_tick[j] < D:
             continue
         head = int(x.bank_head[j])
@@ -123,21 +123,15 @@ def push(x, p, residual, drive):
 def fit(x, p, k, j, head):
     """Fit frequency k on the samples of rate j that end at ring place `head`."""
     n = int(p.bank_n[k])
-    new, old = head, head - n + 1
-    if old < 0:
-        old += N
-    c0, s0, c1, s1 = 0.0, 0.0, 0.0, 0.0
-    for i in range(n // 2):
-        wc, ws = p.bank_wc[k, i], p.bank_ws[k, i]
-        a, b = x.bank_ring[0, j, old], x.bank_ring[0, j, new]
-        c0 += wc * (a + b)
-        s0 += ws * (a - b)
-        a, b = x.bank_ring[1, j, old], x.bank_ring[1, j, new]
-        c1 += wc * (a + b)
-        s1 += ws * (a - b)
-        old = 0 if old == N - 1 else old + 1
-        new = N - 1 if new == 0 else new - 1
-    x.bank_cos[0, k], x.bank_sin[0, k], x.bank_cos[1, k], x.bank_sin[1, k] = c0, s0, c1, s1
+    for signal in range(2):
+        new, old, c, s = head, (head - n + 1) % N, 0.0, 0.0
+        for i in range(n // 2):
+            a, b = x.bank_ring[signal, j, old], x.bank_ring[signal, j, new]
+            c += p.bank_wc[k, i] * (a + b)
+            s += p.bank_ws[k, i] * (a - b)
+            old = 0 if old == N - 1 else old + 1
+            new = N - 1 if new == 0 else new - 1
+        x.bank_cos[signal, k], x.bank_sin[signal, k] = c, s
 
 
 @kernel
@@ -150,9 +144,7 @@ def character(x, p, k, a, b):
     """
     n = int(p.bank_n[k])
     j = int(p.bank_level[k])
-    i = int(x.bank_head[j]) - n
-    if i < 0:
-        i += N
+    i = (int(x.bank_head[j]) - n) % N
     loss = p.bank_loss[k]
     fc = loss * (a * x.bank_cos[0, k] + b * x.bank_cos[1, k])
     fs = loss * (a * x.bank_sin[0, k] + b * x.bank_sin[1, k])

@@ -78,6 +78,22 @@ def held(value, valid, last):
 
 
 @kernel
+def delayed(line, head, column, value, ticks, fresh):
+    """Put `value` into the ring line[:, column] at `head` and return what was put there `ticks` before.
+
+    One that is not finite repeats the last; a `fresh` ring is filled with it. `ticks` is less than the ring's length.
+    """
+    n = line.shape[0]
+    if not math.isfinite(value):
+        value = line[(head + n - 1) % n, column]
+    if fresh:
+        for i in range(n):
+            line[i, column] = value
+    line[head, column] = value
+    return line[(head + n - int(ticks)) % n, column]
+
+
+@kernel
 def usable(value, valid):
     """Return 1.0 where a measurement is flagged valid and finite, else 0.0."""
     if valid > 0.5 and math.isfinite(value):

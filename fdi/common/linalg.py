@@ -25,26 +25,6 @@ def congruence(P, Phi, W):
 
 
 @kernel
-def congruence_walk(P, Phi, W):
-    """Replace P by Phi P Phi^T, like `congruence`, where the last row of Phi is that of a random walk, (0, 0, 0, 1)."""
-    for i in range(N - 1):
-        for j in range(N):
-            s = 0.0
-            for k in range(N):
-                s += Phi[i, k] * P[k, j]
-            W[i, j] = s
-    for i in range(N - 1):
-        for j in range(i, N - 1):
-            s = 0.0
-            for k in range(N):
-                s += W[i, k] * Phi[j, k]
-            P[i, j] = s
-            P[j, i] = s
-        P[i, N - 1] = W[i, N - 1]
-        P[N - 1, i] = W[i, N - 1]
-
-
-@kernel
 def joseph(P, K, j, r):
     """Replace P by (I - K h) P (I - K h)^T + K r K^T, where h is the unit row `j`; P: (N, N), K: (N,). [Lu17] (25)
 

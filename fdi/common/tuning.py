@@ -5,7 +5,6 @@ under "training" how the flight set was found (seeds, margin, maxima). What was 
 `thresholds/` of that aircraft's folder and replaces the fields that it has.
 """
 
-import functools
 import json
 import math
 from importlib import resources
@@ -13,22 +12,13 @@ from pathlib import Path
 from typing import Any
 
 
-@functools.cache
-def _read(detector):
-    return json.loads(resources.files("fdi").joinpath("thresholds", f"{detector}.json").read_text(encoding="utf-8"))
-
-
-def forget() -> None:
-    """Read the files anew when they are asked for next: they were written."""
-    _read.cache_clear()
-
-
 def thresholds(detector: str, which: str = "flight", own: Any = None) -> dict:
     """Return {PARAMS field: number or row, SI} of set `which`; an unknown set or a bad value raises ValueError.
 
     `own` is the folder of an aircraft with thresholds of its own, None: those of the aircraft of `fdi`.
     """
-    sets = {k: v for k, v in _read(detector).items() if k != "training"}
+    text = resources.files("fdi").joinpath("thresholds", f"{detector}.json").read_text(encoding="utf-8")
+    sets = {k: v for k, v in json.loads(text).items() if k != "training"}
     if which not in sets:
         raise ValueError(f"{detector}: threshold set {which!r} is not one of {sorted(sets)}")
     file = Path(own) / "thresholds" / f"{detector}.json" if own else None

@@ -31,7 +31,6 @@ from typing import Any
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
-from fdi.common import gyro
 from fdi.common.decision import T_HOLD
 from fdi.common.envelope import ALPHA, FLYING, MACH, box
 from fdi.common.record import Detector, Estimate, Site
@@ -111,7 +110,6 @@ STATE = dtype(
         ("f_hat_rudder", "f8", "rad"),
         ("f_hat_thrust", "f8", "fraction"),  # fraction of total thrust
         ("bias", "f8", (2,), "g"),  # errors of n_x and n_z by kinematics
-        ("candidates", "f8", "-"),  # bit h is set when effector h + 1 of ISOLABLE_PARTS explains the residuals
         ("declared", "f8", (NH,), "-"),  # 1 per declared effector
         ("res", "f8", (NF,), "g"),  # residuals of the families
         ("tau", "f8", (NF,), "g"),  # their thresholds
@@ -129,6 +127,7 @@ STATE = dtype(
         ("part", "f8", (force_model.NK,)),
         ("part_0", "f8", (force_model.NK,)),
         ("cmd", "f8", (NC,)),
+        ("asked", "f8", (NC,)),  # the command that they follow
         ("line", "f8", (DELAY, NC)),
         ("head", "f8", "-"),
         ("phase", "f8", "-"),  # ticks until the next command is kept
@@ -136,14 +135,14 @@ STATE = dtype(
         ("learned", "f8", "-"),
         ("n_learn", "f8", "-"),
         ("total", "f8", (BLOCKS, NX)),
-        ("n_block", "f8", (BLOCKS,), "-"),
+        ("in_block", "f8", "-"),  # ticks in the block that is being filled, and blocks that are full
+        ("blocks", "f8", "-"),
         ("block", "f8", "-"),
         ("avg", "f8", (NX,)),
         ("spool", "f8", "-"),  # mean normalised N1
         ("turning", "f8", (2,), "-"),  # the same, lagged twice
         ("calm", "f8", "-"),  # samples learned from, by their weight
-        ("gone", "f8", "s"),  # time without data
-        ("rougher", "f8", "s"),  # time for which gusts have been beyond gust_max
+        ("gone", "f8", "s"),  # time without data, or in gusts beyond gust_max
         ("last", "f8", "-"),  # hypothesis that is being confirmed, 0 for none
         ("suspicion", "f8", "s"),  # for so long still a sensor may be what the residuals show
         ("timer", "f8", "s"),
@@ -162,10 +161,7 @@ STATE = dtype(
         ("vane_mean", "f8", "rad"),  # of it, learned
         ("rough", "f8", "rad2"),  # mean square of the gusts in it
         ("lift", "f8", "g/rad"),  # Z row per angle of attack
-        ("part_a", "f8", (force_model.NK,)),
-        ("slope_a", "f8", (NR, 3)),
         ("on", "f8", "-"),  # ambiguous alarm
-        *gyro.STATE,
     ]
 )
 OUTPUTS = (
@@ -181,7 +177,6 @@ OUTPUTS = (
     "f_hat_rudder",
     "f_hat_thrust",
     "bias",
-    "candidates",
 )
 DETECTOR = Detector(
     id="control_redundancy",
@@ -218,7 +213,7 @@ DETECTOR = Detector(
         "n_tp": 0, "n_families": 0, "base_row": 0, "n_pivots": 0, "pivot_row": 0,
         "pivot_input": 0,
     },
-    places={"head": ("line", 0), "block": ("n_block", 0)},
+    places={"head": ("line", 0), "block": ("total", 0)},
     range={"tas": FLYING, "mach": MACH, "alpha_ground": ALPHA},  # not the vane: a fault of it is to be named
     fit=lambda site: fitted(site),
 )  # fmt: skip
@@ -285,8 +280,7 @@ def _without_data(x, p, dt, why):
     if x.learned < 0.5:
         x.started = 0.0  # commands of a parked aircraft, or from before a gap, are not those of the flight
     if x.gone > p.t_invalid:
-        x.n_block[:] = 0.0
-        x.total[:] = 0.0
+        x.in_block = x.blocks = 0.0
     if x.gone > T_HOLD:
         withdraw(x)
 
@@ -295,37 +289,30 @@ def _without_data(x, p, dt, why):
 def step(x, u, p, dt):
     """Compare measured with computed forces at one tick, average, evaluate the residuals, decide."""
     core.delayed_commands(x, u, p, dt)
-    gyro.compare(x, u, dt)
     why = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], BOX_SPEED, VALID)
     why = box(u.mach, u.mach_valid, MACH[0], MACH[1], BOX_MACH, why)
     why = box(u.alpha_ground, u.alpha_ground_valid, ALPHA[0], ALPHA[1], BOX_ALPHA, why)
     if why == VALID and core.complete(u) < 0.5:
         why = LOST_SENSOR
+    if why == VALID:
+        core.row_errors(x, u, p)
+        core.accelerometers(x, u, p, dt)
+        core.vane(x, u, p, dt)
+        if p.gust_max > 0.0 and x.rough * u.v_ground * u.v_ground > p.gust_max * p.gust_max:
+            why = GUSTS
     if why != VALID:
         _without_data(x, p, dt, why)
         return
     x.gone = 0.0
-    core.row_errors(x, u, p)
-    core.accelerometers(x, u, p, dt)
-    core.vane(x, u, p, dt)
-    rough = p.gust_max > 0.0 and x.rough * u.v_ground * u.v_ground > p.gust_max * p.gust_max
-    x.rougher = x.rougher + dt if rough else 0.0
     if x.learned < 0.5:
-        if not rough:
-            core.learn(x, p, dt)
-        x.valid, x.why = 0.0, GUSTS if rough else NOT_READY
-        return
-    full = core.accumulate(x, p, dt) > 0.5
-    if rough:
-        x.valid, x.why = 0.0, GUSTS
-        if x.rougher > T_HOLD:
-            withdraw(x)
-    elif full:
-        x.valid = core.sliding_mean(x, p)
-        x.why = VALID if x.valid > 0.5 else NOT_READY
-        if x.valid > 0.5:
-            core.evaluate_families(x, p)
-            decide(x, p, max(p.t_mean / BLOCKS, dt))
+        core.learn(x, p, dt)
+        x.valid, x.why = 0.0, NOT_READY
+    elif core.average(x, p, dt):
+        x.valid, x.why = 1.0, VALID
+        core.evaluate_families(x, p)
+        decide(x, p, max(p.t_mean / BLOCKS, dt))
+    elif x.valid < 0.5:
+        x.why = NOT_READY
 
 
 rollout = entry(step, STATE, INPUTS, PARAMS)

@@ -6,7 +6,7 @@ import math
 
 from actuators.block import kernel
 from actuators.constants import G0
-from fdi.common.decision import usable
+from fdi.common.decision import delayed, usable
 from fdi.control_redundancy.force_model import air_data, contributions, thrust_pair
 
 NR, NF, NH = 3, 16, 4  # force rows X Y Z; most families; fault hypotheses (elevator, aileron, rudder, engines)
@@ -18,7 +18,7 @@ TAU_ROUGH = 8.0  # memory of the gusts in it [s]
 # is worth a threshold of the X row
 TAU_SPOOL, TURNING = (0.25, 1.0), 0.005
 CALM_S = 1.0  # of learning with engines that hardly turn up or down, each sample by its weight [s]
-STEP = 0.01  # of the angle of attack, for the slope of the lift [rad]
+LIFT_SLOPE = 5.0  # of a transport: what an error of its vane asks of the Z row, roughly [1/rad]
 BLOCKS = 10  # pieces of the sliding mean
 ACT, COMMAND, SPOOL = NR, 2 * NR, 2 * NR + 3  # where activities, commanded surfaces and spool speed begin in the mean
 NX = 2 * NR + 4
@@ -30,36 +30,33 @@ def delayed_commands(x, u, p, dt):
 
     One that is not finite is held. A law that fights gusts near the stall asks more of the rudder than it can follow.
     """
-    new = x.phase < 0.5
-    head = int(x.head) if new else (int(x.head) + DELAY - 1) % DELAY  # where the newest stands
-    commands = (u.de_lo, u.de_li, u.de_ri, u.de_ro, u.da_l, u.da_r, u.dr, u.stab)
+    if x.phase < 0.5 or x.started < 0.5:
+        head = int(x.head)
+        commands = (u.de_lo, u.de_li, u.de_ri, u.de_ro, u.da_l, u.da_r, u.dr, u.stab)
+        for j in range(NC):
+            x.asked[j] = delayed(x.line, head, j, commands[j], p.late[j], x.started < 0.5)
+        x.head = (head + 1) % DELAY
+        x.phase = p.stride
+    x.phase -= 1.0
     for j in range(NC):
-        value = commands[j] if math.isfinite(commands[j]) else x.line[(head + DELAY - 1) % DELAY, j]
-        if x.started < 0.5:
-            for i in range(DELAY):
-                x.line[i, j] = value
-        if new:
-            x.line[head, j] = value
-        move = x.line[(head + DELAY - int(p.late[j])) % DELAY, j] - x.cmd[j]
+        move = x.asked[j] - x.cmd[j]
         if p.rate[j] > 0.0 and x.started > 0.5:
             move = min(max(move, -p.rate[j] * dt), p.rate[j] * dt)
         x.cmd[j] += move
     x.started = 1.0
-    x.head = (head + 1) % DELAY
-    x.phase = (p.stride if new else x.phase) - 1.0
 
 
 @kernel
 def complete(u):
     """Return 1.0 when every measurement that the rows need is usable."""
-    good = usable(u.n_x, u.n_x_valid) * usable(u.n_y, u.n_y_valid) * usable(u.n_z, u.n_z_valid)
-    good *= usable(u.alpha, u.alpha_valid) * usable(u.beta, u.beta_valid)
-    good *= usable(u.p, u.p_valid) * usable(u.q, u.q_valid) * usable(u.r, u.r_valid)
-    good *= usable(u.cas, u.cas_valid) * usable(u.mach, u.mach_valid) * usable(u.tas, u.tas_valid)
-    good *= usable(u.theta, u.theta_valid) * usable(u.phi, u.phi_valid)
-    good *= usable(u.mass, u.mass_valid)
-    good *= usable(u.n1_1, u.n1_1_valid) * usable(u.n1_2, u.n1_2_valid)
-    return good * usable(u.n1_3, u.n1_3_valid) * usable(u.n1_4, u.n1_4_valid)
+    inertial = usable(u.n_x, u.n_x_valid) * usable(u.n_y, u.n_y_valid) * usable(u.n_z, u.n_z_valid)
+    rates = usable(u.p, u.p_valid) * usable(u.q, u.q_valid) * usable(u.r, u.r_valid)
+    angles = usable(u.theta, u.theta_valid) * usable(u.phi, u.phi_valid)
+    vanes = usable(u.alpha, u.alpha_valid) * usable(u.beta, u.beta_valid)
+    air = usable(u.cas, u.cas_valid) * usable(u.mach, u.mach_valid) * usable(u.tas, u.tas_valid)
+    engines = usable(u.n1_1, u.n1_1_valid) * usable(u.n1_2, u.n1_2_valid)
+    engines *= usable(u.n1_3, u.n1_3_valid) * usable(u.n1_4, u.n1_4_valid)
+    return inertial * rates * angles * vanes * air * engines * usable(u.mass, u.mass_valid)
 
 
 @kernel
@@ -214,31 +211,22 @@ def vane(x, u, p, dt):
         x.vane[i] += (1.0 - math.exp(-dt / TAU_VANE[i])) * (d - x.vane[i])
     rough = x.vane[0] - x.vane[2]
     x.rough += (1.0 - math.exp(-dt / TAU_ROUGH)) * (rough * rough - x.rough)
-    if x.learned < 0.5 or x.n_block[int(x.block)] > 1.5:  # once in a block
-        return
     _, qbar = air_data(u.cas, u.mach)
-    contributions(p, u.alpha + STEP, u.mach, qbar, x.variable, x.part_a, x.slope_a)
-    more = 0.0
-    for k in range(int(p.n_k)):
-        if p.axis[k] < 0.5:
-            more += x.part_a[k] * qbar * p.area - x.part[k]
-    x.lift = -more / STEP * math.cos(u.alpha) / (u.mass * G0)
+    x.lift = -LIFT_SLOPE * qbar * p.area / (u.mass * G0)
 
 
 @kernel
-def accumulate(x, p, dt):
-    """Add this tick to the block being filled; return 1.0 when that block is full.
+def average(x, p, dt):
+    """Add this tick to the block being filled; where that is full, fill x.avg and return whether it may be judged.
 
-    The window moves by whole blocks of t_mean / BLOCKS, 50 ms for half a second: decisions come that often.
+    The window moves by whole blocks of t_mean / BLOCKS, 50 ms for half a second: decisions come that often. x.avg is
+    the mean of the last BLOCKS, or of one without a mean.
     """
-    per = max(p.t_mean / BLOCKS / dt, 1.0)
+    per, keep = max(math.ceil(p.t_mean / BLOCKS / dt - 1e-6), 1), BLOCKS if p.t_mean > 0.0 else 1
     b = int(x.block)
-    if x.n_block[b] >= per - 1e-6:
-        b = (b + 1) % BLOCKS
-        x.block = b
-        x.n_block[b] = 0.0
+    if x.in_block < 0.5:
         x.total[b, :] = 0.0
-    x.n_block[b] += 1.0
+    x.in_block += 1.0
     for j in range(NR):
         x.total[b, j] += x.e[j] - x.offset[j]
         x.total[b, ACT + j] += x.act[j]
@@ -246,23 +234,14 @@ def accumulate(x, p, dt):
     x.total[b, COMMAND + 1] += 0.5 * (x.cmd[4] + x.cmd[5])
     x.total[b, COMMAND + 2] += x.cmd[6]
     x.total[b, SPOOL] += x.spool
-    return 1.0 if x.n_block[b] >= per - 1e-6 else 0.0
-
-
-@kernel
-def sliding_mean(x, p):
-    """Fill x.avg with the mean of the last BLOCKS blocks, or of one without a mean; return 1.0 when all are full."""
-    now, keep = int(x.block), BLOCKS if p.t_mean > 0.0 else 1
-    full = 1.0
+    if x.in_block < per:
+        return False
+    x.in_block, x.block, x.blocks = 0.0, (b + 1) % BLOCKS, min(x.blocks + 1.0, BLOCKS)
     x.avg[:] = 0.0
-    for k in range(keep):
-        b = (now + BLOCKS - k) % BLOCKS
-        if x.n_block[b] < 0.5:
-            full = 0.0
-            continue
+    for k in range(min(keep, int(x.blocks))):
         for j in range(NX):
-            x.avg[j] += x.total[b, j] / x.n_block[b] / keep
-    return full
+            x.avg[j] += x.total[(b + BLOCKS - k) % BLOCKS, j] / per / keep
+    return x.blocks >= keep
 
 
 @kernel

@@ -34,13 +34,12 @@ def _in_use(x, p):
 
 @kernel
 def _explain(x, p):
-    """Return (number of hypotheses that explain the residuals, the best of them + 1); set their bits."""
-    x.candidates, count, best, least = 0.0, 0, 0, math.inf
+    """Return (number of hypotheses that explain the residuals, the best of them + 1)."""
+    count, best, least = 0, 0, math.inf
     for h in range(NH):
         if x.declared[h] < 0.5:
             value, worst = fit_hypothesis(x, p, h)
             if worst < 1.0 and math.fabs(value) <= p.limit[h]:
-                x.candidates += 1 << h
                 count += 1
                 if worst < least:
                     least, best = worst, h + 1
@@ -80,7 +79,7 @@ def decide(x, p, dt):
     x.r = _in_use(x, p)
     count, best = _explain(x, p) if x.r >= 1.0 else (0, 0)
     x.suspicion = SUSPECTED_S if count == 1 and _sensor(x, p) else max(x.suspicion - dt, 0.0)
-    if count == 1 and (x.gyro_off > 0.0 or x.suspicion > 0.0):
+    if count == 1 and x.suspicion > 0.0:
         count = 2  # it may be the sensor
     _confirm(x, p, count, best, dt)
     if x.on < 0.5 and x.r < 1.0:

@@ -113,19 +113,8 @@ def fields(model: Any) -> Any:
 @kernel
 def place(grid, n, x):
     """Return (i, f) with x = (1 - f) grid[i] + f grid[i + 1], held at the ends; `n` >= 2 breakpoints are used."""
-    last = int(n) - 1
-    if x <= grid[0]:
-        return 0, 0.0
-    if x >= grid[last]:
-        return last - 1, 1.0
-    low, high = 0, last
-    while high - low > 1:
-        mid = (low + high) // 2
-        if x >= grid[mid]:
-            low = mid
-        else:
-            high = mid
-    return low, (x - grid[low]) / (grid[low + 1] - grid[low])
+    i = min(max(np.searchsorted(grid[: int(n)], x, side="right") - 1, 0), int(n) - 2)
+    return i, min(max((x - grid[i]) / (grid[i + 1] - grid[i]), 0.0), 1.0)
 
 
 @kernel

@@ -26,7 +26,7 @@ from actuators.block import kernel
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import jacobian, rk4
 from fdi.common.decision import usable
-from fdi.common.linalg import congruence_walk, integral, joseph
+from fdi.common.linalg import congruence, integral, joseph
 
 ITERATIONS = 4  # bound of (21)-(24)
 GATE_NONE = 1e9
@@ -189,7 +189,7 @@ def time_update(x, u, v, p, dt):
         for i in range(4):
             b[i] += (x.eta[i] - x.U[i]) * f  # (31)
     # covariance (18), (32)
-    congruence_walk(x.P_bar, Phi, x.W)
+    congruence(x.P_bar, Phi, x.W)
     for i in range(4):
         x.P_bar[i, i] += p.q[i] * dt
         for j in range(4):

@@ -33,7 +33,7 @@ from actuators.block import kernel
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import opening
 from fdi.common.decision import LEVER_STATE, RIGGING_SD, forget_lever, learn_lever, lever_at, usable
-from fdi.common.linalg import congruence_walk
+from fdi.common.linalg import congruence
 from fdi.hydraulic.two_stage_ekf import STEP_MOST, transition
 
 ROD, SURFACE, PRESSURE = range(3)
@@ -301,7 +301,7 @@ def advance_state(x, v, fast, model, p, dt):
     hat[2] += rise
     x.h_push = g2
     x.h_z += rise - min(dt / MODEL_TAU, 1.0) * (x.h_z + model)
-    congruence_walk(x.h_P, Phi, x.h_W)
+    congruence(x.h_P, Phi, x.h_W)
     in_doubt = k * k * p.flow_share * p.flow_share * x.flow2
     walk = (0.0, 0.0, in_doubt * RATE_TAU, p.load_share * p.load_share * x.load_rate2 * RATE_TAU)
     for i in range(4):

@@ -104,8 +104,6 @@ STATE = dtype(
         ("alarm", "f8", "-"),
         ("verdict", "f8", "-"),  # SENSOR, AMBIGUOUS
         ("isolated_part", "f8", "-"),  # index into ISOLABLE_PARTS
-        ("second", "f8", "-"),  # the other one where two sensors are wrong, 0 where one explains all
-        ("verdict_2", "f8", "-"),
         ("valid", "f8", "-"),
         ("why", "f8", "-"),  # code of fdi.common.why, 0 while valid
         ("res", "f8", (NR,), "rad, m/s, m, -"),  # residuals through the lag, less what was learned
@@ -144,8 +142,6 @@ STATE = dtype(
         ("age", "f8", "s"),
         ("n_learn", "f8", "-"),
         ("since", "f8", "s"),  # time since the first row fired, 0 while none has
-        ("beyond", "f8", "s"),  # and since one did that does not read the named sensor
-        ("known", "f8", (NR,)),  # 1 where a row reads that sensor
         ("noisy", "f8", "-"),  # 1 + sensor whose noise is wrong, 0 for none
         ("quiet", "f8", "s"),  # time since anything fired
         ("held", "f8", (NR,)),  # residuals that were beyond their thresholds, the last of each row
@@ -154,7 +150,7 @@ STATE = dtype(
         ("shows", "f8", "-"),  # how that error shows: FADING, STAYING, NOISY, JUMPED_BACK
     ]
 )
-OUTPUTS = ("r", "alarm", "verdict", "isolated_part", "second", "verdict_2", "valid", "why", "res")
+OUTPUTS = ("r", "alarm", "verdict", "isolated_part", "valid", "why", "res")
 DETECTOR = Detector(
     id="kinematic",
     level="aircraft",
@@ -192,35 +188,41 @@ def init(p: np.ndarray) -> np.ndarray:
 
 
 @kernel
+def _jumps(x, p, i, dt):
+    """Note whether row i jumped, and by how much in all; return whether it did."""
+    x.jumped[i] = max(x.jumped[i] - dt, 0.0)
+    if x.jumped[i] == 0.0 and x.alarm < 0.5:
+        x.off[i] = x.off_most[i] = 0.0
+    leap = x.raw[i] - x.last[i] if x.live[i] * x.seen[i] > 0.5 else 0.0
+    x.last[i], x.seen[i] = x.raw[i], x.live[i]
+    if math.fabs(leap) <= p.jump[i] * x.grown[i]:
+        return False
+    x.jumped[i] = p.t_hold
+    x.off[i] += leap
+    x.off_most[i] = max(x.off_most[i], math.fabs(x.off[i]))
+    return True
+
+
+@kernel
 def _residuals(x, p, dt):
     """Learn offsets, lag the residuals, note what fires and what jumps; return the largest over its threshold."""
-    c, largest = 1.0 - math.exp(-dt / p.tau_r), 0.0
-    learning, fades, back = x.age <= p.t_learn, -1, False
+    c, largest, fades, back = 1.0 - math.exp(-dt / p.tau_r), 0.0, -1, False
     if x.alarm > 0.5 and x.verdict == SENSOR:
         fades = table.FADES[int(x.isolated_part) - 1]
     for i in range(NR):
-        x.fired[i], x.jumped[i] = max(x.fired[i] - dt, 0.0), max(x.jumped[i] - dt, 0.0)
-        if x.jumped[i] == 0.0 and x.alarm < 0.5:
-            x.off[i] = x.off_most[i] = 0.0
+        x.fired[i] = max(x.fired[i] - dt, 0.0)
+        if _jumps(x, p, i, dt) and i == fades:
+            back = back or x.leapt < 0.5 or math.fabs(x.off[i]) < BACK * x.off_most[i]
         if x.live[i] < 0.5:
-            x.seen[i], x.res[i] = 0.0, 0.0
-            continue
-        leap = x.raw[i] - x.last[i] if x.seen[i] > 0.5 else 0.0
-        if math.fabs(leap) > p.jump[i] * x.grown[i]:
-            x.jumped[i] = p.t_hold
-            x.off[i] += leap
-            x.off_most[i] = max(x.off_most[i], math.fabs(x.off[i]))
-            back = back or (i == fades and (x.leapt < 0.5 or math.fabs(x.off[i]) < BACK * x.off_most[i]))
-        x.last[i], x.seen[i] = x.raw[i], 1.0
-        if learning:
-            if x.age > p.t_settle and i != CLIMB:  # its own in fdi/kinematic/wind.py
-                x.offset[i] += (x.raw[i] - x.offset[i]) / max(x.n_learn, 1.0)
-            continue
-        x.res[i] += c * (x.raw[i] - x.offset[i] - x.res[i])
-        r = math.fabs(x.res[i]) / x.limit[i]
-        largest = max(largest, r)
-        if r >= 1.0:
-            x.fired[i], x.held[i] = p.t_hold, x.res[i]
+            x.res[i] = 0.0
+        elif x.age > p.t_learn:
+            x.res[i] += c * (x.raw[i] - x.offset[i] - x.res[i])
+            r = math.fabs(x.res[i]) / x.limit[i]
+            largest = max(largest, r)
+            if r >= 1.0:
+                x.fired[i], x.held[i] = p.t_hold, x.res[i]
+        elif x.age > p.t_settle and i != CLIMB:  # its own in fdi/kinematic/wind.py
+            x.offset[i] += (x.raw[i] - x.offset[i]) / max(x.n_learn, 1.0)
     if back:
         _restart(x)
     elif x.shows == STAYING:
@@ -284,23 +286,25 @@ def _noise(x, p, dt):
 
 
 @kernel
+def _hidden(x, s, i):
+    """Return whether the threshold of row i may hide what signature s, which shows in its first row, does there."""
+    first, power = table.FIRST_ROW[s], table.SPEED_POWERS[s, i]
+    fast = x.y[15] if power > 0.0 else 1.0 / max(x.y[15], 1.0) if power < 0.0 else 1.0
+    size = math.fabs(x.res[first]) * table.SIZES[s, i] * fast
+    return x.fired[first] > 0.0 and table.SIZES[s, i] > 0.0 and size <= HIDDEN * x.limit[i]
+
+
+@kernel
 def _explains(x, s):
-    """Return whether signature s explains what fired and jumped; what x.known has, another sensor may have done."""
-    first = table.FIRST_ROW[s]
-    jumped = x.jumped[first] > 0.0
-    if x.known[first] > 0.5 or (table.JUMPS[s] > 0.5 and not jumped) or (table.JUMPS[s] < -0.5 and jumped):
+    """Return whether signature s explains what fired and jumped."""
+    jumped = x.jumped[table.FIRST_ROW[s]] > 0.0
+    if (table.JUMPS[s] > 0.5 and not jumped) or (table.JUMPS[s] < -0.5 and jumped):
         return False
     for i in range(NR):
-        if x.fired[i] > 0.0:
-            if table.MAY[s, i] < 0.5 and x.known[i] < 0.5:
-                return False
-        elif table.MUST[s, i] > 0.5:
-            power = table.SPEED_POWERS[s, i]
-            fast = x.y[15] if power > 0.0 else 1.0 / max(x.y[15], 1.0) if power < 0.0 else 1.0
-            size = math.fabs(x.res[first]) * table.SIZES[s, i] * fast
-            # gusts may hide it there
-            if x.fired[first] <= 0.0 or table.SIZES[s, i] <= 0.0 or size > HIDDEN * x.limit[i]:
-                return False
+        if x.fired[i] > 0.0 and table.MAY[s, i] < 0.5:
+            return False
+        if x.fired[i] <= 0.0 and table.MUST[s, i] > 0.5 and not _hidden(x, s, i):
+            return False
     return True
 
 
@@ -317,30 +321,10 @@ def _named(x):
 
 
 @kernel
-def _again(x, p, dt):
-    """Name a second sensor: by rows that do not read the first one, or by its noise."""
-    if x.noisy > 0.5 and x.noisy != x.isolated_part:
-        row = table.FADES[int(x.noisy) - 1]
-        if row >= 0 and table.CONSTANT_IN[int(x.isolated_part) - 1, row] > 0.5:
-            x.isolated_part, x.shows = x.noisy, NOISY  # an attitude that is frozen looks like an error of its rate, too
-            return
-        x.second, x.verdict_2 = x.noisy, SENSOR
-    left = False
-    for i in range(NR):
-        x.known[i] = table.KNOWN[int(x.isolated_part), i]
-        left = left or (x.fired[i] > 0.0 and x.known[i] < 0.5)
-    x.beyond = x.beyond + dt if left else 0.0
-    if x.beyond >= p.t_collect:
-        count, best = _named(x)
-        if count == 1:
-            x.second, x.verdict_2 = best, SENSOR
-
-
-@kernel
 def _seek(x, p, any_row):
     """Name the sensor when the rows that belong together are in, or say that there is none."""
     sought = x.alarm < 0.5 or x.verdict == AMBIGUOUS
-    if x.noisy > 0.5 and sought:
+    if x.noisy > 0.5:  # a reading tells of itself, rows of all that they read
         x.alarm, x.verdict, x.isolated_part, x.shows = 1.0, SENSOR, x.noisy, NOISY
     elif any_row and x.since >= p.t_collect and (sought or x.isolated_part >= EITHER):
         count, best = _named(x)
@@ -358,7 +342,6 @@ def _decide(x, p, dt):
     """Name what is wrong; hold the alarm for t_release, or as the error ends."""
     any_row = False
     for i in range(NR):
-        x.known[i] = 0.0
         any_row = any_row or x.fired[i] > 0.0
     x.quiet = 0.0 if any_row or x.noisy > 0.5 else x.quiet + dt
     x.since = x.since + dt if any_row else 0.0
@@ -366,8 +349,6 @@ def _decide(x, p, dt):
     if x.alarm < 0.5:
         x.refuted = 0.0
         return
-    if x.verdict == SENSOR and x.second < 0.5:
-        _again(x, p, dt)
     x.refuted = 0.0 if x.r >= 1.0 else x.refuted + dt if _would_show(x) else x.refuted
     longest = OFF_S if x.shows == FADING and x.leapt > 0.5 else p.t_release
     if x.quiet > longest or x.refuted > SHOWN_S:
@@ -392,7 +373,7 @@ def _would_show(x):
 
 @kernel
 def _clear(x):
-    x.alarm, x.verdict, x.isolated_part, x.second, x.verdict_2, x.beyond = 0.0, NONE, 0.0, 0.0, NONE, 0.0
+    x.alarm, x.verdict, x.isolated_part = 0.0, NONE, 0.0
     x.shows = x.refuted = x.leapt = 0.0
     x.fired[:] = 0.0
     x.held[:] = 0.0

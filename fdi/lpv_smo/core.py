@@ -6,10 +6,10 @@ import math
 
 from actuators.block import kernel
 from actuators.constants import G0, M_S_PER_KT, RAD_PER_DEG
-from fdi.common.decision import held, usable
+from fdi.common.decision import delayed, held, usable
 from fdi.common.why import BOX_MASS, LOST_SENSOR, VALID
 from fdi.kinematic.wind import ACROSS, ALONG, DEVIATIONS, GUST_S, PRIOR, WIND_WALK
-from fdi.lpv_smo.kernels import affine, affine_scalar, held_first_order, trim_map, unit_vector_step
+from fdi.lpv_smo.kernels import affine, held_first_order, trim_map, unit_vector_step
 
 N, P, M, R, T = 7, 6, 2, 4, 35  # states, outputs, inputs, scheduling parameters, terms of a cubic trim map
 NB = 32  # most boxes
@@ -76,28 +76,19 @@ def _choose(x, p):
 def inputs(x, u, p, dt):
     """Fill rho, the healthy inputs and smoothed V; return 0.0, or the reason why no box holds rho."""
     why = _schedule(x, u, p, dt)
-    head = int(x.head)
-    before = (head + 2 * DELAY - 1 - int(p.delay)) % DELAY  # the command held over the tick that ends now
-    for j in range(M):
-        value = 0.25 * (u.de_lo + u.de_li + u.de_ri + u.de_ro) if j == 0 else u.stab
-        if math.isfinite(value):
-            value /= RAD_PER_DEG
-        else:
-            value = x.line[(head + DELAY - 1) % DELAY, j]
-        if x.age == 0.0:
-            for i in range(DELAY):
-                x.line[i, j] = value
-        x.line[head, j] = value
+    head, fresh, ago = int(x.head), x.age == 0.0, p.delay + 1.0  # the command held over the tick that ends now
+    elevator = 0.25 * (u.de_lo + u.de_li + u.de_ri + u.de_ro)
+    elevator = delayed(x.line, head, 0, elevator / RAD_PER_DEG, ago, fresh)
+    x.u_s = delayed(x.line, head, 1, u.stab / RAD_PER_DEG, ago, fresh)
     x.head = (head + 1) % DELAY
-    x.u_s = x.line[before, 1]
-    most = p.rate_a * dt if x.age > 0.0 and p.rate_a > 0.0 else math.inf
-    x.u_r = min(max(x.line[before, 0], x.u_r - most), x.u_r + most)
-    if x.age == 0.0 or p.omega_a <= 0.0:
+    most = p.rate_a * dt if p.rate_a > 0.0 and not fresh else math.inf
+    x.u_r = min(max(elevator, x.u_r - most), x.u_r + most)
+    if fresh or p.omega_a <= 0.0:
         x.u_0 = x.u_e = x.u_r
     else:
         x.u_0 = x.u_e
         x.u_e += (1.0 - math.exp(-p.omega_a * dt)) * (x.u_r - x.u_e)
-    c = 1.0 if x.age == 0.0 or p.tau_v <= 0.0 else 1.0 - math.exp(-dt / p.tau_v)
+    c = 1.0 if fresh or p.tau_v <= 0.0 else 1.0 - math.exp(-dt / p.tau_v)
     x.v_s += c * (u.V - x.v_s)
     return why
 
@@ -313,23 +304,19 @@ def learn(x, p, dt, f_e, f_n, f_a):
     if x.learned > 0.5 or x.age <= p.t_settle or p.t_learn <= 0.0 or x.rho[R - 1] > p.mach_max or x.calm <= 0.0:
         return
     x.n_learn += 1.0
-    x.sums[0] += (f_e - x.sums[0]) / x.n_learn
-    x.sums[1] += (f_n - x.sums[1]) / x.n_learn
-    x.sums[2] += (f_a - x.sums[2]) / x.n_learn
+    for i, value in enumerate((f_e, f_n, f_a)):
+        x.offset[i] += (value - x.offset[i]) / x.n_learn
     x.alpha_0 += (x.path - x.alpha_0) / x.n_learn
     x.trim_0 += (x.trim - x.trim_0) / x.n_learn
     if x.age >= p.t_learn and (x.n_learn + 1.5) * dt >= p.t_learn - p.t_settle:
         x.learned = 1.0
-        for i in range(3):
-            x.offset[i] = x.sums[i]
 
 
 @kernel
 def reconstruct(x, u, p, dt):
     """Turn nu into fault estimates (22), (25), through the lag; a sensor that is out keeps its estimate."""
     b = int(x.box)
-    E = affine_scalar(p.E[b], x.rho)
-    D51 = affine_scalar(p.D51[b], x.rho)
+    E, D51 = x.B[4, 0], x.B[5, 0] / p.a_f[b, 0]
     c = 1.0 - math.exp(-dt / p.tau_f)
     for i in range(3):
         raw = 0.0
@@ -366,9 +353,10 @@ def reconstruct(x, u, p, dt):
         f_e, f_n, f_a = x.f[0], x.f[1] - D51 * x.f[0], x.f[2]
         learn(x, p, dt, f_e - k_e * f_a, f_n - k_n * f_a, 0.0)
         x.gust_hat = 0.0
-    x.f_hat_elevator = (f_e - x.offset[0]) * RAD_PER_DEG
-    x.f_hat_n_z_raw = x.f[1] - x.offset[1] - D51 * x.offset[0]
-    x.f_hat_n_z = f_n - x.offset[1]
-    x.f_hat_alpha = (f_a - x.offset[2]) * RAD_PER_DEG
+    o_e, o_n, o_a = x.learned * x.offset[0], x.learned * x.offset[1], x.learned * x.offset[2]
+    x.f_hat_elevator = (f_e - o_e) * RAD_PER_DEG
+    x.f_hat_n_z_raw = x.f[1] - o_n - D51 * o_e
+    x.f_hat_n_z = f_n - o_n
+    x.f_hat_alpha = (f_a - o_a) * RAD_PER_DEG
     # white noise of q through a difference and the lag: variance (c / h)^2 (1 + c / (2 - c)) sigma^2
     x.f_sigma = SIGMA_Q * c / dt * math.sqrt(1.0 + c / (2.0 - c)) / math.fabs(E)

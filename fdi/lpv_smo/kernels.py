@@ -17,15 +17,6 @@ def affine(stack, rho, out):
 
 
 @kernel
-def affine_scalar(stack, rho):
-    """Return stack[0] + sum rho_i stack[i]."""
-    value = stack[0]
-    for k in range(rho.size):
-        value += rho[k] * stack[k + 1]
-    return value
-
-
-@kernel
 def trim_map(coefficients, exponents, low, high, rho, power, out):
     """Fill `out` with polynomials of normalised rho: out_i = sum_t coefficients[i, t] prod_k z_k^exponents[t, k].
 

@@ -37,7 +37,8 @@ In flight three things go beyond the paper, all off by default (`fitted` switche
   wing, which is what a rate of pitch of -a' would do. Thrust acts on pitch through the engines' arm: nu of the speed
   channel says how much.
 - Each estimate is judged by itself, against a threshold that grows with the rms of a: a fault does not raise it. An
-  oscillation of the elevator's estimate is found by a frequency bank, too.
+  oscillation of the elevator's estimate is found by a frequency bank, too, against one that grows with the amplitude of
+  a at its frequency.
 
 (2) leaves out the feedthrough of the elevator fault into n_z: `f_hat_n_z_raw` is the printed reconstruction,
 `f_hat_n_z` subtracts D51 f_hat_e. All reconstructions pass one lag `tau_f` (0.2 s in the paper): an OFC of
@@ -64,7 +65,6 @@ from fdi.lpv_smo.synthesis import Design, load, load_boxes
 LEARN_S = 8.0  # in flight: the paper's faults come at 10 s [s]
 GRADIENT = 0.6  # of the damping in pitch: what a gust that grows along the body does, by training flights
 ISOLABLE_PARTS = ("", "elevator", "n_z", "alpha")
-RELEASED_AT = 0.7  # of its threshold: above it a fault that is declared has not ended
 TREND = 3.0  # lag of alpha_eq, which follows airspeed, where its change is judged: gusts change airspeed, too [s]
 GUST_SHARE = 0.9  # of the largest rms of gusts: beyond it nothing is judged
 HELD = 0.6  # an oscillation is held to be there for so long after the last fit that found it [s]
@@ -74,8 +74,6 @@ PARAMS = dtype(
         ("n_box", "f8", "-"),  # boxes in use; each has its own model and design
         ("A", "f8", (NB, R + 1, N, N)),  # A(rho) of (8), canonical coordinates, affine stack
         ("B", "f8", (NB, R + 1, N, M)),  # B(rho) of (8)
-        ("E", "f8", (NB, R + 1), "deg/s2 per deg"),  # E_p(rho) = B51 of (35)
-        ("D51", "f8", (NB, R + 1), "g/deg"),  # elevator feedthrough into n_z
         ("eq", "f8", (NB, N + M, T)),  # trim maps of canonical state and inputs, cubic in normalised rho
         ("powers", "f8", (T, R)),  # exponents of their monomials
         ("low", "f8", (NB, R)),  # boxes of rho: t, %, kt, -
@@ -118,6 +116,7 @@ PARAMS = dtype(
         ("swing_limit", "f8", "rad"),  # amplitude of an oscillation of the elevator's estimate
         ("swing_away", "f8", "-"),
         ("swing_gust", "f8", "-"),
+        ("swing_band", "f8", "-"),  # and with the amplitude of gusts at its frequency
         ("coherence", "f8", "-"),  # least agreement of its two periods
         ("purity", "f8", "-"),  # least share of the window's power that it explains
         ("hits", "f8", "-"),  # fits in a row that must pass
@@ -189,8 +188,7 @@ STATE = dtype(
         ("doubt", "f8", "rad"),  # what the wind's deviation may be worth as an angle of a gust
         ("learned", "f8", "-"),  # 1 when the offset holds
         ("n_learn", "f8", "-"),
-        ("sums", "f8", (3,)),  # running means of the offset: deg, g, deg
-        ("offset", "f8", (3,)),
+        ("offset", "f8", (3,), "deg, g, deg"),  # of the estimates, their mean while it is learned
         ("path", "f8", "rad"),  # alpha_hat through a lag of tau_f
         ("alpha_0", "f8", "rad"),  # its mean while offsets were learned, which hold there
         ("trim", "f8", "rad"),  # alpha_eq through a lag, and its mean while offsets were learned
@@ -303,9 +301,9 @@ def _box(model, made):
     x_eq, u_eq, y_eq = np.split(np.asarray(model.trim, float), [n, n + m])
     eq = np.vstack([made.x_from @ np.vstack([x_eq, y_eq[-2:]]), u_eq])
     return {
-        "A": _pad(made.A), "B": _pad(made.B), "E": _pad(made.E)[:, 0, 0], "D51": _pad(made.D2)[:, 0, made.actuator[0]],
-        "mix": made.y_from, "L": made.L[0], "W": made.W, "a22": made.A22s, "a_f": made.A_f,
-        "low": np.r_[model.box[:, 0], np.zeros(R - nr)], "high": np.r_[model.box[:, 1], np.ones(R - nr)],
+        "A": _pad(made.A), "B": _pad(made.B), "mix": made.y_from, "L": made.L[0], "W": made.W, "a22": made.A22s,
+        "a_f": made.A_f, "low": np.r_[model.box[:, 0], np.zeros(R - nr)],
+        "high": np.r_[model.box[:, 1], np.ones(R - nr)],
         "eq": np.hstack([eq, np.zeros((N + M, T - eq.shape[1]))]), "to_x": made.x_from[:, :5],
     }  # fmt: skip
 
@@ -341,13 +339,14 @@ def init(p: np.ndarray) -> np.ndarray:
 @kernel
 def _oscillates(x, p, dt):
     """Return whether the elevator's estimate oscillates and keeps its phase over two periods, as the last fits of HELD
-    have it."""
-    bank.push(x, p, x.f_hat_elevator, 0.0)
+    have it. What is left of a gust oscillates as it does: the limit grows with its amplitude at each frequency."""
+    bank.push(x, p, x.f_hat_elevator, x.gust_hat)
     x.swing = max(x.swing - dt, 0.0)
-    limit = p.swing_limit + p.swing_away * x.apart + p.swing_gust * x.rms
     for k in range(bank.K):
         if x.bank_new[k] < 0.5:
             continue
+        limit = p.swing_limit + p.swing_away * x.apart + p.swing_gust * x.rms
+        limit += p.swing_band * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
         fits = bank.mixed(x, k, 1.0, 0.0) >= limit * limit
         if fits:
             agreement, purity = bank.character(x, p, k, 1.0, 0.0)
@@ -371,10 +370,9 @@ def _decide(x, p, dt):
     x.r, x.isolated_part, longest = 0.0, 0.0, 0.0
     for i in range(3):
         score = math.fabs(estimates[i]) / (p.limit[i] + p.limit_away[i] * x.apart + p.limit_gust[i] * x.rms)
-        on = _above(x.held[i])
         # an oscillation is beyond its threshold for less than the confirmation time at once
-        beyond = score >= (RELEASED_AT if on > 0.5 else 1.0) or (i == 0 and oscillates)
-        x.timer[i], on = confirm(x.timer[i], on, beyond, dt, p.t_confirm, p.t_release)
+        beyond = score >= 1.0 or (i == 0 and oscillates)
+        x.timer[i], on = confirm(x.timer[i], _above(x.held[i]), beyond, dt, p.t_confirm, p.t_release)
         x.held[i] = x.held[i] + dt if on > 0.5 else 0.0
         x.r = max(x.r, score)
         if x.held[i] > longest:

@@ -25,7 +25,7 @@ class LpvModel:
 
     A (1+nr, n, n), B (1+nr, n, m), C (1+nr, p, n), D (1+nr, p, m); box (nr, 2) lowest and highest rho;
     trim (n + m + p, n_terms): polynomial coefficients of [x_eq; u_eq; y_eq] in the monomials of `powers(nr)` of
-    z = 2 (rho - low) / (high - low) - 1. Names carry the units. Source: [Alwi14] (26)-(28).
+    z = 2 (rho - low) / (high - low) - 1. Source: [Alwi14] (26)-(28).
     """
 
     A: np.ndarray
@@ -34,10 +34,6 @@ class LpvModel:
     D: np.ndarray
     box: np.ndarray
     trim: np.ndarray
-    states: tuple = ()
-    inputs: tuple = ()
-    outputs: tuple = ()
-    rho: tuple = ()
 
 
 def at(stack: Any, rho: Any) -> Any:

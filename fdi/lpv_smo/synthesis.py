@@ -3,7 +3,7 @@
 | symbol | here |
 |---|---|
 | x_p, u, y_p, rho (1), (2) | states, inputs, outputs (the fault-prone n_q last), scheduling parameters |
-| H_p = F_p E_p(rho) (4) | `actuator` columns of B; F_p given, or the measured states that they drive most |
+| H_p = F_p E_p(rho) (4) | `actuator` columns of B; F_p given |
 | A_f (7), a_f (23), delta_1, delta_2 (24) | output filter, corruption model, design weights |
 | A(rho), B(rho), C, F (8), (9) | `Design.A`, `.B` stacks in output canonical form C = [0 I], F = [0; 0; F_o] (11) |
 | L = [L_1 0] (21), W (22), A22s, P_o (16) | gains; A22s diagonal, so P_o = -A22s^-1 / 2 |
@@ -42,8 +42,6 @@ class Design:
 
     A: np.ndarray  # (1+nr, n, n) augmented, canonical coordinates
     B: np.ndarray  # (1+nr, n, m)
-    E: np.ndarray  # (1+nr, h, h), E_p(rho) of (4)
-    D2: np.ndarray  # (1+nr, q, m), feedthrough into the fault-prone outputs
     x_from: np.ndarray  # (n, n), canonical = x_from @ [x_p; z_f]
     y_from: np.ndarray  # (p, p), canonical outputs = y_from @ y_m; orthogonal
     F_o: np.ndarray  # (h+q, h+q)
@@ -61,18 +59,16 @@ class Design:
     gamma: float
     storage: float  # scale of the storage function against the supply rate that makes P >= I
     poles: tuple
-    actuator: tuple
-    neglected: np.ndarray  # (n_n, h), largest |H_p - F_p E_p| over the vertices
 
 
 def canonical(
-    A: Arrays, B: Arrays, C: Arrays, D: Arrays, *, faulty: int = 2, actuator: Sequence[int] = (0,),
-    F: Arrays | None = None, A_f: Arrays | None = None,
+    A: Arrays, B: Arrays, C: Arrays, D: Arrays, *, F: Arrays, faulty: int = 2, actuator: Sequence[int] = (0,),
+    A_f: Arrays | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Augment with the output filter (7)-(9) and put into the output canonical form (11).
 
     A (1+nr, n, n), B (1+nr, n, m), C (1+nr, p, n), D (1+nr, p, m): affine stacks, the `faulty` last outputs prone to
-    faults. Returns a dict of A, B, E, D2, x_from, y_from, F, F_o, A_f, neglected. Raises ValueError with the condition
+    faults. Returns a dict of A, B, E, x_from, y_from, F, F_o, A_f, neglected. Raises ValueError with the condition
     of section 2 that fails: C_1 constant and of full row rank, D_1 zero, rank(C_1 F_p) = n_h, enough outputs.
     """
     A, B, C, D = _stacks(A, B, C, D)
@@ -89,7 +85,7 @@ def canonical(
     if not h + q < p < n + q:
         raise ValueError(f"n_h + n_q = {h + q} < n_p = {p} < n_n + n_q = {n + q} does not hold ([Alwi14] after (2))")
     H = B[:, :, list(actuator)]
-    F = _dominant(H, C1) if F is None else _numbers("F", np.reshape(F, (-1, h)), (n, h))
+    F = _numbers("F", np.reshape(F, (-1, h)), (n, h))
     if np.linalg.matrix_rank(C1 @ F) < h:
         raise ValueError(f"rank(C_1 F_p) = {np.linalg.matrix_rank(C1 @ F)} < n_h = {h}: the actuator fault is not seen")
     E = np.einsum("hn,rnk->rhk", np.linalg.pinv(F), H)
@@ -108,23 +104,22 @@ def canonical(
     back = np.linalg.inv(x_from)
     F_c = x_from @ F_a
     return {
-        "A": x_from @ A_a @ back, "B": x_from @ B_a, "E": E, "D2": D[:, free:], "x_from": x_from, "y_from": y_from,
+        "A": x_from @ A_a @ back, "B": x_from @ B_a, "E": E, "x_from": x_from, "y_from": y_from,
         "F": F_c, "F_o": F_c[-(h + q) :], "A_f": A_f,
         "neglected": H - F @ E,
     }  # fmt: skip
 
 
 def design(
-    A: Arrays, B: Arrays, C: Arrays, D: Arrays, *, box: Arrays = (), faulty: int = 2,
-    actuator: Sequence[int] = (0,), F: Arrays | None = None, M: Arrays | None = None,
-    A_f: Arrays | None = None, A22s: Arrays | None = None, a_f: float = 0.01,
+    A: Arrays, B: Arrays, C: Arrays, D: Arrays, *, F: Arrays, M: Arrays, box: Arrays = (), faulty: int = 2,
+    actuator: Sequence[int] = (0,), A_f: Arrays | None = None, A22s: Arrays | None = None, a_f: float = 0.01,
     delta_1: Arrays | None = None, delta_2: Arrays | None = None, poles: tuple[float, float] = (5.0, 200.0),
 ) -> Design:  # fmt: skip
     """Design the observer by the bounded real lemma at all vertices of `box` (nr, 2); returns `Design`.
 
-    `M` (n, k): directions of model error (default: the states whose rows of B the actuator's F_p leaves out), weights
-    `delta_1` (k,) default 100 each and `delta_2` (p,) default 0.01 on unfiltered, 0 on filtered outputs [Alwi14]
-    section 5. `poles`: bounds [rad/s] on the sliding motion. Raises ValueError naming the structural condition that
+    `F` (n, h): F_p of the actuators' faults; `M` (n, k): directions of model error; weights `delta_1` (k,) default 100
+    each and `delta_2` (p,) default 0.01 on unfiltered, 0 on filtered outputs [Alwi14] section 5. `poles`: bounds
+    [rad/s] on the sliding motion. Raises ValueError naming the structural condition that
     fails, an E_p(rho) that changes sign in the box, a pole that no gain moves, or an infeasible LMI.
     """
     A, B, C, D = _stacks(A, B, C, D)
@@ -145,9 +140,6 @@ def design(
     corners = vertices(box)
     if len({float(np.sign(np.linalg.det(at(form["E"], r)))) for r in corners} | {0.0}) != 2:
         raise ValueError("E_p(rho) is singular inside the box (its determinant changes sign over the vertices)")
-    neglected = np.max([np.abs(at(form["neglected"], r)) for r in corners], axis=0)
-    if M is None:
-        M = np.eye(n_x)[:, neglected.any(1)] if neglected.any() else np.eye(n_x)[:, :1]
     k = np.shape(M)[-1]
     M = _numbers("M", M, (n_x, k))
     M_c = form["x_from"] @ np.block([[M, np.zeros((n_x, q))], [np.zeros((q, k)), np.diag(form["A_f"])]])
@@ -165,9 +157,9 @@ def design(
             f"widen the bound [{error}]"
         ) from error
     made = Design(
-        **{name: form[name] for name in ("A", "B", "E", "D2", "x_from", "y_from", "F_o", "A_f")}, box=box, L=L, W=W,
+        **{name: form[name] for name in ("A", "B", "x_from", "y_from", "F_o", "A_f")}, box=box, L=L, W=W,
         A22s=A22s, P1=P1, P2=P2, M=M_c, a_f=a_f, delta_1=delta_1, delta_2=delta_2, gamma=gamma, storage=storage,
-        poles=tuple(poles), actuator=tuple(actuator), neglected=neglected,
+        poles=tuple(poles),
     )  # fmt: skip
     report = verify(made)
     if not report["ok"]:
@@ -296,16 +288,6 @@ def _lemma(lib, part, P1, P2, Y, W, a_f, gamma, storage):
         [out_1, out_d, out_xi, out_phi, -gamma / storage * np.eye(nf)],
     ]
     return lib.vstack([lib.hstack(row) for row in rows])
-
-
-def _dominant(H, C1):
-    """Choose F_p: unit vectors of the measured states that the actuator columns drive most, one each."""
-    n, h = H.shape[1:]
-    measured = np.abs(C1).max(0) > 0
-    F = np.zeros((n, h))
-    for j in range(h):
-        F[np.argmax(np.abs(H[:, :, j]).max(0) * measured), j] = 1
-    return F
 
 
 def _bottom(F_2):

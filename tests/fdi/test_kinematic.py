@@ -159,24 +159,6 @@ def test_a_fault_in_a_turn_in_a_cross_wind_is_named_and_not_taken_for_wind(turne
     assert said(log) == PAIRED.get(sensor, sensor)
 
 
-PAIRS = [("theta", "cas"), ("n_z", "theta"), ("q", "tas")]
-
-
-@pytest.mark.parametrize("sensors", PAIRS)
-def test_a_second_sensor_is_named_beside_the_first_by_a_row_that_does_not_read_it(flown, sensors):
-    frame = flown.copy()
-    for sensor, start in zip(sensors, (START, START + 3.0)):
-        frame.loc[frame.index >= start, WIRES[sensor]] += STEPS[sensor]
-    log = detect(frame, kinematic, WIRES)
-    assert (said(log), kinematic.ISOLABLE_PARTS[int(log["second"][-1])]) == sensors and log["verdict_2"][-1] == SENSOR
-    assert not log["second"][frame.index < START + 3.0].any()
-
-
-@pytest.mark.parametrize("sensor", STEPS)
-def test_one_wrong_sensor_is_never_two(turned, sensor):
-    assert not watched(turned, sensor, lambda y: y + STEPS[sensor], start=25.0)["second"].any()
-
-
 ENDS = {
     "theta, bias": ("theta", "kind='bias',bias_deg=2"), "n_z, bias": ("n_z", "kind='bias',bias_g=0.15"),
     "n_x, noise": ("n_x", "kind='noise',sigma_g=0.08"), "theta, drift": ("theta", "kind='drift',drift_deg_s=0.2"),

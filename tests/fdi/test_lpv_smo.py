@@ -14,6 +14,7 @@ from fdi.lpv_smo import lpv_smo, synthesis
 from fdi.lpv_smo import model as lpv_model
 
 M = np.array([[1.0, 0, 0, 0, 0], [0, 0, 0, 1.0, 0]]).T  # (36)
+F = np.eye(5)[4]  # the elevator turns the aircraft
 MODEL, STORED = synthesis.load()
 E = np.array(POINTS["E"], float)
 
@@ -66,7 +67,7 @@ def test_the_stored_design_verifies_and_a_spoilt_one_does_not():
     ],
 )
 def test_what_cannot_be_designed_says_why(change, message):
-    given = change({"A": MODEL.A, "B": MODEL.B, "C": MODEL.C, "D": MODEL.D, "box": MODEL.box})
+    given = change({"A": MODEL.A, "B": MODEL.B, "C": MODEL.C, "D": MODEL.D, "box": MODEL.box, "F": F})
     with pytest.raises(ValueError, match=message):
         synthesis.design(M=M, **given)
 
@@ -109,26 +110,9 @@ def test_single_faults_are_named(faults, verdict, isolated_part):
 
 def test_a_model_without_scheduling_is_designed_too():
     A, B, C, D = (lpv_model.at(S, E) for S in (MODEL.A, MODEL.B, MODEL.C, MODEL.D))
-    assert synthesis.verify(synthesis.design(A, B, C, D))["ok"]
+    assert synthesis.verify(synthesis.design(A, B, C, D, F=F, M=M))["ok"]
     with pytest.raises(ValueError, match="box takes"):
-        synthesis.design(A, B, C, D, box=[[0, 1]])
-
-
-def test_a_declared_fault_stands_until_its_estimate_is_well_below_the_threshold():
-    """An estimate that hovers about its threshold is one fault, not many; one that is gone ends its alarm."""
-    p = lpv_smo.params(model=MODEL, made=STORED)[0]
-    x = lpv_smo.init(np.array([p]))[0]
-
-    def declared(share, seconds):
-        x.f_hat_n_z, out = share * p.limit[1], []
-        for _ in range(round(seconds / 0.02)):
-            lpv_smo._decide(x, p, 0.02)
-            out.append(x.alarm_n_z)
-        return out
-
-    assert not any(declared(0.95, 5.0)) and declared(1.05, 5.0)[-1] == 1.0
-    assert all(declared(0.8, 10.0))
-    assert declared(0.6, p["t_confirm"] + p["t_release"] + 0.1)[-1] == 0.0 and not any(declared(0.95, 5.0))
+        synthesis.design(A, B, C, D, F=F, M=M, box=[[0, 1]])
 
 
 def test_a_grid_that_cannot_determine_the_coefficients_is_refused():

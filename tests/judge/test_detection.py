@@ -253,21 +253,6 @@ def test_three_simultaneous_faults_are_each_named_by_the_alarm_of_their_part():
     assert [d["right"] for d in by_fault(rows, *faults, lane=one_slot)] == [False, True, False]
 
 
-def test_a_lane_that_names_two_parts_at_once_is_judged_by_each_with_its_own_class():
-    parts = ("", "alpha", "elevator_left_inner_valve", "n_z")
-    lane = lane_of("joint", "both", parts, "aircraft", ("second", "verdict_2"))
-    rows = flown((22, 100, v.OFC_LIQUID, 2), more=2)
-    rows[56:, 6:] = 1.0, v.SENSOR
-    alpha = sensor("alpha", 5.0, 1)
-    ofc, second = by_fault(rows, OFC, alpha, lane=lane)
-    assert (ofc["right"], ofc["place_level"], ofc["detected_at_s"]) == (True, "channel", pytest.approx(2.2))
-    assert (second["right"], second["detected_at_s"]) == (True, pytest.approx(5.6))
-    rows[56:, 6] = 3.0  # a healthy sensor beside the valve: nothing was said of alpha, and the valve's name is wrong
-    _, second = by_fault(rows, OFC, alpha, lane=lane)
-    assert second["detected_at_s"] is None and not second["right"]
-    assert by_fault(rows, OFC, lane=lane)[0]["place_given"] == W
-
-
 @pytest.mark.parametrize("before", [0, 63, 64, 200])
 def test_a_name_is_judged_beside_any_number_of_faults(before):
     """What names another fault alone says nothing of this one, however many stand between the two in the scenario."""

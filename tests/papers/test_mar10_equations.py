@@ -190,12 +190,9 @@ def test_rows_are_averaged_over_the_window_and_commands_act_late(mean_s):
         e, act, offset = rows[k, : core.NR], np.abs(rows[k, core.NR : 2 * core.NR]), rows[0, 2 * core.NR : 3 * core.NR]
         x["e"], x["act"], x["offset"], x["spool"] = e, act, offset, abs(rows[k, -1])
         held.append([*(e - offset), *act, cmd[:4].mean(), cmd[4:6].mean(), cmd[6], abs(rows[k, -1])])
-        full = core.accumulate(x[0], p, DT)
-        ready = core.sliding_mean(x[0], p)
-        assert full == ((k + 1) % block == 0)
-        if full and k + 1 >= 10 * block:
-            assert ready
-        if full and ready:
-            span = block * (10 if mean_s else 1)
+        span = block * (10 if mean_s else 1)
+        full = core.average(x[0], p, DT)
+        assert full == ((k + 1) % block == 0 and k + 1 >= span)
+        if full:
             own = np.mean(held[k + 1 - span : k + 1], axis=0)
             assert np.abs(x["avg"][0, : len(own)] - own).max() <= 1e-10

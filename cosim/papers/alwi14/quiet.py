@@ -86,7 +86,7 @@ def _own_model(point):
     trims = np.zeros_like(model.trim)
     trims[:, 0] = trim
     form = lpv_smo_design.canonical(A, B, C, D, F=np.eye(5)[4])
-    own = dataclasses.replace(made, **{key: form[key] for key in ("A", "B", "E", "D2")})
+    own = dataclasses.replace(made, A=form["A"], B=form["B"])
     return lpv_smo.params(model=dataclasses.replace(model, A=A, B=B, C=C, D=D, trim=trims), made=own)
 
 
