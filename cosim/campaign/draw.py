@@ -11,9 +11,9 @@ import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo
 
-from cosim.scenario.problem import Table, problem, within
+from cosim.scenario.problem import Problems, Table, within
 
 MOST = 1e15  # beyond it a number has no digits behind its point
 Bound = Annotated[float, within(-MOST, MOST)]
@@ -30,8 +30,8 @@ class Draw(Table):
     sigma: float | None = None
     choice: Annotated[list[Any] | str, Field(min_length=1)] | None = None
 
-    @model_validator(mode="after")
-    def _distribution(self):
+    def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
+        """Check that it says one distribution."""
         given, numbers = self.model_fields_set, {"low", "high"} & self.model_fields_set
         low, high, whole = self.low or 0.0, self.high or 0.0, self.integer
         normal = given & {"mean", "sigma"}
@@ -45,9 +45,8 @@ class Draw(Table):
             (self.scale == "log" and low <= 0.0, f"low = {low:g} has no logarithm; allowed: above 0"),
             (whole and (low % 1 or high % 1), "low and high of a whole number are whole"),
         )  # fmt: skip
-        if said := next((said for wrong, said in refused if wrong), ""):
-            raise problem(said)
-        return self
+        if said := next((said for is_wrong, said in refused if is_wrong), ""):
+            wrong.add(said)
 
     def __call__(self, u: Any) -> Any:
         """Return the value at quantile u in [0, 1)."""

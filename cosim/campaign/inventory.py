@@ -4,20 +4,18 @@ import ast
 from importlib import resources
 from typing import Any
 
-from cosim.campaign.spec import builtin_campaigns
 from cosim.errors import CosimError, did_you_mean
 from cosim.flight import user_law as law
 from cosim.scenario import catalog as c
 from cosim.scenario import vocabulary
 from cosim.scenario.aircraft import load_aircraft
-from cosim.scenario.load import DEFAULT, builtin_names, load_scenario
+from cosim.scenario.load import DEFAULT, builtin_names, load_scenario, text_of
 from cosim.scenario.manoeuvre import KINDS, keys_of
 from cosim.scenario.tolerance import GROUPS, meanings
 from cosim.texts import toml
 from fdi.common.verdict import MEANINGS
 from fdi.registry import records
 
-CAMPAIGNS = resources.files("cosim").joinpath("campaigns")
 EXAMPLES = resources.files("cosim").joinpath("examples")
 PLACES = (  # heading, targets, kinds
     ("elevator", "elevator.<segment>", c.ELEVATOR_KINDS),
@@ -35,8 +33,8 @@ def inventory() -> dict[str, Any]:
         "default": DEFAULT,
         "scenarios": [{"name": n, "title": load_scenario(n).title} for n in builtin_names()],
         "campaigns": [
-            {"name": n, "title": toml(CAMPAIGNS.joinpath(f"{n}.toml").read_text(encoding="utf-8"), place=n)["title"]}
-            for n in builtin_campaigns()
+            {"name": n, "title": toml(text_of(n, "campaign", CosimError)[0], place=n)["title"]}
+            for n in builtin_names("campaign")
         ],
         "manoeuvres": [
             {"kind": name, "summary": kind.summary, "keys": [key for key in keys_of(name) if key != "kind"]}

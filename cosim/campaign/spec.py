@@ -41,9 +41,9 @@ from pydantic import Field, ValidationError
 
 from cosim.campaign.draw import Draw, unit_cube
 from cosim.campaign.worker import Packed
-from cosim.errors import CampaignError, CosimError, Mistakes, did_you_mean, joined
+from cosim.errors import CampaignError, CosimError, Mistakes, joined
 from cosim.scenario import Scenario, load_scenario, parse
-from cosim.scenario.load import located
+from cosim.scenario.load import located, text_of
 from cosim.scenario.override import assigned
 from cosim.scenario.problem import Origin, Table, explained, within
 from cosim.scenario.tolerance import toleranced
@@ -180,15 +180,10 @@ def scenario_of(part: Part, chosen: dict, place: str, run: str = "") -> tuple[Sc
     return scenario, names
 
 
-def builtin_campaigns() -> list[str]:
-    """Return the names of the built-in campaigns, sorted."""
-    folder = resources.files("cosim").joinpath("campaigns")
-    return sorted(p.name[:-5] for p in folder.iterdir() if p.name.endswith(".toml"))
-
-
 def load_campaign(name_or_path: str | Path) -> Campaign:
     """Return the Campaign of a built-in name or a TOML file. Raises CampaignError, ScenarioError: every mistake."""
-    name, folder, text = _read(str(name_or_path))
+    name = str(name_or_path)
+    text, folder = text_of(name, "campaign", CampaignError)
     table = toml(text, place=name, error=CampaignError)
     origin = Origin.of_toml(text, name)
     wrong = Mistakes()
@@ -280,20 +275,6 @@ def _base(base, folder):
     beside = folder / base if folder else Path(base)
     found = beside if os.path.isfile(beside) else Path(base)
     load_scenario(str(found))  # says what is wrong with the base itself
-    if os.path.isfile(found):
-        text = read(found)
-        return located(toml(text, place=str(found)), found), Origin.of_toml(text, str(found))
-    text = resources.files("cosim").joinpath("scenarios", f"{base}.toml").read_text(encoding="utf-8")
-    return toml(text, place=str(base)), Origin.of_toml(text, str(base))
-
-
-def _read(name):
-    """Return (name, folder of the file or None, text)."""
-    if name in builtin_campaigns():
-        return name, None, resources.files("cosim").joinpath("campaigns", f"{name}.toml").read_text(encoding="utf-8")
-    path = Path(name)
-    try:
-        return name, path.parent, read(path, error=CampaignError, what="campaign file")
-    except FileNotFoundError:
-        near = did_you_mean(name, builtin_campaigns()) or f"Built in: {', '.join(builtin_campaigns())}"
-        raise CampaignError("no built-in campaign and no file of this name", place=name, remedy=near) from None
+    place = str(found)
+    text, home = text_of(place, "scenario", CampaignError)
+    return located(toml(text, place=place), home, place), Origin.of_toml(text, place)

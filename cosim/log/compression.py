@@ -28,8 +28,8 @@ def keep_memory() -> None:
         mallopt(_TRIM, 2 * _KEPT)
 
 
-# what `decompress` may raise for data that are not one whole frame
-BAD_FRAME = (ValueError, RuntimeError, MemoryError, zstandard.ZstdError)
+class FrameError(ValueError):
+    """Say that compressed data are not one whole frame of the size that they should have."""
 
 
 def compress(content: bytes, name: str) -> bytes:
@@ -42,23 +42,27 @@ def compress(content: bytes, name: str) -> bytes:
 def decompress(data: Any, size: int, name: str) -> Any:
     """Return the content of one frame, which must have `size` bytes; no more memory than that is taken.
 
-    The frame states its size, and nothing follows it. Raises one of BAD_FRAME.
+    The frame states its size, and nothing follows it. Raises FrameError.
     """
-    if name == "zstd":
-        _same(zstandard.get_frame_parameters(data).content_size, size)
-        frame = zstandard.ZstdDecompressor(max_window_size=1 << 27)
-        # 0 would stand for a size that the frame states
-        data = frame.decompress(data, max_output_size=max(size, 1), allow_extra_data=False)
-    elif name == "lz4":
-        _same(lz4.frame.get_frame_info(data)["content_size"], size)
-        frame = lz4.frame.LZ4FrameDecompressor()
-        data = frame.decompress(data, max_length=size + 1)
-        if not frame.eof or frame.unused_data:
-            raise ValueError("its frame is not whole, or not as long as its chunk says")
+    try:
+        if name == "zstd":
+            _same(zstandard.get_frame_parameters(data).content_size, size)
+            frame = zstandard.ZstdDecompressor(max_window_size=1 << 27)
+            # 0 would stand for a size that the frame states
+            data = frame.decompress(data, max_output_size=max(size, 1), allow_extra_data=False)
+        elif name == "lz4":
+            _same(lz4.frame.get_frame_info(data)["content_size"], size)
+            frame = lz4.frame.LZ4FrameDecompressor()
+            data = frame.decompress(data, max_length=size + 1)
+            if not frame.eof or frame.unused_data:
+                said = "its frame is not whole, or not as long as its chunk says"
+                raise FrameError(f"the chunk cannot be decompressed: {said}")
+    except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
+        raise FrameError(f"the chunk cannot be decompressed: {error}") from error
     _same(len(data), size)
     return data
 
 
 def _same(stated, size):
     if stated != size:
-        raise ValueError("its frame is not as long as its chunk says")
+        raise FrameError("the compressed frame is not as long as its chunk says")

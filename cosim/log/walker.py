@@ -24,7 +24,7 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from cosim.files import regular
 
 from . import foxglove
-from .compression import BAD_FRAME, COMPRESSIONS, decompress
+from .compression import COMPRESSIONS, FrameError, decompress
 from .format import LIBRARY, MAGIC, MOST_CHUNK, READ_BY, Damage, LogError, log_error, parts_of
 from .layout import HEAD, Layout
 from .log_file import Chunk
@@ -242,8 +242,8 @@ def load(found: Contents, file: BinaryIO, chunk: Chunk) -> tuple[bytes, np.ndarr
     data = file.read(chunk.data_size)
     try:
         raw = decompress(data, chunk.size, chunk.compression)
-    except BAD_FRAME as error:
-        raise log_error(f"the chunk cannot be decompressed: {error}", found.path, chunk.offset) from error
+    except FrameError as error:
+        raise log_error(str(error), found.path, chunk.offset) from error
     if crc32(raw) != chunk.crc:
         raise log_error("the chunk is damaged (CRC)", found.path, chunk.offset)
     content = np.frombuffer(raw, "u1")

@@ -13,10 +13,10 @@ A channel is a column of the table, or `/topic.field` of an MCAP file.
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, ValidationInfo
 
 from cosim.replay.log_schema import ReplayError
-from cosim.scenario.problem import Origin, Table, explained, within
+from cosim.scenario.problem import Origin, Problems, Table, explained, within
 from cosim.texts import read, toml
 
 
@@ -36,11 +36,10 @@ class Signal(Table, strict=False):
     missing: float | None = None  # a number of the channel that stands for a lost sample, -9999 say
     held: bool = False  # of a command to an actuator: what acted until the sample's time; else what is sent at it
 
-    @model_validator(mode="after")
-    def _one(self):
+    def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
+        """Check that the numbers have one source."""
         if sum((self.channel is not None, self.constant is not None, self.absent)) != 1:
-            raise ValueError("needs a channel or a constant, or absent = true")
-        return self
+            wrong.add("needs a channel or a constant, or absent = true")
 
 
 class Map(Table, strict=False):

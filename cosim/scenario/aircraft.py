@@ -10,12 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, ValidationError, ValidationInfo
 
 from actuators.constants import M_PER_FT, RAD_PER_DEG
 from actuators.registry import SHIPPED
 from cosim.errors import ScenarioError, did_you_mean
-from cosim.scenario.problem import Origin, Table, explained, within
+from cosim.scenario.problem import Origin, Problems, Table, explained, within
 from cosim.texts import read, toml
 
 FOLDER = Path(__file__).resolve().parents[2] / "aircraft"
@@ -64,14 +64,13 @@ class Mass(Table):
     fuel_t: Positive
     gyration2_m2: Gyration
 
-    @model_validator(mode="after")
-    def _loads(self) -> Any:
+    def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
+        """Check that the aircraft can be loaded."""
         least, (fore, aft) = self.empty_t + self.fuel_t, self.cg_pct
         if not self.mass_t[0] > least:
-            raise ValueError(f"mass_t begins at {self.mass_t[0]:g} t; allowed: above empty_t + fuel_t = {least:g} t")
+            wrong.add(f"mass_t begins at {self.mass_t[0]:g} t", allowed=f"above empty_t + fuel_t = {least:g} t")
         if not 0.0 <= fore < aft <= 100.0:
-            raise ValueError(f"cg_pct = [{fore:g}, {aft:g}]; allowed: 0 to 100 % of the mean chord")
-        return self
+            wrong.add(f"cg_pct = [{fore:g}, {aft:g}]", allowed="0 to 100 % of the mean chord")
 
 
 class Limits(Table):
@@ -141,27 +140,22 @@ class Aircraft(Table):
     name: str = ""  # the folder's
     folder: Annotated[Path, Field(strict=False)] = Path()
 
-    @model_validator(mode="after")
-    def _segments(self) -> Any:
+    def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
+        """Check the elevator's segments, and the parameters of actuators."""
         segments = self.elevator.segments
         if not segments:
-            raise ValueError("elevator has no segment")
+            wrong.add("elevator has no segment")
         if len({s.short for s in segments.values()}) < len(segments):
-            raise ValueError("two elevator segments have the same short name")
-        if wrong := [n for n in segments if n.split("_")[0] not in ("left", "right")]:
-            raise ValueError(f"elevator segment {wrong[0]!r}: a name begins with left or right")
-        return self
-
-    @model_validator(mode="after")
-    def _parameters(self) -> Any:
+            wrong.add("two elevator segments have the same short name")
+        for name in (n for n in segments if n.split("_")[0] not in ("left", "right")):
+            wrong.add(f"elevator segment {name!r}: a name begins with left or right")
         for technology in (t for t in SHIPPED if t.name in self.actuators):
             place, nominal = f"actuators.{technology.name}", technology.parameters(())
             for key, value in self.actuators[technology.name].items():
                 if key not in nominal:
-                    raise ValueError(f"unknown parameter {place}.{key}; allowed: {', '.join(nominal)}")
-                if nominal[key] * value <= 0.0 < abs(nominal[key]):
-                    raise ValueError(f"{place}.{key} = {value:g}; allowed: of the sign of {nominal[key]:g}")
-        return self
+                    wrong.add(f"unknown parameter {place}.{key}", allowed=", ".join(nominal))
+                elif nominal[key] * value <= 0.0 < abs(nominal[key]):
+                    wrong.add(f"{place}.{key} = {value:g}", allowed=f"of the sign of {nominal[key]:g}")
 
     @property
     def segments(self) -> tuple[str, ...]:

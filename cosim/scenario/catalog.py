@@ -130,9 +130,8 @@ def _derive():
     kinds = {**_COMMON}
     for t in TECHNOLOGIES.values():
         ACTUATOR_SENSORS.update({name: s.units for name, s in t.sensors.items() if name not in ACTUATOR_SENSORS})
-        if t.loop_sensor:
-            LOOP_SENSOR[t.name] = t.loop_sensor
         kinds |= {name: kind for name, kind in t.kinds.items() if name not in kinds}
+    LOOP_SENSOR.update({t.name: t.loop_sensor for t in TECHNOLOGIES.values() if t.loop_sensor})
     suffers = {t.name: {*_ALWAYS, *t.effects, t.loop_sensor and "jam_liquid"} for t in TECHNOLOGIES.values()}
     for name, kind in kinds.items():
         ELEVATOR_KINDS[name] = replace(kind, technologies=tuple(t for t, own in suffers.items() if name in own))
@@ -142,31 +141,24 @@ for _technology in SHIPPED:
     register(_technology)
 
 
-SENSOR_SUMMARIES = {
-    "bias": "constant error",
-    "drift": "error that grows with time",
-    "scale": "reading times a factor",
-    "freeze": "the last value repeats",
-    "noise": "additional white noise per sample",
-    "oscillation": "oscillation added to the reading",
-    "dropout": "no valid sample",
-}
 OSCILLATIONS = ("ofc_liquid", "ofc_solid", "oscillation")
 PATHS = {"sensor": ("all", "observers"), "actuator_sensor": ("loop", "monitor")}  # the first is the default
 
 
 def sensor_kinds(units: Iterable[Unit]) -> dict[str, Kind]:
     """Return {kind: Kind} for a sensor whose values may be given in `units`."""
-    text = SENSOR_SUMMARIES
     return {
-        "bias": Kind(text["bias"], _keys("bias", units)),
-        "drift": Kind(text["drift"], _keys("drift", units, "_s")),
-        "scale": Kind(text["scale"], (Key("scale", -10.0, 10.0, healthy=1.0),)),
-        "freeze": Kind(text["freeze"], switched=True, exclusive="sample"),
-        "noise": Kind(text["noise"], _keys("sigma", units, signed=False)),
-        "oscillation": Kind(text["oscillation"], _keys("amplitude", units, signed=False), _sine),
-        "dropout": Kind(text["dropout"], switched=True, exclusive="sample"),
+        "bias": Kind("constant error", _keys("bias", units)),
+        "drift": Kind("error that grows with time", _keys("drift", units, "_s")),
+        "scale": Kind("reading times a factor", (Key("scale", -10.0, 10.0, healthy=1.0),)),
+        "freeze": Kind("the last value repeats", switched=True, exclusive="sample"),
+        "noise": Kind("additional white noise per sample", _keys("sigma", units, signed=False)),
+        "oscillation": Kind("oscillation added to the reading", _keys("amplitude", units, signed=False), _sine),
+        "dropout": Kind("no valid sample", switched=True, exclusive="sample"),
     }
+
+
+SENSOR_KINDS = tuple(sensor_kinds(()))
 
 
 KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers stand in its Kind
@@ -248,4 +240,4 @@ KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers st
         "reconstructed": "true: the law flies on n_z and alpha less the faults that lpv_smo estimates",
     },
 }
-ALL_KINDS = tuple(dict.fromkeys([*ELEVATOR_KINDS, *SENSOR_SUMMARIES, *ENGINE_KINDS]))
+ALL_KINDS = tuple(dict.fromkeys([*ELEVATOR_KINDS, *SENSOR_KINDS, *ENGINE_KINDS]))

@@ -2,7 +2,7 @@
 
 from typing import Any, Literal
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, ValidationInfo
 
 from actuators.technology import Key
 from cosim.scenario import catalog as c
@@ -33,13 +33,10 @@ class Elevator(Table, extra="allow"):
     # segment -> its own parameters; also written [elevator.<segment>.<technology>] name = value, or .truth and .model
     parameters: dict[str, Settings] = Field(default_factory=dict)
 
-    @model_validator(mode="before")
     @classmethod
-    def _filled(cls, raw: Any, info: ValidationInfo) -> Any:
+    def filled(cls, raw: dict[str, Any], wrong: Problems, info: ValidationInfo) -> dict[str, Any]:
         """Add technology and feedback of every segment."""
-        if not isinstance(raw, dict):
-            return raw
-        default, wrong, given = of(info).technology, Problems(), raw.get("feedback", {})
+        default, given = of(info).technology, raw.get("feedback", {})
         wrong.unknown(raw, (*default, *cls.model_fields))
         if not isinstance(parameters := raw.get("parameters", {}), dict):
             raise problem("must be a table", key="parameters")
@@ -57,7 +54,6 @@ class Elevator(Table, extra="allow"):
         sources = given if isinstance(given, dict) else {}
         wrong.unknown(sources, default, "feedback.")
         wrong.unknown(parameters, default, "parameters.")
-        wrong.check()
         filled = {name: word if tech == "hydraulic" else "measured" for name, tech in technology.items()}
         feedback = {**filled, **sources} if isinstance(given, str | dict) else given
         return {**technology, **raw, **technology, "feedback": feedback, "parameters": parameters}
@@ -67,10 +63,8 @@ class Elevator(Table, extra="allow"):
         """Return the detector on whose estimate a reconfigured EMA closes."""
         return "ema_kalman" if self.reconfigure == "published" else "ema_kalman_flight"
 
-    @model_validator(mode="after")
-    def _fits_the_actuators(self, info: ValidationInfo):
+    def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check that filters are of hydraulic actuators, and parameters of that one and near its nominal ones."""
-        wrong = Problems()
         for name, tech in self.technology.items():
             if tech != "hydraulic" and self.feedback.get(name, "measured") != "measured":
                 said = f"{self.feedback[name]} is a filter of hydraulic actuators, {name} is {tech}"
@@ -79,12 +73,10 @@ class Elevator(Table, extra="allow"):
             own = c.TECHNOLOGIES[self.technology[name]]
             nominal = own.parameters(of(info).own(own.name)).items()
             keys = {k: _near(k, v) for k, v in nominal if k not in own.fixed}
-            what = f"parameter of {own.article} actuator"
+            what = f"{own.article} actuator"
             units = {key: unit for key, (_, unit) in tolerance.meanings(own.name).items()}
             for part, values in settings:
                 wrong.numbers(values, keys, what, f"parameters.{name}.{part}", units)
-        wrong.check()
-        return self
 
     @property
     def technology(self) -> dict[str, str]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from pydantic import ValidationInfo, model_validator
+from pydantic import ValidationInfo
 
 from actuators.constants import RAD_PER_DEG
 from actuators.technology import Key, Kind
@@ -118,17 +118,16 @@ class Fault(Table, extra="allow"):
         self._aircraft = (context or {}).get("aircraft") or load_aircraft()
         self._target = target_of(self.target, self._aircraft)
 
-    @model_validator(mode="before")
     @classmethod
-    def _filled(cls, raw: Any, info: ValidationInfo) -> Any:
+    def filled(cls, raw: dict[str, Any], wrong: Problems, info: ValidationInfo) -> dict[str, Any]:
         """Add the defaults of its kind."""
-        if not isinstance(raw, dict) or not all(isinstance(raw.get(k), str) for k in ("target", "kind")):
+        if not all(isinstance(raw.get(k), str) for k in ("target", "kind")):
             return raw  # pydantic says what is missing or of the wrong type
         target, name = target_of(raw["target"], of(info)), raw["kind"]
         if name not in target.kinds:
             raise choice(name, target.kinds, f"fault of {raw['target']}", key="kind")
         kind, ways = target.kinds[name], {}
-        paths = c.PATHS.get(target.place, ())[: 1 if name == "jam_liquid" else None]
+        paths = c.PATHS.get(target.place, ())[: 1 if name == "jam_liquid" else None]  # that is a fault of the loop
         for key, what, allowed in (("at", "place of entry", kind.at), ("path", "path", paths)):
             given = raw.get(key)
             if given is not None and given not in allowed:
@@ -138,10 +137,9 @@ class Fault(Table, extra="allow"):
         waits = {"start_s": NEVER_S} if isinstance(raw.get("when"), str) else {}
         return kind.filled({**waits, **raw, **ways})
 
-    @model_validator(mode="after")
-    def _possible(self):
+    def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check the kind's own numbers, and that the keys fit together."""
-        kind, own, wrong, sweep = self.spec, self.model_extra or {}, Problems(), c.SWEEP.name
+        kind, own, sweep = self.spec, self.model_extra or {}, c.SWEEP.name
         if self.shape is not None and self.kind not in c.OSCILLATIONS:
             wrong.add(f"{self.kind} has no shape", key="shape", allowed="no such key", remedy="Remove shape")
         elif self.shape != "chirp" and self.kind in c.OSCILLATIONS and sweep in own:
@@ -154,8 +152,6 @@ class Fault(Table, extra="allow"):
         where = f"{self.kind} at {self.at!r}" if self.at else self.kind
         wrong.of_kind(kind, own, where, self._optional, COMMON)
         self._times(wrong)
-        wrong.check()
-        return self
 
     def _times(self, wrong):
         """Check onset, end and ramp, and the condition in place of an onset."""

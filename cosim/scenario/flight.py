@@ -3,12 +3,12 @@
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from actuators.constants import M_PER_FT, M_S_PER_KT
 from actuators.technology import Key
 from cosim.scenario.aircraft import DEFAULT, of
-from cosim.scenario.problem import Problems, Seconds, Table, accepted, problem, within
+from cosim.scenario.problem import Problems, Seconds, Table, accepted, within
 
 SPEEDS = ("cas_kt", "mach", "tas_kt")
 AIR = ("turbulence", "air", "wind_kt", "wind_from_deg", "shear_kt_1000ft", "gusts")  # keys of what the air does
@@ -69,9 +69,9 @@ class Flight(Table):
     shear_kt_1000ft: Annotated[float, within(-100.0, 100.0)] = 0.0  # growth of that wind with altitude
     gusts: Annotated[tuple[Gust, ...], Field(strict=False, max_length=16)] = ()
 
-    @model_validator(mode="after")
-    def _together(self):
-        wrong = Problems()
+    def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
+        """Check the order of changes, that nothing is said twice, and that no Mach number or true airspeed is beyond
+        the highest calibrated one."""
         for i, (before, change) in enumerate(zip(self.air, self.air[1:]), start=1):
             if change.start_s < before.start_s + before.ramp_s:
                 said = f"begins before air.{i - 1} is reached"
@@ -81,8 +81,10 @@ class Flight(Table):
         wrong.one_of(SPEEDS, given, who="the flight")
         for pair in PATHS:
             wrong.one_of(pair, given)
-        wrong.check()
-        return self
+        key, most = ("mach" if self.mach is not None else "tas_kt"), dict(of(info).limits)["cas_kt"][1]
+        if given & {*SPEEDS} == {key} and (cas := cas_kt(self.altitude_ft, mach=self.mach, tas_kt=self.tas_kt)) > most:
+            said = f"is {cas:.0f} kt calibrated at {self.altitude_ft:g} ft"
+            wrong.add(said, key=key, allowed=f"up to {most:g} kt calibrated", remedy="Fly slower or higher")
 
     @field_validator("mass_t", "cg_pct", "altitude_ft", *SPEEDS, mode="before")
     @classmethod
@@ -90,15 +92,6 @@ class Flight(Table):
         record = of(info)
         span = {**dict(record.mass), **dict(record.limits)}[info.field_name or ""]
         return None if value is None else accepted(value, Key("", *span))
-
-    @model_validator(mode="after")
-    def _no_faster(self, info: ValidationInfo):
-        """Hold a Mach number or a true airspeed against the highest calibrated one, as that is held itself."""
-        key, most = ("mach" if self.mach is not None else "tas_kt"), dict(of(info).limits)["cas_kt"][1]
-        if self.cas_kt is None and (cas := cas_kt(self.altitude_ft, mach=self.mach, tas_kt=self.tas_kt)) > most:
-            said = f"is {cas:.0f} kt calibrated at {self.altitude_ft:g} ft"
-            raise problem(said, key=key, allowed=f"up to {most:g} kt calibrated", remedy="Fly slower or higher")
-        return self
 
     @property
     def changes(self) -> tuple[tuple[float, str, float], ...]:

@@ -8,7 +8,7 @@ import itertools
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, ValidationInfo, model_validator
+from pydantic import Field, ValidationError, ValidationInfo
 
 from actuators.technology import Key
 from cosim.errors import ScenarioError, did_you_mean
@@ -49,15 +49,12 @@ class Inputs(Table, extra="allow"):
     hold_speed: bool = False  # the speed hold moves the throttles
     time_s: Column
 
-    @model_validator(mode="before")
     @classmethod
-    def _numbers(cls, raw: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
+    def filled(cls, raw: dict[str, Any], wrong: Problems, info: ValidationInfo) -> dict[str, Any]:
         """Name the first number that is wrong."""
         if "file" in raw:
             raise problem("was not read", key="file", remedy="Load the scenario by its name or file")
-        wrong = Problems()
         wrong.unknown(raw, (*cls.model_fields, *RANGES))
-        wrong.check()
         own = {"stabiliser_deg": info.context["aircraft"].travels_deg["stabiliser"]} if info.context else {}
         keys = {name: Key(name, *span) for name, span in {**RANGES, **own}.items()}
         columns = {name: values for name, values in raw.items() if name in keys and isinstance(values, list | tuple)}
@@ -65,9 +62,9 @@ class Inputs(Table, extra="allow"):
                    for name, values in columns.items()}  # fmt: skip
         return {**raw, **checked}
 
-    @model_validator(mode="after")
-    def _together(self):
-        times, columns, wrong = self.time_s, self.columns, Problems()
+    def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
+        """Check that the columns make a table."""
+        times, columns = self.time_s, self.columns
         if (total := sum(map(len, (times, *columns.values())))) > MOST:
             wrong.add(f"the table has {total:,} numbers", key=TIME, allowed=f"up to {MOST:,}")
         if not columns or not times:
@@ -84,8 +81,6 @@ class Inputs(Table, extra="allow"):
             wrong.one_of(pair, columns)
         if self.hold_speed and {"throttle", "throttle_change"} & columns.keys():
             wrong.add("the table moves the throttles, too", key="hold_speed", allowed="false")
-        wrong.check()
-        return self
 
     @property
     def columns(self) -> dict[str, tuple[float, ...]]:

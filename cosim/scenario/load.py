@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from cosim.errors import ScenarioError, did_you_mean, told_at_call
+from cosim.errors import CosimError, ScenarioError, did_you_mean, told_at_call
 from cosim.scenario import inputs
 from cosim.scenario.aircraft import aircraft_of
 from cosim.scenario.model import Scenario
@@ -21,10 +21,24 @@ from cosim.texts import read, toml
 DEFAULT = "liquid-ofc"
 
 
-def builtin_names() -> list[str]:
-    """Return the names of the built-in scenarios, sorted."""
-    files = resources.files("cosim").joinpath("scenarios").iterdir()
+def builtin_names(kind: str = "scenario") -> list[str]:
+    """Return the names of what is built in of a `kind`, "scenario" or "campaign", sorted."""
+    files = resources.files("cosim").joinpath(f"{kind}s").iterdir()
     return sorted(p.name.removesuffix(".toml") for p in files if p.name.endswith(".toml"))
+
+
+def text_of(name: str, kind: str, error: type[CosimError]) -> tuple[str, Path | None]:
+    """Return (text, folder of the file) of a `kind` that is built in or a file; raises `error`."""
+    if not name:
+        raise error(f"no {kind} is named", remedy=f"`cosim list` shows the built-in {kind}s")
+    known = builtin_names(kind)
+    if name in known:
+        return resources.files("cosim").joinpath(f"{kind}s", f"{name}.toml").read_text(encoding="utf-8"), None
+    try:
+        return read(name, error=error, what=f"{kind} file"), Path(name).parent
+    except FileNotFoundError:
+        near = did_you_mean(name, known) or f"`cosim list` shows the built-in {kind}s"
+        raise error(f"no built-in {kind} and no file of this name", place=name, remedy=near) from None
 
 
 @told_at_call
@@ -33,7 +47,8 @@ def load_scenario(name_or_path: str | os.PathLike = DEFAULT, overrides: str | It
 
     A name without a dot or a slash that is built in wins over a file. Raises ScenarioError.
     """
-    place, text = _read(name_or_path)
+    place = str(name_or_path)
+    text, folder = text_of(place, "scenario", ScenarioError)
     overrides = [overrides] if isinstance(overrides, str) else list(overrides)
     table, wrong, said = applied(toml(text, place=place, error=ScenarioError), overrides)
 
@@ -44,7 +59,7 @@ def load_scenario(name_or_path: str | os.PathLike = DEFAULT, overrides: str | It
         return made
 
     with wrong.caught():
-        made = parse(located(table, name_or_path), place=place, origin=origin)
+        made = parse(located(table, folder, place), place=place, origin=origin)
     wrong.check()
     keys = {key.partition(".")[0] for key, _ in said}
     return made if "title" in keys or keys <= UNTITLED else retitled(made)
@@ -60,12 +75,10 @@ def retitled(scenario: Scenario) -> Scenario:
     return scenario.model_copy(update={"title": title})
 
 
-def located(table: dict[str, Any], name: str | os.PathLike) -> dict[str, Any]:
-    """Return the tables of scenario `name` with the files of its user parts found, beside it or from here, and that of
-    its inputs read."""
-    path = Path(str(name))
-    folder = path.parent if os.path.isfile(path) else None
-    return inputs.located(locate(table, folder, str(name)), folder, str(name))
+def located(table: dict[str, Any], folder: Path | None, place: str) -> dict[str, Any]:
+    """Return the tables of a scenario with the files of its user parts found, beside it (`folder`) or from here, and
+    that of its inputs read."""
+    return inputs.located(locate(table, folder, place), folder, place)
 
 
 def parse(table: dict[str, Any], *, place: str = "scenario", origin: Callable[[], Origin] | None = None) -> Scenario:
@@ -81,16 +94,3 @@ def parse(table: dict[str, Any], *, place: str = "scenario", origin: Callable[[]
     except ScenarioError as error:
         error.place = f"{place}: {error.place}"
         raise
-
-
-def _read(name_or_path):
-    name = str(name_or_path)
-    if not name:
-        raise ScenarioError("no scenario is named", remedy="`cosim list` shows the built-in scenarios")
-    if name in builtin_names():
-        return name, resources.files("cosim").joinpath("scenarios", f"{name}.toml").read_text(encoding="utf-8")
-    try:
-        return name, read(name, error=ScenarioError, what="scenario file")
-    except FileNotFoundError:
-        near = did_you_mean(name, builtin_names()) or "`cosim list` shows the built-in scenarios"
-        raise ScenarioError("no built-in scenario and no file of this name", place=name, remedy=near) from None

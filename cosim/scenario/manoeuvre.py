@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from pydantic import PlainValidator, ValidationInfo, model_validator
+from pydantic import PlainValidator, ValidationInfo
 
 from actuators.technology import Key, Kind
 from cosim.errors import did_you_mean
@@ -59,18 +59,15 @@ class Manoeuvre(Table, extra="allow"):
     hold_speed: bool  # the throttles hold the speed; a climb, descent or turn from the start has it anyway
     kind: str
 
-    @model_validator(mode="before")
     @classmethod
-    def _filled(cls, raw: dict[str, Any]) -> dict[str, Any]:
+    def filled(cls, raw: dict[str, Any], wrong: Problems, info: ValidationInfo) -> dict[str, Any]:
+        """Add the defaults of its kind."""
         given = KINDS[raw["kind"]].filled({"hold_speed": raw["kind"] in HOLD_SPEED, **raw})
         return {**{key: given[key] for key in keys_of(raw["kind"]) if key in given}, **given}
 
-    @model_validator(mode="after")
-    def _numbers(self):
-        wrong = Problems()
+    def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
+        """Check the kind's own numbers."""
         wrong.of_kind(KINDS[self.kind], self.model_extra or {}, self.kind, others=Manoeuvre.model_fields)
-        wrong.check()
-        return self
 
 
 def _of_its_kind(raw: Any, info: ValidationInfo) -> Any:

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from cosim.scenario import catalog as c
 from cosim.scenario import toml, user_parts
@@ -40,16 +40,13 @@ class Sensors(Table, extra="allow"):
     noise_scale: Annotated[float, within(0.0, 100.0)] = 1.0
     reconstructed: bool = False  # the law flies on n_z and alpha less what lpv_smo estimates of faults
 
-    @model_validator(mode="after")
-    def _known(self):
-        units, wrong = {**c.SENSORS, **c.ACTUATOR_SENSORS}, Problems()
-        for name, table in (self.model_extra or {}).items():
-            if name in units:
-                wrong.numbers(table, _sensor_keys(units[name]), f"key of sensor {name}", name)
-            else:
-                wrong.append(choice(name, units, "sensor", key=name))
-        wrong.check()
-        return self
+    def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
+        """Check the sensors and their numbers."""
+        units = {**c.SENSORS, **c.ACTUATOR_SENSORS}
+        given = self.model_extra or {}
+        wrong.unknown(given, units)
+        for name in (name for name in given if name in units):
+            wrong.numbers(given[name], _sensor_keys(units[name]), f"sensor {name}", name)
 
     def setting(self, name: str, own: Any = lambda unit: 1.0) -> SensorSetting:
         """Return the SensorSetting of sensor `name`; `own(unit)` is what one SI `unit`, or share of a nominal value
@@ -77,18 +74,14 @@ class Tolerances(Table, extra="allow"):
     __pydantic_extra__: dict[str, dict[str, float]]
     aero: dict[str, float]
 
-    @model_validator(mode="before")
     @classmethod
-    def _filled(cls, raw: Any, info: ValidationInfo) -> Any:
+    def filled(cls, raw: dict[str, Any], wrong: Problems, info: ValidationInfo) -> dict[str, Any]:
         """Check the names and numbers; add a table for each technology that has parameters."""
-        if not isinstance(raw, dict):
-            return raw
-        groups, wrong = ["aero", *(t.name for t in c.SHIPPED if t.servo)], Problems()
+        groups = ["aero", *(t.name for t in c.SHIPPED if t.servo)]
         wrong.unknown(raw, groups)
         for group in (group for group in groups if raw.get(group) and isinstance(raw[group], dict)):
             known = of(info).multipliers if group == "aero" else toleranced(group)
-            wrong.numbers(raw[group], dict.fromkeys(known, MULTIPLIER), "parameter that has a tolerance", group)
-        wrong.check()
+            wrong.numbers(raw[group], dict.fromkeys(known, MULTIPLIER), group, group)
         return {**{name: {} for name in groups}, **raw}
 
 
@@ -124,27 +117,22 @@ class Detectors(Table, extra="allow"):
     __pydantic_extra__: dict[str, dict[str, Parameter]]
     enabled: Annotated[tuple[str, ...], Field(strict=False)] = DEFAULT
 
-    @model_validator(mode="before")
     @classmethod
-    def _every(cls, raw: Any) -> Any:
+    def filled(cls, raw: dict[str, Any], wrong: Problems, info: ValidationInfo) -> dict[str, Any]:
         """Enable every detector there is, those of the table's files among them, where none is chosen."""
-        if not isinstance(raw, dict):
-            return raw
         named = [name for name, own in raw.items() if isinstance(own, dict) and "file" in own]
         if "enabled" not in raw:
             users = {n: part for n, part in USER_DETECTORS.items() if part.file and n not in raw}
             own = {n: {"file": part.file, "sha256": part.sha256} for n, part in users.items()}
             raw = {"enabled": [*DEFAULT, *dict.fromkeys((*USER_DETECTORS, *named))], **own, **raw}
-        known, wrong = (*SHIPPED, *USER_DETECTORS), Problems()
+        known = (*SHIPPED, *USER_DETECTORS)
         enabled = raw["enabled"] if isinstance(raw["enabled"], list | tuple) else ()
         for i, name in enumerate(enabled):
             if isinstance(name, str) and name not in (*known, *named):
                 wrong.append(choice(name, known, "detector", key=f"enabled.{i}"))
             elif name in enabled[:i]:
                 wrong.add(f"{name!r} is listed twice", key=f"enabled.{i}", remedy="Remove one")
-        others = (name for name in raw if name not in ("enabled", *known, *named))
-        wrong += [choice(name, ("enabled", *known), "detector", key=name) for name in others]
-        wrong.check()
+        wrong.unknown(raw, ("enabled", *known, *named))
         return raw
 
     def table(self, name: str) -> dict:
@@ -176,13 +164,12 @@ class Scenario(Table):
     faults: Annotated[tuple[Fault, ...], Field(strict=False)] = ()
     detectors: Detectors = Field(default_factory=lambda: Detectors.model_validate({}))  # users' may have come since
 
-    @model_validator(mode="after")
-    def _whole(self):
+    def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
+        """Check that there is a tick, and that the faults can be together."""
         if not self.ticks:
             said = f"is less than a tick at {self.rate_hz} Hz"
-            raise problem(said, key="duration_s", allowed=f"{self.dt:g} to 36000")
+            wrong.add(said, key="duration_s", allowed=f"{self.dt:g} to 36000")
         check_together(self.faults, self.elevator.technology)
-        return self
 
     @property
     def running(self) -> tuple[str, ...]:

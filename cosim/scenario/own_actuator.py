@@ -5,13 +5,13 @@ import os
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo
 
 from actuators.constants import TO_SI
 from actuators.registry import SHIPPED
 from cosim.errors import ScenarioError
 from cosim.scenario import catalog as c
-from cosim.scenario.problem import Table, choice, problem
+from cosim.scenario.problem import Problems, Table, choice, problem
 from cosim.scenario.user_parts import load
 
 INPUTS = {  # word -> its unit
@@ -39,14 +39,14 @@ class OwnActuator(Table):
     start: dict[str, Variable] = Field(default_factory=dict)
     parameters: dict[str, float] = Field(default_factory=dict)
 
-    @model_validator(mode="after")
-    def _whole(self):
+    def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
+        """Check that there is one of file and FMU, and an FMU's map."""
         if (self.file is None) == (self.fmu is None):
             raise problem("needs one of file, fmu", key="file" if self.file else "fmu", allowed="one of the two")
         if self.file is not None:
             if given := next((n for n in ("inputs", "outputs", "start", "parameters") if getattr(self, n)), None):
                 raise problem("is of an FMU", key=given, remedy="Those of a block stand in its file: params()")
-            return self
+            return
         own, other = ("valve_command", "command") if self.servo else ("command", "valve_command")
         inputs = {word: si for word, si in INPUTS.items() if word != other}
         measured = ("surface", "rod", "pressure") if self.servo else ("surface",)
@@ -60,7 +60,6 @@ class OwnActuator(Table):
                     raise choice(word, words, f"word of {part}", key=f"{part}.{word}")
                 if variable.unit and variable.unit not in (known := TO_SI[words[word]]):
                     raise choice(variable.unit, known, f"unit of {word}", key=f"{part}.{word}.unit")
-        return self
 
     @property
     def path(self) -> Path:

@@ -1,8 +1,8 @@
 """What is wrong with a file of a user's: each mistake with where it was written.
 
 Pydantic collects what is wrong with the fields of every `Table`, which says it in our words; a number that is `within`
-a range says its range. What no field can say, a table's validator says with `problem`, or with `Problems` where several
-can be wrong; `Origin` knows the line or the override that a key stands in; `explained` makes one error of them.
+a range says its range. What no field can say, a table adds in its `mistakes`; `Origin` knows the line or the override
+that a key stands in; `explained` makes one error of them.
 """
 
 import math
@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
 from actuators.technology import Key, Kind
@@ -85,13 +85,11 @@ class Problems(list[PydanticCustomError]):
         self, numbers: Mapping[str, Any], keys: Mapping[str, Key], what: str, path: str,
         units: Mapping[str, str] | None = None,
     ) -> None:  # fmt: skip
-        """Add what is wrong with `numbers` {name: value} of `keys`; an unknown name is called a `what`, `path` is put
-        before each, `units[name]` is that of a range."""
-        for name, value in numbers.items():
-            if name in keys:
-                self.number(value, keys[name], f"{path}.{name}", (units or {}).get(name, ""))
-            else:
-                self.append(choice(name, keys, what, key=f"{path}.{name}"))
+        """Add what is wrong with `numbers` {name: value} of `what`, which has `keys`; `path` is put before each,
+        `units[name]` is that of a range."""
+        self.unknown(numbers, keys, f"{path}.", of=what)
+        for name in (name for name in numbers if name in keys):
+            self.number(numbers[name], keys[name], f"{path}.{name}", (units or {}).get(name, ""))
 
     def unknown(
         self, table: Iterable[str], known: Collection[str], path: str = "", *, of: str = "", others: Iterable[str] = ()
@@ -208,12 +206,26 @@ class Table(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
+    @classmethod
+    def filled(cls, table: dict[str, Any], wrong: Problems, info: ValidationInfo) -> dict[str, Any]:
+        """Return a table as written with what follows from it; where something is `wrong` its fields are not read."""
+        return table
+
+    def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
+        """Add to `wrong` what no field can say."""
+
     @model_validator(mode="wrap")
     @classmethod
-    def _told(cls, raw: Any, handler: Any) -> Any:
+    def _checked(cls, raw: Any, handler: Any, info: ValidationInfo) -> Any:
         """Say in our words what pydantic finds wrong with the keys of this table; those below have been said."""
+        wrong = Problems()
         try:
-            return handler(raw)
+            given = cls.filled(raw, wrong, info) if isinstance(raw, dict) else raw
+            wrong.check()
+            made = handler(given)
+            made.mistakes(wrong, info)
+            wrong.check()
+            return made
         except ValidationError as error:
             found = error.errors(include_url=False)
         told = [InitErrorDetails(type=_in_words(one, cls.model_fields), loc=one["loc"], input=None) for one in found]

@@ -17,9 +17,10 @@ from typer.testing import CliRunner
 
 from cosim.campaign.draw import Draw, unit_cube
 from cosim.campaign.engine import cluster, rerun, run_many
-from cosim.campaign.spec import EVALUATION_SEED, builtin_campaigns, load_campaign
+from cosim.campaign.spec import EVALUATION_SEED, load_campaign
 from cosim.cli import commands as cli
 from cosim.errors import CosimError
+from cosim.scenario import builtin_names
 from cosim.scenario import catalog as c
 from cosim.scenario.tolerance import toleranced
 
@@ -137,7 +138,7 @@ def test_what_there_is_not_is_one_line(written, monkeypatch):
     grid = "".join(f"'tolerances.aero.{name}' = [{'1.0,' * 99}]\n" for name in list(toleranced("aero"))[:12])
     with pytest.raises(CosimError, match=rf"has {99**12} runs; allowed: 1 to"):  # beyond 2^63
         load_campaign(written(f"[grid]\n{grid}")).scenarios()
-    with pytest.raises(CosimError, match="aircraft-vs-local"):
+    with pytest.raises(CosimError, match="no built-in campaign and no file of this name"):
         load_campaign("nowhere.toml")
     monkeypatch.setattr("cosim.campaign.engine.CONNECT_S", 0.2)
     for there, says in ((True, "dask scheduler"), (False, r"cosim-fdi\[cluster\]")):
@@ -168,7 +169,7 @@ def built_in(name):
     return made, made.scenarios()[0]
 
 
-@pytest.mark.parametrize("name", builtin_campaigns())
+@pytest.mark.parametrize("name", builtin_names("campaign"))
 def test_built_in_campaigns_keep_off_training_seeds_and_cover_the_envelope(name):
     made, scenarios = built_in(name)
     assert len(scenarios) == len(made) and made.title and not any(s.warnings() for s in scenarios)
@@ -189,7 +190,7 @@ def test_a_campaign_of_an_actuator_draws_every_kind_on_every_sensor_and_what_rec
                      for ends in (False, True))  # fmt: skip
     kinds = {k for k, spec in c.ELEVATOR_KINDS.items() if technology in spec.technologies} - {"bias", "jam_liquid"}
     own = c.TECHNOLOGIES[technology].own_sensors
-    whole = {(sensor, k) for sensor in own for k in c.SENSOR_SUMMARIES if k != "dropout"}
+    whole = {(sensor, k) for sensor in own for k in c.SENSOR_KINDS if k != "dropout"}
     assert whole | {("", kind) for kind in kinds} <= drawn & healed
     assert max(len([f for f in s.faults if f.kind == s.faults[0].kind]) for s in flights if s.faults) >= 4
     assert any(len({f.start_s for f in s.faults}) < len(s.faults) for s in flights)  # two at once

@@ -26,7 +26,7 @@ def small(name, kind):
 
 
 @pytest.mark.parametrize("path", c.PATHS["sensor"])
-@pytest.mark.parametrize("kind", c.SENSOR_SUMMARIES)
+@pytest.mark.parametrize("kind", c.SENSOR_KINDS)
 def test_sensor_fault_enters_the_copies_of_its_path_and_heals(kind, path):
     start, end = 2.0, 3.0
     keys, size = {}, {}
@@ -68,7 +68,7 @@ PART_SIZE = {"rod": ("mm", 0.3), "surface": ("deg", 0.1), "pressure": ("pct", 1.
 
 
 @pytest.mark.parametrize("path", c.PATHS["actuator_sensor"])
-@pytest.mark.parametrize("kind", c.SENSOR_SUMMARIES)
+@pytest.mark.parametrize("kind", c.SENSOR_KINDS)
 def test_fault_of_an_actuators_sensor_enters_the_copies_of_its_path_and_heals(kind, path):
     start, end = 2.0, 3.0
     own = {"left_inner": "hydraulic", "right_inner": "ema"}
