@@ -83,10 +83,9 @@ def tested(log: np.ndarray, rate: np.ndarray, p: Any) -> dict[str, list]:
         out[test] = [log[test] * sum((p[name] * x for name, x in zip(more, own)), p[fixed]), 1.0, *own]
     out[LOAD] = [np.abs(log["x_hat"][:, 5]) / (0.5 * p["load_max"]), 1.0]
     out["friction"] = [np.maximum(log["r_friction"], 0.0), 1.0]
-    rows = log.view(np.recarray)  # whose elements a kernel takes in plain Python, too
-    power = np.stack([[sensor_noise.power.compiled(x, k) for x in rows] for k in range(sensor_noise.N)])
-    out["current"] = [np.sqrt(power[3]) / sensor_noise.TH_CURRENT, 1.0]
-    return out | {name: [np.sqrt(row), 1.0] for name, row in zip(ROUGH, power[:3], strict=True)}
+    *rough, current = np.sqrt(np.maximum(log["rough_power"].T, 0.0))
+    out["current"] = [current / sensor_noise.TH_CURRENT, 1.0]
+    return out | {name: [row, 1.0] for name, row in zip(ROUGH, rough, strict=True)}
 
 
 def largest_of(rows: np.ndarray, seconds: int = 8) -> np.ndarray:
@@ -100,7 +99,7 @@ def survey(recorded: Any) -> dict[str, Any]:
     p = ema_kalman_flight.params()
     p["th_rough"] = 1e9  # a sample counts in full
     fields = ("r_pair", "r_speed", "r_f", "w_power", "gain_doubt", "gain_learned", "magnets_doubt", "x_hat", "gain_sum",
-              "rough_power", "rough_both", "r_friction")  # fmt: skip
+              "rough_power", "r_friction")  # fmt: skip
     log = detect(recorded, ema_kalman_flight, WIRES, p, fields)[:, SETTLED:]
     found: dict[str, list] = {test: [] for test in (*TESTS, *ROUGH, *NOTED)}
     z = 0.0

@@ -19,7 +19,6 @@ NO_CURRENT = 2.5  # of the largest: what a drive and a biased sensor together do
 BLIND = 2.5  # threshold of f without the velocity sensor, over that with it
 TAU_POWER, SPIKE = 0.1, 0.5  # lag of the power of f [s]; share of its threshold that one sample may fill
 NEAR = 0.93  # of the voltage limit: from there on 5 % of K_B is worth more than the stall current
-TAU_LAG = 0.03  # of f, which winds up the screw [s]
 
 PARAMS = [
     ("th_f", "f8", "A"),  # rms of f, fixed part
@@ -31,15 +30,12 @@ STATE = [
     ("f_now", "f8", "A"),  # measured current less the model's
     ("d_now", "f8", "A"),  # the model's, of a reading without age
     ("d_change", "f8", "A"),  # that of the tick before less this
-    ("f_lag", "f8", "A"),  # lagged
-    ("slot_f", "f8", "A"),  # sum of a slot, and its ticks
-    ("slot_n", "f8", "-"),
+    ("f_mean", "f8", "A"),  # over 5 ms
     ("f_power", "f8", "A2"),  # its square, lagged
     ("w_power", "f8", "rad2/s2"),
-    ("off_power", "f8", "A2"),  # of what the drive's own may be off by, lagged alike
     ("turn", "f8", "rad/s"),  # by how much the rate changes in a tick, by the filter
-    ("aged_power", "f8", "A2"),  # of what the age of the current, and jitter, may make
-    ("turn_power", "f8", "rad2/s2"),  # of the rate's change in a tick, which a tick of its age makes
+    ("off_power", "f8", "A2"),  # of what the drive's own gain and magnets may make
+    ("aged_power", "f8", "A2"),  # and the ages of the readings
     ("r_f", "f8", "-"),  # over its threshold
     ("f_timer", "f8", "s"),
     ("hot_f", "f8", "-"),  # confirmed
@@ -62,28 +58,25 @@ def demanded(x, u, w, p):
 
 @kernel
 def test(x, f, rest, w, seen, p, dt):
-    """Test the power of `f` [A] where it is `seen`, at the current `rest` [A] and the rate `w` [rad/s]."""
+    """Test the power of `f` [A] where it is `seen`, at the current `rest` [A] and the rate `w` [rad/s]; return its
+    threshold [A]."""
+    h = dt / TAU_POWER
+    own, magnets = gains.doubt(x)
+    off = own * math.fabs(rest) + magnets * p.b_motor * math.fabs(w)
+    aged, turned = x.age_sigma * x.d_change, p.b_motor * x.turn
+    x.off_power += h * (off * off - x.off_power)
+    x.aged_power += h * (aged * aged + turned * turned - x.aged_power)
+    least = math.sqrt(p.th_f * p.th_f + x.aged_power) + p.rho_f * math.sqrt(x.w_power) + math.sqrt(x.off_power)
+    least *= 1.0 if x.age_vel <= p.t_bad else BLIND
     if seen:
-        x.slot_f += f
-        x.slot_n += 1.0
-    if x.count == 0.0 and x.slot_n > 0.0:  # of a slot, so that noise weighs the same at every rate
-        h, g = p.n_sub * dt, x.slot_f / x.slot_n
-        x.slot_f = x.slot_n = 0.0
-        own, magnets = gains.doubt(x)
-        off = own * math.fabs(rest) + magnets * p.b_motor * math.fabs(w)
-        aged = x.age_sigma * x.d_change
-        x.off_power += h / TAU_POWER * (off * off - x.off_power)
-        x.aged_power += h / TAU_POWER * (aged * aged - x.aged_power)
-        x.turn_power += h / TAU_POWER * (x.turn * x.turn - x.turn_power)
-        aged = x.aged_power + p.b_motor * p.b_motor * x.turn_power
-        least = math.sqrt(p.th_f * p.th_f + aged) + p.rho_f * math.sqrt(x.w_power) + math.sqrt(x.off_power)
-        least *= 1.0 if x.age_vel <= p.t_bad else BLIND
-        most = SPIKE * least * least * TAU_POWER / h  # one sample alone is no fault
-        x.f_power += h / TAU_POWER * (min(g * g, most) - x.f_power)
-        x.w_power += h / TAU_POWER * (w * w - x.w_power)
+        x.f_mean += p.share * (f - x.f_mean)  # so that noise weighs the same at every rate
+        most = SPIKE * least * least / h  # one sample alone is no fault
+        x.f_power += h * (min(x.f_mean * x.f_mean, most) - x.f_power)
+        x.w_power += h * (w * w - x.w_power)
         x.r_f = math.sqrt(x.f_power) / least
     beyond = seen and x.r_f >= 1.0 and x.age >= p.t_start
     x.f_timer, x.hot_f = confirm(x.f_timer, x.hot_f, beyond, dt, p.t_f, p.t_release)
+    return least
 
 
 @kernel
@@ -94,39 +87,30 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     d, rest, limit = demanded(x, u, w, p)
     seen = current and not limit and math.fabs(y) < NO_CURRENT * p.I_max
     f = y - d if seen else 0.0
-    if seen and math.fabs(d) < p.I_max:
-        gains.tick(x, f, rest, x.d_change, w, w - gamma)
     x.f_now = f
-    x.f_lag += min(dt / TAU_LAG, 1.0) * (f - x.f_lag)
-    test(x, f, rest, w, seen, p, dt)
-    torque.feel(x, x.gain_a * rest if x.hot_gain > 0.5 and x.hot_f < 0.5 else f, gamma, current, p, dt)
+    least = test(x, f, rest, w, seen, p, dt)
+    plain = measured and x.f_timer <= 0.0
+    if seen and plain and math.fabs(d) < p.I_max and math.fabs(f) < 3.0 * least:
+        gains.accumulate(x, f, rest, x.d_change, w, w - gamma, p, dt)
+    torque.feel(x, f, gamma, current, p, dt)
     s = x.even_sum
     s[shapes.F] += f
     s[shapes.C] += f + rest
     s[shapes.W_ROW] += w
-    s[shapes.PAIR] += x.pair_e
-    s[shapes.ROD] += x.y_surface
     x.even_lost += 0.0 if seen else 1.0
     x.even_ticks += 1.0
     if x.even_ticks >= p.even:
-        sample(x, measured, p, dt)
+        sample(x, plain, p, dt)
 
 
 @kernel
-def sample(x, measured, p, dt):
-    """Put a sample into the ring, learn of it, and weigh what f has been since it began."""
-    now = int(x.even_head)
+def sample(x, plain, p, dt):
+    """Put a sample into the ring, learn of it where it is `plain`, and weigh what f has been since it began."""
     x.even_head = put(x.even_ring, x.even_sum, p.even, x.even_head)
     whole = x.even_lost < 0.5
     x.even_ticks = x.even_lost = 0.0
-    f, w = x.even_ring[shapes.F, now], x.even_ring[shapes.W_ROW, now]
-    d = x.even_ring[shapes.C, now] - f
-    own, magnets = gains.doubt(x)
-    usual = p.th_f + (p.rho_f + magnets * p.b_motor) * math.fabs(w) + own * math.fabs(d)
-    plain = x.f_timer <= 0.0 or (x.hot_gain > 0.5 and x.weak > 0.5)
-    if whole and measured and plain and math.fabs(f) < 3.0 * usual:
-        gains.gains(x, p, d, dt)
-    x.gain_tick[:] = 0.0
+    if whole and plain:
+        gains.test(x, p, dt)
     if x.isolated_part == VELOCITY:  # of a rate that is wrong nothing is learned
         x.gain_timer = x.hot_gain = 0.0
         x.gain_sum[:] = 0.0
@@ -136,4 +120,5 @@ def sample(x, measured, p, dt):
         return
     x.f_age = x.f_age + 1.0 if whole else 0.0  # what the voltage limits says nothing
     if x.hot_f > 0.5 and x.drive_name == NONE and int(x.f_age) % shapes.EVERY == 0:
+        own, magnets = gains.doubt(x)
         shapes.weigh(x, p, own, min(0.06, magnets))

@@ -7,9 +7,10 @@ prediction, its stiffness stands inside A, and what that model misses is a bound
 
 | relation | broken by | in |
 |---|---|---|
-| position - surface - velocity's integral | a sensor, named by the other two; backlash | `position_consistency` |
+| position - surface - velocity's integral | a sensor, named by the other two | `positions` |
 | current - demand | the drive, or the current sensor: what the motor has felt tells which | `drive`, `shapes` |
-| torque - motion | what holds the surface: a load that no hinge explains | `vote` |
+| torque - motion | friction, and what holds the surface: a load that no hinge explains | `torque`, `vote` |
+| a sample - those before it | a sensor that is noisy or frozen | `sensor_noise` |
 
 On a verdict on the position sensor `reconf` asks to close the loop on pos_hat. With a lost sensor the rest goes on:
 
@@ -20,14 +21,12 @@ On a verdict on the position sensor `reconf` asks to close the loop on pos_hat. 
 | velocity | the position takes its place in the filter; position against surface, drive: AMBIGUOUS; jam |
 | current | sensors and jam as ever |
 
-While all is well, pos_hat is tied to the position sensor by a slow second Kalman filter on (offset c, rate b): it
-learns the velocity sensor's small bias. From the first suspicion on it runs free, and its covariance is pos_sigma; once
-the position sensor is named it is tied to the surface's. The filter's angle follows pos_hat, so that a velocity error
-that has healed is left neither in the angle nor, times the hinge stiffness, in the load.
+While all is well, pos_hat is tied to the position sensor; from the first suspicion on it is the velocity's integral
+alone, and once the position sensor is named it is tied to the surface's. The filter's angle follows pos_hat, so that a
+velocity error that has healed is left neither in the angle nor, times the hinge stiffness, in the load.
 
-Windows are seconds. They are kept in slots, means over `n_sub` ticks and at least 5 ms long, and a test changes when a
-slot ends; at 200 Hz a slot is a tick. At any rate the demand is as late as the sensors, and the continuous filter, its
-noise densities and what a threshold means are those of 200 Hz.
+Windows are seconds. At any rate the demand is as late as the sensors, and the continuous filter, its noise densities
+and what a threshold means are those of 200 Hz: above, a lag takes the place of a tick, with the noise of 5 ms.
 """
 
 import math
@@ -42,9 +41,7 @@ from actuators.ema import jay
 from fdi.common.decision import usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
-from fdi.common.verdict import EFFECTIVENESS
-from fdi.ema import backlash, drive, gains, position_consistency, sensor_noise, shapes, torque
-from fdi.ema.dead_reckoning import reckon_position, slot
+from fdi.ema import drive, gains, positions, sensor_noise, shapes, torque
 from fdi.ema.ema_kalman import VELOCITY
 from fdi.ema.model import designed
 from fdi.ema.velocity import correct, predict
@@ -53,6 +50,7 @@ from fdi.ema.vote import ISOLABLE_PARTS, decide, size
 __all__ = ["INPUTS", "ISOLABLE_PARTS", "OUTPUTS", "PARAMS", "STATE", "init", "params", "rollout", "step"]
 
 HISTORY = 10  # ticks of demand kept for the delay: 5 ms at 2 kHz
+ENGAGED = 1e-9  # of `pair_time`: the position is tied before the surface is seen [s]
 
 PARAMS = dtype([
     ("Phi", "f8", (6, 6)),    # transition over one tick without hinge stiffness, SI
@@ -60,6 +58,7 @@ PARAMS = dtype([
     ("G", "f8", (6,)),        # of the demanded current
     ("G_h", "f8", (6,)),      # of the hinge moment
     ("K", "f8", (6,)),        # steady Kalman gain on the velocity [per rad/s]
+    ("K_angle", "f8", (6,)),  # and on the position, in units of the motor's angle, where the velocity is lost [per rad]
     ("S_root", "f8", "rad/s"),  # standard deviation of the innovation
     ("lead", "f8", "m/rad"),  # ball screw
     ("ratio", "f8", "-"),     # surface per motor angle, spring at rest
@@ -72,15 +71,7 @@ PARAMS = dtype([
     ("I_max", "f8", "A"),          # limits of the amplifier [A], [V]
     ("V_max", "f8", "V"),
     ("delay", "f8", "-"),          # ticks by which the sensors lag, 0 to HISTORY
-    ("n_sub", "f8", "-"),          # ticks of a slot
-    ("sigma_pos", "f8", "m"),  # position sensor noise
-    ("sigma_rig", "f8", "m"),  # its rigging bias, which nothing here can see
-    ("sigma_vel", "f8", "rad/s"),  # velocity sensor noise
-    ("sigma_b", "f8", "rad/s"),  # its bias at engage
-    ("walk_b", "f8", "rad/s"),  # and that bias's random walk per tick
-    ("b_max", "f8", "rad/s"),  # largest velocity bias that is learned
-    ("sigma_tie", "f8", "m"),  # position noise that the anchor assumes: large, so that it ties slowly
-    ("th_R1", "f8", "m"),     # ramp of R1
+    ("share", "f8", "-"),  # of a new tick in a mean that has the noise of 5 ms
     # load that no hinge explains, as large as a fault is to be: 0.4 of the stall moment, which jams and stops pass. A
     # false alarm is far below: training `ema` asks for 0.16 of that moment (fdi/thresholds: found, load)
     ("th_load", "f8", "N m"),
@@ -88,7 +79,6 @@ PARAMS = dtype([
     ("stop_high", "f8", "m"),
     ("load_max", "f8", "N m"),  # limit of the load estimate
     ("gate", "f8", "rad/s"),  # innovation, and step from sample to sample, beyond which it is a spike
-    ("sigma_max", "f8", "m"),  # pos_sigma above which the estimate is not valid
     ("t_load", "f8", "s"),    # a stop that is hit or a gust at stall is over sooner
     ("t_hold", "f8", "s"),    # lag of the mean rate
     ("t_bad", "f8", "s"),     # velocity samples missing or rejected for longer: start again, or a fault
@@ -97,8 +87,7 @@ PARAMS = dtype([
     ("t_name", "f8", "s"),    # a name of the drive follows the alarm after so long at least
     ("phi_load", "f8", "rad/s/N m"),  # rate from the load state over a tick
     ("leak", "f8", "-"),  # of the load state over a tick
-    ("felt_least", "f8", "-"),  # share of a gain that is off that the motor must have felt
-    *position_consistency.PARAMS,
+    *positions.PARAMS,
     *drive.PARAMS,
     *gains.PARAMS,
     *torque.PARAMS,
@@ -124,59 +113,38 @@ STATE = dtype([
     ("isolated_part", "f8", "-"),   # index into ISOLABLE_PARTS
     ("valid", "f8", "-"),     # 1 while pos_hat can be trusted
     ("reconf", "f8", "-"),         # 1: close the loop on pos_hat
-    ("pos_hat", "f8", "m"),   # estimated rod position, as the healthy sensor would read it
-    ("pos_sigma", "f8", "m"),  # its standard deviation
     ("f_hat", "f8", "m, rad/s, A"),          # size of the declared fault [m], [rad/s] or [A]
     ("f_sigma", "f8", "m, rad/s, A"),        # its standard deviation, same unit
     ("eta", "f8", "-"),            # normalised innovation (6)
-    ("R1", "f8", "m"),        # (9), mean of the last slot
-    ("R2", "f8", "A"),        # (9), mean of the last slot
+    ("R2", "f8", "A"),        # (9), mean of 5 ms
     ("load_hat", "f8", "N m"),  # hinge moment that the model misses
-    ("x_hat", "f8", (6,), "rad, rad/s, rad, rad/s, A, N m"),  
+    ("x_hat", "f8", (6,), "rad, rad/s, rad, rad/s, A, N m"),
     ("started", "f8", "-"),        # 1 once engaged
     ("age", "f8", "s"),       # since engage
     ("age_vel", "f8", "s"),   # since the last velocity sample that was used
     ("raw_last", "f8", "rad/s"),  # last velocity sample, spike or not
-    ("age_cur", "f8", "s"),   # and of the current
     ("u_old", "f8", (HISTORY + 1,), "A"),  # demands held over the last ticks, newest first
     ("at_limit", "f8", "-"),       # 1: the amplifier is at its voltage limit
     ("hm0", "f8", "N m"),            # last finite values [N m], [N m/rad]
     ("hmd", "f8", "N m/rad"),
-    ("reckon", "f8", "m"),    # position at engage and the velocity sensor's integral since
     ("w_last", "f8", "rad/s"),  # last velocity that went into it
     ("w_slow", "f8", "rad/s"),  # its mean over t_hold
-    ("drift", "f8", "m"),     # y_position - reckon
-    ("c", "f8", "m"),         # anchor: its line at this tick
-    ("b", "f8", "m/s"),       # and slope
-    ("P_cc", "f8", "m2"),           # covariance of both [m^2], [m^2/s], [m^2/s^2]
-    ("P_cb", "f8", "m2/s"),
-    ("P_bb", "f8", "m2/s2"),
     ("timer_load", "f8", "s"),
     ("hot_load", "f8", "-"),
-    ("quiet_timer", "f8", "s"),  # since there was no sign of the fault
-    ("hold", "f8", "s"),      # by which the alarm outlives its last sign
-    ("hold_age", "f8", "s"),  # since the last alarm, 0 before the first
     ("alarm_age", "f8", "s"),  # since the alarm
     ("age_doubt", "f8", "s"), # since the velocity was last said to be wrong
     ("impact", "f8", "s"),    # time left after the rate has jumped as it does where a stop is hit
-    ("shift", "f8", "rad"),   # motor angle less the position sensor's, where that stands for a lost velocity
-    ("count", "f8", "-"),          # ticks of the slot that is open, 0 where one has just ended
-    ("sum_drift", "f8", "m"),  # `drift`
-    ("sum_R2", "f8", "A"),    # current less x5
-    ("n_position", "f8", "-"),     # usable samples of position and current in it
-    ("n_current", "f8", "-"),
     ("work", "f8", (6,)),     # scratch
-    *position_consistency.STATE,
+    *positions.STATE,
     *drive.STATE,
     ("even_lost", "f8", "-"),  # ticks of the sample that say nothing
     *gains.STATE,
     *torque.STATE,
-    *backlash.STATE,
     *sensor_noise.STATE,
 ])
 OUTPUTS = (
     "r", "alarm", "verdict", "isolated_part", "valid", "reconf", "pos_hat", "pos_sigma", "f_hat", "f_sigma", "eta",
-    "R1", "R2", "load_hat", "hot_friction", "pair_name", "drive_lost",
+    "R1", "R2", "load_hat", "hot_friction", "drive_lost",
 )
 DETECTOR = Detector(
     id="ema_kalman_flight",
@@ -210,12 +178,11 @@ DETECTOR = Detector(
         Estimate("current", "f_hat", "A"),
     ),
     finer={
-        "hot_friction": {1: ("friction", "jam")}, "pair_name": {int(EFFECTIVENESS): ("backlash", "free_float")},
+        "hot_friction": {1: ("friction", "jam")},
         "drive_lost": {1: ("loss_of_effectiveness", "magnet_loss", "winding_resistance"),
                        2: ("free_float", "loss_of_effectiveness")},
     },
     looks_back={"delay": "u_old"},
-    sizes={"n_sub": 1},
     fit=lambda site: params(dt=site.dt, travel=site.travel, **site.actuator),
 )  # fmt: skip
 
@@ -240,7 +207,7 @@ def params(
     """
     v = jay.values("elevator", **symbols)
     travel = travel or linkage.TRAVEL
-    made = designed(v, dt, sigma_velocity)
+    made = designed(v, dt, sigma_velocity, sigma_position / v["lead"])
     noise = math.sqrt(jay.PERIOD / dt)
     trained = thresholds("ema_kalman_flight", which)
     arm, lead = v["arm"], v["lead"]
@@ -260,15 +227,11 @@ def params(
         I_max=amperes,
         V_max=volts,
         delay=float(round(delay_s / dt)),
-        n_sub=slot(dt),
+        share=min(2.0 * dt / (jay.PERIOD + dt), 1.0),  # 2 / (n + 1): the noise of n ticks
         sigma_pos=noise * sigma_position,
         sigma_rig=0.08 * RAD_PER_DEG * arm,  # sensor set `transport`: rigging
-        sigma_vel=noise * sigma_velocity,
-        sigma_b=2e-4 * no_load,  # twice the bias of 1e-4 of no-load that a velocity sensor is assumed to have
-        walk_b=1e-4 * no_load * math.sqrt(dt / 100.0),  # which may change by itself in 100 s
+        sigma_b=1e-4 * no_load * lead,
         b_max=1e-3 * no_load,
-        # ties pos_hat within some 20 s: slower than a fault, faster than a bias of 1e-3; of a slot's mean
-        sigma_tie=noise / math.sqrt(slot(dt)) * 1.0 * RAD_PER_DEG * arm,
         gate=0.3 * no_load,  # twice what the stall current does in 5 ms
         load_max=2.0 * amperes * v["K_T"] * arm / lead,
         # a jam takes the whole stall moment; healthy drives stay below half of this (fdi/thresholds: found, load)
@@ -276,7 +239,6 @@ def params(
         arm=arm,
         stop_low=arm * (travel[0] + 0.5 * RAD_PER_DEG),
         stop_high=arm * (travel[1] - 0.5 * RAD_PER_DEG),
-        wind=v["K_T"] / (lead * v["K_s"]),
         t_lost=0.1,
         even=float(max(round(shapes.EVEN_S / dt), 1)),
         **shapes.priors(amperes),
@@ -284,7 +246,7 @@ def params(
         leak=made["Phi"][5, 5],
         b_motor=v["K_B"] / (v["K_ic"] + v["R"]),
         th_friction=torque.RUBS * amperes * v["K_T"],
-        **trained | {"th_rough": [*trained["th_rough"], sensor_noise.TH_CURRENT]},
+        **trained | {"th_rough": [max(noise, 1.0) * th for th in (*trained["th_rough"], sensor_noise.TH_CURRENT)]},
     )
 
 
@@ -302,10 +264,9 @@ def _engage(x, u, p):
     x.x_hat[3] = u.y_velocity if usable(u.y_velocity, u.velocity_valid) > 0.5 else 0.0
     x.x_hat[1] = p.ratio * x.x_hat[3]
     x.x_hat[4] = u.y_current if usable(u.y_current, u.current_valid) > 0.5 else 0.0
-    x.pos_hat = x.reckon = u.y_position
+    x.pos_hat = x.base_rod = x.base_surface = u.y_position
+    x.pair_time = ENGAGED
     x.w_last = x.raw_last = x.x_hat[3]
-    x.P_cc = p.sigma_pos * p.sigma_pos
-    x.P_bb = (p.lead * p.sigma_b) * (p.lead * p.sigma_b)
     x.started = 1.0
     x.age_doubt = p.t_doubt
 
@@ -330,29 +291,17 @@ def step(x, u, p, dt):
             _engage(x, u, p)
         return
     x.age += dt
-    gap = x.age_vel > p.t_bad
-    x.count += 1.0
-    if x.count >= p.n_sub:
-        x.count = 0.0
     predict(x, x.u_old[int(p.delay)], p)
     w, mean, gamma = correct(x, u, p, dt)
     current = usable(u.y_current, u.current_valid) > 0.5
-    x.age_cur = 0.0 if current else x.age_cur + dt
     if current:
-        x.sum_R2 += u.y_current - x.x_hat[4]
-        x.n_current += 1.0
-    if x.count == 0.0 and x.n_current > 0.0:
-        x.R2 = x.sum_R2 / x.n_current
-        x.sum_R2 = x.n_current = 0.0
-    reckon_position(x, u, p, dt, gap and x.age_vel == 0.0 and x.alarm < 0.5)
-    position_consistency.update(x, u, mean, p, dt)
+        x.R2 += p.share * (u.y_current - x.x_hat[4] - x.R2)
+    positions.update(x, u, mean, p, dt)
     x.age_doubt = 0.0 if x.isolated_part == VELOCITY else x.age_doubt + dt
     believed = x.age_vel == 0.0 and x.r_speed < 0.5 and x.age_doubt > p.t_doubt
     told = x.age_vel == 0.0 and x.at_limit < 0.5
     torque.rub(x, x.x_hat[3], gamma, told and p.stop_low < x.pos_hat < p.stop_high, p, dt)
     drive.watch(x, u.y_current, current, x.u_old[int(p.delay)], w, believed, gamma, p, dt)
-    if x.even_ticks == 0.0:
-        backlash.update(x, p)
     sensor_noise.watch(x, u, gamma, current, told, p, dt)
     decide(x, p, dt)
     size(x, p)

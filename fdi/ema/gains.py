@@ -38,8 +38,7 @@ PARAMS = [
 ]
 STATE = [
     ("age_own", "f8", "-"),  # of the reading of the current, beyond the expected one [ticks]
-    ("gain_tick", "f8", (3, 4)),  # of a sample: products of d, e, w' with d, e, w, f
-    ("gain_sum", "f8", (3, 4)),  # as long as it takes to know
+    ("gain_sum", "f8", (3, 4)),  # products of d, e, w' with d, e, w, f, as long as it takes to know
     ("gain_own", "f8", "-"),  # of this drive, less one
     ("gain_doubt", "f8", "-"),  # deviation with which it was learned
     ("gain_learned", "f8", "-"),  # times
@@ -53,15 +52,6 @@ STATE = [
     ("hot_gain", "f8", "-"),  # 1 while a gain is off
     ("weak", "f8", "-"),  # 1 where it is the magnets'
 ]
-
-
-@kernel
-def tick(x, f, d, change, w, predicted):
-    """Take the products of a tick: error `f` [A], current `d` [A] of the demand at rest, that of the tick before less
-    this one's, `change` [A], rate `w` [rad/s] and the one that was `predicted`."""
-    for i, z in enumerate((d, change, predicted)):
-        for j, v in enumerate((d, change, w, f)):
-            x.gain_tick[i, j] += z * v
 
 
 @kernel
@@ -118,23 +108,23 @@ def learn(x, a, h, da, p):
 
 
 @kernel
-def accumulate(x, d, p, dt):
-    """Take the products of a sample of current `d` [A]; forget by what it tells, so that a drive at work is judged at
-    once, one at rest at all."""
-    h, ka, kb = p.even * dt, KNOWN_A / p.sigma_f, KNOWN_B * p.b_motor / p.sigma_f
-    told = min(ka * ka * x.gain_tick[0, 0], kb * kb * max(x.gain_tick[2, 2], 0.0)) / p.even
+def accumulate(x, f, d, change, w, predicted, p, dt):
+    """Take the products of a tick: error `f` [A], current `d` [A] of the demand at rest, that of the tick before less
+    this one's, `change` [A], rate `w` [rad/s] and the one that was `predicted`; forget by what they tell, so that a
+    drive at work is judged at once, one at rest at all."""
+    of_d, of_w = KNOWN_A * d / p.sigma_f, KNOWN_B * p.b_motor / p.sigma_f
+    told = min(of_d * of_d, of_w * of_w * max(w * predicted, 0.0))
     if x.hot_gain > 0.5:  # magnets at rest are neither weak nor healed
         told = 1.0 if x.weak > 0.5 else (KNOWN_NOW * d / p.sigma_f) * (KNOWN_NOW * d / p.sigma_f)
-    keep = 1.0 if x.age < LEARN[2] else 1.0 - min(max(told, h / TAU_MOST), h / TAU_NOW)
-    for i in range(3):
-        for j in range(4):
-            x.gain_sum[i, j] = keep * x.gain_sum[i, j] + x.gain_tick[i, j] / p.even
+    keep = 1.0 if x.age < LEARN[2] else 1.0 - min(max(told / p.even, dt / TAU_MOST), dt / TAU_NOW)
+    for i, z in enumerate((d, change, predicted)):
+        for j, v in enumerate((d, change, w, f)):
+            x.gain_sum[i, j] = keep * x.gain_sum[i, j] + z * v / p.even
 
 
 @kernel
-def gains(x, p, d, dt):
-    """Take a sample of current `d` [A] into the gains of current and magnets, and test them."""
-    accumulate(x, d, p, dt)
+def test(x, p, dt):
+    """Test the gains of current and magnets."""
     x.gain_a, change, x.gain_b, da, db = gain_and_magnets(x.gain_sum, p)
     a, b = math.fabs(x.gain_a), math.fabs(x.gain_b)
     over_a = a - p.z_gain * math.sqrt(da * da + x.gain_doubt * x.gain_doubt)

@@ -30,27 +30,29 @@ def model(values: Any, dt: float, tau_load: float) -> tuple[Any, ...]:
     return e[:6, :6], de[:6, :6], e[:6, 6], e[:6, 7]
 
 
-def gain(Phi: np.ndarray, sigma_load: Any, tau_load: float, q_vel: Any, sigma_vel: Any, dt: float) -> tuple[Any, ...]:
-    """Return (K, sqrt S): the steady gain of the velocity sample y = x4 + v, and the innovation's deviation."""
+def gain(Phi: np.ndarray, measured: int, sigma: float, q_vel: float, q_load: float) -> tuple[Any, ...]:
+    """Return (K, sqrt S): the steady gain of a sample of state `measured` with noise `sigma`, and the innovation's
+    deviation; model errors per tick of rate and load."""
     from scipy.linalg import solve_discrete_are
 
-    H = np.zeros((1, 6))
-    H[0, 3] = 1.0
-    Q = np.zeros((6, 6))
-    Q[3, 3] = q_vel * q_vel
-    Q[5, 5] = sigma_load * sigma_load * -math.expm1(-2.0 * dt / tau_load)
-    P = solve_discrete_are(Phi.T, H.T, Q, [[sigma_vel * sigma_vel]])
-    S = P[3, 3] + sigma_vel * sigma_vel
-    return P[:, 3] / S, math.sqrt(S)
+    H = np.zeros((6, 1))
+    H[measured] = 1.0
+    Q = np.diag([0.0, 0.0, 0.0, q_vel * q_vel, 0.0, q_load * q_load])
+    P = solve_discrete_are(Phi.T, H, Q, [[sigma * sigma]])
+    S = P[measured, measured] + sigma * sigma
+    return P[:, measured] / S, math.sqrt(S)
 
 
-def designed(values: Any, dt: float, sigma_velocity: float) -> dict[str, Any]:
-    """Return {K, S_root, Phi, Phi_h, G, G_h} for ticks of `dt`; the noise densities are those of 5 ms at every rate.
+def designed(values: Any, dt: float, sigma_velocity: float, sigma_angle: float = 0.4) -> dict[str, Any]:
+    """Return {K, S_root, K_angle, Phi, Phi_h, G, G_h} for ticks of `dt`; the noise densities are those of 5 ms at every
+    rate.
 
-    Per 5 ms: velocity noise `sigma_velocity` [rad/s], model error 1 rad/s. The load: 630 N m, 20 s.
+    Per 5 ms: noise of the motor's rate `sigma_velocity` [rad/s] and of its angle `sigma_angle` [rad], model error
+    1 rad/s. The load: 630 N m, 20 s.
     """
-    tau_load, samples = 20.0, dt / jay.PERIOD
+    tau_load, root = 20.0, math.sqrt(dt / jay.PERIOD)
     Phi, Phi_h, G, G_h = model(values, dt, tau_load)
-    stiff = Phi - 2.0e4 * Phi_h
-    K, S_root = gain(stiff, 630.0, tau_load, math.sqrt(samples), sigma_velocity / math.sqrt(samples), dt)
-    return {"K": K, "S_root": S_root, "Phi": Phi, "Phi_h": Phi_h, "G": G, "G_h": G_h}
+    stiff, q_load = Phi - 2.0e4 * Phi_h, 630.0 * math.sqrt(-math.expm1(-2.0 * dt / tau_load))
+    K, S_root = gain(stiff, 3, sigma_velocity / root, root, q_load)
+    K_angle, _ = gain(stiff, 2, sigma_angle / root, root, q_load)
+    return {"K": K, "S_root": S_root, "K_angle": K_angle, "Phi": Phi, "Phi_h": Phi_h, "G": G, "G_h": G_h}

@@ -5,7 +5,8 @@ w the motor's rate. Samples since f began and the innovations of the velocity (`
 
     f = a cos + b sin + g d + m b_motor w + o + l t + noise,    gamma = felt push(f) + misread read(f) + noise
 
-Each hypothesis is a normal prior of its eight numbers; the evidence is the likelihood of `fdi.isolation.evidence`:
+Each hypothesis is a normal prior of its eight numbers (`PRIORS`); the evidence is the likelihood of
+`fdi.isolation.evidence`, of both:
 
 | hypothesis | f | felt | misread |
 |---|---|---|---|
@@ -17,7 +18,7 @@ Each hypothesis is a normal prior of its eight numbers; the evidence is the like
 | magnets | m w (and little g d): the voltage that the motor makes is missing | any | 0 |
 | current sensor: offset or drift, sine, scale | o + l t, sine, g d + m w | 0 | 0 |
 | no name: a torque of which the current does not tell | sine | 0 +- 4 | 0 +- 4 |
-| velocity sensor, but for an offset | sine, m w | 1 | 1 |
+| velocity sensor, but for an offset: sine or scale, noise | sine, m w | 1 | 1 |
 
 The current loop settles in 0.3 ms and no load enters, so that a fault of the drive is in f whole and at once. Friction
 keeps a part of what the drive does from the motor: of K_T f it feels at least
@@ -33,54 +34,47 @@ from actuators.block import kernel
 from fdi.common.sinusoid import beside
 from fdi.common.verdict import EFFECTIVENESS, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
 from fdi.ema.ema_kalman import CURRENT, VELOCITY
-from fdi.ema.gains import RELEASE
 from fdi.isolation.evidence import at, factor, left, logarithm
 
 RING, EVEN_S = 100, 0.02  # samples of the ring; a sample [s]
-F, C, W_ROW, PAIR, ROD = range(5)  # signals of the ring
-COS, SIN, D, W, ONE, T = range(6)
-N = 6  # columns
-ADDED, IN_PLACE, STUCK, LOSS, MAGNETS, OFFSET, SWINGS, SCALED, MISREAD, GONE, UNTOLD, HEALTH = range(12)
-HYPOTHESES = 12
+F, C, W_ROW = range(3)  # signals of the ring
+FELT, READ, COS, SIN, D, W, ONE, T = range(8)
+N = 8  # columns
+ADDED, IN_PLACE, STUCK, LOSS, MAGNETS, OFFSET, SWINGS, SCALED, MISREAD, NOISY, GONE, UNTOLD, HEALTH = range(13)
+HYPOTHESES = 13
 NAME_OF = (OFC_LIQUID, OFC_SOLID, RUNAWAY, EFFECTIVENESS, EFFECTIVENESS, SENSOR, SENSOR, SENSOR, SENSOR,
-           EFFECTIVENESS, NONE, NONE)  # fmt: skip
-WHO = (0.0, 0.0, 0.0, 0.0, 0.0, CURRENT, CURRENT, CURRENT, VELOCITY, 0.0, 0.0, 0.0)
-LOST = (0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0)  # for `drive_lost`
+           SENSOR, EFFECTIVENESS, NONE, NONE)  # fmt: skip
+WHO = (0.0, 0.0, 0.0, 0.0, 0.0, CURRENT, CURRENT, CURRENT, VELOCITY, VELOCITY, 0.0, 0.0, 0.0)
+LOST = (0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0)  # for `drive_lost`
+DRIVE = {FELT: (1, 0), READ: (0, 0)}  # deviation 0: as much as friction lets through
+UNFELT = {FELT: (0, 0.18), READ: (0, 0.18)}
+ANY = {FELT: (0.5, 1.0), READ: (0, 1.0)}
+SINE = {COS: (0, 0.15), SIN: (0, 0.15)}
+GIVEN_UP = {D: (-1, 1e-3)}
 PRIORS: dict[int, dict[int, tuple[float, float]]] = {  # column: mean, deviation; currents over the largest
-    ADDED: {COS: (0, 0.15), SIN: (0, 0.15)},
-    IN_PLACE: {COS: (0, 0.15), SIN: (0, 0.15), D: (-1, 1e-3)},
-    STUCK: {ONE: (0, 0.5), D: (-1, 1e-3)},
-    LOSS: {D: (-0.5, 0.3)},
-    MAGNETS: {W: (0.5, 0.3), D: (0, 0.08)},  # a rate that is read late looks like a gain
-    OFFSET: {ONE: (0, 0.15), T: (0, 0.15)},
-    SWINGS: {COS: (0, 0.15), SIN: (0, 0.15)},
-    SCALED: {D: (0, 0.3), W: (0, 0.3)},
-    MISREAD: {COS: (0, 0.15), SIN: (0, 0.15), W: (0, 0.3)},
-    GONE: {D: (-1, 1e-3), W: (0.47, 0.1)},
-    UNTOLD: {COS: (0, 0.15), SIN: (0, 0.15)},
-    HEALTH: {},
+    ADDED: {**SINE, **DRIVE},
+    IN_PLACE: {**SINE, **GIVEN_UP, **DRIVE},
+    STUCK: {ONE: (0, 0.5), **GIVEN_UP, **DRIVE},
+    LOSS: {D: (-0.5, 0.3), **DRIVE},
+    MAGNETS: {W: (0.5, 0.3), D: (0, 0.08), **ANY},  # a rate that is read late looks like a gain
+    # an offset may be in the drive's own loop: the load estimate takes what is felt
+    OFFSET: {ONE: (0, 0.15), T: (0, 0.15), FELT: (0.2, 0.3), READ: (0, 0.18)},
+    SWINGS: {**SINE, **UNFELT},
+    SCALED: {D: (0, 0.3), W: (0, 0.3), **UNFELT},
+    MISREAD: {**SINE, W: (0, 0.3), FELT: (1, 0.25), READ: (1, 0.25)},
+    NOISY: {W: (0.6, 0.5), FELT: (1, 0.25), READ: (1, 0.25)},
+    GONE: {**GIVEN_UP, W: (0.47, 0.1), **DRIVE},
+    UNTOLD: {**SINE, FELT: (0, 4), READ: (0, 4)},  # a torque of which the current does not tell
+    HEALTH: ANY,
 }
 CURRENTS = (COS, SIN, ONE, T)
-# (felt, deviation), (misread, deviation); deviation 0: as much as friction lets through
-OF_DRIVE, OF_CURRENT, OF_VELOCITY = ((1.0, 0.0), (0.0, 0.1)), ((0.0, 0.1), (0.0, 0.1)), ((1.0, 0.2), (1.0, 0.2))
-OF_LOOP = ((0.2, 0.25), (0.0, 0.1))  # an offset may be in the drive's own loop: the load estimate takes what is felt
-OTHER = ((0.0, 4.0), (0.0, 4.0))  # a torque of which the current does not tell
-ANY = ((0.5, 1.0), (0.0, 1.0))
-SHARES = (OF_DRIVE, OF_DRIVE, OF_DRIVE, OF_DRIVE, ANY, OF_LOOP, OF_CURRENT, OF_CURRENT, OF_VELOCITY, OF_DRIVE,
-          OTHER, ANY)  # fmt: skip
-# deviation with which the two shares are known at best; what friction adds, over the share that it may keep
-FELT_LEAST, FRICTION = 0.1, 0.1
-FELT_SD = 0.05  # of what the motor has felt of a fault of the drive
+RUBS = 0.3  # deviation of what the motor feels of a fault of the drive, over the share that friction may keep
+FELT_LEAST = 0.1  # of the two shares at best
 ABSENT = 1e-6  # deviation of a column that a hypothesis has not
 LEAST, EVERY = 8, 2  # samples before a name, and from one evaluation to the next
-SCALE_MOST = 0.8  # by which a sensor's scale may be off
 LOSS_SAMPLES = 30  # before a loss
-PERIODS = 1.0  # of a sine that a window must hold
-SURE, LEAD = 3.5, 0.008  # odds e^3.5 over every other name, and this share of the evidence
-PLAIN = 0.2  # share of what health leaves that a hypothesis may leave beyond noise
-OFF = 0.002  # share of the demand that the model may err by
+SURE = 3.5  # odds e^3.5 over every other name
 VOTES = 3.0  # evaluations in a row that must agree
-STUCK_LEAST = 0.3  # of the largest current: less is a loss of the drive
 HEALTHY = 0.03  # of the stall torque: one and a half times the friction of a healthy drive (actuators.ema.actuator)
 LOW_HZ, HIGH_HZ, RATIO = 0.09, 11.0, 1.18  # frequencies of an oscillation [Hz]
 
@@ -90,14 +84,12 @@ PARAMS = [
     ("b_motor", "f8", "A s/rad"),  # current per rate that weaker magnets would cause, all lost
     ("shape_mean", "f8", (HYPOTHESES, N)),
     ("shape_sd", "f8", (HYPOTHESES, N)),  # 0: as the flight has taught
-    ("felt_mean", "f8", (HYPOTHESES, 2)),  # shares felt and misread
-    ("felt_sd", "f8", (HYPOTHESES, 2)),
 ]
 STATE = [
-    ("even_sum", "f8", (5,)),
+    ("even_sum", "f8", (3,)),
     ("even_ticks", "f8", "-"),
     ("even_head", "f8", "-"),
-    ("even_ring", "f8", (5, RING)),
+    ("even_ring", "f8", (3, RING)),
     ("f_age", "f8", "-"),  # samples since f began, 0 while there is nothing
     ("JJ", "f8", (N * (N + 1) // 2,)),  # sums over the window, in units of the noise
     ("bb", "f8", (N,)),
@@ -106,6 +98,7 @@ STATE = [
     ("LL", "f8", (N * (N + 1) // 2,)),  # Cholesky factor at hand, packed by rows
     ("yy", "f8", (N,)),
     ("prior", "f8", (2, N)),
+    ("usual", "f8", (N,)),  # deviations that a hypothesis leaves to the flight
     ("row", "f8", (N,)),  # columns of a sample
     ("must", "f8", "-"),  # share of f that the motor must feel, were f real
     ("shape_L", "f8", (HYPOTHESES,)),  # evidence
@@ -124,8 +117,7 @@ def priors(largest: float) -> dict[str, np.ndarray]:
     for h, columns in PRIORS.items():
         for c, both in columns.items():
             made[:, h, c] = np.array(both) * (largest if c in CURRENTS else 1.0)
-    shares = np.array(SHARES)
-    return {"shape_mean": made[0], "shape_sd": made[1], "felt_mean": shares[:, :, 0], "felt_sd": shares[:, :, 1]}
+    return {"shape_mean": made[0], "shape_sd": made[1]}
 
 
 @kernel
@@ -149,72 +141,47 @@ def best_sine(F, first, n, hz):
 
 @kernel
 def gather(x, p, first, n, hz):
-    """Write the sums of the columns over the last `n` samples, a sine of `hz` among them, in units of the noise and of
-    what the model may err by; return the mean of c [A]."""
+    """Write the sums of the columns over the last `n` samples, a sine of `hz` among them, in units of the noise."""
     x.JJ[:] = 0.0
     x.bb[:] = 0.0
-    z, i, energy, beyond = x.row, first, 0.0, 0.0
+    z, i, energy, beyond, over = x.row, first, 0.0, 0.0, 1.0 / p.sigma_f
     for k in range(n):
         f, phase = x.even_ring[F, i], 6.283185307179586 * hz * EVEN_S * (k - 0.5 * (n - 1))
         z[COS], z[SIN], z[D], z[W] = math.cos(phase), math.sin(phase), x.even_ring[C, i] - f, x.even_ring[W_ROW, i]
         z[W], z[ONE], z[T] = p.b_motor * z[W], 1.0, (2.0 * k + 1.0) / n - 1.0
-        j = 0
-        for a in range(N):
-            x.bb[a] += z[a] * f
-            for b in range(a + 1):
-                x.JJ[j] += z[a] * z[b]
-                j += 1
+        for a in range(COS, N):
+            z[a] *= over
+            x.bb[a] += z[a] * over * f
+            for b in range(COS, a + 1):
+                x.JJ[at(a, b)] += z[a] * z[b]
         energy += f * f
         beyond += math.fabs(f) * max(math.fabs(f) - HEALTHY * p.I_max, 0.0)
         i = 0 if i == RING - 1 else i + 1
     x.must = beyond / max(energy, 1e-9)
-    mean = (x.bb[ONE] + x.JJ[at(ONE, D)]) / n
-    over = 1.0 / (p.sigma_f * p.sigma_f + OFF * OFF * x.JJ[at(D, D)] / n)
-    for a in range(N):
-        x.bb[a] *= over
-    for j in range(x.JJ.size):
-        x.JJ[j] *= over
-    x.shape_energy, x.shape_n = energy * over, n
-    return mean
+    for i in range(3):
+        x.JJ[i] = x.felt[i]
+    for i in range(COS):
+        x.bb[i] = x.felt[3 + i]
+    x.shape_energy, x.shape_n = energy * over * over, n
 
 
 @kernel
-def heard(x, felt, felt_sd, misread, misread_sd):
-    """Return the log likelihood of what the motor has felt, and misread, with normal priors."""
-    J, b = x.felt_J, x.felt_b
-    det = J[0] * J[2] - J[1] * J[1]
-    if det <= 1e-6 * J[0] * J[2]:
-        return 0.0
-    known = (FELT_LEAST + FRICTION * (1.0 - x.must)) * (FELT_LEAST + FRICTION * (1.0 - x.must))
-    s, r, t = J[2] / det + known + felt_sd * felt_sd, -J[1] / det, J[0] / det + known + misread_sd * misread_sd
-    d, e = (J[2] * b[0] - J[1] * b[1]) / det - felt, (J[0] * b[1] - J[1] * b[0]) / det - misread
-    det = s * t - r * r
-    return -0.5 * ((t * d * d - 2.0 * r * d * e + s * e * e) / det + math.log(det))
-
-
-@kernel
-def ask(x, p, h, own, magnets):
-    """Write the evidence of hypothesis `h`, see `weigh`."""
+def ask(x, p, h):
+    """Write the evidence of hypothesis `h`; what it leaves to the flight has the deviations `usual`."""
     for c in range(N):
-        x.prior[0, c], x.prior[1, c] = p.shape_mean[h, c], max(p.shape_sd[h, c], ABSENT)
-    if p.shape_sd[h, D] == 0.0:
-        x.prior[1, D] = own
-    if p.shape_sd[h, W] == 0.0:
-        x.prior[1, W] = magnets
+        x.prior[0, c] = p.shape_mean[h, c]
+        x.prior[1, c] = p.shape_sd[h, c] if p.shape_sd[h, c] > 0.0 else x.usual[c]
+    if p.shape_sd[h, FELT] == 0.0:
+        x.prior[0, FELT] -= 0.5 * (1.0 - x.must)
     logdet = factor(x.JJ, x.LL, x.prior[1], 0, N, 1e-9)
-    x.shape_left[h] = left(x.JJ, x.LL, x.bb, x.prior[0], x.yy, x.shape_energy, N)
-    x.shape_L[h] = logarithm(x.shape_n, x.shape_left[h], 0.0) - 0.5 * logdet
-    share, sd = p.felt_mean[h], p.felt_sd[h]
-    if sd[0] == 0.0:
-        rubs = 1.0 - x.must
-        x.shape_L[h] += heard(x, 1.0 - 0.5 * rubs, 0.3 * rubs + FELT_SD, 0.0, rubs + FELT_LEAST)
-    else:
-        x.shape_L[h] += heard(x, share[0], sd[0], share[1], sd[1])
+    of_felt = left(x.JJ, x.LL, x.bb, x.prior[0], x.yy, x.felt[5], COS)  # columns that share no sample with the others
+    x.shape_left[h] = left(x.JJ, x.LL, x.bb, x.prior[0], x.yy, x.shape_energy + x.felt[5], N) - of_felt
+    x.shape_L[h] = logarithm(x.shape_n, x.shape_left[h], 0.0) - 0.5 * (of_felt + logdet)
 
 
 @kernel
 def leader(x):
-    """Return the hypothesis that leads every other name, HEALTH where none does."""
+    """Return the hypothesis that leads every other name by SURE, HEALTH where none does."""
     best, other = HEALTH, -1e300
     for h in range(HYPOTHESES):
         if x.shape_L[h] > x.shape_L[best]:
@@ -222,9 +189,7 @@ def leader(x):
     for h in range(HYPOTHESES):
         if NAME_OF[h] != NAME_OF[best] or WHO[h] != WHO[best]:
             other = max(other, x.shape_L[h])
-    n, evidence = x.shape_n, x.shape_L[best] - x.shape_L[HEALTH]
-    fits = x.shape_left[best] - n < PLAIN * (x.shape_left[HEALTH] - n)
-    return best if fits and x.shape_L[best] - other > max(SURE, LEAD * evidence) else HEALTH
+    return best if x.shape_L[best] - other > SURE else HEALTH
 
 
 @kernel
@@ -236,31 +201,23 @@ def weigh(x, p, own, magnets):
         return
     first = int(x.even_head) - n
     first = first + RING if first < 0 else first
-    mean = 0.0
     for row in range(2):
         _, x.sine_hz[row] = best_sine(x.even_ring[row], first, n, LOW_HZ)
-        mean = gather(x, p, first, n, x.sine_hz[row])
+        gather(x, p, first, n, x.sine_hz[row])
+        x.usual[:] = ABSENT
+        x.usual[D], x.usual[W] = own, magnets
+        x.usual[FELT], x.usual[READ] = FELT_LEAST + RUBS * (1.0 - x.must), FELT_LEAST + 1.0 - x.must
         for h in range(HYPOTHESES):
             if (h == IN_PLACE) == (row == C):
-                ask(x, p, h, own, magnets)
-    if not 0.0 < -x.bb[D] < 1.1 * x.JJ[at(D, D)]:  # from all to nothing arrives
-        x.shape_L[LOSS] = -1e300
-    if x.shape_energy > x.JJ[at(W, W)]:  # more than magnets have
-        x.shape_L[MAGNETS] = -1e300
-    if math.fabs(x.bb[D]) > SCALE_MOST * x.JJ[at(D, D)]:
-        x.shape_L[SCALED] = -1e300
+                ask(x, p, h)
+    for h, c in ((LOSS, D), (SCALED, D), (MAGNETS, W)):  # nothing loses more than it has
+        if x.shape_energy > x.JJ[at(c, c)]:
+            x.shape_L[h] = -1e300
     h = leader(x)
-    if (h == ADDED and x.sine_hz[F] * n * EVEN_S < PERIODS) or (h == IN_PLACE and x.sine_hz[C] * n * EVEN_S < PERIODS):
+    short = (h == LOSS or h == GONE) and n < LOSS_SAMPLES
+    if short or (h == IN_PLACE and x.sine_hz[C] * n * EVEN_S < 1.0) or (h == GONE and x.shape_left[GONE] > 2.0 * n):
         h = HEALTH
-    elif (h == LOSS or h == GONE) and (n < LOSS_SAMPLES or (h == GONE and x.shape_left[GONE] > 2.0 * n)):
-        h = HEALTH
-    elif h == STUCK and math.fabs(mean) < STUCK_LEAST * p.I_max:
-        h = LOSS if n == RING else HEALTH
     x.drive_vote[1] = x.drive_vote[1] + 1.0 if x.drive_vote[0] == h else 1.0
     x.drive_vote[0] = h
     if h != HEALTH and x.drive_vote[1] >= VOTES:
         x.drive_name, x.drive_who, x.drive_lost = NAME_OF[h], WHO[h], LOST[h]
-        if h == MAGNETS:  # stays until motion tells otherwise: at rest magnets are neither weak nor healed
-            x.hot_gain = x.weak = 1.0
-            x.gain_timer = RELEASE
-            x.gain_sum[:] = 0.0

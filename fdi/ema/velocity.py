@@ -3,11 +3,10 @@
 import math
 
 from actuators.block import kernel
-from fdi.common.decision import usable
+from fdi.common.decision import clipped, usable
 
 IMPACT = 0.45  # of `gate`, which the stall current does not reach in a tick
 T_IMPACT = 0.05  # [s]
-ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
 
 
 @kernel
@@ -40,17 +39,11 @@ def predict(x, demand, p):
 
 
 @kernel
-def _follow(x, y, p, dt):
-    """Correct by the position sample `y` [m] in the place of a velocity that is lost."""
-    if x.age_vel - dt <= p.t_bad:
-        x.shift = x.x_hat[2] - y / p.lead
-    e = y / p.lead + x.shift - x.x_hat[2]
-    x.x_hat[2] += ALPHA * e
-    x.x_hat[0] += p.ratio * ALPHA * e
-    w = BETA * e / dt
-    x.x_hat[3] += w
-    x.x_hat[1] += p.ratio * w
-    x.x_hat[5] = min(max(x.x_hat[5] + p.K[5] / p.K[3] * w, -p.load_max), p.load_max)
+def _follow(x, K, gamma, p):
+    """Correct the state by the innovation `gamma` with the gain `K`."""
+    for i in range(6):
+        x.x_hat[i] += K[i] * gamma
+    x.x_hat[5] = clipped(x.x_hat[5], p.load_max)
 
 
 @kernel
@@ -66,18 +59,17 @@ def correct(x, u, p, dt):
         x.impact = T_IMPACT if math.fabs(u.y_velocity - x.raw_last) >= IMPACT * p.gate else max(x.impact - dt, 0.0)
         x.raw_last = u.y_velocity
     if seen:
+        if x.age_vel > p.t_bad:  # over the gap the integral is not known
+            x.impact = T_IMPACT
         x.age_vel = 0.0
-        for i in range(6):
-            x.x_hat[i] += p.K[i] * gamma
-        x.x_hat[5] = min(max(x.x_hat[5], -p.load_max), p.load_max)
+        _follow(x, p.K, gamma, p)
     else:
         x.age_vel += dt
         gamma = 0.0
         if x.age_vel > p.t_bad and usable(u.y_position, u.position_valid) > 0.5:
-            _follow(x, u.y_position, p, dt)
+            _follow(x, p.K_angle, u.y_position / p.lead - x.x_hat[2], p)
     w = u.y_velocity if x.age_vel == 0.0 else x.x_hat[3]
     mean = 0.5 * (w + x.w_last)
-    x.reckon += p.lead * dt * mean
     x.w_last = w
     x.w_slow += dt / p.t_hold * (w - x.w_slow)
     x.eta = gamma / p.S_root
