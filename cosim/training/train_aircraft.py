@@ -36,6 +36,7 @@ from cosim.training.trainer import Limits, Training, decimals
 from fdi import registry
 from fdi.control_redundancy.core import NR
 from fdi.kinematic import signatures
+from fdi.lpv_smo.lpv_smo import LEFT
 
 # what each is trained in; the others' estimates are not made for severe air
 TRAINED_IN = dict.fromkeys(LEVEL, AIR[:3]) | {"kinematic": AIR}
@@ -66,18 +67,19 @@ def arguments(index: int, first_seed: int = FIRST_SEED, aircraft: str = DEFAULT)
 
 def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
     """Return the blocks of the three estimates and of an oscillation: 1, rms of gusts, distance from where offsets were
-    learned; of the last also the amplitude of gusts at its frequency."""
+    learned; of the last less what its limit has of gusts at its frequency already."""
     log = watched(frame, "lpv_smo", p, LPV)
     features = [1.0, log["rms"], log["apart"]]
     hold, valid, dt = HELD * float(p["t_confirm"][0]), log["valid"] > 0.5, frame.attrs["dt"]
     out = {part: blocks(np.abs(log[f"f_hat_{part}"]), features, valid, dt, hold) for part in LPV_PARTS}
     q = p.copy()
-    for part in ("limit", "gust", "away", "band"):  # the shape of an oscillation is asked, its size is what is found
+    for part in ("limit", "gust", "away"):  # the shape of an oscillation is asked, its size is what is found
         q[f"swing_{part}"] = 0.0
     fits = watched(frame, "lpv_smo", q, ("bank_cos", "bank_sin", "bank_new", "hit"))
     size = np.hypot(fits["bank_cos"], fits["bank_sin"])  # (ticks, 2, frequencies): of the estimate, of gusts
-    found = np.where((fits["hit"] >= p["hits"][0] - 1.0) & (fits["bank_new"] > 0.5), size[:, 0], 0.0)
-    swings = [blocks(found[:, k], [*features, size[:, 1, k]], valid, dt) for k in range(found.shape[1])]
+    passed = (fits["hit"] >= p["hits"][0] - 1.0) & (fits["bank_new"] > 0.5)
+    found = np.where(passed, size[:, 0] - LEFT * size[:, 1], 0.0)
+    swings = [blocks(found[:, k], features, valid, dt) for k in range(found.shape[1])]
     return out | {"swing": np.concatenate(swings)}  # one limit for all frequencies: few flights pass the shape of each
 
 
@@ -200,7 +202,7 @@ def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
     """Return the PARAMS fields of detector `name` that the limits `made` of its parts stand for."""
     if name == "lpv_smo":
         limits = {field: [made[part][i] for part in LPV_PARTS] for i, field in enumerate(LPV_FIELDS)}
-        return limits | dict(zip(("swing_limit", "swing_gust", "swing_away", "swing_band"), made["swing"], strict=True))
+        return limits | dict(zip(("swing_limit", "swing_gust", "swing_away"), made["swing"], strict=True))
     if name == "control_redundancy":
         floors = {row: FLOOR * SENSORS[f"n_{row}"][1] for row in "xyz"}
         return {"threshold": [max(made[f"t_{row}"][0], floor) for row, floor in floors.items()],

@@ -67,6 +67,7 @@ GRADIENT = 0.6  # of the damping in pitch: what a gust that grows along the body
 ISOLABLE_PARTS = ("", "elevator", "n_z", "alpha")
 TREND = 3.0  # lag of alpha_eq, which follows airspeed, where its change is judged: gusts change airspeed, too [s]
 GUST_SHARE = 0.9  # of the largest rms of gusts: beyond it nothing is judged
+LEFT = 0.2  # of the amplitude of gusts at a frequency may be left in the elevator's estimate
 HELD = 0.6  # an oscillation is held to be there for so long after the last fit that found it [s]
 
 PARAMS = dtype(
@@ -116,7 +117,6 @@ PARAMS = dtype(
         ("swing_limit", "f8", "rad"),  # amplitude of an oscillation of the elevator's estimate
         ("swing_away", "f8", "-"),
         ("swing_gust", "f8", "-"),
-        ("swing_band", "f8", "-"),  # and with the amplitude of gusts at its frequency
         ("coherence", "f8", "-"),  # least agreement of its two periods
         ("purity", "f8", "-"),  # least share of the window's power that it explains
         ("hits", "f8", "-"),  # fits in a row that must pass
@@ -346,7 +346,7 @@ def _oscillates(x, p, dt):
         if x.bank_new[k] < 0.5:
             continue
         limit = p.swing_limit + p.swing_away * x.apart + p.swing_gust * x.rms
-        limit += p.swing_band * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
+        limit += LEFT * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
         fits = bank.mixed(x, k, 1.0, 0.0) >= limit * limit
         if fits:
             agreement, purity = bank.character(x, p, k, 1.0, 0.0)

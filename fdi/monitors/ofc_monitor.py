@@ -2,15 +2,14 @@
 
     m  = the command through the servo's own third-order reference model (rod estimate of a healthy actuator)
     e  = y_rod - m, split into sub-bands by second-order high- and low-pass filters
-    r  = largest e of a sub-band / limit, which is threshold + (share + LIMITED limited) of the reference's motion there
+    r  = largest e of a sub-band / limit, which is threshold + share of the reference's motion there
 
 A swing is a sub-band's e beyond its limit. Swings of alternating sign are counted over a sliding window of as many half
 periods of the sub-band's lowest frequency; an alarm needs `half_periods` of them.
 
 A servo follows its reference with a response that depends on tolerances and, by the hinge load's stiffness, on
-airspeed: the share of the motion that it may miss. A reference at its limits of rate or acceleration moves otherwise
-than the servo at those of its valve, for a while (`limited`) by more. Whether an oscillation adds to the command or has
-taken its place is told by fdi/monitors/liquid_or_solid.py.
+airspeed: the share of the motion that it may miss. Whether an oscillation adds to the command or has taken its place
+is told by fdi/monitors/liquid_or_solid.py.
 """
 
 import math
@@ -34,12 +33,10 @@ ISOLABLE_PARTS = ("",)
 BANDS = ((0.4, 1.3), (1.3, 4.0), (4.0, 12.0))  # [Hz]; 0.5 to 10 Hz is considered
 B = len(BANDS)
 COUNT = 4  # swings kept
-LIMITED = 0.2  # of the reference's motion: what its limits of rate and acceleration make beside those of the valve
 HISTORY = 10  # reference positions kept: 5 ms at 2 kHz
 LONG_AGO = 1e3  # [s]
 TAU_DP = 0.0224  # lag of the pressure [s]
 HIGH_HZ = 0.4  # high-pass of what is weighed [Hz]
-AT_LIMIT = 0.95  # of the reference's largest rate or acceleration: from here on it moves as its limits let it
 MEMORY = 2.0  # of the reference's motion, in periods of the band's lower edge
 WILD, T_WILD = 0.02, 0.1  # a residual that steps farther [m] is not believed for so long [s]: no rod moves so
 
@@ -80,7 +77,6 @@ STATE = dtype(
         ("x3", "f8", "-"),  # lagged pressure difference
         ("est", "f8", (3,)),  # rod estimate [m], its rate and acceleration
         ("past", "f8", (HISTORY + 1,), "m"),  # reference positions, newest first
-        ("limited", "f8", "-"),  # 1 where the reference moves at its limits, fading afterwards
         ("high", "f8", (B, 2)),  # filter states of the residual
         ("low", "f8", (B, 2)),
         ("ref_high", "f8", (B, 2)),  # filter states of the reference
@@ -204,9 +200,6 @@ def _predict(x, p, dt):
     """Advance the rod estimate to the next tick, with the limits of `actuators.common.reference`."""
     for i in range(HISTORY, 0, -1):
         x.past[i] = x.past[i - 1]
-    x.limited *= 1.0 - dt * p.f_low[0] / MEMORY
-    if math.fabs(x.est[1]) > AT_LIMIT * p.v_max or math.fabs(x.est[2]) > AT_LIMIT * p.a_max:
-        x.limited = 1.0
     away = x.target - x.est[0]
     most = p.v_max * max(opening(away, x.x3), servo.ROOT_LEAST)
     chase(x.est, away, most, p.k1, p.k2, p.k3, p.a_max, p.j_max, dt)
@@ -220,7 +213,7 @@ def _count(x, p, b, off, dt):
         x.ages[b, i] += dt
     _, high = _filtered(x.high[b], off, p.high[b])
     v, _ = _filtered(x.low[b], high, p.low[b])
-    limit = p.threshold[b] + (p.share[b] + LIMITED * x.limited) * x.ref_peak[b]
+    limit = p.threshold[b] + p.share[b] * x.ref_peak[b]
     n, half, side = int(p.half_periods), 0.5 / p.f_low[b], 1.0 if v > 0.0 else -1.0
     if side != x.side[b] and math.fabs(v) >= limit:
         x.side[b] = side
