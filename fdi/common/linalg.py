@@ -7,6 +7,14 @@ TAYLOR = 8  # terms of the exponential: |A| h <= 1 leaves 1/9! = 3e-6, the actua
 
 
 @kernel
+def diagonal(P, variances):
+    """Write the diagonal matrix of `variances` (N,) into P (N, N)."""
+    for i in range(N):
+        for j in range(N):
+            P[i, j] = variances[i] if i == j else 0.0
+
+
+@kernel
 def congruence(P, Phi, W):
     """Replace P by Phi P Phi^T; P, Phi, W: (N, N), W is scratch."""
     for i in range(N):

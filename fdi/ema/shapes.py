@@ -176,7 +176,7 @@ def ask(x, p, h):
     logdet = factor(x.JJ, x.LL, x.prior[1], 0, N, 1e-9)
     of_felt = left(x.JJ, x.LL, x.bb, x.prior[0], x.yy, x.felt[5], COS)  # columns that share no sample with the others
     x.shape_left[h] = left(x.JJ, x.LL, x.bb, x.prior[0], x.yy, x.shape_energy + x.felt[5], N) - of_felt
-    x.shape_L[h] = logarithm(x.shape_left[h], x.shape_n) - 0.5 * (of_felt + logdet)
+    x.shape_L[h] = logarithm(x.shape_n, x.shape_left[h], 0.0) - 0.5 * (of_felt + logdet)
 
 
 @kernel

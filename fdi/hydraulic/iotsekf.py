@@ -1,7 +1,7 @@
 """IOTSEKF: the input fault of one hydraulic actuator, by the two-stage filter of [Lu17], and what it is.
 
 The filter (`two_stage_ekf`) gives the state and the input fault f^i in the unit of the valve command: the servo's
-estimate. Four plain tests (`plain_tests`) and the evidence of fault hypotheses on the innovations of a filter without a
+estimate. Plain tests (`plain_tests`) and the evidence of fault hypotheses on the innovations of a filter without a
 fault state (`fdi.isolation`) raise the alarm; `name` says which of them names it:
 
 | asked in turn | verdict |
@@ -32,8 +32,8 @@ from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
 from fdi.hydraulic import plain_tests
 from fdi.hydraulic import two_stage_ekf as two_stage
-from fdi.isolation import backlash, likelihood, multiple_models
 from fdi.isolation import decide as by_evidence
+from fdi.isolation import likelihood, multiple_models
 from fdi.isolation.evidence import HYPOTHESES
 
 ISOLABLE_PARTS = ("", "rod", "surface", "pressure")
@@ -63,7 +63,6 @@ STATE = dtype(
         *plain_tests.STATE,
         *likelihood.STATE,
         *multiple_models.STATE,
-        *backlash.STATE,
         ("rod_low", "f8", "m"),  # travel since the alarm
         ("rod_high", "f8", "m"),
         ("rod_slow", "f8", "m"),
@@ -92,7 +91,7 @@ DETECTOR = Detector(
         "hmd_model": "hmd",
     },
     group="actuator filters",
-    designed_for={  # [Lu17]; four plain tests and evidence
+    designed_for={  # [Lu17]; plain tests and evidence
         "hydraulic.ofc_liquid": ("ofc_liquid",),
         "hydraulic.ofc_solid": ("ofc_solid",),
         "hydraulic.jam_solid": ("jam_solid",),
@@ -117,7 +116,7 @@ DETECTOR = Detector(
         by_evidence.OF_LOAD: ("friction",), by_evidence.GAP: ("backlash",), by_evidence.FREE_FLOAT: ("free_float",),
     }},
     looks_back={"delay": "u_old", "lag_ticks": "u_old"},
-    places={"likely_octave": ("own_class", 0), "likely_fault": ("ev", 0)},
+    places={"likely_fault": ("ev", 0)},
     options={"form": tuple(FORMS)},  # the first is the default
     belongs={"load": "form"},
     slow={"asks": 0.0},  # evidence rests on what each tick's command leaves in the pressure
@@ -137,7 +136,8 @@ NOISE = {
     "r_spare": 2e-8,  # 0.02 deg on 0.30 m, rigging removed
 }
 SUSPICIOUS = 0.7  # of a threshold, from which on all evidence is asked for
-HOLD_S = 0.2  # for which a name has stood before it is given [s]
+HOLD_S = 0.3  # for which a name has stood before it is given [s]
+HOLD_SLOW_S = 0.7  # of a loss, whose command may be gone
 STILL = 0.5e-3  # rod travel of a jam: noise of its sensor [m]
 RUBS_MOST, HOLDS_S = 0.6, 2.0  # friction holds no more of the stall force, seldom a rod for longer [s]
 LASTS_S = 1.0  # a jam that has lasted outranks the pressure sensor [s]
@@ -222,8 +222,6 @@ def by_plain_tests(x, moved):
         return RUNAWAY, 0.0
     if x.sensor > 0.5 and (x.blame == 1.0 or (x.blame == 2.0 and x.backlash_suspected < 0.5)):
         return SENSOR, x.blame
-    if x.jump_of > 0.5:
-        return SENSOR, x.jump_of
     if x.jam < 0.5:
         return (SENSOR, 3.0) if x.misread > 0.5 else (NONE, 0.0)
     if moved and (x.likely == by_evidence.WEAK or x.likely == by_evidence.OF_LOAD):
@@ -242,20 +240,21 @@ def name(x):
     if verdict != NONE:
         return verdict, isolated_part
     # the evidence of a pressure sensor knows no model of joined chambers: while these lead, they outrank it
-    pressure = likely == by_evidence.OF_PRESSURE or x.candidate == by_evidence.OF_PRESSURE
     joined = x.rival_lead[multiple_models.JOINED] > multiple_models.NAMED
-    if max(x.shown[0], x.shown[1]) > 0.5 and x.sensor < 0.5 and (joined or not pressure):
+    if max(x.shown[0], x.shown[1]) > 0.5 and x.sensor < 0.5 and (joined or likely != by_evidence.OF_PRESSURE):
         return EFFECTIVENESS, 0.0
-    if (likely == by_evidence.OF_PRESSURE or (likely == by_evidence.WEAK and x.dp_out > 0.5)) and x.sensor < 0.5:
-        return SENSOR, 3.0  # a reading that drifts takes the flow of a leak
-    if likely == by_evidence.LIQUID:
-        return OFC_LIQUID, 0.0
-    if likely == by_evidence.SOLID:
-        return OFC_SOLID, 0.0
-    if likely == by_evidence.WEAK or (likely == by_evidence.OF_LOAD and moved):
-        return EFFECTIVENESS, 0.0
-    if likely == by_evidence.OF_ROD or (likely == by_evidence.OF_SURFACE and x.backlash_suspected < 0.5):
+    if likely == by_evidence.WEAK and x.dp_out > 0.5:
+        likely = by_evidence.OF_PRESSURE  # a reading that drifts takes the flow of a leak
+    of_load = likely == by_evidence.OF_LOAD and not moved
+    of_sensor = likely == by_evidence.OF_PRESSURE and x.sensor > 0.5
+    if of_load or of_sensor or (likely == by_evidence.OF_SURFACE and x.backlash_suspected > 0.5):
+        return AMBIGUOUS, 0.0
+    if by_evidence.OF_ROD <= likely <= by_evidence.OF_PRESSURE:
         return SENSOR, likely - by_evidence.OF_ROD + 1.0
+    if likely == by_evidence.WEAK or likely == by_evidence.OF_LOAD:
+        return EFFECTIVENESS, 0.0
+    if likely == by_evidence.LIQUID or likely == by_evidence.SOLID:
+        return (OFC_LIQUID if likely == by_evidence.LIQUID else OFC_SOLID), 0.0
     return AMBIGUOUS, 0.0
 
 
@@ -265,26 +264,29 @@ def alarmed(x):
     rests = x.rod_high - x.rod_low < STILL and x.likely == by_evidence.OF_LOAD and x.since < JAM_S
     if x.evidence_timer > 0.0 and (rests or x.at_stop > 0.5):  # a rod at rest shows nothing; nor does one at its stop
         x.evidence_timer = by_evidence.RELEASE_S
-    plain = max(max(x.sensor, x.jam), max(x.run, x.misread)) > 0.5 or x.jump_of > 0.5 or x.frozen > 0.5
+    plain = max(max(x.sensor, x.jam), max(x.run, x.misread)) > 0.5 or x.frozen > 0.5
     x.alarm = 1.0 if plain or x.evidence_timer > 0.0 else 0.0
-    if x.frozen > 0.5:  # its last value shows nothing of the actuator: windows and models begin anew
-        x.rival_s, x.likely = -1.0, 0.0
+    if x.frozen > 0.5:  # its last value shows nothing of the actuator: filter, windows and models begin anew
+        x.h_started, x.rival_s, x.likely = 0.0, -1.0, 0.0
         x.shown[0] = x.shown[1] = 0.0
         likelihood.restart(x)
 
 
 @kernel
 def conclude(x, dt):
-    """Write alarm, verdict, isolated_part and kind; a name, and what takes its place, has stood for HOLD_S."""
+    """Write alarm, verdict, isolated_part and kind; a name, and what takes its place, has stood for a while."""
     alarmed(x)
     if x.alarm < 0.5:
         x.verdict, x.isolated_part, x.kind, x.next_s, x.dp_out = NONE, 0.0, 0.0, 0.0, 0.0
+        x.alarm_s = x.likely = x.likely_hz = x.emptied = 0.0
         return
+    x.alarm_s += dt
     verdict, isolated_part = name(x)
     x.next_s = x.next_s + dt if verdict == x.next_verdict and isolated_part == x.next_isolated_part else 0.0
     x.next_verdict, x.next_isolated_part = verdict, isolated_part
-    sure = max(x.frozen, max(x.sensor, max(x.jump_of, x.misread))) > 0.5 or x.stands_open != 0.0  # has been confirmed
-    if sure or x.next_s >= HOLD_S:
+    sure = max(x.frozen, max(x.sensor, x.misread)) > 0.5 or x.stands_open != 0.0  # has been confirmed
+    slow = x.likely == by_evidence.WEAK or (x.likely == by_evidence.OF_PRESSURE and x.likely_hz == 0.0)
+    if sure or x.next_s >= (HOLD_SLOW_S if slow else HOLD_S):
         x.verdict, x.isolated_part = verdict, isolated_part
     elif x.verdict == NONE:
         x.verdict = AMBIGUOUS
@@ -306,9 +308,7 @@ def step(x, u, p, dt):
     x.r = max(math.fabs(x.pair_d) / x.pair_limit, max(x.r_run, x.r_jam))
     likelihood.listen(x, u, p, x.r > SUSPICIOUS, dt)
     multiple_models.update(x, u, p, dt)
-    backlash.update(x, x.x_hat[0], dt)
     travel(x, u, dt)
-    by_evidence.hold(x, dt)
     conclude(x, dt)
     x.r = max(x.r, x.evidence)
 

@@ -1,13 +1,16 @@
-"""Four plain tests of a hydraulic actuator, for what a filter that is linear over a tick does not hold.
+"""Plain tests of a hydraulic actuator, for what a filter that is linear over a tick does not hold.
 
 | test | statistic | because |
 |---|---|---|
 | pair | rod - arm surface - rigging, each against the valve's own motion | a linkage is rigid (`fdi.common.decision`) |
 | jam | load beyond the hinge-moment model, the rod at rest | a stop takes any load |
-| runaway | w = f_hat + u: the valve has opened within RISE_S, stays, and the servo commands it back | a sine turns |
+| runaway | w = f_hat + u: the valve has opened with the input fault, stays, the servo closes it | a sine turns |
 | frozen | FROZEN equal samples in a row of a sensor with noise | noise does not repeat itself |
+| gap | rod less surface has two levels, +-h, and nothing between | a loose surface leans on one flank or on the other |
 
-While only one position sensor is left, its innovation is watched for a jump that stays.
+A sensor with a bias keeps to one side of a gap. One that swings has no level: of a sine (|d| - h)^2 has 1 - 8 / pi^2 =
+0.19 of d^2, of noise more. The gap may be of any size, and it needs no onset; while the load keeps its side a gap and a
+bias are the same.
 """
 
 import math
@@ -20,21 +23,21 @@ from fdi.common.decision import confirm, usable
 from fdi.hydraulic import two_stage_ekf as two_stage
 from fdi.isolation import filter
 
-JUMP, BEFORE = 6e-4, 0.4  # of a position, six sigma of the sensor [m], and the share that the sample before may have
-FROZEN = 20.0  # equal samples in a row that a sensor with noise has not
-TURNS = 0.4  # share of second differences that turn: of white noise 0.73, of a coarse quantum few
+# equal samples in a row, which a sensor has not that changes at such a share of its samples: a coarse quantum does not
+FROZEN, CHANGES, OF_LATE = 20.0, 0.7, 0.01  # the share is lagged by 100 samples
 WITHOUT_ROD, WITHOUT_PRESSURE = 1.6, 4.0  # noise of f_hat on the surface sensor; on the hinge-moment model
 FLAT, FLAT_S, FLAT_TAU = 0.2, 0.2, 0.1  # a valve that stands open keeps within this share of its lagged opening for [s]
 NOISE = 0.4  # ... and this of the threshold of an input fault, which noise seldom passes
-# at most this share of it RISE_S before it kept to it: a sine that is as flat, of 1.2 Hz at most, has 40 % 80 ms before
-RISE, RISE_S = 0.45, 0.06
-FIRST = 0.5  # share of the opening that it begins with, as a slow sine does not
+LEFT = 0.45  # share of its opening below which it stands open no more
+FIRST = 0.8  # share of the opening that it begins with, as a slow sine does not
 FIRST_S = 0.1  # after the onset of the input fault that the opening has begun by: an oscillation comes to a crest later
-OPENINGS = 6  # samples of w in RISE_S
 MISREAD_S = 0.1  # flow that an excess of pressure takes is missing for [s]
 UNLEARNED = 4.0  # standard deviations of the valve's gain as the flight has taught it, 0.2 before it has
 # an input fault beyond its threshold counts in proportion up to this: against the servo a runaway comes and goes
 RUN_WEIGHT = 1.25
+SWINGS = 0.5 * (1.0 - 8.0 / (math.pi * math.pi))  # share of d^2 that two levels may leave: half of what a sine has left
+NO_LEVELS = 1.5  # times SWINGS, from which on d has no two levels
+SIDE_S = 0.1  # on either side, three lags of d [s]
 
 PARAMS = [
     *decision.PAIR_PARAMS,
@@ -53,10 +56,10 @@ PARAMS = [
 ]
 STATE = [
     *decision.PAIR_STATE,
-    ("jump_e", "f8", "m"),  # last innovation of the only position sensor
-    ("jump_side", "f8", "m"),  # innovation at its jump
-    ("jump_ticks", "f8", "-"),  # ticks for which the jump has stood
-    ("jump_of", "f8", "-"),  # 1 the rod sensor, 2 the surface sensor, the only one left, has jumped
+    ("gap_s", "f8", (2,), "s"),  # time since the alarm that d was below and above zero
+    ("gap_d", "f8", (2,), "m s"),  # sums of its size over these
+    ("gap_dd", "f8", "m^2 s"),  # of its square
+    ("loose", "f8", "-"),  # 1 while they show two levels and nothing between
     ("noise_scale", "f8", "-"),  # noise of f_hat over that with all sensors
     ("drive", "f8", "-"),  # valve command behind the filter's own lag, so that f_hat + drive is what the valve did
     ("drive_d", "f8", "1/s"),  # its derivative
@@ -64,11 +67,8 @@ STATE = [
     ("load_d", "f8", "1/s"),  # its derivative
     ("f_slow", "f8", "-"),  # lagged input fault, less what learned errors leave in it
     ("u_slow", "f8", "-"),  # lagged valve command
-    ("w_old", "f8", (OPENINGS,), "-"),  # their sum, over the last RISE_S, newest first
-    ("w_clock", "f8", "s"),  # since the last of these
     ("w_flat", "f8", "-"),  # valve opening that w keeps to
     ("w_first", "f8", "-"),  # the same as it began
-    ("w_before", "f8", "-"),  # w RISE_S before it did
     ("w_flat_s", "f8", "s"),  # for which it has
     ("run_timer", "f8", "s"),
     ("run", "f8", "-"),  # 1 while an input fault is declared
@@ -86,9 +86,7 @@ STATE = [
     ("misread_timer", "f8", "s"),
     ("misread", "f8", "-"),  # 1 while the load beyond the model is the pressure sensor's
     ("same", "f8", (3,)),  # equal samples in a row, of rod, surface and pressure
-    ("turns", "f8", (3,)),  # share of samples whose second difference has another sign than the one before, over 1 s
-    ("step_last", "f8", (3,)),
-    ("bend_last", "f8", (3,)),  # second difference
+    ("changes", "f8", (3,)),  # lagged share of samples that differ from the one before
     ("last_y", "f8", (3,)),
     ("frozen", "f8", "-"),  # 1 rod, 2 surface, 3 pressure sensor repeats its last value
     ("r_run", "f8", "-"),  # input fault over its threshold
@@ -111,24 +109,26 @@ def pair(x, u, rod, surface, p, dt):
 
 
 @kernel
-def jumped(x, rod, surface, dt):
-    """Where only one position sensor is left, hold that it has jumped until there are two again to compare."""
-    if rod > 0.5 and surface > 0.5:
-        x.jump_of = 0.0
-    elif x.pair_time > 0.0 and x.age == 0.0 and x.sensor < 0.5:
-        e = math.fabs(x.gamma_rod)
-        # samples of an oscillation rise one after the other
-        if e > JUMP and x.jump_e < BEFORE * e and x.alarm < 0.5:
-            x.jump_ticks = 1.0
-        elif x.jump_ticks > 0.0:
-            x.jump_ticks = x.jump_ticks + 1.0 if x.gamma_rod * x.jump_side > 0.2 * JUMP * JUMP else 0.0
-            if x.jump_ticks >= 3.0:
-                x.jump_of = 1.0 if rod > 0.5 else 2.0
-                x.jump_ticks = 0.0
-                x.t_settling = max(x.t_settling, decision.T_DISTURBED)
-        if x.jump_ticks == 1.0:
-            x.jump_side = x.gamma_rod
-        x.jump_e = e
+def gap(x, dt):
+    """While rod and surface are apart, tell whether by a gap; what takes both sides without two levels is none."""
+    if x.sensor < 0.5:
+        x.gap_dd = x.loose = 0.0
+        for i in range(2):
+            x.gap_s[i] = x.gap_d[i] = 0.0
+    if x.sensor < 0.5 or x.pair_age < SIDE_S:
+        return
+    i = 1 if x.pair_d > 0.0 else 0
+    x.gap_s[i] += dt
+    x.gap_d[i] += dt * math.fabs(x.pair_d)
+    x.gap_dd += dt * x.pair_d * x.pair_d
+    if min(x.gap_s[0], x.gap_s[1]) <= SIDE_S:
+        return
+    total, time = x.gap_d[0] + x.gap_d[1], x.gap_s[0] + x.gap_s[1]
+    left = x.gap_dd - total * total / time
+    held = min(x.gap_d[0] / x.gap_s[0], x.gap_d[1] / x.gap_s[1]) > 0.5 * total / time  # each side has the level
+    x.loose = 1.0 if held and left < SWINGS * x.gap_dd else 0.0
+    if left > NO_LEVELS * SWINGS * x.gap_dd:
+        x.backlash_suspected = 0.0
 
 
 @kernel
@@ -164,23 +164,17 @@ def input_fault(x, noise, disturbed, p, dt):
 
 @kernel
 def runaway(x, noise, p, dt):
-    """Tell whether the valve of an input fault stands open: it has opened suddenly, keeps, and the servo closes it."""
-    w = x.f_slow + x.u_slow
+    """Tell whether the valve of an input fault stands open: it has opened with it, keeps, and the servo closes it."""
+    w, least = x.f_slow + x.u_slow, noise * p.run_threshold
     x.w_flat_s += dt
-    if math.fabs(w - x.w_flat) > FLAT * math.fabs(x.w_flat) + NOISE * noise * p.run_threshold:
-        x.w_flat, x.w_first, x.w_before, x.w_flat_s = w, w, x.w_old[OPENINGS - 1], 0.0
+    if math.fabs(w - x.w_flat) > FLAT * math.fabs(x.w_flat) + NOISE * least:
+        x.w_flat, x.w_first, x.w_flat_s = w, w, 0.0
     x.w_flat += dt / FLAT_TAU * (w - x.w_flat)
-    x.w_clock += dt
-    if x.w_clock >= RISE_S / OPENINGS - 0.5 * dt:
-        for i in range(OPENINGS - 1, 0, -1):
-            x.w_old[i] = x.w_old[i - 1]
-        x.w_old[0], x.w_clock = w, 0.0
-    full = x.w_flat * x.w_flat
-    sudden = x.w_before * x.w_flat < RISE * full and x.w_first * x.w_flat > FIRST * full
-    sudden = sudden and math.fabs(x.w_flat) > noise * p.run_threshold
-    if x.run < 0.5 or (x.r_run >= 1.0 and w * x.stands_open < RISE * x.stands_open * x.stands_open):
+    sudden = x.run_s < x.w_flat_s + FIRST_S and x.w_first * x.w_flat > FIRST * x.w_flat * x.w_flat
+    stays = x.w_flat_s >= FLAT_S and math.fabs(x.w_flat) > least
+    if x.run < 0.5 or (x.r_run >= 1.0 and w * x.stands_open < LEFT * x.stands_open * x.stands_open):
         x.stands_open = 0.0
-    elif x.w_flat_s >= FLAT_S and x.run_s < x.w_flat_s + FIRST_S and sudden and x.r_run >= 1.0 and w * x.u_slow < 0.0:
+    elif sudden and stays and x.r_run >= 1.0 and w * x.u_slow < 0.0:
         x.stands_open = x.w_flat
 
 
@@ -215,19 +209,19 @@ def jammed(x, u, disturbed, p, dt):
 
 
 @kernel
-def freezes(x, u, dt):
+def freezes(x, u):
     """Tell which sensor, one that had noise, repeats its last value."""
     x.frozen = 0.0
+    y, valid = (u.y_rod, u.y_surface, u.y_dp), (u.y_rod_valid, u.y_surface_valid, u.y_dp_valid)
     for j in range(3):
-        y = u.y_rod if j == 0 else (u.y_surface if j == 1 else u.y_dp)
-        valid = u.y_rod_valid if j == 0 else (u.y_surface_valid if j == 1 else u.y_dp_valid)
-        x.same[j] = min(x.same[j] + 1.0, 1e6) if valid > 0.5 and y == x.last_y[j] else 0.0
-        if valid > 0.5 and math.isfinite(y) and x.same[j] < FROZEN:
-            bend = y - x.last_y[j] - x.step_last[j]
-            x.turns[j] += min(dt, 1.0) * ((1.0 if bend * x.bend_last[j] < 0.0 else 0.0) - x.turns[j])
-            x.step_last[j], x.bend_last[j] = y - x.last_y[j], bend
-        x.last_y[j] = y if math.isfinite(y) else 0.0
-        if x.same[j] >= FROZEN and x.turns[j] > TURNS:
+        if usable(y[j], valid[j]) < 0.5:
+            x.same[j] = 0.0
+            continue
+        x.same[j] = min(x.same[j] + 1.0, 1e6) if y[j] == x.last_y[j] else 0.0
+        x.last_y[j] = y[j]
+        if x.same[j] < FROZEN:
+            x.changes[j] += OF_LATE * ((1.0 if x.same[j] == 0.0 else 0.0) - x.changes[j])
+        elif x.changes[j] > CHANGES:
             x.frozen = j + 1.0
 
 
@@ -236,7 +230,7 @@ def update(x, u, p, dt):
     """Run all tests for one tick."""
     rod, surface = usable(u.y_rod, u.y_rod_valid), usable(u.y_surface, u.y_surface_valid)
     pair(x, u, rod, surface, p, dt)
-    jumped(x, rod, surface, dt)
+    gap(x, dt)
     lost = p.load == 2.0 and x.age_dp > p.t_invalid
     noise = WITHOUT_PRESSURE if lost else (WITHOUT_ROD if x.blame == 1.0 or x.age_rod > p.t_invalid else 1.0)
     if noise != x.noise_scale:
@@ -247,4 +241,4 @@ def update(x, u, p, dt):
     runaway(x, noise, p, dt)
     if p.load == 2.0:
         jammed(x, u, (disturbed or lost) and x.dp_out < 0.5, p, dt)
-    freezes(x, u, dt)
+    freezes(x, u)

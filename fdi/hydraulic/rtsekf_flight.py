@@ -24,14 +24,15 @@ import numpy as np
 from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage
 from actuators.hydraulic import lu17
-from actuators.hydraulic.lu17 import opening, rk4, stiffness
+from actuators.hydraulic.lu17 import opening, stiffness
 from fdi.common import decision
 from fdi.common.decision import usable
-from fdi.common.linalg import congruence, joseph
+from fdi.common.linalg import joseph
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
-from fdi.hydraulic.two_stage_ekf import HISTORY, predict_now, remember, transition
+from fdi.hydraulic.rtsekf import at_rest, predict
+from fdi.hydraulic.two_stage_ekf import HISTORY, predict_now, remember
 
 ISOLABLE_PARTS = ("", "rod", "surface")
 TRAINED = 1.2 * 1.2  # variance of the noise in training flights over the specified one (`noise_scale` of the trainer)
@@ -149,17 +150,6 @@ def init(p: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def predict(x, v, p, dt):
-    """Predict state and covariance over one tick. [Lu17] (38)-(39)"""
-    a = x.x_hat
-    transition(x.Phi, x.G, a, v, v, 0.0, 0.0, True, p, dt)
-    a[0], a[1], a[2] = rk4(a[0], a[1], a[2], v, v, 0.0, p.A_p * p.P_s * a[3], p, dt)
-    congruence(x.P, x.Phi, x.W)
-    for i in range(4):
-        x.P[i, i] += p.q[i] * dt
-
-
-@kernel
 def three_steps(x, y_rod, y_surface, p):
     """Estimate the fault and update, from two positions. [Lu17] (40)-(48), H = [[1 0 0 0], [1 0 0 0]]"""
     c = x.P[0, 0]
@@ -202,21 +192,6 @@ def one(x, j, y, r, p):
         x.x_hat[i] += x.K[i] * e
     joseph(x.P, x.K, j, r)
     return 1.0
-
-
-@kernel
-def start(x, y, dp, p):
-    """Begin at the measurement, at rest, in equilibrium with the load."""
-    for i in range(4):
-        x.x_hat[i] = 0.0
-        for j in range(4):
-            x.P[i, j] = 0.0
-        x.P[i, i] = p.P0[i]
-    x.x_hat[0] = y
-    x.x_hat[2] = dp
-    x.x_hat[3] = -dp
-    x.refused = x.age = 0.0
-    x.started = 1.0
 
 
 @kernel
@@ -292,15 +267,17 @@ def step(x, u, p, dt):
         x.valid = 0.0
         if rod < 0.5:
             return
-        start(x, u.y_rod, u.y_dp if usable(u.y_dp, u.y_dp_valid) > 0.5 else 0.0, p)
+        dp = u.y_dp if usable(u.y_dp, u.y_dp_valid) > 0.5 else 0.0
+        at_rest(x, u.y_rod, dp, -dp, p)
+        x.refused = 0.0
     d = int(p.delay)
     if d == 0:
-        predict(x, x.u_old[0], p, dt)
+        predict(x, x.u_old[0], p.A_p * p.P_s * x.x_hat[3], 0.0, True, p, dt)
     q, step_of_rod = x.x_hat[0], dt * x.x_hat[1]
     correct(x, u, rod, surface, p, dt)
     decide(x, u, rod, surface, q, step_of_rod, p, dt)
     if d > 0:
-        predict(x, x.u_old[d - 1], p, dt)
+        predict(x, x.u_old[d - 1], p.A_p * p.P_s * x.x_hat[3], 0.0, True, p, dt)
     predict_now(x, 0.0, p.A_p * p.P_s * x.x_hat[3], p, dt)
     x.f_sigma = math.sqrt(max(x.P_f, 0.0))
     if not math.isfinite(x.q_now + x.v_now + x.x3_now + x.f_hat + x.x_hat[3]):

@@ -26,7 +26,7 @@ from actuators.block import kernel
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import jacobian, rk4
 from fdi.common.decision import usable
-from fdi.common.linalg import congruence, integral, joseph
+from fdi.common.linalg import congruence, diagonal, integral, joseph
 
 ITERATIONS = 4  # bound of (21)-(24)
 GATE_NONE = 1e9
@@ -114,11 +114,9 @@ def force(x, u, p):
 @kernel
 def start(x, q, dp, u, p):
     """Begin at the measurement, at rest, in equilibrium with the load."""
+    diagonal(x.P_bar, p.P0)
     for i in range(4):
         x.x_bar[i] = x.U[i] = x.V[i] = 0.0
-        for j in range(4):
-            x.P_bar[i, j] = 0.0
-        x.P_bar[i, i] = p.P0[i]
     x.x_bar[0] = x.x_hat[0] = q
     if p.load == 2.0:
         x.x_bar[2], x.x_bar[3] = dp, -dp

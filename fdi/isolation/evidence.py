@@ -3,16 +3,21 @@
     theta ~ N(m, diag sd^2),    Q = E - 2 b'm + m'J m - r'(J + P^-1)^-1 r,    r = b - J m
     L = -(NU + n) / 2 ln(1 + Q / NU) - 1/2 ln det(I + P J)                              [Basseville93] section 7.2
 
-An oscillation is LINES sines of an octave together, so that its frequency may lie between them: the steady responses of
-the filter (`response`). Of the errors it meets those of timing and the gain's, BESIDE; the others stand as they were
-learned, since a steady response and a propagated signature differ by more than the noise.
+A hypothesis is a row of priors. Of the errors of `filter` (all N columns) a fault has other priors for some and those
+that the flight has taught for the rest. An oscillation is LINES sines of an octave together, so that its frequency may
+lie between them: the steady responses of the filter (`response`). It meets the columns BESIDE alone; the others stand
+as they were learned, since a steady response and a propagated signature differ by more than the noise. A sensor with
+more noise is health with another variance.
 """
 
 import math
 
+import numpy as np
+
 from actuators.block import kernel
 from fdi.common.decision import lever_variance
 from fdi.isolation.filter import (
+    APART,
     FAST,
     FLOW,
     FRICTION,
@@ -26,71 +31,76 @@ from fdi.isolation.filter import (
     TIMING,
     N,
 )  # fmt: skip
-from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, OCTAVES, PAIRS, PARTED, WAVES, B, gather
+from fdi.isolation.sums import BESIDE, ENERGY, LINES, NEXT, NUMBER, OCTAVES, PAIRS, WAVES, B, gather
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
-LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, FREE = range(6, 13)
-NOISE_ROD, NOISE_SURFACE, NOISE_PRESSURE, PAIR, OFF_PRESSURE, SCALED_PRESSURE, DRIVEN = range(13, 20)
-HYPOTHESES = 20
-WORSE = ((LEAKAGE, LEAK), (LOW_SUPPLY, SUPPLY), (SOFT_OIL, SOFT), (RUBS, FRICTION))  # an error beyond its tolerance
-SWINGS = (ADDED, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD)  # by place of `response`
+LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, FREE, PAIR, OFF_PRESSURE, SCALED_PRESSURE, DRIVEN = range(6, 17)
+NOISE_ROD, NOISE_SURFACE, NOISE_PRESSURE = range(17, 20)
+SWINGS, HYPOTHESES = 6, 20
+ERRORS = NOISE_ROD - SWINGS
+PLACE = (0, 0, 1, 2, 3, 4)  # of an oscillation, in `response`
 NU = 50.0
 BY_ITSELF = 0.1  # least share of the gain's column that no oscillation explains: responses are those of rest
-GUST = 2.0  # times what the load of this air usually swings by, that it may swing by
 WHITE = 0.1  # noise is not correlated more from tick to tick
+ASKED, REFUSED = 0.7, -1e12  # share of a window that its parts must have been asked for; samples of one without it
 BELOW = 3.0  # Q is no less than noise leaves, by so many sigma
-M = TIMING + WAVES + 1  # columns of an oscillation: of timing, its own, the gain's
-FIRST_WAVE, LAST = TIMING, M - 1
+FIRST_WAVE, M = len(BESIDE) - 1, len(BESIDE) + WAVES  # columns of an oscillation: BESIDE but the gain's, its own,
+OF_FAST, OF_GAIN = FIRST_WAVE - 1, M - 1  # and the gain's
+# (mean, deviation) of the columns that a fault has others of than health
+BYPASS = 1.0  # leakage of an actuator that lets go, as in actuators/hydraulic [m/s]
+GONE = (-1.0, 0.03)  # of the valve's gain, where nothing comes through
+FAULTS = {
+    LOSS: {FAST: (-0.45, 0.18), GAIN: (-0.45, 0.18)},  # 10 to 80 % within two sigma: beyond, it is as good as gone
+    LEAKAGE: {LEAK: (0.3, 0.3)},
+    LOW_SUPPLY: {SUPPLY: (0.5, 0.25)},
+    SOFT_OIL: {SOFT: (-0.7, 0.25)},
+    RUBS: {FRICTION: (0.15, 0.1)},
+    OPEN: {FAST: GONE, GAIN: GONE, FLOW: (0.0, 0.2)},  # 9 deg/s to 45 deg/s within its sigma
+    FREE: {FAST: GONE, GAIN: GONE, LEAK: (BYPASS, 0.3)},  # its chambers are joined
+    PAIR: {APART: (0.0, 1e-3)},
+    OFF_PRESSURE: {OFFSET: (0.0, 0.15)},
+    SCALED_PRESSURE: {SCALE: (0.0, 0.3)},
+    DRIVEN: {FLOW: (0.0, 0.01)},  # a slow oscillation, 2 to 6 mm at 0.1 to 0.45 Hz, adds flow within a window
+}
 
 PARAMS = [
-    ("sine_sd", "f8", (5,)),  # amplitudes that are expected: rod of a valve's [m], rod, surface [m], pressure, load [1]
-    ("loss_mean", "f8", "-"),  # of a lossy valve's gain
-    ("loss_sd", "f8", "-"),
-    ("gone_sd", "f8", "-"),  # of the gain where nothing comes through, -1
+    ("fault_mean", "f8", (ERRORS, N)),
+    ("fault_sd", "f8", (ERRORS, N)),  # 0: as in health
+    ("sine_sd", "f8", (SWINGS,)),  # amplitudes expected: rod of a valve's, rod, surface [m], pressure, load [1]
     ("slow_sd", "f8", "-"),  # of the slow part's gain where an oscillation is in its place
-    ("worse_mean", "f8", (4,)),  # of the errors of WORSE where they are a fault
-    ("worse_sd", "f8", (4,)),
-    ("offset_sd", "f8", "-"),  # of a pressure sensor that is wrong
-    ("scale_sd", "f8", "-"),  # of one whose scale is
-    ("slow_flow_sd", "f8", "m/s"),  # flow that a slow oscillation adds
-    ("open_sd", "f8", "m/s"),  # flow of a valve that stands open
-    ("bypass", "f8", "m/s"),  # leakage of an actuator that lets go
     ("occam", "f8", "-"),  # what a hypothesis of noise costs
     ("memory", "f8", "s"),  # of what the flight teaches
     ("floor", "f8", (N,), "-"),  # of a learned error's standard deviation, over the tolerance's
 ]
-PRIORS = {
-    "sine_sd": (4e-4, 1e-3, 1e-3, 0.08, 0.05),
-    "loss_mean": -0.45, "loss_sd": 0.18,  # 10 to 80 % within two sigma: beyond, it is as good as gone
-    "gone_sd": 0.03, "slow_sd": 0.7, "offset_sd": 0.15, "scale_sd": 0.3,
-    "worse_mean": (0.3, 0.5, -0.7, 0.15), "worse_sd": (0.3, 0.25, 0.25, 0.1),
-    "slow_flow_sd": 0.01,  # 2 to 6 mm at 0.1 to 0.45 Hz
-    "open_sd": 0.2, "bypass": 1.0,  # 9 deg/s to 45 deg/s within its sigma; that of actuators/hydraulic/actuator.py
-    "occam": 6.0, "memory": 30.0,
-    "floor": (0.03,) * TIMING + (0.3,) * (N - TIMING),  # an age does not change with the manoeuvre
-}  # fmt: skip
 STATE = [
     ("L", "f8", (PAIRS,)),  # Cholesky factor at hand, packed by rows
     ("y", "f8", (N,)),  # solution of it, of its transpose
     ("theta", "f8", (N,)),
-    ("info", "f8", (N,)),  # of each column alone: information,
-    ("pull", "f8", (N,)),  # and its product with the column's value
     ("prior", "f8", (2, N)),  # means and standard deviations of the hypothesis at hand
-    ("gram", "f8", (WAVES, WAVES)),  # of a window's waves
     ("wave_J", "f8", (M * (M + 1) // 2,)),  # sums of an oscillation's columns with each other, packed,
     ("wave_b", "f8", (M,)),  # with the innovations
-    ("wave_f", "f8", (M,)),  # and with the signature of the valve's fast part
     ("ev_octave", "f8"),  # last evaluated octave, -1 for none at this tick
     ("ev_n", "f8"),
     ("ev_Q", "f8", (HYPOTHESES + 1,)),  # what each leaves; the last: health
     ("ev", "f8", (HYPOTHESES,)),  # evidence against health
     ("ev_base", "f8"),  # logarithm of the likelihood of health
-    ("ev_told", "f8", (PARTED,)),  # evidence of oscillations, perhaps in the parts of the window
-    ("ev_hz", "f8", (6,), "Hz"),
-    ("ev_air", "f8"),  # evidence that a load swings no more than it usually does in this air
-    ("ev_load2", "f8"),  # mean square of the amplitudes of a load that swings
-    ("air_load2", "f8", (OCTAVES,)),  # what that usually is in this air, by octave
+    ("ev_hz", "f8", (SWINGS,), "Hz"),
+    # (Q, ln det, samples, frequency [Hz]) of an oscillation in a window, or in its parts together
+    ("told", "f8", (OCTAVES, SWINGS, 4)),
+    ("parts", "f8", (OCTAVES, SWINGS, 3)),  # sums of these over the windows half as long that are over in this one
 ]
+
+
+def design() -> dict:
+    """Return the PARAMS fields."""
+    prior = np.zeros((2, ERRORS, N))
+    for h, columns in FAULTS.items():
+        for i, own in columns.items():
+            prior[:, h - SWINGS, i] = own
+    return {"fault_mean": prior[0], "fault_sd": prior[1], "sine_sd": (4e-4, 4e-4, 1e-3, 1e-3, 0.08, 0.05),
+            "slow_sd": 0.7, "occam": 6.0, "memory": 30.0,
+            # an age does not change with the manoeuvre
+            "floor": (0.03,) * TIMING + (0.3,) * (N - TIMING)}  # fmt: skip
 
 
 @kernel
@@ -161,86 +171,33 @@ def inverse(L, i, scratch, n):
 
 
 @kernel
-def logarithm(Q, n):
-    """Return the logarithm of the marginal likelihood but for its determinant."""
-    return -0.5 * (NU + n) * math.log(1.0 + max(Q, n - BELOW * math.sqrt(2.0 * n)) / NU)
+def logarithm(n, Q, logdet):
+    """Return the logarithm of the marginal likelihood of `n` samples."""
+    return -0.5 * ((NU + n) * math.log(1.0 + max(Q, n - BELOW * math.sqrt(2.0 * n)) / NU) + logdet)
 
 
 @kernel
 def give(x, h, Q, logdet):
     """Keep what hypothesis `h` leaves and its evidence."""
-    x.ev_Q[h] = Q
-    x.ev[h] = logarithm(Q, x.ev_n) - 0.5 * logdet - x.ev_base
+    x.ev_Q[h], x.ev[h] = Q, logarithm(x.ev_n, Q, logdet) - x.ev_base
 
 
 @kernel
-def health(x):
-    """Take what the flight has taught as the prior."""
-    for i in range(N):
-        x.prior[0, i], x.prior[1, i] = 0.0, x.sd[i]
-
-
-@kernel
-def ask(x, h, logdet, E):
-    """Keep the evidence of a hypothesis whose priors differ from LEAK on; `logdet` of the columns before it."""
+def of_errors(x, p, E, Q0, logdet0):
+    """Give the faults that are errors beyond what the flight has taught."""
     J, b = x.total[:PAIRS], x.total[B:ENERGY]
-    logdet += factor(J, x.L, x.prior[1], LEAK, N, 0.0)
-    give(x, h, left(J, x.L, b, x.prior[0], x.y, E, N), logdet)
-
-
-@kernel
-def alone(x):
-    """Write what the sums say of each column that is asked alone, the others at the priors of the factor and solution
-    at hand (means 0): information w and its product b with the column's value, for `other`."""
-    back(x.L, x.y, x.pull, N)
-    for i in range(OFFSET, FLOW + 1):
-        variance = inverse(x.L, i, x.theta, N)
-        x.info[i] = max(1.0 / variance - 1.0 / (x.prior[1, i] * x.prior[1, i]), 0.0)
-        x.pull[i] /= variance
-
-
-@kernel
-def other(x, Q0, logdet0, i, mean, sd):
-    """Return (Q, ln det) where column `i` has the prior N(mean, sd^2) instead of that of health, which left
-    (Q0, logdet0): Q0 + b^2 / (w + 1 / sd0^2) - 2 b mean + w mean^2 - (b - w mean)^2 / (w + 1 / sd^2)."""
-    w, b, sd0 = x.info[i], x.pull[i], x.sd[i]
-    r = b - w * mean
-    Q = Q0 + b * b / (w + 1.0 / (sd0 * sd0)) + mean * (w * mean - 2.0 * b) - r * r / (w + 1.0 / (sd * sd))
-    return Q, logdet0 + math.log((1.0 + w * sd * sd) / (1.0 + w * sd0 * sd0))
-
-
-@kernel
-def of_one_column(x, p, Q0, logdet0):
-    """Give the hypotheses that differ from health by one column's prior."""
-    for k in range(4):
-        h, i = WORSE[k]
-        mean, w0 = p.worse_mean[k] - x.mu[i], 1.0 / (p.worse_sd[k] * p.worse_sd[k])
-        Q, logdet = other(x, Q0, logdet0, i, mean, p.worse_sd[k])
-        if (x.pull[i] + w0 * mean) / (x.info[i] + w0) * p.worse_mean[k] < 0.0:  # no leak flows against the pressure
-            Q, logdet = Q0, logdet0
-        give(x, h, Q, logdet)
-    Q, logdet = other(x, Q0, logdet0, OFFSET, 0.0, p.offset_sd)
-    give(x, OFF_PRESSURE, Q, logdet)
-    Q, logdet = other(x, Q0, logdet0, SCALE, 0.0, p.scale_sd)
-    give(x, SCALED_PRESSURE, Q, logdet)
-    # what an oscillation slower than the lines adds within a window
-    Q, logdet = other(x, Q0, logdet0, FLOW, 0.0, p.slow_flow_sd)
-    give(x, DRIVEN, Q, logdet)
-
-
-@kernel
-def of_the_valve(x, p, logdet, E):
-    """Give those of the valve's flow; `logdet` of the columns before LEAK, whose priors are the same for all."""
-    for i in range(FAST, GAIN + 1):
-        x.prior[0, i], x.prior[1, i] = p.loss_mean - x.mu[i], p.loss_sd
-    ask(x, LOSS, logdet, E)
-    for i in range(FAST, GAIN + 1):  # a valve that stands open
-        x.prior[0, i], x.prior[1, i] = -1.0 - x.mu[i], p.gone_sd
-    x.prior[1, FLOW] = p.open_sd
-    ask(x, OPEN, logdet, E)
-    x.prior[1, FLOW] = x.sd[FLOW]  # free-floating: the valve passes nothing, the chambers are joined
-    x.prior[0, LEAK], x.prior[1, LEAK] = p.bypass, 0.3 * p.bypass
-    ask(x, FREE, logdet, E)
+    for h in range(ERRORS):
+        for i in range(N):
+            own = p.fault_sd[h, i] > 0.0
+            x.prior[0, i] = p.fault_mean[h, i] - x.mu[i] if own else 0.0
+            x.prior[1, i] = p.fault_sd[h, i] if own else x.sd[i]
+        logdet = factor(J, x.L, x.prior[1], 0, N, 0.0)
+        Q = left(J, x.L, b, x.prior[0], x.y, E, N)
+        back(x.L, x.y, x.theta, N)
+        for i in range(N):
+            if (x.prior[0, i] + x.theta[i]) * p.fault_mean[h, i] < 0.0:  # no leak flows against the pressure
+                Q, logdet = Q0, logdet0
+        give(x, SWINGS + h, Q, logdet)
 
 
 @kernel
@@ -255,145 +212,91 @@ def of_noise(x, p, Q0, logdet0):
 
 
 @kernel
-def of_the_pair(x, p, Q0, logdet0):
-    """Give that of rod and surface apart, less what a lever says that is not known better."""
-    b, J, sd = 0.0, 0.0, p.sine_sd[2]
-    for j in range(SENSORS):
-        H = p.still[int(x.heard), 2, j] / math.sqrt(x.noise[j])
-        b += H * x.total[MEAN + j]
-        J += H * H * x.total[NUMBER + j]
-    d = J + 1.0 / (sd * sd)
-    known = max(lever_variance(x, x.h_hat[0], 0.0), 1e-300)
-    d_known = J + 1.0 / known
-    give(x, PAIR, Q0 - b * b / d_known, logdet0 + math.log(d_known * known))
-    by_lever = max(x.ev[PAIR], 0.0)
-    give(x, PAIR, Q0 - b * b / d, logdet0 + math.log(d * sd * sd))
-    x.ev[PAIR] -= by_lever
-
-
-@kernel
-def powers(c, s, c_turn, s_turn):
-    """Return sum z^n over n = 1 ... m by its real and imaginary part, where z^m = c + i s and z = c_turn + i s_turn:
-    z (1 - z^m) / (1 - z)."""
-    a, b = c_turn * (1.0 - c) + s_turn * s, s_turn * (1.0 - c) - c_turn * s
-    down, up = 1.0 - c_turn, -s_turn
-    over = 1.0 / max(down * down + up * up, 1e-300)
-    return (a * down + b * up) * over, (b * down - a * up) * over
-
-
-@kernel
-def waves(x, p, o):
-    """Write the sums of products of the waves of window `o`, over blocks, in closed form."""
-    for k in range(LINES):
-        c, s, c1, s1 = x.phase_c[o, k], x.phase_s[o, k], p.turn_c[o, k], p.turn_s[o, k]
-        for l in range(k + 1):
-            d, t, d1, t1 = x.phase_c[o, l], x.phase_s[o, l], p.turn_c[o, l], p.turn_s[o, l]
-            sum_c, sum_s = powers(c * d - s * t, s * d + c * t, c1 * d1 - s1 * t1, s1 * d1 + c1 * t1)
-            apart_c, apart_s = x.window_age[o], 0.0
-            if l < k:
-                apart_c, apart_s = powers(c * d + s * t, s * d - c * t, c1 * d1 + s1 * t1, s1 * d1 - c1 * t1)
-            x.gram[2 * k, 2 * l], x.gram[2 * k, 2 * l + 1] = 0.5 * (apart_c + sum_c), 0.5 * (sum_s - apart_s)
-            x.gram[2 * k + 1, 2 * l], x.gram[2 * k + 1, 2 * l + 1] = 0.5 * (sum_s + apart_s), 0.5 * (apart_c - sum_c)
-
-
-@kernel
 def columns(x, p, o, place):
     """Write the sums of an oscillation's columns at `place`, and of those beside it."""
-    J, b, f = x.wave_J, x.wave_b, x.wave_f
-    for a in range(M):
-        for c in range(a + 1):
-            J[at(a, c)] = 0.0
-    for k in range(TIMING + 1):
-        i, a = (k, k) if k < TIMING else (LAST, GAIN)
-        b[i], f[i] = x.total[B + a], x.total[at(a, FAST)]
-        for c in range(min(a, TIMING)):
-            J[at(i, c)] = x.total[at(a, c)]
-        J[at(i, i)] = x.total[at(a, a)]
-    for w in range(WAVES):
-        b[FIRST_WAVE + w] = f[FIRST_WAVE + w] = 0.0
+    J, b = x.wave_J, x.wave_b
+    for k in range(len(BESIDE)):
+        i, a = k if k < FIRST_WAVE else OF_GAIN, BESIDE[k]
+        b[i] = x.total[B + a]
+        for c in range(k + 1):
+            J[at(i, c if c < FIRST_WAVE else OF_GAIN)] = x.total[at(a, BESIDE[c])]
+    for i in range(FIRST_WAVE, OF_GAIN):
+        b[i] = J[at(OF_GAIN, i)] = 0.0
+        for c in range(i + 1):
+            J[at(i, c)] = 0.0
     for j in range(SENSORS):
         unit = 1.0 / math.sqrt(x.noise[j])
         m = unit * unit * x.total[NUMBER + j] / x.window_age[o]  # ticks of a block, in units of the noise
-        D, response = x.window_D[o, :, j], p.response[int(x.heard), place, o, :, j]
+        D, G, response = x.window_D[o, :, j], x.window_G[o], p.response[int(x.heard), place, o, :, j]
         for w in range(WAVES if m > 0.0 else 0):
             i, line = FIRST_WAVE + w, w // 2 * 2
-            c, s = unit * response[w, 0], unit * response[w, 1]
-            b[i] += c * D[0, line] + s * D[0, line + 1]
-            f[i] += c * D[1, line] + s * D[1, line + 1]
-            for k in range(TIMING):
-                J[at(i, k)] += c * D[2 + k, line] + s * D[2 + k, line + 1]
-            J[at(LAST, i)] += c * D[2 + TIMING, line] + s * D[2 + TIMING, line + 1]
+            c, s = response[w, 0], response[w, 1]
+            b[i] += unit * (c * D[0, line] + s * D[0, line + 1])
+            for k in range(len(BESIDE)):
+                J[at(k if k < FIRST_WAVE else OF_GAIN, i)] += unit * (c * D[1 + k, line] + s * D[1 + k, line + 1])
             for v in range(w + 1):
-                n, g = v // 2 * 2, x.gram
-                with_c = response[v, 0] * g[line, n] + response[v, 1] * g[line, n + 1]
-                with_s = response[v, 0] * g[line + 1, n] + response[v, 1] * g[line + 1, n + 1]
-                J[at(i, FIRST_WAVE + v)] += m * (response[w, 0] * with_c + response[w, 1] * with_s)
+                n, c_v, s_v = v // 2 * 2, response[v, 0], response[v, 1]
+                with_c = c_v * G[line, n] + s_v * G[line, n + 1]
+                with_s = c_v * G[line + 1, n] + s_v * G[line + 1, n + 1]
+                J[at(i, FIRST_WAVE + v)] += m * (c * with_c + s * with_s)
 
 
 @kernel
-def swing(x, h, wave_sd, gain_sd, E):
-    """Give oscillation `h` of the columns at hand, whose amplitudes have the deviation `wave_sd`."""
-    for i in range(M):
-        x.prior[0, i], x.prior[1, i] = 0.0, x.sd[i] if i < TIMING else wave_sd
-    x.prior[1, LAST] = gain_sd
-    logdet = factor(x.wave_J, x.L, x.prior[1], 0, LAST, 0.0)
-    logdet += factor(x.wave_J, x.L, x.prior[1], LAST, M, BY_ITSELF)
-    give(x, h, left(x.wave_J, x.L, x.wave_b, x.prior[0], x.y, E, M), logdet)
-
-
-@kernel
-def amplitudes(x, p, o, h):
-    """Write the frequency of oscillation `h` as fitted; return the mean square of its amplitudes."""
-    back(x.L, x.y, x.theta, M)
-    total, weighed = 0.0, 0.0
-    for k in range(LINES):
-        c, s = x.theta[FIRST_WAVE + 2 * k], x.theta[FIRST_WAVE + 2 * k + 1]
-        total += c * c + s * s
-        weighed += (c * c + s * s) * p.hz[o, k]
-    x.ev_hz[h] = weighed / max(total, 1e-300)
-    return total / WAVES
+def swing(x, o, h, Q, logdet, hz):
+    """Give oscillation `h` of octave `o`. One that is too fast for the lines swings in the parts of the window, a sine
+    in each that shows it: what they leave, of one unknown scale of noise, and their determinants are added up."""
+    give(x, h, Q, logdet)
+    n, told, parts = x.ev_n, x.told[o, h], x.parts[o, h]
+    told[0], told[1], told[2], told[3] = Q, logdet, n if x.ev[h] > 0.0 else REFUSED, hz
+    if o > 0 and (h == ADDED or h == IN_PLACE or h == SWING_PRESSURE):
+        part = x.told[o - 1, h]
+        m = parts[2] + part[2]
+        if m > ASKED * n and logarithm(n, (parts[0] + part[0]) * n / m, parts[1] + part[1]) - x.ev_base > x.ev[h]:
+            told[0], told[1], told[2], told[3] = parts[0] + part[0], parts[1] + part[1], m, part[3]
+            give(x, h, told[0] * n / m, told[1])
+    x.ev_hz[h] = told[3]
 
 
 @kernel
 def of_oscillations(x, p, o, E):
-    """Give those of oscillations at every place."""
-    waves(x, p, o)
-    for place in range(5):
-        columns(x, p, o, place)
-        sd, h = p.sine_sd[place] * (6.2831853 * p.hz[o, LINES // 2] if place == 0 else 1.0), SWINGS[place]
-        swing(x, h, sd, x.sd[GAIN], E)
-        x.ev_load2 = amplitudes(x, p, o, h)  # the load's is the last
-        if place == 0:  # in place: the fast part of the command does not come through, of the slow part some or all
-            m = -1.0 - x.mu[FAST]
-            for i in range(M):
-                x.wave_b[i] -= m * x.wave_f[i]
-            swing(x, IN_PLACE, sd, p.slow_sd, E + m * (m * x.total[at(FAST, FAST)] - 2.0 * x.total[B + FAST]))
-            amplitudes(x, p, o, IN_PLACE)
-    of_load, x.ev_air, usual = x.ev[SWING_LOAD], 0.0, GUST * math.sqrt(x.air_load2[o])
-    if usual > 0.0 and of_load > 0.0:
-        Q = x.ev_Q[SWING_LOAD]
-        swing(x, SWING_LOAD, usual, x.sd[GAIN], E)
-        x.ev_air = max(x.ev[SWING_LOAD], 0.0)
-        x.ev_Q[SWING_LOAD], x.ev[SWING_LOAD] = Q, of_load - x.ev_air
+    """Give the oscillations; in the valve's place the fast part of the command does not come through, of the slow part
+    some or all."""
+    for h in range(SWINGS):
+        if h != IN_PLACE:
+            columns(x, p, o, PLACE[h])
+        per_rate = 6.2831853 * p.hz[o, LINES // 2] if PLACE[h] == 0 else 1.0  # of a flow
+        for i in range(M):
+            x.prior[0, i], x.prior[1, i] = 0.0, x.sd[BESIDE[i]] if i < FIRST_WAVE else p.sine_sd[h] * per_rate
+        x.prior[1, OF_GAIN] = x.sd[GAIN]
+        if h == IN_PLACE:
+            x.prior[0, OF_FAST], x.prior[1, OF_FAST], x.prior[1, OF_GAIN] = -1.0 - x.mu[FAST], GONE[1], p.slow_sd
+        logdet = factor(x.wave_J, x.L, x.prior[1], 0, OF_GAIN, 0.0)
+        logdet += factor(x.wave_J, x.L, x.prior[1], OF_GAIN, M, BY_ITSELF)
+        Q = left(x.wave_J, x.L, x.wave_b, x.prior[0], x.y, E, M)
+        back(x.L, x.y, x.theta, M)
+        total, weighed = 1e-300, 0.0
+        for w in range(WAVES):
+            amplitude = x.theta[FIRST_WAVE + w]
+            total += amplitude * amplitude
+            weighed += amplitude * amplitude * p.hz[o, w // 2]
+        swing(x, o, h, Q, logdet, weighed / total)
 
 
 @kernel
 def evaluate(x, p, o):
-    """Write the evidence of every hypothesis over the window of octave `o`."""
+    """Write the evidence of every hypothesis over the window of octave `o`, and over its parts."""
     gather(x, o)
-    J, b, n, E = x.total[:PAIRS], x.total[B:ENERGY], 0.0, 0.0
+    x.ev_octave, x.ev_n, E = o, 0.0, 0.0
     for j in range(SENSORS):
-        n += x.total[NUMBER + j]
+        x.ev_n += x.total[NUMBER + j]
         E += x.total[ENERGY + j]
-    x.ev_octave, x.ev_n = o, n
-    health(x)
-    first = factor(J, x.L, x.prior[1], 0, LEAK, 0.0)
-    logdet0 = first + factor(J, x.L, x.prior[1], LEAK, N, 0.0)
-    Q0 = left(J, x.L, b, x.prior[0], x.y, E, N)
-    x.ev_Q[HYPOTHESES], x.ev_base = Q0, logarithm(Q0, n) - 0.5 * logdet0
-    alone(x)
-    of_one_column(x, p, Q0, logdet0)
-    of_the_valve(x, p, first, E)
+    x.sd[APART] = math.sqrt(lever_variance(x, x.h_hat[0], 0.0))
+    for i in range(N):
+        x.prior[0, i], x.prior[1, i] = 0.0, x.sd[i]
+    J = x.total[:PAIRS]
+    logdet0 = factor(J, x.L, x.prior[1], 0, N, 0.0)
+    Q0 = left(J, x.L, x.total[B:ENERGY], x.prior[0], x.y, E, N)
+    x.ev_Q[HYPOTHESES], x.ev_base = Q0, logarithm(x.ev_n, Q0, logdet0)
+    of_errors(x, p, E, Q0, logdet0)
     of_noise(x, p, Q0, logdet0)
-    of_the_pair(x, p, Q0, logdet0)
     of_oscillations(x, p, o, E)

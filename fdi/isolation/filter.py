@@ -22,6 +22,7 @@ equation. An error theta of the model enters the innovations as e = S theta; its
 | FLOW | flow 1 | constant flow [m/s] |
 | FAST | flow root u, of u above CORNER | share of the fast part, noise of the servo's sensors, that passes more [1] |
 | GAIN | flow root u, of u below CORNER | share by which the valve passes more [1] |
+| APART | surface sensor, by 1 | what the lever as learned does not put rod and surface apart by [m] |
 
 The pressure follows the noise in the valve command from tick to tick: its samples of other ticks are columns of their
 own. By how much the surface's samples are older than the rod's is learned with the lever (`fdi.common.decision`).
@@ -29,19 +30,19 @@ own. By how much the surface's samples are older than the rod's is learned with 
 
 import math
 
+from scipy.signal import butter
+
 from actuators.block import kernel
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import opening
 from fdi.common.decision import LEVER_STATE, RIGGING_SD, forget_lever, learn_lever, lever_at, usable
-from fdi.common.linalg import congruence
+from fdi.common.linalg import congruence, diagonal
 from fdi.hydraulic.two_stage_ekf import STEP_MOST, transition
 
 ROD, SURFACE, PRESSURE = range(3)
 SENSORS = 3
-# In the order of elimination: timing is an error of every hypothesis, the last have other priors together in some of
-# them, those from OFFSET to FLOW one alone (`evidence`)
-AGE, OLDER, YOUNGER, MASS, OFFSET, SCALE, SOFT, SUPPLY, FRICTION, LEAK, FLOW, FAST, GAIN = range(13)
-N = 13  # columns
+AGE, OLDER, YOUNGER, MASS, OFFSET, SCALE, SOFT, SUPPLY, FRICTION, LEAK, FLOW, FAST, GAIN, APART = range(14)
+N = 14  # columns
 TIMING = 3  # of them
 ROWS = (0, 0, 2)  # state that each sensor reads
 CORNER_HZ, CORNER_MOST = 25.0, 0.3  # an oscillation of up to 10 Hz stays below; share of the rate
@@ -107,18 +108,16 @@ NOISE = {
     "flow_share": 0.006,
     "share": 0.03,
     # tolerances of 5 % of every parameter (uniform, some of them in one column); friction of 1 % of the stall force
-    "prior_mean": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.05, 0.0, 0.01, 0.0, 0.0, 0.0, 0.0),
+    "prior_mean": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.05, 0.0, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0),
     # a tick of age; mass: and friction at rest, which holds as one of 10 to 20 % would while the rod hardly moves
-    "prior_sd": (1.0, 1.0, 1.0, 0.1, 0.012, 0.002, 0.06, 0.035, 0.006, 0.002, 0.0003, 0.05, 0.05),
+    "prior_sd": (1.0, 1.0, 1.0, 0.1, 0.012, 0.002, 0.06, 0.035, 0.006, 0.002, 0.0003, 0.05, 0.05, 1e-6),
 }
 
 
 def high_pass(dt: float) -> dict:
     """Return the PARAMS fields of the high-pass, a Butterworth filter of second order."""
-    k = math.tan(math.pi * min(CORNER_HZ * dt, CORNER_MOST))
-    norm = 1.0 / (1.0 + math.sqrt(2.0) * k + k * k)
-    return {"high_b": (norm, -2.0 * norm, norm),
-            "high_a": (2.0 * (k * k - 1.0) * norm, (1.0 - math.sqrt(2.0) * k + k * k) * norm)}  # fmt: skip
+    b, a = butter(2, min(CORNER_HZ, CORNER_MOST / dt), "highpass", fs=1.0 / dt)
+    return {"high_b": b, "high_a": a[1:]}
 
 
 @kernel
@@ -131,10 +130,8 @@ def load_model(x, u, p):
 def start(x, q, dp, u, p):
     """Begin at the measurement, at rest, in equilibrium with the load."""
     x.h_hat[0], x.h_hat[1], x.h_hat[2], x.h_hat[3] = q, 0.0, dp, -dp
+    diagonal(x.h_P, p.h_P0)
     for i in range(4):
-        for j in range(4):
-            x.h_P[i, j] = 0.0
-        x.h_P[i, i] = p.h_P0[i]
         for c in range(N):
             x.h_V[i, c] = 0.0
     x.load_last = load_model(x, u, p)
@@ -164,6 +161,7 @@ def measure(x, j, y, mu, p):
         S[YOUNGER] += x.h_turn[YOUNGER]
     else:
         S[AGE] += x.h_turn[AGE]
+        S[APART] += 1.0 if j == SURFACE else 0.0
     explained = 0.0
     for c in range(N):
         explained += (mu[c] - x.fed[c]) * S[c]

@@ -10,17 +10,18 @@ jumps in linear systems, IEEE Trans. Automatic Control 21 (1976); [Basseville93]
 of Abrupt Changes, Prentice Hall (1993).
 """
 
+import math
 from typing import Any
 
 import numpy as np
 
 from actuators.block import kernel
-from actuators.hydraulic import lu17
-from actuators.kernels import cached_array
 from fdi.hydraulic.two_stage_ekf import STEP_MOST
-from fdi.isolation import adaptation, decide, evidence, filter, parts, sums
-from fdi.isolation.filter import SENSORS
+from fdi.isolation import decide, evidence, filter, sums
+from fdi.isolation.evidence import at, back, factor, inverse, left
+from fdi.isolation.filter import SENSORS, N
 from fdi.isolation.response import HEARD, PLACES, responses
+from fdi.isolation.sums import ENERGY, NUMBER, PAIRS, B
 
 PERIOD = 0.005  # of the samples whose variance stands in `filter.NOISE` [s]
 LEARN_S = filter.SETTLES_S + sums.FIRST * sums.BLOCK_S  # after which the flight has taught [s]
@@ -28,9 +29,9 @@ STOP = 1e-3  # so near a stop the rod may lean on it [m]
 LESSON = 2  # octave whose window is learned from: a fault that begins in it is seen before it ends
 LOST_S = 0.2  # without positions, or without pressure, for longer nothing is asked [s]
 QUIET_S = 1.0  # after the last sign of a fault the flight teaches again [s]
+NOISE_LEAST = 0.05  # of the sensors' variance: one that reports no noise at all is not that good
 SPARSE = 4  # blocks of which one is asked while nothing is suspicious
 ALL = 2.0  # of `asks`: every block is asked, as in training
-STILL_HZ = 0.02  # slow enough for a constant
 # Least threshold. Evidence of k to one against health comes by chance with a probability of 1 / k at most; in 60 s a
 # hypothesis is asked over 480 windows: 1e-3 per flight asks for k = 4.8e5
 BY_CHANCE = 13.1
@@ -41,7 +42,6 @@ PARAMS = [
     *sums.PARAMS,
     # of two waves per line to cos and sin, by the position sensors that are heard
     ("response", "f8", (len(HEARD), len(PLACES), sums.OCTAVES, sums.WAVES, SENSORS, 2)),
-    ("still", "f8", (len(HEARD), len(PLACES), SENSORS)),  # responses to a constant
     *evidence.PARAMS,
     ("limit", "f8", (evidence.HYPOTHESES,), "-"),  # evidence that is an alarm
     ("asks", "f8"),  # 1 where the pressure is measured, ALL: every block is asked
@@ -53,7 +53,7 @@ STATE = [
     ("heard", "f8"),  # positions that the filter hears: of HEARD
     *sums.STATE,
     *evidence.STATE,
-    *adaptation.STATE,
+    ("lesson", "f8", (ENERGY,)),  # sums of S'S and S'e over the flight, forgotten over `memory`
     *decide.STATE,
     ("since", "f8", "s"),  # something last spoke for a fault
     ("at_stop", "f8", "-"),  # 1 while the rod is at a stop
@@ -63,34 +63,26 @@ STATE = [
 def design(dt: float, arm: float, travel: tuple[float, float], asks: bool) -> dict[str, Any]:
     """Return the PARAMS fields, but for the responses, for ticks of `dt` seconds and stops `travel` [rad]."""
     noise = {**filter.NOISE, "h_r": np.asarray(filter.NOISE["h_r"]) * PERIOD / dt}
-    return {**noise, **sums.design(dt), **filter.high_pass(dt), **evidence.PRIORS,
+    return {**noise, **sums.design(dt), **filter.high_pass(dt), **evidence.design(),
             "asks": 1.0 if asks else 0.0, "q_lo": arm * travel[0], "q_hi": arm * travel[1]}  # fmt: skip
 
 
 def respond(p: np.ndarray, dt: float) -> None:
-    """Write the responses of PARAMS record `p` to sines and to a constant; let no threshold be below BY_CHANCE, and
-    those of ticks beyond STEP_MOST be SLOW times theirs."""
+    """Write the responses of PARAMS record `p` to sines; let no threshold be below BY_CHANCE, and those of ticks beyond
+    STEP_MOST be SLOW times theirs."""
     p["limit"] = np.maximum(p["limit"], BY_CHANCE) * (SLOW if dt > STEP_MOST else 1.0)
     if p["asks"][0] < 0.5:
         return
     hz = p["hz"][0].ravel()
-    given = [p[0][name].tolist() for name in ("arm", "h_q", "h_r", "h_P0", *lu17.NOMINAL)]
-    H = cached_array((given, dt, hz.tolist()), float, lambda: _responses(p[0], dt, hz), __file__)
-    H = H.view(complex).reshape(len(HEARD), len(PLACES), 1 + len(hz), SENSORS)
-    p["still"][0] = H[:, :, 0].real
+    H = np.stack([responses(p[0], dt, hz, heard) for heard in HEARD])
+    H *= np.sinc(hz * p["block"] * dt)[:, None]  # of the sum over a block
     waves = np.stack([np.stack([H.real, -H.imag], -1), np.stack([H.imag, H.real], -1)], 3)  # ..., line, wave, sensor, 2
-    p["response"][0] = waves[:, :, 1:].reshape(p["response"].shape[1:])
-
-
-def _responses(p, dt, hz):
-    H = np.stack([responses(p, dt, np.concatenate([[STILL_HZ], hz]), heard) for heard in HEARD])
-    H[:, :, 1:] *= np.sinc(hz * p["block"] * dt)[:, None]  # of the sum over a block
-    return H.ravel().view(float)
+    p["response"][0] = waves.reshape(p["response"].shape[1:])
 
 
 def begin(x: np.ndarray, p: np.ndarray) -> None:
     """Write into STATE records `x` that nothing is learned."""
-    x["mu"], x["sd"], x["noise"], x["phase_c"] = p["prior_mean"], p["prior_sd"], 1.0, 1.0
+    x["mu"], x["sd"], x["noise"], x["wave"] = p["prior_mean"], p["prior_sd"], 1.0, (1.0, 0.0) * sums.LINES
     x["ev_octave"], x["since"] = -1.0, QUIET_S
 
 
@@ -99,6 +91,37 @@ def restart(x):
     """Let every window begin anew."""
     sums.begin_all(x)
     decide.forget(x)
+
+
+@kernel
+def learn(x, p, o, dt):
+    """Take the lesson of the window of octave `o`: the columns, and each sensor's noise."""
+    sums.gather(x, o)
+    span = p.length[o] * p.block * dt
+    keep = math.exp(-span / p.memory)
+    for a in range(N):
+        for b in range(N):
+            x.total[B + a] += x.total[at(a, b)] * x.mu[b]  # what the learned errors have explained
+    for i in range(ENERGY):
+        x.lesson[i] = keep * x.lesson[i] + x.total[i]
+    share = span / min(p.memory, max(x.h_clock - filter.SETTLES_S, span))
+    for j in range(SENSORS):
+        n = x.total[NUMBER + j]
+        if n > 0.0:
+            ratio = min(x.total[ENERGY + j] / n, 2.0)
+            x.noise[j] = max(x.noise[j] * (1.0 + share * (ratio - 1.0)), NOISE_LEAST)
+
+
+@kernel
+def solve(x, p):
+    """Solve for the learned errors and their standard deviations."""
+    J, b = x.lesson[:PAIRS], x.lesson[B:ENERGY]
+    factor(J, x.L, p.prior_sd, 0, N, 0.0)
+    left(J, x.L, b, p.prior_mean, x.y, 0.0, N)
+    back(x.L, x.y, x.theta, N)
+    for i in range(N):
+        x.mu[i] = p.prior_mean[i] + x.theta[i]
+        x.sd[i] = math.sqrt(inverse(x.L, i, x.y, N) + p.floor[i] * p.floor[i] * p.prior_sd[i] * p.prior_sd[i])
 
 
 @kernel
@@ -113,16 +136,13 @@ def close(x, p, suspicious, dt):
         o = sums.octave(blocks // SPARSE) if blocks % SPARSE == 0 else -1
     if o >= 0 and x.window_age[o] >= sums.YOUNG * p.length[o]:
         evidence.evaluate(x, p, o)
-        parts.in_parts(x, o)
         anew = decide.judge(x, p, o, dt)
-        if x.alarm < 0.5 and x.evidence_timer == 0.0:
-            adaptation.learn_load_swing(x, p, o, sums.apart(o) * p.block * dt)
     first = blocks <= int(sums.FIRST) and x.alarm < 0.5
     if (quiet or first) and x.window_age[LESSON] >= p.length[LESSON]:
-        adaptation.learn(x, p, LESSON, dt)
+        learn(x, p, LESSON, dt)
     sums.fold(x, p)
     if blocks % int(sums.SOLVE_BLOCKS) == 0 and (quiet or (first and blocks == int(sums.FIRST))):
-        adaptation.solve(x, p)
+        solve(x, p)
         anew = anew or first
     if anew:
         restart(x)

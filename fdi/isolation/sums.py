@@ -3,7 +3,7 @@
 Ticks are added up to blocks of BLOCK_S; of every octave of frequencies a window begins anew every PERIODS of its
 middle, and is asked from a third of its length on. It holds
 
-    J = sum S' S / s,    b = sum S' e / s,    E = sum e^2 / s,    D(f) = sum (e, S_FAST, S_BESIDE) exp(i w t) / sqrt(s)
+    J = sum S' S / s,    b = sum S' e / s,    E = sum e^2 / s,    D(f) = sum (e, S_BESIDE) exp(i w t) / sqrt(s)
 
 for LINES frequencies of its octave: two periods tell no more of an octave apart. J, b and E are nested: every window
 is twice as long as that of the octave above and takes its sums when that is full, so that the sums of a window are
@@ -24,20 +24,19 @@ WAVES = 2 * LINES  # cosines and sines
 TOP_HZ = 8.0  # middle of the fastest octave
 PERIODS = 2.0
 YOUNG = 1.0 / 3.0  # of its length, from which on a window is asked
-BESIDE = (*range(TIMING), GAIN)  # columns that meet an oscillation's
-SIGNALS = 2 + len(BESIDE)  # innovations, signatures of the valve's fast part and of those columns
+BESIDE = (*range(TIMING), FAST, GAIN)  # columns that meet an oscillation's
+SIGNALS = 1 + len(BESIDE)  # innovations, signatures of those columns
 PAIRS = N * (N + 1) // 2
-# Places in the vector of sums: of S'S, packed, of S'e; by sensor of e^2, 1, e, and of e with that of the tick before
+# Places in the vector of sums: of S'S, packed, of S'e; by sensor of e^2, 1, and of e with that of the tick before
 B, ENERGY = PAIRS, PAIRS + N
-NUMBER, MEAN, NEXT, SUMS = (ENERGY + i * SENSORS for i in range(1, 5))
-PARTED = 3  # oscillations that are asked for in the parts of a window: added, in place, of the pressure sensor
+NUMBER, NEXT, SUMS = (ENERGY + i * SENSORS for i in range(1, 4))
 SOLVE_BLOCKS = 50  # so often the lesson is solved for
 FIRST = 3 * SOLVE_BLOCKS  # until then little is known of the actuator [blocks]
 
 PARAMS = [
     ("block", "f8"),  # ticks of a block
     ("length", "f8", (OCTAVES,)),  # of a window [blocks]
-    ("turn_c", "f8", (OCTAVES, LINES)),  # rotation of each line's phasor from block to block
+    ("turn_c", "f8", (OCTAVES, LINES)),  # rotation of each line's wave from block to block
     ("turn_s", "f8", (OCTAVES, LINES)),
     ("hz", "f8", (OCTAVES, LINES), "Hz"),
 ]
@@ -48,16 +47,11 @@ STATE = [
     ("blocks", "f8"),  # so far
     ("block_tick", "f8"),  # into the block
     ("block_w", "f8", (SIGNALS, SENSORS)),
-    ("phase_c", "f8", (OCTAVES, LINES)),  # of each line since its window began
-    ("phase_s", "f8", (OCTAVES, LINES)),
+    ("wave", "f8", (OCTAVES, WAVES)),  # cos, sin of each line since its window began
     ("window_age", "f8", (OCTAVES,)),  # blocks since it began
     ("window", "f8", (OCTAVES, SUMS)),  # less what those of the octaves above hold
-    ("window_D", "f8", (OCTAVES, SIGNALS, SENSORS, WAVES)),  # by cos, sin
-    # what an oscillation leaves in a window, but the longest, or in its parts together, and -1/2 of its ln det
-    ("told", "f8", (OCTAVES - 1, PARTED, 2)),
-    ("told_n", "f8", (OCTAVES - 1,)),  # of so many samples
-    ("parts", "f8", (OCTAVES - 1, PARTED, 2)),  # sums over the windows so long that are over in the next longer one
-    ("parts_n", "f8", (OCTAVES - 1,)),
+    ("window_D", "f8", (OCTAVES, SIGNALS, SENSORS, WAVES)),
+    ("window_G", "f8", (OCTAVES, WAVES, WAVES)),  # sums of the waves' products
     ("e_last", "f8", (SENSORS,)),  # whitened innovations of the tick before
     ("total", "f8", (SUMS,)),  # sums of the window at hand
 ]
@@ -74,23 +68,21 @@ def design(dt: float) -> dict:
 
 
 @kernel
-def begin(x, w):
-    """Let the waves of window `w` begin anew, and the sums that only it holds."""
-    x.window_age[w] = 0.0
+def begin(x, o):
+    """Let the waves of octave `o` begin anew, and the sums that only its window holds."""
+    x.window_age[o] = 0.0
     for i in range(SUMS):
-        x.window[w, i] = 0.0
-    for s in range(SIGNALS):
-        for j in range(SENSORS):
-            for k in range(WAVES):
-                x.window_D[w, s, j, k] = 0.0
-    for k in range(LINES):
-        x.phase_c[w, k], x.phase_s[w, k] = 1.0, 0.0
-    if w < OCTAVES - 1:
-        x.told_n[w] = 0.0
-    if w > 0:
-        x.parts_n[w - 1] = 0.0
-        for k in range(PARTED):
-            x.parts[w - 1, k, 0] = x.parts[w - 1, k, 1] = 0.0
+        x.window[o, i] = 0.0
+    for w in range(WAVES):
+        x.wave[o, w] = 1.0 - w % 2
+        for v in range(WAVES):
+            x.window_G[o, w, v] = 0.0
+        for i in range(SIGNALS):
+            for j in range(SENSORS):
+                x.window_D[o, i, j, w] = 0.0
+    for h in range(x.told.shape[1]):
+        for i in range(3):
+            x.told[o, h, i] = x.parts[o, h, i] = 0.0
 
 
 @kernel
@@ -105,9 +97,9 @@ def begin_all(x):
 def clear_block(x):
     """Begin a block."""
     x.block_tick = 0.0
-    for s in range(SIGNALS):
+    for i in range(SIGNALS):
         for j in range(SENSORS):
-            x.block_w[s, j] = 0.0
+            x.block_w[i, j] = 0.0
 
 
 @kernel
@@ -124,13 +116,11 @@ def add_tick(x):
             sums[B + a] += w[j, a] * e
         sums[ENERGY + j] += e * e
         sums[NUMBER + j] += 1.0 if s > 0.0 else 0.0
-        sums[MEAN + j] += e
         sums[NEXT + j] += e * x.e_last[j]
         x.e_last[j] = e
         x.block_w[0, j] += e
-        x.block_w[1, j] += w[j, FAST]
-        for k in range(SIGNALS - 2):
-            x.block_w[2 + k, j] += w[j, BESIDE[k]]
+        for k in range(len(BESIDE)):
+            x.block_w[1 + k, j] += w[j, BESIDE[k]]
     i = 0
     for a in range(N):
         for b in range(a + 1):
@@ -141,18 +131,19 @@ def add_tick(x):
 
 @kernel
 def close_block(x, p):
-    """Turn every line by a block, add the finished block to its sums."""
+    """Turn every wave by a block, add the finished block to its sums."""
     for o in range(OCTAVES):
+        wave, D, G = x.wave[o], x.window_D[o], x.window_G[o]
         for k in range(LINES):
-            c, s = x.phase_c[o, k], x.phase_s[o, k]
-            c, s = c * p.turn_c[o, k] - s * p.turn_s[o, k], s * p.turn_c[o, k] + c * p.turn_s[o, k]
-            norm = 1.5 - 0.5 * (c * c + s * s)
-            c, s = c * norm, s * norm
-            x.phase_c[o, k], x.phase_s[o, k] = c, s
+            c, s = wave[2 * k], wave[2 * k + 1]
+            wave[2 * k] = c * p.turn_c[o, k] - s * p.turn_s[o, k]
+            wave[2 * k + 1] = s * p.turn_c[o, k] + c * p.turn_s[o, k]
+        for w in range(WAVES):
+            for v in range(WAVES):
+                G[w, v] += wave[w] * wave[v]
             for i in range(SIGNALS):
                 for j in range(SENSORS):
-                    x.window_D[o, i, j, 2 * k] += c * x.block_w[i, j]
-                    x.window_D[o, i, j, 2 * k + 1] += s * x.block_w[i, j]
+                    D[i, j, w] += wave[w] * x.block_w[i, j]
         x.window_age[o] += 1.0
     x.blocks += 1.0
     clear_block(x)
@@ -167,11 +158,9 @@ def fold(x, p):
         if o < OCTAVES - 1:
             for i in range(SUMS):
                 x.window[o + 1, i] += x.window[o, i]
-            if x.told_n[o] > 0.0:
-                x.parts_n[o] += x.told_n[o]
-                for k in range(PARTED):
-                    x.parts[o, k, 0] += x.told[o, k, 0]
-                    x.parts[o, k, 1] += x.told[o, k, 1]
+            for h in range(x.told.shape[1]):
+                for i in range(3):
+                    x.parts[o + 1, h, i] += x.told[o, h, i]
         begin(x, o)
 
 
@@ -192,9 +181,3 @@ def octave(blocks):
         n //= 2
         o += 1
     return o
-
-
-@kernel
-def apart(o):
-    """Return how many blocks apart octave `o` is evaluated where every block asks."""
-    return 1 << min(o + 1, OCTAVES - 1)

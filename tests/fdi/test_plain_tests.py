@@ -65,3 +65,31 @@ def test_a_pressure_that_drifts_is_no_jam(flown, rate):
     log = roll(iotsekf, np.repeat(iotsekf.params(), 4), u)
     assert (log["verdict"][:, -1] == verdict.SENSOR).all() and (log["isolated_part"][:, -1] == PRESSURE).all()
     assert not (log["verdict"] == verdict.JAM_SOLID).any()
+
+
+H = 8e-4
+TIME = np.arange(0.0, 4.0, DT)
+
+
+@pytest.mark.parametrize(
+    ("d", "loose", "suspected"),
+    [
+        (H * np.sign(np.sin(np.pi * TIME + 1e-9)) + 1.5e-4 * np.random.default_rng(1).standard_normal(800), 1.0, 1.0),
+        (H * np.ones(800), 0.0, 1.0),
+        (H * np.sin(2.6 * np.pi * TIME), 0.0, 0.0),
+        (5.0 * H * np.random.default_rng(2).standard_normal(800), 0.0, 0.0),
+        (H * np.where(TIME < 3.95, 1.0, -1.0), 0.0, 1.0),
+    ],
+    ids=("gap", "bias", "oscillation", "noise", "has only just changed its side"),
+)
+def test_rod_less_surface_with_two_levels_is_a_gap_and_what_a_sensor_does_is_none(d, loose, suspected):
+    x = iotsekf.init(iotsekf.params())[0]
+    x.sensor = x.backlash_suspected = 1.0
+    for k in range(len(d)):
+        x.pair_age = k * DT
+        x.pair_d += (1.0 - np.exp(-DT / 0.03)) * (d[k] - x.pair_d)
+        plain_tests.gap(x, DT)
+    assert (x.loose, x.backlash_suspected) == (loose, suspected)
+    x.sensor = 0.0
+    plain_tests.gap(x, DT)
+    assert x.loose == 0.0 and x.gap_dd == 0.0 and not x.gap_s.any()

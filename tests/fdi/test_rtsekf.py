@@ -112,16 +112,10 @@ def test_it_stays_quiet_under_a_real_jam_and_a_real_runaway():
     assert log["valid"][:, 1:].all()
 
 
-def test_as_published_a_runaway_and_a_jam_are_named_but_not_an_oscillation_or_a_rod_that_creeps():
-    oscillating = valve(lambda k: 0.2 * np.sin(2.0 * np.pi * (k - K_FAULT) * DT))
-    faults = (oscillating, valve(lambda k: 0.012), jam, RUNAWAY)
-    log = run(rtsekf, [fly(doublets(20.0), seed=s, faults=f) for s, f in enumerate(faults)], load=1)
-    said = [set(np.unique(log["verdict"][i, K_FAULT - 200 :])) - {verdict.NONE} for i in range(len(faults))]
-    assert log["verdict"][0, -1] == verdict.AMBIGUOUS and verdict.JAM_SOLID not in said[0]
-    assert verdict.AMBIGUOUS in said[1] and verdict.JAM_SOLID not in said[1]
-    assert verdict.JAM_SOLID in said[2] and verdict.RUNAWAY not in said[2]
-    k = K_FAULT + np.argmax(log["alarm"][3, K_FAULT:])
-    assert K_FAULT < k < K_FAULT + 100 and log["verdict"][3, k] == verdict.RUNAWAY
+def test_as_published_it_alarms_at_a_runaway_and_a_jam_and_does_not_tell_them_apart():
+    log = run(rtsekf, [fly(doublets(16.0), seed=s, faults=f) for s, f in enumerate((jam, RUNAWAY))], load=1)
+    assert not log["alarm"][:, : K_FAULT - 200].any() and (log["alarm"][:, -1] == 1.0).all()
+    assert set(log["verdict"][log["alarm"] > 0.5]) == {verdict.AMBIGUOUS}
 
 
 @pytest.mark.parametrize("seed", [910200011, 910200012])

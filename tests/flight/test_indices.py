@@ -59,7 +59,7 @@ def test_forged_parameters_and_states_are_refused(tmp_path, monkeypatch):
     log = open_log(GOLDEN)
     assert replay(forge(log, tmp_path / "same", {})).exact
     wrong = (("params", "delay", 1e7, "beyond the detector's arrays"),
-             ("initial", "likely_octave", 4e6, r"likely_octave = 4e\+06 would reach beyond"))  # fmt: skip
+             ("initial", "likely_fault", 4e6, r"likely_fault = 4e\+06 would reach beyond"))  # fmt: skip
     for name, field, value, said in wrong:
         array, out = np.load(io.BytesIO(log.attachments[f"iotsekf.{name}.npy"])), io.BytesIO()
         array[field] = value
@@ -68,7 +68,7 @@ def test_forged_parameters_and_states_are_refused(tmp_path, monkeypatch):
             replay(forge(log, tmp_path / name, {f"iotsekf.{name}.npy": out.getvalue()}))
     state, real = "/state/iotsekf/left_inner", log.array
     wild = real(state).copy()
-    wild[:, log.topics[state].fields.index("likely_octave")] = -1e6
+    wild[:, log.topics[state].fields.index("likely_fault")] = -1e6
     monkeypatch.setattr(log, "array", lambda name: wild if name == state else real(name))
-    with pytest.raises(LogError, match=r"tick \d+: iotsekf\.likely_octave"):
+    with pytest.raises(LogError, match=r"tick \d+: iotsekf\.likely_fault"):
         replay(forge(log, tmp_path / "late", {}), start_s=3.0)

@@ -245,8 +245,8 @@ def _force(load: int, q: float) -> float:
 
 def _three_step(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int) -> np.ndarray:
     """Return HELD (ticks - late, 13) of (38)-(48) with H = (1, 0, 0), F = 1."""
-    H, F, R, Q = np.eye(3)[:1], np.eye(1), np.array([[p["r_rod"]]]), np.diag(p["q"]) * dt
-    x, P, out = np.array([y[0], 0.0, -_force(load, y[0])]), np.diag(p["P0"]), []
+    H, F, R, Q = np.eye(3)[:1], np.eye(1), np.array([[p["r_rod"]]]), np.diag(p["q"][:3]) * dt
+    x, P, out = np.array([y[0], 0.0, -_force(load, y[0])]), np.diag(p["P0"][:3]), []
 
     def ahead(x, P, u):
         Phi, G = _linear4(np.array([*x, 0.0]), u, u, load, dt)
