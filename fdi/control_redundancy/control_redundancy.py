@@ -294,20 +294,25 @@ def step(x, u, p, dt):
     why = box(u.alpha_ground, u.alpha_ground_valid, ALPHA[0], ALPHA[1], BOX_ALPHA, why)
     if why == VALID and core.complete(u) < 0.5:
         why = LOST_SENSOR
-    if why == VALID:
-        core.row_errors(x, u, p)
-        core.accelerometers(x, u, p, dt)
-        core.vane(x, u, p, dt)
-        if p.gust_max > 0.0 and x.rough * u.v_ground * u.v_ground > p.gust_max * p.gust_max:
-            why = GUSTS
     if why != VALID:
         _without_data(x, p, dt, why)
         return
-    x.gone = 0.0
+    core.row_errors(x, u, p)
+    core.accelerometers(x, u, p, dt)
+    core.vane(x, u, p, dt)
+    rough = p.gust_max > 0.0 and x.rough * u.v_ground * u.v_ground > p.gust_max * p.gust_max
+    x.gone = x.gone + dt if rough else 0.0
     if x.learned < 0.5:
-        core.learn(x, p, dt)
-        x.valid, x.why = 0.0, NOT_READY
-    elif core.average(x, p, dt):
+        if not rough:
+            core.learn(x, p, dt)
+        x.valid, x.why = 0.0, GUSTS if rough else NOT_READY
+        return
+    full = core.average(x, p, dt)
+    if rough:
+        x.valid, x.why = 0.0, GUSTS
+        if x.gone > T_HOLD:
+            withdraw(x)
+    elif full:
         x.valid, x.why = 1.0, VALID
         core.evaluate_families(x, p)
         decide(x, p, max(p.t_mean / BLOCKS, dt))

@@ -37,7 +37,7 @@ def fly_point(point: str, faults: Any, noise: float) -> Any:
 def observed(flown: Any, own: Any = None) -> Any:
     """Return the log of the observer as published on a flight, without learned offset; `own` replaces its model."""
     p = lpv_smo.fitted(site(flown.attrs["dt"]), paper=True)
-    for name in () if own is None else ("A", "B", "E", "D51", "eq"):
+    for name in () if own is None else ("A", "B", "eq"):
         p[name] = own[name]
     p["t_learn"] = 0.0
     return detect(flown, lpv_smo, sources("lpv_smo"), p)
