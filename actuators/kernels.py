@@ -207,12 +207,15 @@ def _intermediate_code_only():
         library._ensure_finalized()
         return [].append  # stands for the function: Numba wants a built-in one, and nobody calls it
 
+    def whole(library):
+        library._finalized = True
+
     collected = gc.isenabled()
     gc.disable()
     try:
         with (
             patch.object(cpu.CPUContext, "get_executable", linked),
-            patch.object(codegen.JITCodeLibrary, "_finalize_specific", lambda library: None),
+            patch.object(codegen.CPUCodeLibrary, "_finalize_final_module", whole),
             patch.object(codegen.CPUCodeLibrary, "_optimize_final_module", lambda library: None),
         ):
             yield
