@@ -78,6 +78,8 @@ def fly(number: int, draw: int | None = None) -> Any:
 class _Pedals:
     """Advance the law, then add the pedals' share to its rudder command; the law itself does not feed that back."""
 
+    rollout = None  # not the law's compiled one, which knows no pedals: the tape calls `advance`
+
     def __init__(self, loop):
         self._law, self._clock, self._x = loop.law, loop.bus["clock"], loop.law.x
         self._time, self._angle = np.array(PEDALS).T
