@@ -33,11 +33,15 @@ def test_what_is_not_valid_fulfils_nothing():
     ("nz > 1", "Did you mean 'n_z'"), ("rod > 0.01", "needs a segment"), ("(t > 1", "is no condition"),
     ("t > 1 t", "is no condition"), ("__import__('os') > 1", "a part is no comparison"), ("t > 1 # or", "no condition"),
     ("0 < t < 2", "a part is no comparison"), ("t > True", "not compared"), ("(" * 500, "is no condition"),
-    ("a." * 900 + "b > 1", "is no condition"),
 ])  # fmt: skip
 def test_what_is_no_condition_is_refused_in_words(text, says):
     with pytest.raises(ScenarioError, match=says):
         cosim.load_scenario("cruise", [*JAM, f'faults.0.when="{text}"'])
+
+
+def test_a_name_of_too_many_parts_is_refused_in_words():
+    with pytest.raises(ScenarioError, match="is no condition"):
+        condition("a." * 900 + "b > 1")
 
 
 def test_the_fault_begins_at_the_tick_after_and_the_log_says_when(tmp_path):
