@@ -23,7 +23,7 @@ def order(s: "Loop", tape: Tape, *logs: Any, keep: Any = None) -> None:
     Each of `logs` takes the bus as it stands at t_k: a call `log(v)`, or a log that tells the tape itself. `keep` is
     (positions, rows): row k % len(rows) takes what stands there when the actuators have moved.
     """
-    s.plant.schedule_outputs(tape, s.bus.index("truth.aircraft.alpha"))  # 1. the aircraft's truth at t_k
+    s.plant.schedule_outputs(tape, s.bus.index("truth.aircraft.alpha"))  # 1. truth at t_k: alpha is its first number
     tape.clock(s.bus.index("clock.clock.t"))
 
     tape.copy(*s.wires["faults"])

@@ -35,7 +35,7 @@ PAIR_PARAMS = [
     ("pair_release", "f8", "s"),
     ("pair_teach", "f8", "1/s"),  # rate at which the model's gain is learned in motion
     ("pair_judge", "f8", "s"),  # the model is trusted for this long after the alarm
-    ("pair_ratio", "f8", "-"),  # the isolated_part is this many times further from the model than the other
+    ("pair_ratio", "f8", "-"),  # the sensor that is blamed is this many times further from the model than the other
 ]
 PAIR_STATE = [
     ("pair_time", "f8", "s"),  # usable time so far
@@ -187,8 +187,8 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, slack,
 
     `model_v` is a rod velocity that neither of them has touched lately [m/s], `load` the force on the rod over its
     stall force, + extends [1]; `slack` [m] is added to the threshold; where it is `known` the caller keeps the rigging.
-    Sets `sensor` and `blame`, and `play`: a surface that has moved the way its load drives it, and no further than
-    PLAY, may as well have come loose.
+    Sets `sensor`, `blame` and `backlash_suspected`: a surface that has moved the way its load drives it, and no further
+    than PLAY, may as well have come loose.
     """
     x.model_q += ((1.0 + x.model_gain) * model_v + x.model_bias) * dt
     x.model_slow += dt / p.pair_wash * (x.model_q - x.model_slow)
@@ -264,8 +264,8 @@ def _blame(x, load, suspicious, p, dt):
         x.t_settling = T_DISTURBED
     elif suspicious and x.sensor < 0.5:
         x.t_settling = max(x.t_settling, 3.0 * p.pair_confirm)
-    driven = T_LOOSE < x.pair_age <= T_LOOSE + 1.5 * dt and math.fabs(load) > LOAD_LEAST and x.pair_d * load > 0.0
+    against = T_LOOSE < x.pair_age <= T_LOOSE + 1.5 * dt and math.fabs(load) > LOAD_LEAST and x.pair_d * load > 0.0
     if x.blame != 2.0:
         x.backlash_suspected = 1.0  # until it has been told apart
-    elif math.fabs(x.pair_d) >= PLAY or driven:
+    elif math.fabs(x.pair_d) >= PLAY or against:
         x.backlash_suspected = 0.0

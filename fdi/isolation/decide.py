@@ -87,7 +87,7 @@ def longest(x):
 @kernel
 def leader(x):
     """Return the octave of the longest window in which one class has the lead, -1 where none has or a longer one that
-    shows a fault has another best hypothesis."""
+    shows a fault has another class."""
     top = longest(x)
     for o in range(top, -1, -1):
         if x.own_ratio[o] < 1.0:
