@@ -198,10 +198,13 @@ def _compile(function, kinds):
 @contextmanager
 def _intermediate_code_only():
     """Let Numba stop before machine code: it would optimise and assemble every function that a kernel calls for itself,
-    where only the kernel as a whole is run (a third of the time). Nor is memory searched for cycles (a tenth)."""
+    where only the kernel as a whole is run (a third of the time). Nor is memory searched for cycles (a tenth).
+
+    Numba's own lock is held meanwhile: what another thread compiles waits, and is compiled as ever."""
     from unittest.mock import patch
 
     from numba.core import codegen, cpu
+    from numba.core.compiler_lock import global_compiler_lock
 
     def linked(context, library, fndesc, env):
         library._ensure_finalized()
@@ -210,18 +213,19 @@ def _intermediate_code_only():
     def whole(library):
         library._finalized = True
 
-    collected = gc.isenabled()
-    gc.disable()
-    try:
-        with (
-            patch.object(cpu.CPUContext, "get_executable", linked),
-            patch.object(codegen.CPUCodeLibrary, "_finalize_final_module", whole),
-            patch.object(codegen.CPUCodeLibrary, "_optimize_final_module", lambda library: None),
-        ):
-            yield
-    finally:
-        if collected:
-            gc.enable()
+    with global_compiler_lock:
+        collected = gc.isenabled()
+        gc.disable()
+        try:
+            with (
+                patch.object(cpu.CPUContext, "get_executable", linked),
+                patch.object(codegen.CPUCodeLibrary, "_finalize_final_module", whole),
+                patch.object(codegen.CPUCodeLibrary, "_optimize_final_module", lambda library: None),
+            ):
+                yield
+        finally:
+            if collected:
+                gc.enable()
 
 
 def _load(code):

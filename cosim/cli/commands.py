@@ -2,6 +2,7 @@
 is needed: the help needs none of it."""
 
 import contextlib
+import hashlib
 import math
 import re
 from dataclasses import asdict
@@ -21,6 +22,7 @@ from cosim.table import Cell, Row, Table
 
 __all__ = ["app"]
 DEFAULT = "liquid-ofc"
+LONGEST = 100  # characters of the name of a log; a file system takes 255 with what follows them
 LIVE_PORT = 8765  # that Foxglove asks for by default
 LAYOUT = marked(b"{", b'"content"', b'"type": "tabs"')  # the sign of our layouts
 MARKS = {"good": Cell("✓", "good"), "bad": Cell("✗", "bad"), "note": Cell("!", "warn")}
@@ -111,9 +113,13 @@ def _prepared(flown):
 
 def log_name(scenario: str, overrides: Any = ()) -> str:
     """Return the name of a run's log without its ending: the scenario's, and what was set, so that a variant gets a
-    file of its own."""
+    file of its own; a digest of what was set where that is long."""
     told = [re.sub(r"[^A-Za-z0-9._=-]+", "_", text.strip()).strip("_") for text in overrides]
-    return "+".join([Path(scenario).stem, *told])
+    name = "+".join([Path(scenario).stem, *told])
+    if len(name) <= LONGEST:
+        return name
+    digest = hashlib.sha256("\0".join(overrides).encode("utf-8", "surrogateescape")).hexdigest()
+    return f"{Path(scenario).stem[:LONGEST]}+{digest[:8]}"
 
 
 def served(server: Any, layout: Path | None = None) -> None:

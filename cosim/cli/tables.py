@@ -283,6 +283,8 @@ def campaign(result: Any, failed: list[dict]) -> Group:
     at = result.parquet if result.frame["id"].notna().any() else None
     shown = [detectors(compare([at.parent]).detectors)] if at else []
     told = [Text(f"{r['runs']} x {r['status']}: {r['error']}", style="red") for r in failed[:TEXTS]]
+    if more := sum(r["runs"] for r in failed[TEXTS:]):
+        told.append(Text(f"{more} more with {len(failed) - TEXTS} other texts: column error of the rows", style="red"))
     follows = [whole(f"next   cosim compare {word(at.parent)}")] if at else []
     return Group(*shown, Text(text), *told, Text(f"rows   {result.parquet}"), *follows)
 

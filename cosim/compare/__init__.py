@@ -7,6 +7,7 @@ found = compare(["logs/my-campaign"])    # a campaign's folder
 found = compare(["logs/a", "logs/b"])    # two of them, side by side
 """
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -76,7 +77,10 @@ class Comparison:
     def predictive(self, fault_rates: Sequence[float]) -> list[dict]:
         """Return {id, fault_rate, value, low, high}: the share of a detector's alarms behind which there is a fault,
         where such faults come `fault_rates` times per flight hour (cosim.compare.metrics.predictive_value). Without
-        bounds, nan, where no fault is one that it was designed for or no hour shows false alarms."""
+        bounds, nan, where no fault is one that it was designed for or no hour shows false alarms. Raises CosimError
+        for a rate that is none."""
+        for rate in (rate for rate in fault_rates if not 0.0 < rate < math.inf):
+            raise CosimError(f"{rate:g} faults per flight hour", place="fault_rates", allowed="above 0")
         out = []
         for d, rate in ((d, rate) for d in self.detectors for rate in fault_rates):
             share = metrics.predictive_value(d["detected"], d["designed"], d["false_alarms"], d["hours"], rate)

@@ -153,6 +153,8 @@ class Log:
 
     def _values(self, columns, start, stop):
         """Return (rows, columns) of the ticks start <= k < stop."""
+        if not columns:
+            return np.empty((sum(map(len, self._within(1, start, stop).values())), 0))
         layout = self._scan.layout
         number, places = layout.places((part, at) for _, part, at in columns)
         every = layout.blocks[number].every

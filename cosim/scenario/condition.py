@@ -59,9 +59,9 @@ def condition(text: str) -> Condition:
         text = re.sub(r"\b(AND|OR)\b", lambda word: word[0].lower(), " ".join(text.split()))
         words = re.sub(r"(?<=[A-Za-z_])\.(?=\d)", "._", text)  # fault.0 becomes a name of Python's
         tree = ast.parse(words, mode="eval").body
+        _check(tree)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise _wrong("is no condition") from None
-    _check(tree)
     return Condition(tree)
 
 

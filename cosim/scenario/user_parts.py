@@ -282,5 +282,6 @@ def _files(attachments: Mapping[str, bytes]) -> dict[PurePosixPath, bytes]:
         wrong = any(_hidden(part) or set(part) & set('\\:\0') or not part.isprintable() for part in path.parts)
         if top == FOLDER and (wrong or path.is_absolute() or len(path.parts) < 2 or path.as_posix() != rest):
             raise LogError(f"is damaged: attachment {name!r}", place="log")
-        out |= {path: data} if top == FOLDER else {}
+        if top == FOLDER:
+            out[path] = data
     return out

@@ -26,7 +26,7 @@ from fdi.isolation import filter
 # equal samples in a row, which a sensor has not that changes at such a share of its samples: a coarse quantum does not
 FROZEN, CHANGES, OF_LATE = 20.0, 0.7, 0.01  # the share is lagged by 100 samples
 WITHOUT_ROD, WITHOUT_PRESSURE = 1.6, 4.0  # noise of f_hat on the surface sensor; on the hinge-moment model
-FLAT, FLAT_S, FLAT_TAU = 0.2, 0.2, 0.1  # a valve that stands open keeps within this share of its lagged opening for [s]
+FLAT, FLAT_S, FLAT_TAU = 0.12, 0.2, 0.1  # a valve that stands open keeps this near its lagged opening [-], for [s]
 NOISE = 0.4  # ... and this of the threshold of an input fault, which noise seldom passes
 LEFT = 0.45  # share of its opening below which it stands open no more
 FIRST = 0.8  # share of the opening that it begins with, as a slow sine does not

@@ -5,8 +5,10 @@ import json
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -54,6 +56,16 @@ def test_a_kernel_is_compiled_once_and_loaded_from_the_release_or_the_cache_unle
     shipped.write_bytes(held)
     damaged = run()
     assert damaged[1] and damaged[2] == first[2]
+
+
+def test_what_another_thread_compiles_beside_a_kernel_is_compiled_as_ever():
+    told = []
+    thread = threading.Thread(target=lambda: told.append(numba.njit(lambda x: 2.0 * x)(1.5)))
+    with kernels._intermediate_code_only():
+        thread.start()
+        thread.join(1.0)
+    thread.join()
+    assert told == [3.0]
 
 
 def test_a_computed_array_is_found_again_bit_for_bit_and_computed_anew_where_anything_differs(tmp_path, monkeypatch):

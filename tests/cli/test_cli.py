@@ -88,7 +88,8 @@ def test_a_variant_has_a_log_of_its_own_and_overwriting_is_told(flown, tmp_path)
     assert flown.calls[-1][1] == Path("logs/liquid-ofc+faults.0.frequency_hz=3.mcap")
     cosim("run", "-s", "title=a/b c")
     assert flown.calls[-1][1].parent == Path("logs")
-    refused(cosim("run", *[x for i in range(40) for x in ("-s", f"seed={i}")]), "too long")
+    cosim("run", *[x for i in range(40) for x in ("-s", f"seed={i}")])
+    assert len(flown.calls[-1][1].name) < 120
     Path("logs/liquid-ofc.mcap").write_bytes(b"\x89MCAP0\r\n cosim-log 1 old")
     assert "overwritten" in cosim("run").stdout
 

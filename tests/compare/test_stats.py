@@ -8,6 +8,7 @@ import pytest
 
 from cosim.compare import Comparison, stats
 from cosim.compare import rows as compare_rows
+from cosim.errors import CosimError
 from cosim.judge import coverage
 from cosim.judge.row import FIELDS
 from cosim.scenario import load_scenario
@@ -119,9 +120,12 @@ def test_faults_are_counted_by_the_level_that_saw_them_and_places_by_what_a_join
     assert [engine[k] for k in ("faults", "local", "aircraft", "both", "nobody")] == [1, 0, 1, 0, 0]
 
 
-def test_a_fault_rate_gives_each_detector_its_predictive_value():
+def test_a_fault_rate_that_is_none_is_refused_and_one_gives_each_detector_its_predictive_value():
     rows = hand_made()
     found = Comparison(rows, stats.detectors(rows), 8, 0, "by hand")
+    for rate in (0.0, -1.0, math.nan, math.inf):
+        with pytest.raises(CosimError, match="faults per flight hour"):
+            found.predictive([rate])
     iotsekf, lpv_smo = found.predictive([0.5])
     assert (iotsekf["value"], lpv_smo["id"]) == (1.0, "lpv_smo")
     assert lpv_smo["value"] == pytest.approx(0.5 / 3 / (0.5 / 3 + 1 / 0.08))  # one of three seen, one false in 0.08 h

@@ -39,6 +39,11 @@ def test_what_is_no_condition_is_refused_in_words(text, says):
         cosim.load_scenario("cruise", [*JAM, f'faults.0.when="{text}"'])
 
 
+def test_a_name_of_too_many_parts_is_refused_in_words():
+    with pytest.raises(ScenarioError, match="is no condition"):
+        condition("a." * 900 + "b > 1")
+
+
 def test_the_fault_begins_at_the_tick_after_and_the_log_says_when(tmp_path):
     scenario = cosim.load_scenario("cruise", [*DOUBLET, *JAM, 'faults.0.when="n_z < 0.95 and t > 2"'])
     result = cosim.simulate(scenario, log=tmp_path / "a.mcap", timed=False)

@@ -80,6 +80,12 @@ def test_one_topic_and_a_span_of_time_can_be_sought(log):
     assert [m.sequence for _, _, m in found] == list(range(100, 120))
 
 
+def test_of_no_field_there_are_rows_without_columns(log):
+    own = open_log(log[0])
+    topic = next(t for t in own.topics.values() if t.every == 1)
+    assert own.array(topic.name, fields=[]).shape == own.frame(topic.name, fields=[]).shape == (topic.rows, 0)
+
+
 def test_the_aircraft_stands_where_its_coordinates_say(log):
     path, v = log
     poses, fixes = open_log(path).messages("/tf"), open_log(path).messages("/fix")

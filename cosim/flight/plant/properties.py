@@ -79,8 +79,9 @@ class FastAccess(NamedTuple):
 @functools.cache
 def fast_access() -> FastAccess | None:
     """Return how to get at properties by address, None where Python's calls are used."""
-    found, file = exported(), _verdict_file()
-    if found is None or file is None or os.environ.get("COSIM_BORDER") == "python":
+    found = exported()
+    file = _verdict_file() if found else None
+    if file is None or os.environ.get("COSIM_BORDER") == "python":
         return None
     verdict = file.read_text("latin-1").strip() if file.is_file() else ""
     if verdict not in (SAME, DIFFERS) and (verdict := _verified()):
