@@ -65,6 +65,7 @@ from fdi.lpv_smo.synthesis import Design, load, load_boxes
 LEARN_S = 8.0  # in flight: the paper's faults come at 10 s [s]
 GRADIENT = 0.6  # of the damping in pitch: what a gust that grows along the body does, by training flights
 ISOLABLE_PARTS = ("", "elevator", "n_z", "alpha")
+RELEASED_AT = 0.7  # of its threshold: above it a fault that is declared has not ended
 TREND = 3.0  # lag of alpha_eq, which follows airspeed, where its change is judged: gusts change airspeed, too [s]
 GUST_SHARE = 0.9  # of the largest rms of gusts: beyond it nothing is judged
 LEFT = 0.2  # of the amplitude of gusts at a frequency may be left in the elevator's estimate
@@ -371,7 +372,7 @@ def _decide(x, p, dt):
     for i in range(3):
         score = math.fabs(estimates[i]) / (p.limit[i] + p.limit_away[i] * x.apart + p.limit_gust[i] * x.rms)
         # an oscillation is beyond its threshold for less than the confirmation time at once
-        beyond = score >= 1.0 or (i == 0 and oscillates)
+        beyond = score >= (RELEASED_AT if x.held[i] > 0.0 else 1.0) or (i == 0 and oscillates)
         x.timer[i], on = confirm(x.timer[i], _above(x.held[i]), beyond, dt, p.t_confirm, p.t_release)
         x.held[i] = x.held[i] + dt if on > 0.5 else 0.0
         x.r = max(x.r, score)

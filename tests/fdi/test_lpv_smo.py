@@ -115,6 +115,23 @@ def test_a_model_without_scheduling_is_designed_too():
         synthesis.design(A, B, C, D, F=F, M=M, box=[[0, 1]])
 
 
+def test_a_declared_fault_stands_until_its_estimate_is_well_below_the_threshold():
+    """An estimate that hovers about its threshold is one fault, not many; one that is gone ends its alarm."""
+    p = lpv_smo.params(model=MODEL, made=STORED)[0]
+    x = lpv_smo.init(np.array([p]))[0]
+
+    def declared(share, seconds):
+        x.f_hat_n_z, out = share * p.limit[1], []
+        for _ in range(round(seconds / 0.02)):
+            lpv_smo._decide(x, p, 0.02)
+            out.append(x.alarm_n_z)
+        return out
+
+    assert not any(declared(0.95, 5.0)) and declared(1.05, 5.0)[-1] == 1.0
+    assert all(declared(0.8, 10.0))
+    assert declared(0.6, p["t_confirm"] + p["t_release"] + 0.1)[-1] == 0.0 and not any(declared(0.95, 5.0))
+
+
 def test_a_grid_that_cannot_determine_the_coefficients_is_refused():
     with pytest.raises(ValueError, match="undetermined"):
         lpv_model.fit(np.ones((6, 2)), np.zeros((6, 1, 1)), box=[[0, 2], [0, 2]])
