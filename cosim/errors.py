@@ -58,7 +58,7 @@ class CosimError(Exception):
         if allowed:
             text += f"; allowed: {allowed}"
         if remedy:
-            text += f". {remedy}"
+            text += f"{'' if text.endswith('?') else '.'} {remedy}"
         return " ".join(text.split())
 
     def __reduce__(self):  # keyword-only arguments would be lost on the way back from a worker process

@@ -72,6 +72,8 @@ def _aircraft(name, numbers):
     """Return the files of an aircraft that is estimated from its dimensions."""
     from cosim.flight.plant.estimate import build
 
+    if not numbers.is_file():
+        raise PartError("no such file", place=str(numbers))
     record = load_record(str(numbers.parent)).model_copy(update={"name": name})
     made = build(record, numbers) | _records(numbers.parent) | {"numbers.toml": numbers.read_text("utf-8")}
     return {f"{name}/{file}": text for file, text in made.items()}

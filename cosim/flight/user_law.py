@@ -126,7 +126,7 @@ def _python(kind: Callable, path: Path) -> PythonBlock:
 
 def _command(word, value):
     if word not in SURFACES:
-        raise KeyError(f"commands {word!r}; a law may command {', '.join(SURFACES)}")
+        raise ValueError(f"commands {word!r}; a law may command {', '.join(SURFACES)}")
     if not isinstance(value, int | float | np.number) or isinstance(value, complex):
         raise TypeError(f"commands {word} = {value!r:.40}, which is no number")
     return float(value)

@@ -207,9 +207,9 @@ _ORDER = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX, 
 
 
 def check_no_part(path: str | os.PathLike) -> None:
-    """Raise OutputError where another run is writing the log at `path`, or a killed one has left it unfinished."""
+    """Raise OutputError where another run writes the log at `path`, or one that did not end by itself has left it."""
     part = left_by(path)
     if part.exists():
-        said = f"{part} is there: another run writes it, or a killed one has left it"
+        said = f"{part} is there: another run writes it, or one that did not end by itself has left it"
         remedy = f"`cosim recover {part}` makes it readable, or remove it"
         raise OutputError(said, place=os.fspath(path), remedy=remedy)

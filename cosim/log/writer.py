@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from isal.isal_zlib import crc32
 
+from cosim.errors import CosimError
+
 from . import foxglove
 from .compression import compress, keep_memory
 from .format import LogError, Topic, channel_metadata
@@ -184,6 +186,9 @@ class LogWriter:
             self._file.drop()
         else:
             self.close()
+            if isinstance(error, CosimError) and self.path == os.fspath(self._file.part):
+                left = f"The flight so far is {self.path}: remove it before the next flight to this log"
+                error.remedy = ". ".join(filter(None, (error.remedy, left)))
 
 
 def _check(topics, n_values, dt_ns, metadata):

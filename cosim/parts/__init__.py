@@ -123,7 +123,11 @@ def _only(module, file, sha256):
         raise PartError(f"holds {several}" if found else "holds no detector", place=file,
                         allowed="one class with id, level, inputs and update, or a block with DETECTOR",
                         remedy="`cosim new detector NAME` writes one that runs")  # fmt: skip
-    return _made(found[0], (file, sha256))
+    try:
+        return _made(found[0], (file, sha256))
+    except PartError as error:
+        error.place = f"{file}: {error.place}"
+        raise
 
 
 def _source(part):

@@ -114,6 +114,7 @@ def replay(
     result.rows, result.values = sum(m.rows for m in members), sum(m.values for m in members)
     result.skipped = sum(m.skipped for m in members)
     result.notes = [line for d in entries if (line := lanes.code_that_flew(d))]
+    result.notes += dict.fromkeys(line for lane in every for line in lane.notes)
     if not result.values and not new:
         remedy = "Fly the scenario with detectors.enabled set"
         said = "there is nothing to compare: the log holds no detector outputs"

@@ -65,6 +65,9 @@ def stamps(column: Any, name: str, unit: str, place: Any) -> tuple[NDArray, str]
         label = name if column.dtype.kind == "M" else f"{name}, ISO 8601"
         dates = pd.to_datetime(column, format="ISO8601", utc=True, errors="coerce")
         t = dates.dt.tz_localize(None).to_numpy("datetime64[ns]")
+        numbers = t if column.dtype.kind == "M" else pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
+        if np.isfinite(numbers).sum() > np.isfinite(t).sum():  # numbers, but for some rows
+            t, label = numbers * UNITS[unit], f"{name} in {unit}"
     bad = np.flatnonzero(~np.isfinite(t))
     if len(bad):
         more = f" ({len(bad)} such rows)" if len(bad) > 1 else ""

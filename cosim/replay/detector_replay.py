@@ -42,7 +42,12 @@ class Lane:
     at: int | None = 0  # None: where the first whole state says
 
     def __post_init__(self):
-        self.rollout = rollout_of(self.module)
+        self.rollout = rollout_of(self.module, (self.lane,))
+
+    @property
+    def notes(self) -> list[str]:
+        """Return what is to be said of a user detector that was stepped: that its lane is dropped, and why."""
+        return getattr(self.rollout, "notes", [])
 
     @property
     def topic(self) -> str:

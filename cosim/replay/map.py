@@ -184,6 +184,7 @@ def run_all(made: Prepared, overrides: Mapping[str, Any]) -> tuple[list, list]:
             own = Lane(d.id, lane, d.record.level, d.record.every, d.module, own_p, d.module.init(own_p))
             again = own.step(u[:, :: d.record.every], dt)[0]
             done.append((ready, lane, u, again))
+            made.notes.extend(line for line in own.notes if line not in made.notes)
             if d.id in read:
                 outputs = zip(vocabulary.outputs(d.module), np.repeat(again, d.record.every, axis=0)[:n].T)
                 values |= {f"{d.id}.{lane}.{name}": (y, np.ones(n)) for name, y in outputs}

@@ -240,7 +240,7 @@ def _in_words(one, fields):
     if wrong == "extra_forbidden":
         return problem("unknown key", allowed=", ".join(fields), remedy=did_you_mean(one["loc"][-1], fields))
     if wrong == "literal_error":
-        allowed = ctx["expected"].replace("'", "").replace(" or ", ", ")
+        allowed = ctx["expected"].replace("''", '""').replace("'", "").replace(" or ", ", ")
         return problem("is not one of the choices", allowed=allowed)
     said = WORDS.get(wrong) or re.sub(r"^\w+ should", "must", one["msg"].removeprefix("Value error, "))
     known = fields[one["loc"][0]].metadata if one["loc"] and one["loc"][0] in fields else ()

@@ -65,6 +65,7 @@ def test_what_misbehaves_is_dropped_with_a_line_and_touches_nothing(how, behaved
     assert own["status"].iloc[198] == 0.0 and own["status"].iloc[-1] == status and own["valid"].iloc[-1] == 0.0
     again = replay(tmp_path / f"{how}.mcap", user_detectors=[BAD])
     assert again.exact and bool(again.skipped) == (status == SLOW)
+    assert again.notes == notes * (status != SLOW)  # a replay has no clock
     for topic in ("/detectors/ofc_monitor/left_inner", "/truth/aircraft", "/sensors/left_inner", "/law"):
         assert (behaved.array(topic).view(np.int64) == log.array(topic).view(np.int64)).all(), topic
 

@@ -110,8 +110,18 @@ def test_a_flight_that_is_cut_short_leaves_an_older_log_as_it_was(path, status):
     assert open_log(log.path).n_ticks == 1
 
 
+def test_a_flight_that_an_error_ends_says_where_it_is_beside_an_older_log(path):
+    write(path)
+    with pytest.raises(
+        CosimError, match=r"pump\. The flight so far is .*part: remove it before"
+    ):
+        with LogWriter(path, TOPICS, n_values=N_VALUES) as log:
+            log.append(vectors(1)[0])
+            raise CosimError("pump")
+
+
 def test_a_log_whose_part_is_there_is_not_begun(path):
-    """Another run writes it, or a killed one has left it."""
+    """Another run writes it, or one that did not end by itself has left it."""
     with LogWriter(path, TOPICS, n_values=N_VALUES) as log:
         log.append(vectors(1)[0])
         with pytest.raises(CosimError, match=r"cosim recover .*flight\.mcap\.part"):

@@ -165,6 +165,7 @@ TOLD = {  # file, what is written to it, and what is said
     "one time": ("a.csv", lambda p: table(p, frame(t=1.0)), "the clock holds a single time"),
     "no row": ("a.csv", lambda p: p.write_text("t,q\n"), "holds no row"),
     "no time": ("a.csv", lambda p: table(p, frame(t=[*T[:6], np.nan, *T[7:]])), "row 7: t holds no time"),
+    "a word among times": ("a.csv", lambda p: table(p, frame(t=[*T[:6], "later", *T[7:]])), "row 7: t holds .*'later'"),
     "another date": ("a.csv", lambda p: table(p, frame(t="2018/07/18/15:58:47.1")), r"row 1: t holds no time \(200 s"),
     "another unit": ("a.csv", lambda p: table(p, frame(t=1e3 * T)), r"5 s apart; allowed: below 1 s.*NAME \[us\]"),
     "a text": ("a.csv", lambda p: table(p, frame(q=["1", "", "oops", *Q[3:]])), "no number: 'oops' in row 3"),
