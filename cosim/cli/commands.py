@@ -429,6 +429,7 @@ def campaign(
             user_detectors=detector or (), signals=signals and [w for w in signals if w != "all"], rate_hz=rate or 50.0,
         )  # fmt: skip
     failed = errors(done.frame)
+    notes(dropped(done.frame))
     answer(json_, {**done.to_dict(), "errors": failed}, lambda _: tables.campaign(done, failed))
     none = sum(r["runs"] for r in failed) == done.frame["run"].nunique()
     raise Exit(int(none or any(r["status"] != "infeasible" for r in failed)))
@@ -454,6 +455,18 @@ def errors(frame: Any) -> list[dict]:
     runs = frame.drop_duplicates("run")
     counts = runs[runs["status"].isin(FAILED)].value_counts(["status", "error"])
     return [{"status": status, "error": text, "runs": int(n)} for (status, text), n in counts.items()]
+
+
+def dropped(frame: Any) -> list[str]:
+    """Return a sentence for each user detector that was dropped in some runs: in how many, and the first time why."""
+    runs = frame.drop_duplicates("run")
+    told: dict[str, tuple[int, str]] = {}
+    for text in runs["error"].fillna(""):
+        found = [part for part in re.split(r"; (?=\w+ is dropped on )", text) if " is dropped on " in part]
+        for name, why in {part.split()[0]: part for part in reversed(found)}.items():
+            n, first = told.get(name, (0, why))
+            told[name] = n + 1, first
+    return [f"{why}; it is dropped in {n} of {len(runs)} runs" for n, why in told.values()]
 
 
 @command("Many flights")

@@ -26,7 +26,7 @@ FIELDS = (
     Field("run", "string", "", "hash of the expanded scenario and the user's files in it"),
     Field("lane", "int32", "", "position of the lane in the run"),
     Field("status", "string", "", "completed, departed, diverged, infeasible (no trim), error, crashed (process died)"),
-    Field("error", "string", "", "text of an error, and why a flight departed", "reason"),
+    Field("error", "string", "", "text of an error, why a flight departed, what user parts did wrong", "reason"),
     Field("sim_time_s", "double", "s", "flown time"),
     Field("id", "string", "", "detector"),
     Field("level", "string", "", "local, aircraft or both"),
@@ -93,7 +93,8 @@ OF_A_LANE = [f for f in FIELDS if f.name not in ELSEWHERE]
 def rows(run: str, result: Mapping) -> list[dict]:
     """Return the rows of run `run` from `result`, the plain data of `cosim.judge.result.Result.to_dict`. One per
     detector lane and fault that it could notice; a run without a detector has one row. Columns: FIELDS."""
-    about = {"run": run, "status": result["status"], "error": result["reason"], "sim_time_s": result["sim_time_s"]}
+    said = "; ".join(filter(None, (result["reason"], *result.get("notes", ()))))
+    about = {"run": run, "status": result["status"], "error": said, "sim_time_s": result["sim_time_s"]}
     about |= largest(result["achieved"])
     about |= dict.fromkeys(CONSEQUENCES) | (result.get("consequences") or {})
     lanes = [{"lane": i, **own} for i, entry in enumerate(result["detectors"]) for own in lane(entry)]

@@ -8,10 +8,13 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import cosim
+from cosim.cli.commands import dropped
 from cosim.errors import CosimError
+from cosim.judge.row import rows
 from cosim.log import open_log
 from cosim.parts import load, with_detectors
 from cosim.parts.detector import NONSENSE, RAISED, SLOW
@@ -68,6 +71,16 @@ def test_what_misbehaves_is_dropped_with_a_line_and_touches_nothing(how, behaved
     assert again.notes == notes * (status != SLOW)  # a replay has no clock
     for topic in ("/detectors/ofc_monitor/left_inner", "/truth/aircraft", "/sensors/left_inner", "/law"):
         assert (behaved.array(topic).view(np.int64) == log.array(topic).view(np.int64)).all(), topic
+
+
+def test_a_campaign_says_which_detector_was_dropped_in_how_many_flights(tmp_path):
+    result, _ = flown(3, tmp_path)
+    good = {**result.to_dict(), "notes": []}
+    flights = good, result.to_dict(), result.to_dict()
+    frame = pd.DataFrame([row for i, one in enumerate(flights) for row in rows(str(i), one)])
+    (told,) = dropped(frame)
+    assert told.startswith(f"misbehaving is dropped on left_outer at 1.000 s: {DROPPED[3][1]}")
+    assert told.endswith("ambiguous; it is dropped in 2 of 3 runs")
 
 
 def test_a_residual_that_is_no_number_is_told_once_and_not_valid(tmp_path):
