@@ -78,7 +78,7 @@ class Comparison:
         """Return {id, fault_rate, value, low, high}: the share of a detector's alarms behind which there is a fault,
         where such faults come `fault_rates` times per flight hour (cosim.compare.metrics.predictive_value). Without
         bounds, nan, where no fault is one that it was designed for or no hour shows false alarms. Raises CosimError
-        for a rate that is none."""
+        for a rate that is not positive and finite."""
         for rate in (rate for rate in fault_rates if not 0.0 < rate < math.inf):
             raise CosimError(f"{rate:g} faults per flight hour", place="fault_rates", allowed="above 0")
         out = []

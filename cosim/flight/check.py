@@ -38,7 +38,8 @@ SEEN = (*(f"law.law.{field}" for field, *_ in SURFACES.values()), "truth.aircraf
 
 def check(what: str | os.PathLike, *, progress: Callable[[float, float], None] | None = None) -> dict[str, Any]:
     """Return {id, file, keeps, checks: [{question, result, answer}]} of a detector's file, a control law's, or the
-    folder or the name of an aircraft; result is good, bad or note. Raises PartError for a file that is none of these.
+    folder or the name of an aircraft; result is good, bad or note. Raises PartError for any other
+    file.
     """
     path, name = Path(os.path.expanduser(what)), str(what)
     rows: Iterable[tuple[str, str, str]]
