@@ -306,11 +306,10 @@ def _row(figure, flown, lane):
     step, out = flown.dt * lane.every, []
     for a, b in joined(lane.spans("valid", flown.t0), (flown.end - flown.t0) / POINTS):
         _bar(figure, lane.name, a, b, "--line", 1.5, f"{lane.name}: watching", lane.id)
-    real, labels = _real(flown, lane, step), []
-    for first, stop in lane.said.spans("alarm"):
+    labels, alarms = [], list(lane.said.spans("alarm"))
+    for (first, stop), true in zip(alarms, _real(flown, lane, step, [first for first, _ in alarms])):
         a, b = flown.t0 + first * step, flown.t0 + stop * step
         said = _said(lane, first, stop, a, step)
-        true = bool(real[first])
         out.append(
             {"from": a, "to": b, "text": f"{lane.name} ({said}{'' if true else ', false'})", "detector": lane.id}
         )
@@ -356,9 +355,7 @@ def _labels(figure, flown, lane, alarms):
         figure.layout["annotations"].append({**told, **side, **look})
 
 
-def _real(flown, lane, step):
-    """Return the rows (bool) at which an alarm of the lane would be a true one."""
-    if not flown.knows_faults:
-        return np.ones(lane.said.ticks, bool)
+def _real(flown, lane, step, rises):
+    """Return, for each of the ticks `rises` (n,), whether an alarm of the lane that rises there is a true one."""
     own = [f for f in flown.faults if concerns(lane, f["targets"])]
-    return during(own, np.arange(lane.said.ticks), step, flown.t0)
+    return during(own, rises, step, flown.t0).tolist() if flown.knows_faults else [True] * len(rises)
