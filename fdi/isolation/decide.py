@@ -45,7 +45,8 @@ STATE = [
     ("evidence_timer", "f8", "s"),  # until the alarm of the evidence ends
     ("alarm_s", "f8", "s"),  # for which any alarm has stood
     ("emptied", "f8"),  # 1 once the windows were emptied at this alarm's onset
-    ("likely", "f8", "-"),  # class that leads, or last did
+    ("likely", "f8", "-"),  # class that leads; where none does, that of the name that stands
+    ("named", "f8", "-"),  # this
     ("likely_fault", "f8"),  # hypothesis
     ("likely_hz", "f8", "Hz"),
 ]
@@ -122,8 +123,8 @@ def healed(x, p, o, dt):
 
 @kernel
 def nominate(x):
-    """Keep the class that leads now, where one does that has a name."""
-    c = leader(x)
+    """Write the class that leads now, where one does that has a name."""
+    c, x.likely = leader(x), x.named
     if c < 0:
         return
     found, hz = x.own_class[c], x.own_hz[c]
