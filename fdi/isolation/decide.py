@@ -124,7 +124,9 @@ def healed(x, p, o, dt):
 @kernel
 def nominate(x):
     """Write the class that leads now, where one does that has a name."""
-    c, x.likely = leader(x), x.named
+    c = leader(x)
+    top = longest(x)
+    x.likely = x.named if top >= 0 and x.own_class[top] != x.likely else x.likely
     if c < 0:
         return
     found, hz = x.own_class[c], x.own_hz[c]
