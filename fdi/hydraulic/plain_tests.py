@@ -140,7 +140,8 @@ def by_model(x, bend, p, dt):
     soft = stiff / (1.0 + stiff) * x.load_d / k
     late = dt * (x.fed[filter.OLDER] - x.fed[filter.YOUNGER]) * (bend / k + p.L * x.load_d)
     supply = 0.5 * x.fed[filter.SUPPLY] * x.drive / (root * root)
-    return (soft - late) * p.A_p / (p.phi_n * root) - supply + x.fed[filter.GAIN] * x.drive
+    valve = x.fed[filter.GAIN] * x.drive - dt * x.fed[filter.AGE] * x.drive_d
+    return (soft - late) * p.A_p / (p.phi_n * root) - supply + valve
 
 
 @kernel

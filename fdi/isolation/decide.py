@@ -93,7 +93,7 @@ def leader(x):
     for o in range(top, -1, -1):
         if x.own_ratio[o] < 1.0:
             continue
-        if x.own_class[o] != x.own_class[top]:
+        if x.own_class[o] != x.own_class[top] or x.own_hz[o] > 2.0 * x.own_hz[top] > 0.0:
             return -1
         lead = max(SURE, LEAD * x.own[o]) if x.own_class[o] != OF_LOAD else SURE
         if x.own_fits[o] > 0.5 and x.own_lead[o] > lead:
