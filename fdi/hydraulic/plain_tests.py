@@ -29,7 +29,7 @@ WITHOUT_ROD, WITHOUT_PRESSURE = 1.6, 4.0  # noise of f_hat on the surface sensor
 FLAT, FLAT_S, FLAT_TAU = 0.12, 0.2, 0.1  # a valve that stands open keeps this near its lagged opening [-], for [s]
 NOISE = 0.4  # ... and this of the threshold of an input fault, which noise seldom passes
 LEFT = 0.45  # share of its opening below which it stands open no more
-FIRST = 0.2  # share of the opening that it has changed by since it began: a slow sine has turned
+FIRST = 0.2  # share of its opening by which it may have changed since it began: a slow sine turns
 FIRST_S = 0.1  # after the onset of the input fault that the opening has begun by: an oscillation comes to a crest later
 MISREAD_S = 0.1  # flow that an excess of pressure takes is missing for [s]
 UNLEARNED = 4.0  # standard deviations of the valve's gain as the flight has taught it, 0.2 before it has
@@ -133,8 +133,8 @@ def gap(x, dt):
 
 @kernel
 def by_model(x, bend, p, dt):
-    """Return what learned errors of gain, oil, supply and age leave in the input fault of [Lu17] (4), behind its lag;
-    `bend` is the second derivative of the pressure [1/s^2]."""
+    """Return what learned errors of gain, oil, supply and ages leave in the input fault of [Lu17] (4), behind its lag:
+    by an old position the valve is late. `bend` is the second derivative of the pressure [1/s^2]."""
     root, k = max(opening(x.drive, x.load_lag), lu17.ROOT_FLOOR), stiffness(x.x_hat[0], p)
     stiff = x.fed[filter.SOFT] - p.prior_mean[filter.SOFT]
     soft = stiff / (1.0 + stiff) * x.load_d / k
