@@ -308,7 +308,7 @@ def _read(folder: Path) -> Aircraft:
     try:
         return Aircraft.model_validate({**table, "name": folder.name, "folder": folder})
     except ValidationError as error:
-        raise explained(error, table, Origin.of_toml(text, place)) from None
+        raise explained(error, table, Origin(place, text)) from None
 
 
 @of_folder

@@ -150,7 +150,7 @@ class Fault(Table, extra="allow"):
             here = c.AMPLITUDES_AT[self.at or ""]
             kind = dataclasses.replace(kind, one_of=tuple(k for k in kind.one_of if k.name in here))
         where = f"{self.kind} at {self.at!r}" if self.at else self.kind
-        wrong.of_kind(kind, own, where, self._optional, COMMON)
+        wrong.of_kind(kind, own, where, COMMON, self._optional)
         self._times(wrong)
 
     def _times(self, wrong):

@@ -46,7 +46,7 @@ class Sensors(Table, extra="allow"):
         given = self.model_extra or {}
         wrong.unknown(given, units)
         for name in (name for name in given if name in units):
-            wrong.numbers(given[name], _sensor_keys(units[name]), f"sensor {name}", name)
+            wrong.numbers(given[name], _sensor_keys(units[name]), f"sensor {name}", f"{name}.")
 
     def setting(self, name: str, own: Any = lambda unit: 1.0) -> SensorSetting:
         """Return the SensorSetting of sensor `name`; `own(unit)` is what one SI `unit`, or share of a nominal value
@@ -81,7 +81,7 @@ class Tolerances(Table, extra="allow"):
         wrong.unknown(raw, groups)
         for group in (group for group in groups if raw.get(group) and isinstance(raw[group], dict)):
             known = of(info).multipliers if group == "aero" else toleranced(group)
-            wrong.numbers(raw[group], dict.fromkeys(known, MULTIPLIER), group, group)
+            wrong.numbers(raw[group], dict.fromkeys(known, MULTIPLIER), group, f"{group}.")
         return {**{name: {} for name in groups}, **raw}
 
 
