@@ -46,8 +46,8 @@ from cosim.scenario import Scenario, load_scenario, parse
 from cosim.scenario.load import located, text_of
 from cosim.scenario.override import assigned
 from cosim.scenario.problem import Origin, Table, explained, within
-from cosim.scenario.toml import inline
 from cosim.scenario.tolerance import toleranced
+from cosim.scenario.toml import inline
 from cosim.scenario.user_parts import identified, locate
 from cosim.texts import read, toml
 

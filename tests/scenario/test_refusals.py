@@ -92,7 +92,7 @@ def refused(*overrides, name="liquid-ofc"):
         (["flight.gusts.1.start_s=3"], ["flight.gusts.1 is not in the list", "index 0 to 0"]),
         (["flight.gusts=[" + "{start_s=1, speed_fps=3}," * 17 + "]"], ["flight.gusts"]),
         (["flight.gusts=3"], ["flight.gusts = 3: must be a list"]),
-        (["flight.air.0.turbulence=heavy", "flight.air.0.start_s=1"], ['flight.air.0.turbulence = "heavy"', "moderate"]),
+        (["flight.air.0.turbulence=heavy", "flight.air.0.start_s=1"], ['turbulence = "heavy"', "moderate"]),
         (["flight.air.0.turbulence=light"], ["flight.air.0.start_s", "is missing"]),
         (["flight.air=[{start_s=5, turbulence='light'}, {start_s=8, turbulence='none'}]"],
          ["flight.air.1.start_s = 8", "before air.0 is reached", "10 or later", "Order them by time"]),
