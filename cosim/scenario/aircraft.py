@@ -27,7 +27,7 @@ Positive = Annotated[float, within(0.0, open_low=True)]
 
 def _rising(span: tuple[float, float]) -> tuple[float, float]:
     if not span[0] < span[1]:
-        raise ValueError(f"[{span[0]:g}, {span[1]:g}] is not [lowest, highest]")
+        raise ValueError("must be [lowest, highest]")
     return span
 
 
