@@ -43,7 +43,7 @@ from cosim.campaign.draw import Draw, unit_cube
 from cosim.campaign.worker import Packed
 from cosim.errors import CampaignError, CosimError, Mistakes, joined
 from cosim.scenario import Scenario, load_scenario, parse
-from cosim.scenario.load import located, text_of
+from cosim.scenario.load import text_of
 from cosim.scenario.override import assigned
 from cosim.scenario.problem import Origin, Table, explained, within
 from cosim.scenario.tolerance import toleranced
@@ -267,4 +267,4 @@ def _base(base, folder):
     load_scenario(str(found))  # says what is wrong with the base itself
     place = str(found)
     text, home = text_of(place, "scenario", CampaignError)
-    return located(toml(text, place=place), home, place), Origin(place, text)
+    return locate(toml(text, place=place), home, place), Origin(place, text)

@@ -8,7 +8,7 @@ from actuators.technology import Key
 from cosim.scenario import catalog as c
 from cosim.scenario import tolerance
 from cosim.scenario.aircraft import of
-from cosim.scenario.problem import MULTIPLIER, Problems, Table, choice, problem
+from cosim.scenario.problem import MULTIPLIER, Problems, Table, choice
 
 Feedback = Literal["measured", "iotsekf", "rtsekf", "rtsekf_flight"]
 
@@ -18,6 +18,13 @@ class Settings(Table):
 
     truth: dict[str, float] = Field(default_factory=dict)
     model: dict[str, float] = Field(default_factory=dict)
+
+    @classmethod
+    def filled(cls, raw: dict[str, Any], wrong: Problems, info: ValidationInfo) -> dict[str, Any]:
+        """Put what stands beside truth and model into both."""
+        both = {name: value for name, value in raw.items() if name not in cls.model_fields}
+        parts = {part: raw.get(part, {}) for part in cls.model_fields}
+        return {part: {**both, **own} if isinstance(own, dict) else own for part, own in parts.items()}
 
 
 class Elevator(Table, extra="allow"):
@@ -38,25 +45,22 @@ class Elevator(Table, extra="allow"):
         """Add technology and feedback of every segment."""
         default, given = of(info).technology, raw.get("feedback", {})
         wrong.unknown(raw, (*default, *cls.model_fields))
-        if not isinstance(parameters := raw.get("parameters", {}), dict):
-            raise problem("must be a table", key="parameters")
         known = (*(t.name for t in c.SHIPPED), *(info.context or {}).get("actuators", ()))
         technology = {name: raw.get(name, own) for name, own in default.items()}
+        parameters = raw.get("parameters", {})
         for name, word in technology.items():
-            if isinstance(word, dict):
-                technology[name], own = _with_its_table(name, word)
+            if isinstance(word, dict) and len(word) == 1 and isinstance(parameters, dict):
+                ((technology[name], own),) = word.items()
                 parameters = {**parameters, name: own}
             if technology[name] not in known:
                 wrong.add("is not one of the choices", key=name, allowed=", ".join(known))
         word = given if isinstance(given, str) else "iotsekf"
         if word not in c.FEEDBACKS:
             wrong.append(choice(word, c.FEEDBACKS, "feedback", key="feedback"))
-        sources = given if isinstance(given, dict) else {}
-        wrong.unknown(sources, default, "feedback.")
-        wrong.unknown(parameters, default, "parameters.")
-        filled = {name: word if tech == "hydraulic" else "measured" for name, tech in technology.items()}
-        feedback = {**filled, **sources} if isinstance(given, str | dict) else given
-        return {**technology, **raw, **technology, "feedback": feedback, "parameters": parameters}
+        feedback = {name: word if tech == "hydraulic" else "measured" for name, tech in technology.items()}
+        if isinstance(given, dict | str):
+            given = {**feedback, **(given if isinstance(given, dict) else {})}
+        return {**technology, **raw, **technology, "feedback": given, "parameters": parameters}
 
     @property
     def ema_estimate(self) -> str:
@@ -65,33 +69,24 @@ class Elevator(Table, extra="allow"):
 
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check that filters are of hydraulic actuators, and parameters of that one and near its nominal ones."""
+        wrong.unknown(self.feedback, self.technology, "feedback.")
+        wrong.unknown(self.parameters, self.technology, "parameters.")
         for name, tech in self.technology.items():
-            if tech != "hydraulic" and self.feedback.get(name, "measured") != "measured":
+            if tech != "hydraulic" and self.feedback[name] != "measured":
                 said = f"{self.feedback[name]} is a filter of hydraulic actuators, {name} is {tech}"
                 wrong.add(said, key=f"feedback.{name}", allowed="measured")
-        for name, settings in self.parameters.items():
-            own = c.TECHNOLOGIES[self.technology[name]]
-            nominal = own.parameters(of(info).own(own.name)).items()
-            keys = {k: _near(k, v) for k, v in nominal if k not in own.fixed}
-            what = f"{own.article} actuator"
-            units = {key: unit for key, (_, unit) in tolerance.meanings(own.name).items()}
-            for part, values in settings:
-                wrong.numbers(values, keys, what, f"parameters.{name}.{part}.", units)
+            if name in self.parameters:
+                own = c.TECHNOLOGIES[tech]
+                nominal = own.parameters(of(info).own(tech)).items()
+                keys = {k: _near(k, v) for k, v in nominal if k not in own.fixed}
+                units = {key: unit for key, (_, unit) in tolerance.meanings(tech).items()}
+                for part, values in self.parameters[name]:
+                    wrong.numbers(values, keys, f"{own.article} actuator", f"parameters.{name}.{part}.", units)
 
     @property
     def technology(self) -> dict[str, str]:
         """Return {segment: technology} in the order of the segments."""
         return dict(self.model_extra or {})
-
-
-def _with_its_table(name, given):
-    """Return (technology, table of its Settings) of [elevator.<segment>.<technology>]."""
-    if len(given) != 1 or not isinstance(next(iter(given.values())), dict):
-        raise problem("must be a technology with its table", key=name, allowed=f"[elevator.{name}.<technology>]")
-    ((technology, table),) = given.items()
-    both = {key: value for key, value in table.items() if key not in Settings.model_fields}
-    parts = {part: table.get(part, {}) for part in Settings.model_fields}
-    return technology, {part: {**both, **own} if isinstance(own, dict) else own for part, own in parts.items()}
 
 
 def _near(name, nominal):

@@ -5,15 +5,14 @@ A file is read once, when the scenario is: the scenario then holds its numbers, 
 
 import csv
 import itertools
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, ValidationInfo
 
 from actuators.technology import Key
 from cosim.errors import ScenarioError, did_you_mean
-from cosim.scenario.problem import Problems, Table, accepted, problem
-from cosim.scenario.user_parts import find as file_of
+from cosim.scenario.problem import Problems, Table, accepted
+from cosim.scenario.user_parts import find
 from cosim.texts import read
 
 TIME = "time_s"
@@ -43,7 +42,7 @@ class Inputs(Table, extra="allow"):
     __pydantic_extra__: dict[str, Column]
 
     kind: Literal["inputs"]
-    file: str | None = None  # read by `located`, which puts its columns here
+    file: str | None = None  # its columns take its place
     between: Literal["linear", "hold"] = "linear"  # a value between two rows: on the line, or that of the row before
     hold_altitude: bool = False  # the altitude hold steers while the stick is free; else the path is held
     hold_speed: bool = False  # the speed hold moves the throttles
@@ -51,9 +50,12 @@ class Inputs(Table, extra="allow"):
 
     @classmethod
     def filled(cls, raw: dict[str, Any], wrong: Problems, info: ValidationInfo) -> dict[str, Any]:
-        """Name the first number that is wrong."""
-        if "file" in raw:
-            raise problem("was not read", key="file", remedy="Load the scenario by its name or file")
+        """Put the columns of a file in its place; name the first number that is wrong."""
+        if isinstance(raw.get("file"), str):
+            for name in RANGES.keys() & raw.keys():
+                wrong.add(f"{name} is given beside the file", key=name, remedy="Keep one of them")
+            columns = _columns(find(raw["file"], None, "manoeuvre.file"), info.context)
+            raw = {**{key: value for key, value in raw.items() if key != "file"}, **columns}
         wrong.unknown(raw, (*cls.model_fields, *RANGES))
         own = {"stabiliser_deg": info.context["aircraft"].travels_deg["stabiliser"]} if info.context else {}
         keys = {name: Key(name, *span) for name, span in {**RANGES, **own}.items()}
@@ -88,25 +90,10 @@ class Inputs(Table, extra="allow"):
         return dict(self.model_extra or {})
 
 
-def located(table: dict, folder: Path | None, place: str) -> dict:
-    """Return the tables of a scenario with the columns of its file of inputs in its place; the file is sought beside
-    the scenario's own (`folder`), or from here. Raises ScenarioError with the row."""
-    own = table.get("manoeuvre")
-    if not (isinstance(own, dict) and own.get("kind") == "inputs" and isinstance(own.get("file"), str)):
-        return table
-    where = f"{place}: manoeuvre.file"
-    twice = [name for name in RANGES if name in own]
-    if twice:
-        place = f"{where} = {own['file']}"
-        raise ScenarioError(f"{twice[0]} is given beside the file", place=place, remedy="Keep one of them")
-    path = file_of(own["file"], folder, where)
-    text = read(path, error=ScenarioError, what="table of inputs")
-    rest = {key: value for key, value in own.items() if key != "file"}
-    return {**table, "manoeuvre": {**rest, **_columns(text, path)}}
-
-
-def _columns(text, place):
-    """Return {column: [numbers]} of a CSV text; with semicolons a comma is a decimal point."""
+def _columns(place, context):
+    """Return {column: [numbers]} of a CSV file, checked in a validator's `context`; with semicolons a comma is a
+    decimal point. Raises ScenarioError with the row."""
+    text = read(place, error=ScenarioError, what="table of inputs")
     semicolons = ";" in text.partition("\n")[0]
     reader = csv.reader(text.splitlines(), delimiter=";" if semicolons else ",")
     try:
@@ -127,7 +114,7 @@ def _columns(text, place):
     out = {name: [_number(word.replace(",", ".") if semicolons else word) for word in column]
            for name, column in words.items()}  # fmt: skip
     try:
-        Inputs.model_validate({"kind": "inputs", **out})
+        Inputs.model_validate({"kind": "inputs", **out}, context=context)
     except ValidationError as error:
         about = error.errors()[0]["ctx"]
         name, _, at = about["key"].partition(".")

@@ -9,7 +9,6 @@ from typing import Any
 from pydantic import ValidationError
 
 from cosim.errors import CosimError, ScenarioError, did_you_mean, told_at_call
-from cosim.scenario import inputs
 from cosim.scenario.aircraft import aircraft_of
 from cosim.scenario.model import Scenario
 from cosim.scenario.override import applied
@@ -53,7 +52,7 @@ def load_scenario(name_or_path: str | os.PathLike = DEFAULT, overrides: str | It
     table, wrong, said = applied(toml(text, place=place, error=ScenarioError), overrides)
     with wrong.caught():
         origin = Origin(place, text, tuple((key, f"{place}: {override}") for key, _, override in said))
-        made = parse(located(table, folder, place), place=place, origin=origin)
+        made = parse(locate(table, folder, place), place=place, origin=origin)
     wrong.check()
     keys = {key.partition(".")[0] for key, *_ in said}
     return made if "title" in keys or keys <= UNTITLED else retitled(made)
@@ -67,12 +66,6 @@ def retitled(scenario: Scenario) -> Scenario:
     faults = ", ".join(f"{f.kind} on {f.target}" for f in scenario.faults) or "no fault"
     title = f"{faults}; {scenario.flight.weather}, {scenario.manoeuvre.kind.replace('_', ' ')}"
     return scenario.model_copy(update={"title": title})
-
-
-def located(table: dict[str, Any], folder: Path | None, place: str) -> dict[str, Any]:
-    """Return the tables of a scenario with the files of its user parts found, beside it (`folder`) or from here, and
-    that of its inputs read."""
-    return inputs.located(locate(table, folder, place), folder, place)
 
 
 def parse(table: dict[str, Any], *, place: str = "scenario", origin: Origin | None = None) -> Scenario:

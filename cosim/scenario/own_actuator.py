@@ -11,7 +11,7 @@ from actuators.constants import TO_SI
 from actuators.registry import SHIPPED
 from cosim.errors import ScenarioError
 from cosim.scenario import catalog as c
-from cosim.scenario.problem import Problems, Table, choice, problem
+from cosim.scenario.problem import Problems, Table, choice
 from cosim.scenario.user_parts import load
 
 INPUTS = {  # word -> its unit
@@ -41,11 +41,11 @@ class OwnActuator(Table):
 
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check that there is one of file and FMU, and an FMU's map."""
-        if (self.file is None) == (self.fmu is None):
-            raise problem("needs one of file, fmu", key="file" if self.file else "fmu", allowed="one of the two")
-        if self.file is not None:
-            if given := next((n for n in ("inputs", "outputs", "start", "parameters") if getattr(self, n)), None):
-                raise problem("is of an FMU", key=given, remedy="Those of a block stand in its file: params()")
+        wrong.one_of(("file", "fmu"), {key for key, value in self if value is not None}, who="an actuator")
+        if self.fmu is None:
+            for part in ("inputs", "outputs", "start", "parameters"):
+                if getattr(self, part):
+                    wrong.add("is of an FMU", key=part, remedy="Those of a block stand in its file: params()")
             return
         own, other = ("valve_command", "command") if self.servo else ("command", "valve_command")
         inputs = {word: si for word, si in INPUTS.items() if word != other}
@@ -53,13 +53,13 @@ class OwnActuator(Table):
         every = ("inputs", inputs, (own,)), ("outputs", OUTPUTS, measured), ("start", {"surface": "rad", **inputs}, ())
         for part, words, needed in every:
             given = getattr(self, part)
+            wrong.unknown(given, words, f"{part}.", of=part)
             for word in (word for word in needed if word not in given):
-                raise problem("is missing", key=f"{part}.{word}", allowed="{ variable = ..., unit = ... }")
-            for word, variable in given.items():
-                if word not in words:
-                    raise choice(word, words, f"word of {part}", key=f"{part}.{word}")
-                if variable.unit and variable.unit not in (known := TO_SI[words[word]]):
-                    raise choice(variable.unit, known, f"unit of {word}", key=f"{part}.{word}.unit")
+                allowed = "{ variable = ..., unit = ... }"
+                wrong.add("is missing", key=f"{part}.{word}", allowed=allowed, lacks=[word])
+            for word, unit in ((word, variable.unit) for word, variable in given.items() if word in words):
+                if unit not in ("", *TO_SI[words[word]]):
+                    wrong.append(choice(unit, TO_SI[words[word]], f"unit of {word}", key=f"{part}.{word}.unit"))
 
     @property
     def path(self) -> Path:

@@ -24,7 +24,7 @@ from actuators.exception_text import sentence
 from cosim.errors import CosimError, LogError, Mistakes, OutputError, ScenarioError
 from cosim.files import replace
 from cosim.scenario import toml
-from cosim.scenario.aircraft import ships
+from cosim.scenario.aircraft import bundled
 from fdi.registry import USER_DETECTORS
 
 SHA256 = "sha256"
@@ -139,10 +139,11 @@ class Place(NamedTuple):
 def places(tables: dict[str, Any]) -> Iterator[Place]:
     """Yield every Place of the tables of a scenario, also of one that is not checked yet."""
     flight, law = tables.get("flight"), tables.get("law")
-    if isinstance(flight, dict) and isinstance(name := flight.get("aircraft"), str) and not ships(name):
+    if isinstance(flight, dict) and isinstance(name := flight.get("aircraft"), str) and name not in bundled():
         yield Place(flight, "aircraft", "aircraft_sha256", "flight")
     groups = [(g, tables[g]) for g in ("actuators", "detectors") if isinstance(tables.get(g), dict)]
-    for part, own in (("law", law), *((f"{g}.{n}", own) for g, table in groups for n, own in table.items())):
+    manoeuvre = tables.get("manoeuvre")  # its file is read with the scenario, which then holds its numbers
+    for part, own in (("law", law), ("manoeuvre", manoeuvre), *((f"{g}.{n}", own) for g, table in groups for n, own in table.items())):
         for key in ("file", "fmu"):
             if isinstance(own, dict) and isinstance(own.get(key), str) and own[key]:
                 yield Place(own, key, SHA256, part)
