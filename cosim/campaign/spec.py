@@ -43,8 +43,7 @@ from cosim.campaign.draw import Draw, unit_cube
 from cosim.campaign.worker import Packed
 from cosim.errors import CampaignError, CosimError, Mistakes, joined
 from cosim.scenario import Scenario, load_scenario, parse
-from cosim.scenario.load import text_of
-from cosim.scenario.override import assigned
+from cosim.scenario.load import assigned, text_of
 from cosim.scenario.problem import Origin, Table, explained, within
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.toml import inline

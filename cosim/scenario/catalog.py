@@ -115,21 +115,14 @@ ELEVATOR_KINDS: dict[str, Kind] = {}
 
 
 def register(technology: Technology) -> None:
-    """Know `technology`, its sensors and its kinds of fault; ValueError where it contradicts another. One that does not
-    ship is for the scenario that brings it along."""
-    for name, sensor in technology.sensors.items():
-        if ACTUATOR_SENSORS.get(name, sensor.units) != sensor.units:
-            raise ValueError(f"sensor {name!r} of {technology.name!r} has other units than another technology's")
+    """Know `technology`, its sensors and its kinds of fault. One that does not ship is for the scenario that brings it
+    along."""
     TECHNOLOGIES[technology.name] = technology
-    _derive()
-
-
-def _derive():
     for table in (ACTUATOR_SENSORS, LOOP_SENSOR, ELEVATOR_KINDS):
         table.clear()
     kinds = {**_COMMON}
     for t in TECHNOLOGIES.values():
-        ACTUATOR_SENSORS.update({name: s.units for name, s in t.sensors.items() if name not in ACTUATOR_SENSORS})
+        ACTUATOR_SENSORS.update({name: sensor.units for name, sensor in t.sensors.items()})
         kinds |= {name: kind for name, kind in t.kinds.items() if name not in kinds}
     LOOP_SENSOR.update({t.name: t.loop_sensor for t in TECHNOLOGIES.values() if t.loop_sensor})
     suffers = {t.name: {*_ALWAYS, *t.effects, t.loop_sensor and "jam_liquid"} for t in TECHNOLOGIES.values()}

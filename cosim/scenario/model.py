@@ -8,11 +8,10 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 from cosim.scenario import catalog as c
 from cosim.scenario import toml, user_parts
 from cosim.scenario.aircraft import Aircraft, load_aircraft, of
-from cosim.scenario.elevator import Elevator
+from cosim.scenario.elevator import Elevator, OwnActuator
 from cosim.scenario.fault import Fault, check_together
 from cosim.scenario.flight import Flight
 from cosim.scenario.manoeuvre import CRUISE, AnyManoeuvre
-from cosim.scenario.own_actuator import OwnActuator
 from cosim.scenario.problem import MULTIPLIER, Duration, Problems, Table, choice, problem, within
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_parts import UserPart
@@ -174,8 +173,9 @@ class Scenario(Table):
 
     @property
     def user_parts(self) -> dict[str, UserPart]:
-        """Return {key: UserPart} of every file or folder of a user's that flies."""
-        return user_parts.named(self.model_dump(mode="python", exclude_none=True))
+        """Return {key: UserPart} of every file or folder of a user's that it names; a digest not known is empty."""
+        found = user_parts.places(self.model_dump(mode="python", exclude_none=True))
+        return {at.name: UserPart(at.path.name, at.table.get(at.digest, "")) for at in found}
 
     @property
     def aircraft(self) -> Aircraft:
@@ -239,5 +239,9 @@ class Scenario(Table):
         (`user_parts.identified`) it says which flight it is on every machine. That of an aircraft, without which a
         scenario cannot be read, stays a path where `aircraft` is false.
         """
-        return toml.dumps(user_parts.portable(self.model_dump(mode="python", exclude_none=True), aircraft=aircraft))
+        table = self.model_dump(mode="python", exclude_none=True)
+        for at in user_parts.places(table):
+            if aircraft or at.key != "aircraft":
+                at.table[at.key] = at.path.name
+        return toml.dumps(table)
 

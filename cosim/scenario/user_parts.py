@@ -137,24 +137,25 @@ class Place(NamedTuple):
 
 
 def places(tables: dict[str, Any]) -> Iterator[Place]:
-    """Yield every Place of the tables of a scenario, also of one that is not checked yet."""
-    flight, law = tables.get("flight"), tables.get("law")
+    """Yield every Place of the tables of a scenario, also of one that is not checked yet; that of a manoeuvre is read
+    with the scenario, which then holds its numbers."""
+    flight = tables.get("flight")
     if isinstance(flight, dict) and isinstance(name := flight.get("aircraft"), str) and name not in bundled():
         yield Place(flight, "aircraft", "aircraft_sha256", "flight")
-    groups = [(g, tables[g]) for g in ("actuators", "detectors") if isinstance(tables.get(g), dict)]
-    manoeuvre = tables.get("manoeuvre")  # its file is read with the scenario, which then holds its numbers
-    for part, own in (("law", law), ("manoeuvre", manoeuvre), *((f"{g}.{n}", own) for g, table in groups for n, own in table.items())):
+    every = {part: tables.get(part) for part in ("law", "manoeuvre")}
+    for group in ("actuators", "detectors"):
+        own = tables.get(group)
+        every |= {f"{group}.{name}": table for name, table in own.items()} if isinstance(own, dict) else {}
+    for part, table in every.items():
         for key in ("file", "fmu"):
-            if isinstance(own, dict) and isinstance(own.get(key), str) and own[key]:
-                yield Place(own, key, SHA256, part)
+            if isinstance(table, dict) and isinstance(table.get(key), str) and table[key]:
+                yield Place(table, key, SHA256, part)
 
 
 def locate(tables: dict[str, Any], folder: Path | None, place: str) -> dict[str, Any]:
     """Return the tables of a scenario with every file as a path of this machine: it lies beside the scenario's own file
     (`folder`), or where the path leads from here. Raises ScenarioError for one that is not there; what an aircraft's
     name means `load_aircraft` says."""
-    if next(places(tables), None) is None:
-        return tables
     out, wrong = copy.deepcopy(tables), Mistakes()
     for at in places(out):
         with wrong.caught():
@@ -195,20 +196,6 @@ def flies(scenario: Any, at: Place) -> bool:
     """Tell whether what a scenario names flies; a detector may be named and not run."""
     group, _, name = at.part.partition(".")
     return group != "detectors" or name in scenario.running
-
-
-def named(tables: dict[str, Any]) -> dict[str, UserPart]:
-    """Return {key of the scenario: UserPart} of what the tables name; a digest that is not known is empty."""
-    return {at.name: UserPart(at.path.name, str(at.table.get(at.digest, ""))) for at in places(tables)}
-
-
-def portable(tables: dict[str, Any], *, aircraft: bool = True) -> dict[str, Any]:
-    """Return the tables with names in place of paths; that of an aircraft stays a path where `aircraft` is false."""
-    out = copy.deepcopy(tables)
-    for at in places(out):
-        if aircraft or at.key != "aircraft":
-            at.table[at.key] = at.path.name
-    return out
 
 
 FOLDER = "user_files"  # of the names of attachments: user_files/law/law.py
@@ -276,13 +263,11 @@ def bring_aircraft(tables: dict[str, Any], attachments: Mapping[str, bytes], pla
 
 def _files(attachments: Mapping[str, bytes]) -> dict[PurePosixPath, bytes]:
     """Return {path: bytes} of what is attached. Raises LogError for a path that leads elsewhere."""
-    out: dict[PurePosixPath, bytes] = {}
-    for name, data in attachments.items():
-        top, _, rest = name.partition("/")
-        path = PurePosixPath(rest)
-        wrong = any(_hidden(part) or set(part) & set('\\:\0') or not part.isprintable() for part in path.parts)
-        if top == FOLDER and (wrong or path.is_absolute() or len(path.parts) < 2 or path.as_posix() != rest):
+    out = {}
+    for name in (name for name in attachments if name.startswith(f"{FOLDER}/")):
+        path = PurePosixPath(name.removeprefix(f"{FOLDER}/"))
+        odd = any(_hidden(part) or set(part) & set('\\:\0') or not part.isprintable() for part in path.parts)
+        if odd or path.is_absolute() or len(path.parts) < 2 or f"{FOLDER}/{path.as_posix()}" != name:
             raise LogError(f"is damaged: attachment {name!r}", place="log")
-        if top == FOLDER:
-            out[path] = data
+        out[path] = attachments[name]
     return out
