@@ -68,9 +68,9 @@ class Mass(Table):
 
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check that the aircraft can be loaded."""
-        least = self.empty_t + self.fuel_t
-        if not self.mass_t[0] > least:
-            wrong.add(f"begins at {self.mass_t[0]:g} t", key="mass_t", allowed=f"above empty_t + fuel_t = {least:g} t")
+        least, low = self.empty_t + self.fuel_t, self.mass_t[0]
+        allowed = f"above empty_t + fuel_t = {least:g} t"
+        wrong.require(low > least, f"begins at {low:g} t", key="mass_t", allowed=allowed)
 
 
 class Limits(Table):
@@ -143,12 +143,12 @@ class Aircraft(Table):
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check the elevator's segments, and the parameters of actuators."""
         segments = self.elevator.segments
-        if not segments:
-            wrong.add("elevator has no segment")
-        if len({s.short for s in segments.values()}) < len(segments):
-            wrong.add("two elevator segments have the same short name")
-        for name in (n for n in segments if n.split("_")[0] not in ("left", "right")):
-            wrong.add("the name of a segment begins with left or right", key=f"elevator.{name}")
+        wrong.require(segments, "elevator has no segment")
+        short = {s.short for s in segments.values()}
+        wrong.require(len(short) == len(segments), "two elevator segments have the same short name")
+        for name in segments:
+            sided = name.split("_")[0] in ("left", "right")
+            wrong.require(sided, "the name of a segment begins with left or right", key=f"elevator.{name}")
         for technology in (t for t in SHIPPED if t.name in self.actuators):
             keys = {name: _of_the_sign(name, value) for name, value in technology.parameters(()).items()}
             what = f"{technology.article} actuator"

@@ -21,23 +21,15 @@ FEEDBACKS = ("measured", "iotsekf", "rtsekf", "rtsekf_flight")
 SURFACES = ("aileron.left", "aileron.right", "rudder", "stabiliser")
 
 
-_deg = SURFACE_DEG
-_deg_s = Unit("deg_s", RAD_PER_DEG, "rad/s", 90.0)
-_deg_s2 = Unit("deg_s2", RAD_PER_DEG, "rad/s2", 90.0)
-_kt = Unit("kt", M_S_PER_KT, "m/s", 200.0)
-_g = Unit("g", 1.0, "g", 5.0)
-_height = (Unit("m", 1.0, "m", 5000.0), Unit("ft", M_PER_FT, "m", 15000.0))
-_climb = (Unit("m_s", 1.0, "m/s", 100.0), Unit("ft_s", M_PER_FT, "m/s", 300.0))
-
 SENSORS = {  # aircraft sensor -> units of its faults and settings; the first one is its own
-    **dict.fromkeys(("alpha", "beta", "phi", "theta", "psi", "alpha_ground"), (_deg,)),
-    **dict.fromkeys(("p", "q", "r"), (_deg_s,)),
-    **dict.fromkeys(("pdot", "qdot", "rdot"), (_deg_s2,)),
-    **dict.fromkeys(("cas", "tas"), (_kt,)),
+    **dict.fromkeys(("alpha", "beta", "phi", "theta", "psi", "alpha_ground"), (SURFACE_DEG,)),
+    **dict.fromkeys(("p", "q", "r"), (Unit("deg_s", RAD_PER_DEG, "rad/s", 90.0),)),
+    **dict.fromkeys(("pdot", "qdot", "rdot"), (Unit("deg_s2", RAD_PER_DEG, "rad/s2", 90.0),)),
+    **dict.fromkeys(("cas", "tas"), (Unit("kt", M_S_PER_KT, "m/s", 200.0),)),
     "mach": (Unit("mach", 1.0, "-", 0.5),),
-    **dict.fromkeys(("h_baro", "h_inertial"), _height),
-    **dict.fromkeys(("hdot", "v_ground"), _climb),
-    **dict.fromkeys(("n_x", "n_y", "n_z"), (_g,)),
+    **dict.fromkeys(("h_baro", "h_inertial"), (Unit("m", 1.0, "m", 5000.0), Unit("ft", M_PER_FT, "m", 15000.0))),
+    **dict.fromkeys(("hdot", "v_ground"), (Unit("m_s", 1.0, "m/s", 100.0), Unit("ft_s", M_PER_FT, "m/s", 300.0))),
+    **dict.fromkeys(("n_x", "n_y", "n_z"), (Unit("g", 1.0, "g", 5.0),)),
     **dict.fromkeys(("n1_1", "n1_2", "n1_3", "n1_4"), (Unit("pct", 1.0, "%", 100.0),)),
     "mass": (Unit("t", 1000.0, "kg", 100.0),),
     "cg": (Unit("pct", 0.01, "-", 20.0),),

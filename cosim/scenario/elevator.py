@@ -1,5 +1,5 @@
-"""[elevator]: technology, feedback and own parameters of every segment. [actuators]: technologies that a scenario brings
-along, a block in a file or an FMU (actuators/README.md)."""
+"""[elevator]: technology, feedback and own parameters of every segment. [actuators]: technologies that a scenario
+brings along, a block in a file or an FMU (actuators/README.md)."""
 
 import functools
 import os
@@ -59,8 +59,7 @@ class Elevator(Table, extra="allow"):
             if isinstance(word, dict) and len(word) == 1 and isinstance(parameters, dict):
                 ((technology[name], own),) = word.items()
                 parameters = {**parameters, name: own}
-            if technology[name] not in known:
-                wrong.add("is not one of the choices", key=name, allowed=", ".join(known))
+            wrong.require(technology[name] in known, "is not one of the choices", key=name, allowed=", ".join(known))
         word = given if isinstance(given, str) else "iotsekf"
         if word not in c.FEEDBACKS:
             wrong.append(choice(word, c.FEEDBACKS, "feedback", key="feedback"))
@@ -79,9 +78,9 @@ class Elevator(Table, extra="allow"):
         wrong.unknown(self.feedback, self.technology, "feedback.")
         wrong.unknown(self.parameters, self.technology, "parameters.")
         for name, tech in self.technology.items():
-            if tech != "hydraulic" and self.feedback[name] != "measured":
-                said = f"{self.feedback[name]} is a filter of hydraulic actuators, {name} is {tech}"
-                wrong.add(said, key=f"feedback.{name}", allowed="measured")
+            said = f"{self.feedback[name]} is a filter of hydraulic actuators, {name} is {tech}"
+            fits = tech == "hydraulic" or self.feedback[name] == "measured"
+            wrong.require(fits, said, key=f"feedback.{name}", allowed="measured")
             if name in self.parameters:
                 own = c.TECHNOLOGIES[tech]
                 nominal = own.parameters(of(info).own(tech)).items()
@@ -132,8 +131,8 @@ class OwnActuator(Table):
         wrong.one_of(("file", "fmu"), {key for key, value in self if value is not None}, who="an actuator")
         if self.fmu is None:
             for part in ("inputs", "outputs", "start", "parameters"):
-                if getattr(self, part):
-                    wrong.add("is of an FMU", key=part, remedy="Those of a block stand in its file: params()")
+                remedy = "Those of a block stand in its file: params()"
+                wrong.require(not getattr(self, part), "is of an FMU", key=part, remedy=remedy)
             return
         own, other = ("valve_command", "command") if self.servo else ("command", "valve_command")
         inputs = {word: si for word, si in INPUTS.items() if word != other}
@@ -142,9 +141,9 @@ class OwnActuator(Table):
         for part, words, needed in every:
             given = getattr(self, part)
             wrong.unknown(given, words, f"{part}.", of=part)
-            for word in (word for word in needed if word not in given):
+            for word in needed:
                 allowed = "{ variable = ..., unit = ... }"
-                wrong.add("is missing", key=f"{part}.{word}", allowed=allowed, lacks=[word])
+                wrong.require(word in given, "is missing", key=f"{part}.{word}", allowed=allowed, lacks=[word])
             for word, unit in ((word, variable.unit) for word, variable in given.items() if word in words):
                 if unit not in ("", *TO_SI[words[word]]):
                     wrong.append(choice(unit, TO_SI[words[word]], f"unit of {word}", key=f"{part}.{word}.unit"))

@@ -110,22 +110,21 @@ class Inputs(Table, extra="allow"):
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check that the columns make a table."""
         times, columns = self.time_s, self.columns
-        if (total := sum(map(len, (times, *columns.values())))) > MOST:
-            wrong.add(f"the table has {total:,} numbers", key=TIME, allowed=f"up to {MOST:,}")
-        if not columns or not times:
-            said = "no input beside it" if times else "there are no rows"
-            wrong.add(said, key=TIME, allowed=f"rows of numbers for {TIME} and {', '.join([*RANGES][1:])}")
+        total = len(times) + sum(map(len, columns.values()))
+        wrong.require(total <= MOST, f"the table has {total:,} numbers", key=TIME, allowed=f"up to {MOST:,}")
+        said = "no input beside it" if times else "there are no rows"
+        rows = f"rows of numbers for {TIME} and {', '.join([*RANGES][1:])}"
+        wrong.require(columns and times, said, key=TIME, allowed=rows)
         for row, (before, after) in enumerate(itertools.pairwise(times), 1):
-            if not after > before:
-                wrong.add(f"does not come after {before:g}", key=f"{TIME}.{row}", allowed="rising times")
+            said = f"does not come after {before:g}"
+            wrong.require(after > before, said, key=f"{TIME}.{row}", allowed="rising times")
         for name, values in columns.items():
-            if len(values) != len(times):
-                said = f"has {len(values)} numbers, {TIME} has {len(times)}"
-                wrong.add(said, key=name, allowed="one in each row")
+            said = f"has {len(values)} numbers, {TIME} has {len(times)}"
+            wrong.require(len(values) == len(times), said, key=name, allowed="one in each row")
         for pair in EITHER:
             wrong.one_of(pair, columns)
-        if self.hold_speed and {"throttle", "throttle_change"} & columns.keys():
-            wrong.add("the table moves the throttles, too", key="hold_speed", allowed="false")
+        idle = not self.hold_speed or columns.keys().isdisjoint({"throttle", "throttle_change"})
+        wrong.require(idle, "the table moves the throttles, too", key="hold_speed", allowed="false")
 
     @property
     def columns(self) -> dict[str, tuple[float, ...]]:

@@ -90,11 +90,6 @@ class Law(Table, extra="allow"):
     sha256: str | None = None
     reallocate: bool = False  # what control_redundancy isolates is flown around by the effectors that are left
 
-    @property
-    def gains(self) -> dict[str, float]:
-        """Return {gain: value} as written."""
-        return dict(self.model_extra or {})
-
 
 class Detectors(Table, extra="allow"):
     """The detectors that run, and a table of parameters for each."""
@@ -151,9 +146,8 @@ class Scenario(Table):
 
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check that there is a tick, and that the faults can be together."""
-        if not self.ticks:
-            said = f"is less than a tick at {self.rate_hz} Hz"
-            wrong.add(said, key="duration_s", allowed=f"{self.dt:g} to 36000")
+        said = f"is less than a tick at {self.rate_hz} Hz"
+        wrong.require(self.ticks, said, key="duration_s", allowed=f"{self.dt:g} to 36000")
         check_together(self.faults, self.elevator.technology, wrong)
 
     @property

@@ -15,7 +15,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, redirect_stdout
+from contextlib import redirect_stdout
 from pathlib import Path, PurePosixPath
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -71,23 +71,22 @@ def identity(path: str | os.PathLike) -> UserPart:
     return UserPart(path.name, out.hexdigest())
 
 
-def load(path: str | os.PathLike, error: Callable[[str], Exception] | None = None) -> tuple[ModuleType, UserPart]:
+def load(path: str | os.PathLike, error: Callable[[str], Exception]) -> tuple[ModuleType, UserPart]:
     """Run a Python file, or a folder with `__init__.py`, once per content; return (its module, what it is).
 
-    Whatever it raises becomes `error(text)`, by default a ScenarioError that names it.
+    Whatever it raises becomes `error(text)`.
     """
     path = Path(os.path.realpath(os.path.expanduser(path)))
-    made = error or (lambda text: ScenarioError(text, place=str(path)))
     file = path / "__init__.py" if path.is_dir() else path
     if file.suffix != ".py" or not file.is_file():
-        raise made("is no Python code; allowed: a file that ends in .py, a folder with __init__.py")
+        raise error("is no Python code; allowed: a file that ends in .py, a folder with __init__.py")
     part = identity(path)
     if _loaded.get(path, ("",))[0] != part.sha256:
         if path in _loaded:
             from actuators.kernels import forget  # it needs NumPy
 
             forget()  # compiled code of the part as it was
-        _loaded[path] = part.sha256, _run(path, file, part, made)
+        _loaded[path] = part.sha256, _run(path, file, part, error)
     return _loaded[path][1], part
 
 
@@ -99,7 +98,7 @@ def _run(path, file, part, error):
     module, here, before = importlib.util.module_from_spec(spec), os.getcwd(), sys.dont_write_bytecode
     sys.modules[name], sys.dont_write_bytecode = module, True
     try:
-        with stdout_to_stderr():
+        with redirect_stdout(sys.stderr):  # standard output is the program's own
             exec(compile(file.read_bytes(), str(file), "exec"), vars(module))  # as it stands, whatever __pycache__ has
     except BaseException as wrong:
         sys.modules.pop(name)
@@ -110,11 +109,6 @@ def _run(path, file, part, error):
         sys.dont_write_bytecode = before
         os.chdir(here)
     return module
-
-
-def stdout_to_stderr() -> AbstractContextManager:
-    """Send what a user's code prints to standard error: standard output is the program's own."""
-    return redirect_stdout(sys.stderr)
 
 
 class Place(NamedTuple):
@@ -250,10 +244,7 @@ def bring_aircraft(tables: dict[str, Any], attachments: Mapping[str, bytes], pla
     sha256 = str(at.table.get(at.digest))
     if sha256 not in _aircraft:
         home = tempfile.TemporaryDirectory(prefix="cosim-aircraft-")
-        try:
-            _unpack(files, Path(home.name))
-        except OutputError as error:
-            raise LogError(f"its aircraft cannot be written out: {error.problem}", place=place) from None
+        _unpack(files, Path(home.name))
         folder = Path(home.name, "flight", at.path.name)
         if not folder.is_dir() or identity(folder).sha256 != sha256:
             raise LogError("is damaged: its aircraft is not the one that flew", place=place)

@@ -145,11 +145,6 @@ def _output(name, lane):
     return Signal(source, "detector", meaning, unit, source, "", f"/detectors/{detector}/{at}", column(field), has)
 
 
-def outputs(module: Any) -> list[str]:
-    """Return the names of a detector's outputs, elements of arrays as `name[i]`."""
-    return elements(module.STATE, module.OUTPUTS)
-
-
 def elements(kind: Any, names: Sequence[str]) -> list[str]:
     """Return the elements of fields `names` of a record, in memory order; those of an array as `name[i]`."""
     own = [(name, kind[name]) for name in kind.names if name in names]
