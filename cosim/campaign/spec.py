@@ -43,9 +43,9 @@ from cosim.campaign.draw import Draw, unit_cube
 from cosim.campaign.worker import Packed
 from cosim.errors import CampaignError, CosimError, Mistakes, joined
 from cosim.scenario import Scenario, load_scenario, parse
+from cosim.scenario.catalog import toleranced
 from cosim.scenario.load import assigned, text_of
 from cosim.scenario.problem import Origin, Table, explained, within
-from cosim.scenario.tolerance import toleranced
 from cosim.scenario.toml import inline
 from cosim.scenario.user_parts import identified, locate
 from cosim.texts import read, toml

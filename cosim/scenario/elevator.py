@@ -12,7 +12,6 @@ from actuators.constants import TO_SI
 from actuators.technology import Key
 from cosim.errors import ScenarioError
 from cosim.scenario import catalog as c
-from cosim.scenario import tolerance
 from cosim.scenario.aircraft import of
 from cosim.scenario.problem import MULTIPLIER, Problems, Table, choice
 from cosim.scenario.user_parts import load
@@ -85,7 +84,7 @@ class Elevator(Table, extra="allow"):
                 own = c.TECHNOLOGIES[tech]
                 nominal = own.parameters(of(info).own(tech)).items()
                 keys = {k: _near(k, v) for k, v in nominal if k not in own.fixed}
-                units = {key: unit for key, (_, unit) in tolerance.meanings(tech).items()}
+                units = {key: unit for key, (_, unit) in c.meanings(tech).items()}
                 for part, values in self.parameters[name]:
                     wrong.numbers(values, keys, f"{own.article} actuator", f"parameters.{name}.{part}.", units)
 

@@ -193,12 +193,10 @@ class Manoeuvre(Table, extra="allow"):
 
 def _of_its_kind(raw: Any, info: ValidationInfo) -> Any:
     """Return the manoeuvre of a table, of the class that its kind names."""
-    if not isinstance(raw, dict):
-        raise problem("must be a table")
-    kind, choices = raw.get("kind"), ", ".join(KINDS)
-    if not isinstance(kind, str) or kind not in KINDS:
-        said = "is no manoeuvre" if "kind" in raw else "is missing"
-        raise problem(said, key="kind", allowed=choices, remedy=did_you_mean(kind or "", KINDS))
+    kind = str(raw.get("kind", "")) if isinstance(raw, dict) else "cruise"  # which refuses what is no table
+    if kind not in KINDS:
+        said = "is no manoeuvre" if kind else "is missing"
+        raise problem(said, key="kind", allowed=", ".join(KINDS), remedy=did_you_mean(kind, KINDS))
     return (Inputs if kind == "inputs" else Manoeuvre).model_validate(raw, context=info.context)
 
 

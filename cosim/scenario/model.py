@@ -13,7 +13,6 @@ from cosim.scenario.fault import Fault, check_together
 from cosim.scenario.flight import Flight
 from cosim.scenario.manoeuvre import CRUISE, AnyManoeuvre
 from cosim.scenario.problem import MULTIPLIER, Duration, Problems, Table, choice, problem, within
-from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_parts import UserPart
 from fdi.registry import DEFAULT, SHIPPED, USER_DETECTORS
 
@@ -62,10 +61,10 @@ class Tolerances(Table, extra="allow"):
     @classmethod
     def filled(cls, raw: dict[str, Any], wrong: Problems, info: ValidationInfo) -> dict[str, Any]:
         """Check the names and numbers; add a table for each technology that has parameters."""
-        groups = ["aero", *(t.name for t in c.SHIPPED if t.servo)]
+        groups = c.MULTIPLIED
         wrong.unknown(raw, groups)
         for group in (group for group in groups if raw.get(group) and isinstance(raw[group], dict)):
-            known = of(info).multipliers if group == "aero" else toleranced(group)
+            known = of(info).multipliers if group == "aero" else c.toleranced(group)
             wrong.numbers(raw[group], dict.fromkeys(known, MULTIPLIER), group, f"{group}.")
         return {**{name: {} for name in groups}, **raw}
 

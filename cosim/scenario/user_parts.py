@@ -212,12 +212,7 @@ def write(tables: dict[str, Any], attachments: Mapping[str, bytes], folder: Path
     of it.
     """
     files = _files(attachments)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        held = any(folder.iterdir())
-    except OSError as error:
-        raise OutputError(f"cannot be written: {error.strerror}", place=str(folder)) from None
-    if held:
+    if any(folder.glob("*")):
         raise OutputError("holds something", place=str(folder), remedy="Choose an empty folder, or a new one, with -o")
     missing = []
     for at in places(tables):

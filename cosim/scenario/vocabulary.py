@@ -153,12 +153,12 @@ def elements(kind: Any, names: Sequence[str]) -> list[str]:
 
 def inventory() -> list[dict[str, str]]:
     """Return [{name, kind, unit, summary, topic, field}] of the vocabulary, for `cosim list signals`."""
-    out = []
-    for s in words().values():
-        summary = s.meaning + (f"; of an actuator: {', '.join(s.technologies)}" if s.technologies else "")
-        about = {"name": s.word, "kind": s.kind, "unit": s.unit, "summary": summary}
-        out.append({**about, "topic": s.topic.format(lane="<segment>"), "field": s.field})
-    return out
+    return [
+        {"name": s.word, "kind": s.kind, "unit": s.unit,
+         "summary": s.meaning + (f"; of an actuator: {', '.join(s.technologies)}" if s.technologies else ""),
+         "topic": s.topic.format(lane="<segment>"), "field": s.field}
+        for s in words().values()
+    ]  # fmt: skip
 
 
 # Where the sections of the bus stand in the log; those that are not named here are an actuator's or a detector's
