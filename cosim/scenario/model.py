@@ -61,7 +61,7 @@ class Tolerances(Table, extra="allow"):
     @classmethod
     def filled(cls, raw: dict[str, Any], wrong: Problems, info: ValidationInfo) -> dict[str, Any]:
         """Check the names and numbers; add a table for each technology that has parameters."""
-        groups = c.MULTIPLIED
+        groups = ["aero", *(t.name for t in c.SHIPPED if t.servo)]
         wrong.unknown(raw, groups)
         for group in (group for group in groups if raw.get(group) and isinstance(raw[group], dict)):
             known = of(info).multipliers if group == "aero" else c.toleranced(group)
