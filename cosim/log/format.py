@@ -66,15 +66,6 @@ class Topic:
                 raise ValueError(f"topic {self.name!r}: {said}")
 
 
-@dataclass
-class Damage:
-    """Say which bytes of a log are lost, and why."""
-
-    offset: int
-    length: int
-    reason: str
-
-
 def channel_metadata(parts: Any) -> dict:
     """Return the text that describes the parts of a channel in its record: rate, group, and each part's fields.
 

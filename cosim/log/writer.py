@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from isal.isal_zlib import crc32
+from mcap.records import Attachment, Channel, Metadata, Schema
 
 from cosim.errors import CosimError
 
@@ -71,13 +72,14 @@ class LogWriter:
     ):  # fmt: skip
         self.dt_ns, topics, self._pose, self._rows = int(dt_ns), list(topics), pose, rows_per_chunk
         _check(topics, n_values, self.dt_ns, metadata or {})
+        metadata = {"log": {"dt_ns": str(self.dt_ns)}, **(metadata or {})}
         self._shape, self._compression, self._kept = (n_values,), compression, kept
         self._messages: list[tuple[int, str, bytes]] = []  # (tick, topic, payload) of those to come, in order
         keep_memory()
-        declared: list = [(name, schema_name(name), schema_data(name, tuple(parts)), channel_metadata(parts))
-                          for name, parts in by_channel(topics).items()]  # fmt: skip
-        declared += [(name, m.DESCRIPTOR.full_name, foxglove.schema(m), {}) for name, m in foxglove.TOPICS.items()]
-        self._layout = Layout(topics, {name: i for i, (name, *_) in enumerate(declared, 1)}, self.dt_ns)
+        records = [*_channels(topics), *(Metadata(name, dict(texts)) for name, texts in metadata.items())]
+        records += [Attachment(0, 0, name, kind, bytes(data)) for name, (kind, data) in (attachments or {}).items()]
+        self._ids = {r.topic: r.id for r in records if isinstance(r, Channel)}
+        self._layout = Layout(topics, self._ids, self.dt_ns)
         self._blocks = [target_of(block, topics, rows_per_chunk) for block in self._layout.blocks]
         self._places: list[Target] = []  # of the pose
         if pose is not None:
@@ -86,7 +88,7 @@ class LogWriter:
         self._last = self._blocks[-1].at  # of the fastest rate, one row a tick: what counts the ticks comes last
         self._file = LogFile(path, kept=kept)
         try:
-            self._file.preamble(declared, {"log": {"dt_ns": str(self.dt_ns)}, **(metadata or {})}, attachments or {})
+            self._file.preamble(records)
         except BaseException:
             self._file.drop()
             raise
@@ -139,28 +141,25 @@ class LogWriter:
         for block, target in zip(self._layout.blocks, self._blocks):
             ticks = block.ticks(k0, n)
             blocks.append(block.stamp(target.of(ticks), ticks, self.dt_ns).data if ticks else b"")
-        tail, index = self._tail(sum(self._layout.sizes(k0, n)), k0, n)
-        content = b"".join([*blocks, tail])
+        content = b"".join([*blocks, self._tail(k0, n)])
         times = k0 * self.dt_ns, (k0 + n - 1) * self.dt_ns
         data = compress(content, self._compression)
-        entries = (*self._layout.index(k0, n), *index.items())
-        self._file.chunk(data, self._compression, times, len(content), crc32(content), entries)
+        index = self._layout.index(content, k0, n)
+        self._file.chunk(data, self._compression, times, len(content), crc32(content), index)
         del self._messages[: bisect_left(self._messages, (k0 + n,))]
 
-    def _tail(self, size, k0, n):
-        """Return the irregular messages of this chunk as (bytes, {channel: (messages, 2) of time and offset})."""
+    def _tail(self, k0, n):
+        """Return the irregular messages of this chunk in the order of time."""
         first, stop = (bisect_left(self._messages, (k,)) for k in (k0, k0 + n))
         tail = self._messages[first:stop]
         for target in self._places:
             ticks = range(k0 + -k0 % target.every, k0 + n, target.every)
             tail += self._pose.messages(target.of(ticks).view("<f8"), ticks.start, self.dt_ns)
-        entries: dict = {}
         out = bytearray()
         for k, name, data in sorted(tail, key=lambda m: m[0]):
-            channel, ns = self._file.ids[name], k * self.dt_ns
-            entries.setdefault(channel, []).append((ns, size + len(out)))
-            out += HEAD.pack(5, HEAD.size - 9 + len(data), channel, k, ns, ns) + data
-        return bytes(out), {channel: np.array(own, "<u8") for channel, own in entries.items()}
+            ns = k * self.dt_ns
+            out += HEAD.pack(5, HEAD.size - 9 + len(data), self._ids[name], k, ns, ns) + data
+        return out
 
     def close(self, result: dict | None = None) -> None:
         """Write what is buffered, the result with a hash of all samples, and the summary; no result: incomplete.
@@ -189,6 +188,16 @@ class LogWriter:
             if isinstance(error, CosimError) and self.path == os.fspath(self._file.part):
                 left = f"The flight so far is {self.path}: remove it before the next flight to this log"
                 error.remedy = ". ".join(filter(None, (error.remedy, left)))
+
+
+def _channels(topics):
+    """Yield the Schema and the Channel of each message of a log."""
+    declared: list = [(name, schema_name(name), schema_data(name, tuple(parts)), channel_metadata(parts))
+                      for name, parts in by_channel(topics).items()]  # fmt: skip
+    declared += [(name, m.DESCRIPTOR.full_name, foxglove.schema(m), {}) for name, m in foxglove.TOPICS.items()]
+    for i, (topic, message, data, texts) in enumerate(declared, 1):
+        yield Schema(id=i, name=message, encoding="protobuf", data=data)
+        yield Channel(id=i, topic=topic, message_encoding="protobuf", metadata=texts, schema_id=i)
 
 
 def _check(topics, n_values, dt_ns, metadata):
