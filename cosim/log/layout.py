@@ -215,9 +215,8 @@ class Layout:
             start += rows.size
         _ = list(self.tail(content, k0, n))
 
-    def places(self, columns: Iterable[tuple[str, int]]) -> tuple[int, list[int]]:
+    def places(self, columns: Sequence[tuple[str, int]]) -> tuple[int, list[int]]:
         """Return (number of the block, offset in its rows of each) of columns (part, field) of one rate."""
-        columns = list(columns)
         number = next(i for i, block in enumerate(self.blocks) if columns[0][0] in block.places)
         return number, [self.blocks[number].places[part][field] for part, field in columns]
 
@@ -229,7 +228,5 @@ def doubles(rows: np.ndarray) -> np.ndarray:
 
 def content_hash(chunks: Iterable[Any]) -> str:
     """Return the SHA-256 of the chunks' tick times, sizes and CRCs: it changes with any sample."""
-    digest = hashlib.sha256()
-    for chunk in chunks:
-        digest.update(struct.pack("<QQQI", chunk.start_ns, chunk.end_ns, chunk.size, chunk.crc))
-    return digest.hexdigest()
+    told = (struct.pack("<QQQI", chunk.start_ns, chunk.end_ns, chunk.size, chunk.crc) for chunk in chunks)
+    return hashlib.sha256(b"".join(told)).hexdigest()

@@ -3,6 +3,7 @@
 import hashlib
 import os
 import struct
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
@@ -140,14 +141,13 @@ class LogFile:
 
     def _summary_at(self, start):
         """Return the bytes of the summary, which begins at `start`, of the footer and the magic."""
-        counts: dict[int, int] = {}
+        counts: Counter[int] = Counter()
         for c in self.chunks:
             places = {channel: at for channel, (at, _) in c.places.items()}
             index = ChunkIndex(c.end - c.offset, c.offset, c.compression, c.data_size, c.end_ns, c.index_end - c.end,
                                places, c.start_ns, c.size)  # fmt: skip
             self._summary[ChunkIndex].append(encoded(index))
-            for channel, (_, messages) in c.places.items():
-                counts[channel] = counts.get(channel, 0) + messages
+            counts.update({channel: messages for channel, (_, messages) in c.places.items()})
         count = {kind: len(blobs) for kind, blobs in self._summary.items()}
         self._summary[Statistics] = [encoded(Statistics(
             attachment_count=count[AttachmentIndex], channel_count=count[Channel],

@@ -156,7 +156,7 @@ class Log:
         if not columns:
             return np.empty((sum(map(len, self._within(1, start, stop).values())), 0))
         layout = self._scan.layout
-        number, places = layout.places((part, at) for _, part, at in columns)
+        number, places = layout.places([(part, at) for _, part, at in columns])
         every = layout.blocks[number].every
         spans = self._within(every, start, stop)
         out, done = np.empty((sum(map(len, spans.values())), len(columns))), 0

@@ -69,10 +69,6 @@ class Contents:
         """Return (first tick, number of ticks) of a chunk."""
         return chunk.start_ns // self.dt_ns, (chunk.end_ns - chunk.start_ns) // self.dt_ns + 1
 
-    def lose(self, start: int, stop: int, error: LogError) -> None:
-        """Note that the bytes from `start` to `stop` are lost, and why."""
-        self.damage.append({"offset": start, "bytes": stop - start, "reason": error.problem})
-
 
 def scan(path: str | Path, tolerant: bool = False) -> Contents:
     """Return the Contents of a log; raises LogError when it cannot be read, is foreign or damaged.
@@ -89,9 +85,15 @@ def scan(path: str | Path, tolerant: bool = False) -> Contents:
             except LogError as error:
                 if not tolerant or found.layout is None:
                     raise
-                found.lose(found.at, found.size, error)
-            if tolerant:
-                found.chunks = [chunk for chunk in found.chunks if _is_whole(found, file, chunk)]
+                found.damage.append({"offset": found.at, "bytes": found.size - found.at, "reason": error.problem})
+            for chunk in [*found.chunks] if tolerant else ():
+                try:
+                    load(found, file, chunk)
+                except LogError as error:
+                    found.chunks.remove(chunk)
+                    found.whole = False
+                    size = chunk.end - chunk.offset
+                    found.damage.append({"offset": chunk.offset, "bytes": size, "reason": error.problem})
             return found
     except OSError as error:
         raise log_error(f"cannot read the log: {error.strerror}", path) from error
@@ -115,8 +117,6 @@ def _walk(found, file):
             elif opcode != Opcode.MESSAGE_INDEX:
                 raise ValueError("it has no place here")
         raise log_error(_CUT, found.path, found.at, _RECOVER)
-    except LogError:
-        raise
     except BAD as error:
         said = f"damaged or foreign record: {str(error) or type(error).__name__}"
         raise log_error(said, found.path, found.at) from error
@@ -140,7 +140,8 @@ def _parsed(kind, body):
 
 def _preamble(found, stream):
     """Take the records before the first chunk; their hash is compared before any but the first is parsed."""
-    digest, kept = hashlib.sha256(MAGIC), []
+    digest = hashlib.sha256(MAGIC)
+    kept: list[tuple[int, bytes]] = []
     for opcode, body in stream:
         if not kept:
             _check_header(found, _parsed(Header, body).library)
@@ -175,20 +176,19 @@ def _check_header(found, library):
 
 def _chunk(found, body):
     """Return the Chunk of a record; its content is decompressed and compared when it is asked for."""
-    start, end, size, crc, name_length = struct.unpack_from("<QQQII", body)
-    compression, head = bytes(body[32 : 32 + min(name_length, 16)]).decode(), 40 + name_length
-    if compression not in COMPRESSIONS or len(compression) != name_length:
-        raise ValueError(f"unknown compression {compression!r}")
-    if struct.unpack_from("<Q", body, 32 + name_length) != (len(body) - head,):
-        raise ValueError("its length is wrong")
-    if size > MOST_CHUNK:
-        raise ValueError(f"{size} bytes of content are beyond the reader's limit")
-    if not start <= end < 2**63 or (found.chunks and start <= found.chunks[-1].end_ns):
-        raise ValueError(f"times {start} to {end} ns do not follow those before")
-    begin = found.at + _RECORD.size
-    chunk = Chunk(found.at, begin + len(body), begin + head, len(body) - head, compression, size, crc, start, end)
-    if size < sum(found.layout.sizes(*found.ticks(chunk))):
-        raise ValueError(f"{size} bytes of content cannot hold its ticks")
+    start, end, size, crc, length = struct.unpack_from("<QQQII", body)
+    (stated,), compression = struct.unpack_from("<Q", body, 32 + length), body[32 : 32 + min(length, 16)].decode()
+    head, before = found.at + _RECORD.size + 40 + length, found.chunks[-1].end_ns if found.chunks else -1
+    chunk = Chunk(found.at, head + stated, head, stated, compression, size, crc, start, end)
+    for wrong, said in (
+        (compression not in COMPRESSIONS or len(compression) != length, f"unknown compression {compression!r}"),
+        (40 + length + stated != len(body), "its length is wrong"),
+        (size > MOST_CHUNK, f"{size} bytes of content are beyond the reader's limit"),
+        (not before < start <= end < 2**63, f"times {start} to {end} ns do not follow those before"),
+        (size < sum(found.layout.sizes(*found.ticks(chunk))), f"{size} bytes of content cannot hold its ticks"),
+    ):
+        if wrong:
+            raise ValueError(said)
     return chunk
 
 
@@ -201,17 +201,6 @@ def _end(found, body, summary):
     if summary[-_FOOTER.size :] != _FOOTER.pack(Opcode.FOOTER, 20, start, 0, crc32(summary[:-12]), MAGIC):
         raise log_error("the summary has no end, or is damaged (CRC)", found.path, start, _RECOVER)
     found.closed = True
-
-
-def _is_whole(found, file, chunk):
-    """Tell whether a chunk can be loaded; what cannot is damage."""
-    try:
-        load(found, file, chunk)
-    except LogError as error:
-        found.lose(chunk.offset, chunk.end, error)
-        found.whole = False
-        return False
-    return True
 
 
 def load(found: Contents, file: BinaryIO, chunk: Chunk) -> tuple[bytes, np.ndarray]:

@@ -22,15 +22,18 @@ RESERVED = ("log", "preamble", "result", "recovered")  # names of metadata
 
 
 class Target:
-    """Rows that the values of one rate are stored in: row k // every % len(rows) takes v[index] at the offsets `at`.
+    """Rows that the values of a block are stored in: row k // every % len(rows) takes v[index] at the offsets `at`.
 
     The last number of `at` is the tick after the one stored last.
     """
 
-    def __init__(self, every: int, index: Any, at: Any, rows: np.ndarray):
-        self.every, self.rows = every, rows
-        self.index, self.at = np.array(index, np.int64), np.array([*at, 0], np.int64)
-        self._values = doubles(rows)
+    def __init__(self, block: Block, topics: Sequence[Topic], ticks: int):
+        """Make rows for so many ticks, of topics that index the tick vector."""
+        index = {t.name: t.index for t in topics}
+        self.every, self.rows = block.every, np.tile(block.template, (-(-ticks // block.every), 1))
+        self.index = np.concatenate([index[name] for name in block.places])
+        self.at = np.concatenate([*block.places.values(), [0]])
+        self._values = doubles(self.rows)
 
     def store(self, k: int, v: np.ndarray) -> None:
         """Store the values of tick `k`."""
@@ -45,23 +48,15 @@ class Target:
         return self.rows[first : first + size] if whole else np.roll(self.rows, -first, 0)[:size]
 
 
-def target_of(block: Block, topics: Sequence[Topic], ticks: int) -> Target:
-    """Return the Target of a block's rows of so many ticks, of topics that index the tick vector."""
-    index = {t.name: t.index for t in topics}
-    columns = np.concatenate([index[name] for name in block.places])
-    rows = np.tile(block.template, (-(-ticks // block.every), 1))
-    return Target(block.every, columns, np.concatenate([*block.places.values()]), rows)
-
-
 class LogWriter:
     """Write one self-contained MCAP log; use it as a context manager.
 
     `topics` are the parts (at least one of them at every tick), `n_values` the length of the tick vector, `dt_ns` the
     tick [ns], `metadata` {name: {str: str}} and `attachments` {name: (media type, bytes)} go in first; `compression` is
-    "", "lz4" or "zstd"; `pose` adds /tf and /fix for viewers. It takes its place when it is closed; what stood there
-    stays until then. A kill or a full disk leaves `path`.part, unless `kept` is false, for what can be made again.
-    Leaving the context without `close(result=...)`, as Ctrl-C does, gives a readable log that counts as incomplete;
-    where it is not `kept`, an error leaves none.
+    "", "lz4" or "zstd"; `pose` adds /tf and /fix for viewers, of values that are logged at every tick. It takes its
+    place when it is closed; what stood there stays until then. A kill or a full disk leaves `path`.part, unless `kept`
+    is false, for what can be made again. Leaving the context without `close(result=...)`, as Ctrl-C does, gives a
+    readable log that counts as incomplete; where it is not `kept`, an error leaves none.
     Raises ValueError for topics that do not fit together, LogError when the file cannot be written.
     """
 
@@ -73,19 +68,17 @@ class LogWriter:
         self.dt_ns, topics, self._pose, self._rows = int(dt_ns), list(topics), pose, rows_per_chunk
         _check(topics, n_values, self.dt_ns, metadata or {})
         metadata = {"log": {"dt_ns": str(self.dt_ns)}, **(metadata or {})}
-        self._shape, self._compression, self._kept = (n_values,), compression, kept
+        self._compression, self._kept = compression, kept
         self._messages: list[tuple[int, str, bytes]] = []  # (tick, topic, payload) of those to come, in order
         keep_memory()
         records = [*_channels(topics), *(Metadata(name, dict(texts)) for name, texts in metadata.items())]
         records += [Attachment(0, 0, name, kind, bytes(data)) for name, (kind, data) in (attachments or {}).items()]
         self._ids = {r.topic: r.id for r in records if isinstance(r, Channel)}
         self._layout = Layout(topics, self._ids, self.dt_ns)
-        self._blocks = [target_of(block, topics, rows_per_chunk) for block in self._layout.blocks]
-        self._places: list[Target] = []  # of the pose
-        if pose is not None:
-            rows = np.zeros((-(-rows_per_chunk // pose.every), 48), "u1")
-            self._places = [Target(pose.every, pose.index, range(0, 48, 8), rows)]
-        self._last = self._blocks[-1].at  # of the fastest rate, one row a tick: what counts the ticks comes last
+        self._blocks = [Target(block, topics, rows_per_chunk) for block in self._layout.blocks]
+        every_tick = self._blocks[-1]  # of the fastest rate, one row a tick: what counts the ticks comes last
+        self._last, place = every_tick.at, dict(zip(every_tick.index.tolist(), every_tick.at))
+        self._where = [place[i] for i in pose.index] if pose else []
         self._file = LogFile(path, kept=kept)
         try:
             self._file.preamble(records)
@@ -105,11 +98,9 @@ class LogWriter:
 
     def append(self, v: np.ndarray) -> None:
         """Log the vector v (n_values,) of the next tick; it is copied. Raises LogError when the disk is full."""
-        if v.shape != self._shape:
-            raise ValueError(f"a vector of shape {v.shape}; the log takes {self._shape}")
         k, v = int(self._last[-1]), np.ascontiguousarray(v, float)
         self._room(k)
-        for target in (*self._places, *self._blocks):
+        for target in self._blocks:
             target.store(k, v)
 
     def _room(self, k):
@@ -119,7 +110,7 @@ class LogWriter:
     def schedule(self, tape: Any) -> None:
         """Schedule on a tape to log the bus."""
         tape.first(self._room)
-        for t in (*self._places, *self._blocks):
+        for t in self._blocks:
             tape.scatter(t.index, t.at, t.rows, t.every)
 
     def message(self, k: int, topic: str, data: bytes) -> None:
@@ -152,9 +143,9 @@ class LogWriter:
         """Return the irregular messages of this chunk in the order of time."""
         first, stop = (bisect_left(self._messages, (k,)) for k in (k0, k0 + n))
         tail = self._messages[first:stop]
-        for target in self._places:
-            ticks = range(k0 + -k0 % target.every, k0 + n, target.every)
-            tail += self._pose.messages(target.of(ticks).view("<f8"), ticks.start, self.dt_ns)
+        if self._pose:
+            places = doubles(self._blocks[-1].of(range(k0, k0 + n)))[:, self._where]
+            tail += self._pose.messages(places, k0, self.dt_ns)
         out = bytearray()
         for k, name, data in sorted(tail, key=lambda m: m[0]):
             ns = k * self.dt_ns
