@@ -27,7 +27,7 @@ Positive = Annotated[float, within(0.0, open_low=True)]
 
 def _rising(span: tuple[float, float]) -> tuple[float, float]:
     if not span[0] < span[1]:
-        raise ValueError(f"[{span[0]:g}, {span[1]:g}] is not [lowest, highest]")
+        raise ValueError("must be [lowest, highest]")
     return span
 
 
@@ -308,7 +308,7 @@ def _read(folder: Path) -> Aircraft:
     try:
         return Aircraft.model_validate({**table, "name": folder.name, "folder": folder})
     except ValidationError as error:
-        raise explained(error, table, Origin.of_toml(text, place)) from None
+        raise explained(error, table, Origin(place, text)) from None
 
 
 @of_folder

@@ -109,12 +109,5 @@ def other_fault(name: str) -> int | None:
     return int(found[1]) if found else None
 
 
-def source(name: str) -> str:
-    """Return the place on the bus of a condition's signal: of a measured one its value."""
-    if name == TIME:
-        return "clock.clock.t"
-    return name if name.count(".") > 1 else vocabulary.find(name).source
-
-
 def _wrong(problem, remedy=""):
     return ScenarioError(problem, allowed="comparisons such as 'n_z > 1.2', joined by and, or", remedy=remedy)

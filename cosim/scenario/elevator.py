@@ -76,7 +76,7 @@ class Elevator(Table, extra="allow"):
             what = f"{own.article} actuator"
             units = {key: unit for key, (_, unit) in tolerance.meanings(own.name).items()}
             for part, values in settings:
-                wrong.numbers(values, keys, what, f"parameters.{name}.{part}", units)
+                wrong.numbers(values, keys, what, f"parameters.{name}.{part}.", units)
 
     @property
     def technology(self) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """Read a scenario: a built-in name or a path, overrides on top; every mistake is named, with its line and key."""
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -51,17 +51,11 @@ def load_scenario(name_or_path: str | os.PathLike = DEFAULT, overrides: str | It
     text, folder = text_of(place, "scenario", ScenarioError)
     overrides = [overrides] if isinstance(overrides, str) else list(overrides)
     table, wrong, said = applied(toml(text, place=place, error=ScenarioError), overrides)
-
-    def origin() -> Origin:
-        made = Origin.of_toml(text, place)
-        for key, override in said:
-            made = made.overridden(key, f"{place}: {override}")
-        return made
-
     with wrong.caught():
+        origin = Origin(place, text, tuple((key, f"{place}: {override}") for key, _, override in said))
         made = parse(located(table, folder, place), place=place, origin=origin)
     wrong.check()
-    keys = {key.partition(".")[0] for key, _ in said}
+    keys = {key.partition(".")[0] for key, *_ in said}
     return made if "title" in keys or keys <= UNTITLED else retitled(made)
 
 
@@ -81,7 +75,7 @@ def located(table: dict[str, Any], folder: Path | None, place: str) -> dict[str,
     return inputs.located(locate(table, folder, place), folder, place)
 
 
-def parse(table: dict[str, Any], *, place: str = "scenario", origin: Callable[[], Origin] | None = None) -> Scenario:
+def parse(table: dict[str, Any], *, place: str = "scenario", origin: Origin | None = None) -> Scenario:
     """Return the Scenario of nested dicts; raises ScenarioError that names every mistake with `place` or, where
     `origin` tells it, the line or override, key, value and what is allowed."""
     try:
@@ -90,7 +84,7 @@ def parse(table: dict[str, Any], *, place: str = "scenario", origin: Callable[[]
             register(own)
         return Scenario.model_validate(table, context={"aircraft": aircraft_of(table), "actuators": tuple(own)})
     except ValidationError as error:
-        raise explained(error, table, origin() if origin else Origin(place)) from None
+        raise explained(error, table, origin or Origin(place)) from None
     except ScenarioError as error:
         error.place = f"{place}: {error.place}"
         raise

@@ -7,7 +7,7 @@ from pydantic import PlainValidator, ValidationInfo
 from actuators.technology import Key, Kind
 from cosim.errors import did_you_mean
 from cosim.scenario.inputs import RANGES, Inputs
-from cosim.scenario.problem import MISSING, Problems, Table, problem
+from cosim.scenario.problem import Problems, Table, problem
 
 _START = Key("start_s", 0.0, 36000.0, default=5.0)
 _GENTLE = Key("amplitude_g", -1.5, 1.5, default=0.15)  # stays inside the load factor that Alwi14's point C has left
@@ -67,7 +67,7 @@ class Manoeuvre(Table, extra="allow"):
 
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check the kind's own numbers."""
-        wrong.of_kind(KINDS[self.kind], self.model_extra or {}, self.kind, others=Manoeuvre.model_fields)
+        wrong.of_kind(KINDS[self.kind], self.model_extra or {}, self.kind, Manoeuvre.model_fields)
 
 
 def _of_its_kind(raw: Any, info: ValidationInfo) -> Any:
@@ -76,7 +76,7 @@ def _of_its_kind(raw: Any, info: ValidationInfo) -> Any:
         raise problem("must be a table")
     kind, choices = raw.get("kind"), ", ".join(KINDS)
     if not isinstance(kind, str) or kind not in KINDS:
-        said = "is no manoeuvre" if "kind" in raw else MISSING
+        said = "is no manoeuvre" if "kind" in raw else "is missing"
         raise problem(said, key="kind", allowed=choices, remedy=did_you_mean(kind or "", KINDS))
     return (Inputs if kind == "inputs" else Manoeuvre).model_validate(raw, context=info.context)
 

@@ -1,7 +1,6 @@
 """The scenario: a frozen tree of tables. Feet, knots, tonnes and degrees end here; properties without a unit are SI."""
 
 import math
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
@@ -20,18 +19,6 @@ from cosim.scenario.user_parts import UserPart
 from fdi.registry import DEFAULT, SHIPPED, USER_DETECTORS
 
 
-@dataclass(frozen=True)
-class SensorSetting:
-    """A sensor's own deviations from its set, in its own unit; None means as in the set. `scale` is the error (0 is
-    exact)."""
-
-    sigma: float | None = None
-    bias: float | None = None
-    scale: float | None = None
-    delay: float | None = None
-    quantum: float | None = None
-
-
 class Sensors(Table, extra="allow"):
     """The sensor set, and a table per sensor that deviates from it."""
 
@@ -46,17 +33,16 @@ class Sensors(Table, extra="allow"):
         given = self.model_extra or {}
         wrong.unknown(given, units)
         for name in (name for name in given if name in units):
-            wrong.numbers(given[name], _sensor_keys(units[name]), f"sensor {name}", name)
+            wrong.numbers(given[name], _sensor_keys(units[name]), f"sensor {name}", f"{name}.")
 
-    def setting(self, name: str, own: Any = lambda unit: 1.0) -> SensorSetting:
-        """Return the SensorSetting of sensor `name`; `own(unit)` is what one SI `unit`, or share of a nominal value
-        ("of supply", ...), is in the sensor's own unit."""
-        table = (self.model_extra or {}).get(name, {})
+    def setting(self, name: str, own: Any = lambda unit: 1.0) -> dict[str, float]:
+        """Return {sigma, bias, scale (its error: 0 is exact), delay, quantum} of sensor `name` in its own unit, those
+        that deviate from its set; `own(unit)` is what one SI `unit`, or share of a nominal value ("of supply", ...),
+        is in the sensor's own unit."""
         keys = _sensor_keys({**c.SENSORS, **c.ACTUATOR_SENSORS}[name])
-        values = {k.split("_")[0]: v * keys[k].factor * own(keys[k].si) for k, v in table.items()}
-        if "scale" in values:
-            values["scale"] -= 1.0
-        return SensorSetting(**values)
+        given = (self.model_extra or {}).get(name, {})
+        values = {k.split("_")[0]: v * keys[k].factor * own(keys[k].si) for k, v in given.items()}
+        return values | ({"scale": values["scale"] - 1.0} if "scale" in values else {})
 
 
 def _sensor_keys(units):
@@ -81,7 +67,7 @@ class Tolerances(Table, extra="allow"):
         wrong.unknown(raw, groups)
         for group in (group for group in groups if raw.get(group) and isinstance(raw[group], dict)):
             known = of(info).multipliers if group == "aero" else toleranced(group)
-            wrong.numbers(raw[group], dict.fromkeys(known, MULTIPLIER), group, group)
+            wrong.numbers(raw[group], dict.fromkeys(known, MULTIPLIER), group, f"{group}.")
         return {**{name: {} for name in groups}, **raw}
 
 
@@ -120,11 +106,11 @@ class Detectors(Table, extra="allow"):
     @classmethod
     def filled(cls, raw: dict[str, Any], wrong: Problems, info: ValidationInfo) -> dict[str, Any]:
         """Enable every detector there is, those of the table's files among them, where none is chosen."""
-        named = [name for name, own in raw.items() if isinstance(own, dict) and "file" in own]
         if "enabled" not in raw:
             users = {n: part for n, part in USER_DETECTORS.items() if part.file and n not in raw}
-            own = {n: {"file": part.file, "sha256": part.sha256} for n, part in users.items()}
-            raw = {"enabled": [*DEFAULT, *dict.fromkeys((*USER_DETECTORS, *named))], **own, **raw}
+            raw = {**{n: {"file": part.file, "sha256": part.sha256} for n, part in users.items()}, **raw}
+        named = [name for name, own in raw.items() if isinstance(own, dict) and "file" in own]
+        raw = {"enabled": [*DEFAULT, *dict.fromkeys((*USER_DETECTORS, *named))], **raw}
         known = (*SHIPPED, *USER_DETECTORS)
         enabled = raw["enabled"] if isinstance(raw["enabled"], list | tuple) else ()
         for i, name in enumerate(enabled):
@@ -169,7 +155,7 @@ class Scenario(Table):
         if not self.ticks:
             said = f"is less than a tick at {self.rate_hz} Hz"
             wrong.add(said, key="duration_s", allowed=f"{self.dt:g} to 36000")
-        check_together(self.faults, self.elevator.technology)
+        check_together(self.faults, self.elevator.technology, wrong)
 
     @property
     def running(self) -> tuple[str, ...]:
@@ -207,22 +193,21 @@ class Scenario(Table):
         return round(self.duration_s * self.rate_hz)
 
     def __repr__(self) -> str:
-        lines = (f"  {name:<10} {said}" for name, said in self._about())
-        return "\n".join([f"Scenario: {self.title or 'without a title'}", *lines])
-
-    __str__ = __repr__
-
-    def _about(self):
-        """Return [(what, in words)] of what differs from flight to flight; `expanded_toml` has all of it."""
-        f = self.flight
-        point = f"{f.aircraft}, {f.point}, {f.weather}"
+        """Return in words what differs from flight to flight; `expanded_toml` has all of it."""
+        f, technology = self.flight, self.elevator.technology.items()
         long = f"{self.duration_s:g} s at {self.rate_hz} Hz"
-        segments = ", ".join(f"{seg} {t}" for seg, t in self.elevator.technology.items())
-        out = [("flight", f"{long}: {point}, {self.manoeuvre.kind}, seed {self.seed}"), ("elevator", segments)]
+        said = {
+            "flight": f"{long}: {f.aircraft}, {f.point}, {f.weather}, {self.manoeuvre.kind}, seed {self.seed}",
+            "elevator": ", ".join(f"{segment} {name}" for segment, name in technology),
+        }
         for i, x in enumerate(self.faults):
             own = ", ".join(f"{k} {v:g}" for k, v in (x.model_extra or {}).items())
-            out.append((f"fault {i}", f"{x.kind} on {x.target} from {x.start_s:g} s{f' ({own})' if own else ''}"))
-        return [*out, ("detectors", ", ".join(self.running) or "none")]
+            said[f"fault {i}"] = f"{x.kind} on {x.target} from {x.start_s:g} s{f' ({own})' if own else ''}"
+        said["detectors"] = ", ".join(self.running) or "none"
+        title = f"Scenario: {self.title or 'without a title'}"
+        return "\n".join([title, *(f"  {name:<10} {words}" for name, words in said.items())])
+
+    __str__ = __repr__
 
     def injections(self) -> tuple:
         """Return the faults as a flat tuple of Injection: one per fault and member of its target, SI."""

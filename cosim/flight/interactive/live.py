@@ -71,11 +71,8 @@ def fly_live(
         return told(fault=flight.inject(**given))
 
     def heal(given):
-        fault = given.get("fault")
-        if isinstance(fault, bool) or not isinstance(fault, int | float) or fault != int(fault):
-            raise CosimError(f"fault must be an index, got {fault!r}", place="heal")
-        flight.heal(int(fault))
-        return told(fault=int(fault))
+        flight.heal(given.get("fault"))
+        return told(fault=int(given["fault"]))
 
     def pace(given):
         live.pace.change(checked_speed(given.get("value")), flight.tick)
@@ -101,7 +98,7 @@ def fly_live(
     if not flight.tick:
         raise KeyboardInterrupt
     wall = time.perf_counter() - began
-    result = flight.fly_again(progress=progress)
+    result = flight.result(timed=True, progress=progress)
     result.wall_time_s = wall  # that of the flight that was seen
     if ended and result.status == "completed":
         result.status, result.reason = "interrupted", f"at {flight.time:.2f} s by the user"
