@@ -126,7 +126,8 @@ def _records(found: Contents, file: BinaryIO) -> Iterator[tuple[int, bytes]]:
     """Yield (opcode, content) of the records behind the magic. Raises LogError for one that does not fit."""
     while head := file.read(_RECORD.size):
         opcode, length = _RECORD.unpack(head) if len(head) == _RECORD.size else (0, found.size)
-        if length > found.size - found.at - _RECORD.size:
+        # whatever length one claims behind the preamble, none is read that is longer than a chunk may be
+        if length > min(found.size - found.at - _RECORD.size, 2 * MOST_CHUNK if found.layout else found.size):
             raise log_error(_CUT, found.path, found.at, _RECOVER)
         body = file.read(length)
         yield opcode, body
