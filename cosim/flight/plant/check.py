@@ -10,7 +10,7 @@ from actuators.constants import FT_PER_M, G0, KT_PER_M_S
 from cosim.errors import ScenarioError, TrimError
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
-from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario.aircraft import load_aircraft, multipliers
 from cosim.scenario.catalog import TECHNOLOGIES
 
 SIGNS = (  # input, what it moves, which way, in words
@@ -140,7 +140,7 @@ def _multipliers(aircraft, point):
         hinges = [t[f"{k}_{s}"] / (G0 * 1e3) for k in ("hm0", "hmd") for s in aircraft.short.values()]
         return np.array([t.udot, t.vdot, t.wdot, t.pdot, t.qdot, t.rdot, *hinges])
 
-    names, base = aircraft.multipliers, state()
+    names, base = multipliers(aircraft.folder), state()
     dead = [one for one in names if not np.abs(state(one) - base).max() > 1e-9]
     said = f"{', '.join(dead)} change nothing" if dead else f"{len(names)} coefficients can be scaled"
     return _row("multipliers", bool(names) and not dead, said if names else "the model has none (aero/mult/...)")
