@@ -136,7 +136,8 @@ class Fault(Table, extra="allow"):
 
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check the kind's own numbers, and that the keys fit together."""
-        kind, own, sweep, oscillates = self.spec, self.model_extra or {}, c.SWEEP.name, self.kind in c.OSCILLATIONS
+        kind, own = self.spec, self.model_extra or {}
+        sweep, oscillates = c.SWEEP.name, self.kind in c.OSCILLATIONS
         ways = ("at", "place of entry", self.at, kind.at), ("path", "path", self.path, self.parsed.paths(self.kind))
         for key, what, given, allowed in ways:
             wrong.require(given in (allowed or (None,)), f"{given!r} is no {what} of {self.kind} on {self.target}",
