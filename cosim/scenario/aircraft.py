@@ -10,13 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, Field, ValidationError, ValidationInfo
+from pydantic import AfterValidator, Field, ValidationInfo
 
 from actuators.constants import RAD_PER_DEG
 from actuators.registry import SHIPPED
 from actuators.technology import Key
 from cosim.errors import ScenarioError, did_you_mean
-from cosim.scenario.problem import Origin, Problems, Table, explained, within
+from cosim.scenario.problem import Origin, Problems, Table, checked, within
 from cosim.texts import read, toml
 
 FOLDER = Path(__file__).resolve().parents[2] / "aircraft"
@@ -277,10 +277,7 @@ def _read(folder: Path) -> Aircraft:
     path = folder / RECORD
     place, text = f"{folder.name}/{RECORD}", read(path, error=ScenarioError)
     table = toml(text, place=place, error=ScenarioError)
-    try:
-        return Aircraft.model_validate({**table, "name": folder.name, "folder": folder})
-    except ValidationError as error:
-        raise explained(error, table, Origin(place, text)) from None
+    return checked(Aircraft, {**table, "name": folder.name, "folder": folder}, Origin(place, text))
 
 
 @of_folder

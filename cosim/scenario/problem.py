@@ -173,6 +173,16 @@ def explained(
     return joined(made)
 
 
+def checked(
+    model: type[BaseModel], table: dict[str, Any], origin: Origin, kind: type[CosimError] = ScenarioError
+) -> Any:
+    """Return the Table, of class `model`, of the tables of a file. Raises an error of `kind` that names every mistake; see `explained`."""
+    try:
+        return model.model_validate(table)
+    except ValidationError as error:
+        raise explained(error, table, origin, kind) from None
+
+
 def _beside(key, name):
     """Return the dotted key of `name` in the table of `key`."""
     return f"{key.rpartition('.')[0]}.{name}"
