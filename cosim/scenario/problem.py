@@ -176,7 +176,8 @@ def explained(
 def checked(
     model: type[BaseModel], table: dict[str, Any], origin: Origin, kind: type[CosimError] = ScenarioError
 ) -> Any:
-    """Return the Table, of class `model`, of the tables of a file. Raises an error of `kind` that names every mistake; see `explained`."""
+    """Return the Table, of class `model`, of the tables of a file. Raises an error of `kind` that names every mistake;
+    see `explained`."""
     try:
         return model.model_validate(table)
     except ValidationError as error:

@@ -36,7 +36,7 @@ def resolved(scenario: Scenario) -> Scenario:
         starts = {next_one: onset[next_one]} if next_one is not None else dict.fromkeys(waiting, scenario.duration_s)
         faults = tuple(f.at_time(starts[i]) if i in starts else f for i, f in enumerate(scenario.faults))
         changed = scenario.model_copy(update={"faults": faults})
-        scenario = parse(changed.model_dump(exclude_none=True))  # refuses what is not possible together
+        scenario = parse(changed.model_dump(exclude_none=True), place="")  # refuses what is not possible together
     return scenario
 
 
