@@ -190,7 +190,8 @@ def _beside(key, name):
 
 
 def _place(where, key, table):
-    """Return "where: key = value" of a key of the tables; an override of just this key is said once."""
+    """Return "where: key = value" of a key of the tables, of a table its key alone; an override of just this key is said
+    once."""
     file, set_, text = where.partition("--set ")
     exact = text.partition("=")[0].strip() == key
     value: Any = table
@@ -200,7 +201,7 @@ def _place(where, key, table):
     except (KeyError, IndexError, ValueError, TypeError):
         said = key
     else:
-        said = f"{key} = {inline(value)[:60]}"
+        said = key if isinstance(value, dict) else f"{key} = {inline(value)[:60]}"
     return f"{file}{set_}{said}" if exact else ": ".join(filter(None, (where, said)))
 
 
