@@ -158,7 +158,7 @@ def info(
     json_: shared.Json = False,
 ) -> None:
     """Say what a log holds and whether it is complete."""
-    from cosim.log.overview import log_info
+    from cosim.log import log_info
 
     only_with("--scenario", scenario, output=output)
     if output:
@@ -193,16 +193,16 @@ def report(
     """
     path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
     reserve(path, PAGE)
-    from cosim.report import comparison_report, diagnosis_report, flight_report
+    from cosim import report as pages  # each brings what it needs: that of a flight neither pandas nor SciPy
 
     if log.is_dir():
         from cosim.compare import compare
 
         with Progress("reading", "logs", console=err) as tell:
-            made = comparison_report(compare([log], progress=tell), path)
+            made = pages.comparison_report(compare([log], progress=tell), path)
     else:
         foreign = "map.toml" in cosim.open_log(log, tolerant=True).attachments
-        made = (diagnosis_report if foreign else flight_report)(log, path)
+        made = (pages.diagnosis_report if foreign else pages.flight_report)(log, path)
     answer(json_, {"report": str(made)}, lambda _: whole(f"report {made}"))
 
 

@@ -27,7 +27,7 @@ from cosim.replay import detector_replay as lanes
 from cosim.replay import log_schema
 from cosim.replay.detector_replay import Lane, tick_of
 from cosim.replay.log_schema import ReplayError, check_start
-from cosim.replay.write import Overlay
+from cosim.replay.write import overlay
 
 SPAN = 2000  # ticks that are replayed together
 __all__ = ["Difference", "Replay", "ReplayError", "replay"]
@@ -100,14 +100,14 @@ def replay(
     members = [_Member(log, lane, faults) for lane in every]
     _ready(every)
     with ExitStack() as stack, ThreadPoolExecutor(cores()) as pool:
-        overlay = stack.enter_context(Overlay(log, flown, output)) if output else None
+        written = stack.enter_context(overlay(log, [lane.topic for lane in flown], output)) if output else None
         asked = log.topics if output else lanes.topics(log, every)
         for a in range(begin, end if every else 0, SPAN):
             b = min(a + SPAN, end)
             read = lanes.values(log, asked, a, b)
             made = _span(log, members, read, a, b, pool)
-            if overlay:
-                overlay.append(read, made, a, b)
+            if written:
+                written(read, made, a, b)
             if progress:
                 progress(b * log.dt_ns / 1e9, log.n_ticks * log.dt_ns / 1e9)
     result = Replay(str(path), dt_s=tick_of(log), changed=overrides or {}, output=str(output) if output else None)

@@ -33,7 +33,7 @@ def render(flown: LoggedFlight) -> str:
     elevators, others = flight.surfaces(flown)
     own, chips = flight.detectors(flown)
     loud, quiet = ([n.entry for n in flown.lanes if flight.is_quiet(flown, n) == q] for q in (False, True))
-    lost = [f"{d.length} bytes at {d.offset}: {d.reason}" for d in flown.log.damage]
+    lost = ["{bytes} bytes at {offset}: {reason}".format(**d) for d in flown.log.damage]
     provenance = Table("", "", "", rows=[Row((k, Cell(v, "code"))) for k, v in flown.provenance.items()], kind="",
                        heads=False)  # fmt: skip
     folded = {"title": f"{len(quiet)} lanes of healthy parts stayed quiet", "content": lanes.table(quiet, flown.cases)}

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cosim.errors import ScenarioError, did_you_mean
+from cosim.errors import ScenarioError
 from cosim.scenario import vocabulary
 
 if TYPE_CHECKING:
@@ -87,9 +87,8 @@ def _check(node):
         return
     try:
         signal = vocabulary.find(name)
-    except KeyError:
-        near = did_you_mean(name, [TIME, *vocabulary.words()])
-        raise _wrong(f"{name!r} is no signal", near or "`cosim list signals` has them") from None
+    except KeyError as error:
+        raise _wrong(error.args[0], "`cosim list signals` has them") from None
     if signal.technologies and "." not in name:
         raise _wrong(f"{name!r} needs a segment", f"For example left_inner.{name}")
 
@@ -107,13 +106,6 @@ def other_fault(name: str) -> int | None:
     """Return the number of the fault that a condition's signal is of, None for other signals."""
     found = OF_FAULT.fullmatch(name)
     return int(found[1]) if found else None
-
-
-def source(name: str) -> str:
-    """Return the place on the bus of a condition's signal: of a measured one its value."""
-    if name == TIME:
-        return "clock.clock.t"
-    return name if name.count(".") > 1 else vocabulary.find(name).source
 
 
 def _wrong(problem, remedy=""):

@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from actuators.block import kernel
 from cosim.scenario.aircraft import DEFAULT, load_aircraft
-from cosim.scenario.tolerance import toleranced
+from cosim.scenario.catalog import toleranced
 from cosim.training import flights as drawn
 from cosim.training.flights import FLIGHT_S, MANOEUVRES, MODULES, NOISE_SCALE, POINT, POINTS, TOLERANCE, TURBULENCE
 from cosim.training.rfafe import point_of

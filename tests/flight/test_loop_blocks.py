@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from actuators.block import dtype, record
+from cosim.errors import ScenarioError
 from cosim.flight.blocks import faults, manoeuvre, sensors
 from cosim.flight.loop.bus import Bus
 from cosim.flight.loop.tape import Tape
@@ -23,7 +24,7 @@ def test_bus_names_every_element_of_every_lane_once():
     assert sorted(positions) == list(range(12)) == list(range(len(bus.v)))
     bus["one"]["b"][1, 2] = 7.0
     assert bus.v[bus.index("one.y.b[2]")] == 7.0
-    with pytest.raises(KeyError, match="no such field"):
+    with pytest.raises(ScenarioError, match="no signal"):
         bus.index("one.x.c")
 
 

@@ -7,9 +7,10 @@ the flight came to.
 """
 
 import os
+import sys
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import nullcontext, redirect_stdout
 from typing import Any
 
 from cosim.errors import CosimError
@@ -18,7 +19,6 @@ from cosim.flight.loop.recorder import pose, topics
 from cosim.judge.result import Result
 from cosim.scenario import Scenario
 from cosim.scenario.fault import Fault
-from cosim.scenario.user_parts import stdout_to_stderr
 
 SPEEDS = 0.01, 1000.0
 EVERY = 20  # ticks between two words of progress
@@ -71,11 +71,8 @@ def fly_live(
         return told(fault=flight.inject(**given))
 
     def heal(given):
-        fault = given.get("fault")
-        if isinstance(fault, bool) or not isinstance(fault, int | float) or fault != int(fault):
-            raise CosimError(f"fault must be an index, got {fault!r}", place="heal")
-        flight.heal(int(fault))
-        return told(fault=int(fault))
+        flight.heal(given.get("fault"))
+        return told(fault=int(given["fault"]))
 
     def pace(given):
         live.pace.change(checked_speed(given.get("value")), flight.tick)
@@ -90,7 +87,7 @@ def fly_live(
         if ready:
             ready(live)
         try:
-            with stdout_to_stderr() if flight.setup.in_python else nullcontext():
+            with redirect_stdout(sys.stderr) if flight.setup.in_python else nullcontext():
                 while flight.step():
                     live.append(flight.values)
                     live.serve()
@@ -101,7 +98,7 @@ def fly_live(
     if not flight.tick:
         raise KeyboardInterrupt
     wall = time.perf_counter() - began
-    result = flight.fly_again(progress=progress)
+    result = flight.result(timed=True, progress=progress)
     result.wall_time_s = wall  # that of the flight that was seen
     if ended and result.status == "completed":
         result.status, result.reason = "interrupted", f"at {flight.time:.2f} s by the user"

@@ -10,6 +10,23 @@ from typing import Any
 
 import numpy as np
 
+from cosim.errors import ScenarioError, did_you_mean
+from cosim.scenario import vocabulary
+
+
+def place(name: str) -> str:
+    """Return `section.lane.field` of a word of `cosim list signals`, such as "n_z" or "left_inner.rod"; any other name
+    as it is. Raises ScenarioError for a word of an elevator segment without the segment."""
+    if name.count(".") > 1:  # "hinge_model.left_inner.hm0" ends in a word, and is none
+        return name
+    try:
+        found = vocabulary.find(name)
+    except KeyError:
+        return name
+    if found.technologies and "." not in name:
+        raise ScenarioError(f"{name!r} is a signal of each elevator segment", remedy=f"Name one: left_inner.{name}")
+    return found.source
+
 
 class Bus:
     """Lay sections out in one vector; give views, positions and wires by name.
@@ -35,16 +52,16 @@ class Bus:
         kind, start = self.kinds[name], self._start[name]
         return self.v[start : start + kind.itemsize // 8 * len(self.lanes[name])].view(kind)
 
-    def index(self, path: str) -> int:
-        """Return the position of `section.lane.field`; an element of an array field is `field[3]`. KeyError names what
-        is missing."""
-        section, lane, field = path.split(".", 2)
-        positions = self._positions.get((section, lane))
-        if positions is None:
-            positions = self._positions[section, lane] = dict(self.columns(section, lane))
-        if field not in positions:
-            raise KeyError(f"{path}: no such field; there is {', '.join(positions)}")
-        return positions[field]
+    def index(self, name: str) -> int:
+        """Return the position of a signal: `section.lane.field`, an element of an array field as `field[3]`, or a word
+        (`place`). Raises ScenarioError for what is not there."""
+        section, lane, field = [*place(name).split(".", 2), "", ""][:3]
+        _among(self.lanes, section, name)
+        _among(self.lanes[section], lane, name)
+        if (section, lane) not in self._positions:
+            self._positions[section, lane] = dict(self.columns(section, lane))
+        _among(self._positions[section, lane], field, name)
+        return self._positions[section, lane][field]
 
     def columns(self, section: str, lane: str, fields: Any = None) -> list:
         """Return [(name, position)] of a lane's elements in memory order, of `fields` only when given."""
@@ -64,3 +81,9 @@ class Bus:
         to = np.array([self.index(d) for d, _ in pairs], np.int64)
         source = np.array([self.index(s) for _, s in pairs], np.int64)
         return to, source
+
+
+def _among(there, asked, name):
+    """Raise ScenarioError unless the part `asked` of a signal's name is one of those that are there."""
+    if asked not in there:
+        raise ScenarioError(f"no signal {name!r}", allowed=", ".join(there), remedy=did_you_mean(asked, there))

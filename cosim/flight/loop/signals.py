@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from actuators.block import unit
-from cosim.errors import ScenarioError, told_at_call
+from cosim.errors import told_at_call
 from cosim.flight.build import build
-from cosim.flight.faults.conditions import known, resolved
+from cosim.flight.faults.conditions import resolved
 from cosim.flight.fly import record
+from cosim.flight.loop.bus import place
 from cosim.log.reader import Units
 from cosim.parts import rollout_of
 from cosim.scenario import Scenario, load_scenario
-from cosim.scenario.vocabulary import find, words
+from cosim.scenario.vocabulary import words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,13 +46,10 @@ def fly(
     if prepare is not None:
         prepare(setup)
     names = list(dict.fromkeys(signals))
-    sources = [_source(name) for name in names]
-    for name in sources:
-        known(setup.loop.bus, name)
-    rows, status, reason = record(setup, sources)
+    rows, status, reason = record(setup, names)
     dt = setup.loop.dt
     frame = pd.DataFrame(rows, index=pd.Index(np.arange(len(rows)) * dt, name="t"), columns=names, copy=False)
-    frame.attrs = {"units": Units(zip(names, (_unit(setup.loop.bus, n) for n in sources)))}
+    frame.attrs = {"units": Units(zip(names, (_unit(setup.loop.bus, place(n)) for n in names)))}
     frame.attrs |= {"dt": dt, "status": status, "reason": reason}
     return frame
 
@@ -95,19 +93,6 @@ def detect(
         for n in out.dtype.names:
             out[n][:, a:b] = log[n][:, : b - a]
     return out[0] if isinstance(wires, Mapping) else out
-
-
-def _source(name):
-    """Return the bus name of a signal: of a word of the vocabulary its place, else the name itself."""
-    if name.count(".") > 1:  # "hinge_model.left_inner.hm0" ends in a word, and is none
-        return name
-    try:
-        found = find(name)
-    except KeyError:
-        return name
-    if found.technologies and "." not in name:
-        raise ScenarioError(f"{name!r} is a signal of each elevator segment", remedy=f"Name one: left_inner.{name}")
-    return found.source
 
 
 def _unit(bus, name):
