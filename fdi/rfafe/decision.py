@@ -159,7 +159,8 @@ def _name(x, p, i, k):
 
 @kernel
 def missing(x, p, i, k):
-    """Return (share of the command that does not come through, 1 / its variance) of estimate i by the full window of frequency k."""
+    """Return (share of the command that does not come through, 1 / its variance) of estimate i, by the full window of
+    frequency k."""
     n, j = int(p.bank_n[k]), int(p.bank_level[k])
     first = (int(x.bank_head[j]) + bank.N - n) % bank.N
     f, u = x.bank_ring[i, j], x.bank_ring[NF, j]
