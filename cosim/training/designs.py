@@ -57,7 +57,7 @@ def check(aircraft: str = DEFAULT, folder: Path = FOLDER) -> dict[str, str]:
     for name in MAKERS:
         file = folder / f"{name}.json"
         held = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
-        wrong = "is not there, spoilt, or of another aircraft or other actuators; mend: python -m cosim.training designs"
+        wrong = "is not there, spoilt, or of another aircraft or actuators; mend: python -m cosim.training designs"
         out[name] = "" if held.pop("source", "") == source(aircraft, held) else wrong
     return out
 

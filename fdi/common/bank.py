@@ -1,11 +1,11 @@
 """Frequency bank: least squares of two periods on (cos, sin, 1, t, t^2), a row of frequencies, bounded cost per tick.
 
 Several signals run through it together: residuals, and last a drive that scales their thresholds. Each is averaged down
-to three rates by triangles (two block lengths wide, the second zero of their response lies on every alias), and a frequency is
-fitted on the slowest rate that gives it five samples a period: 40 stored samples then hold any two periods. The
-constant, slope and curvature take the manoeuvre out. Every frequency is fitted about eight times a period, in turn,
-from weights made once by `design`; nothing is accumulated for longer than two periods, so that rounding does not grow
-and a bad sample leaves.
+to three rates by triangles (two block lengths wide, the second zero of their response lies on every alias), and a
+frequency is fitted on the slowest rate that gives it five samples a period: 40 stored samples then hold any two
+periods. The constant, slope and curvature take the manoeuvre out. Every frequency is fitted about eight times a period,
+in turn, from weights made once by `design`; nothing is accumulated for longer than two periods, so that rounding does
+not grow and a bad sample leaves.
 """
 
 import math
@@ -48,7 +48,7 @@ def state(signals: int) -> list[tuple]:
         ("bank_tick", "f8", (LEVELS,)),  # ticks into the block
         ("bank_head", "f8", (LEVELS,)),  # next place in the ring
         ("bank_seen", "f8", (LEVELS,)),  # samples since the start
-        ("bank_cos", "f8", (signals, K)),  # amplitude of the fit, in phase and in quadrature at the middle of the window
+        ("bank_cos", "f8", (signals, K)),  # amplitude of the fit, in phase and in quadrature at the window's middle
         ("bank_sin", "f8", (signals, K)),
         ("bank_new", "f8", (K,)),  # 1 where this tick renewed the fit
     ]

@@ -12,8 +12,8 @@ oscillation has the same time to be found again.
 
 Class. A liquid OFC is f = s(t), a solid one f = s(t) - u, or half of it where it is in one segment of two. With the
 sine taken out of both, the regression of f_hat on -u is the share of the command that does not come through: 0, 1/2
-or 1. All windows since the alarm count, of either side, each by the error of its share, so that the class is told only if
-the command moved otherwise than the fault; what is slow is AMBIGUOUS.
+or 1. All windows since the alarm count, of either side, each by the error of its share, so that the class is told only
+if the command moved otherwise than the fault; what is slow is AMBIGUOUS.
 """
 
 import math
@@ -25,9 +25,9 @@ from fdi.common.sinusoid import beside
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, OFC_SOLID
 
 NF = 2  # estimates at most; the command is the bank's signal behind them
-# share of the command midway between a liquid OFC, 0, and a solid one of one segment of two, 1/2; what windows that
-# overlap and residues that are no noise make of the variance of their mean; how many of its deviations are beyond doubt;
-# what the bank's sine leaves of an oscillation of another frequency or shape, over its amplitude
+# Share of the command midway between a liquid OFC, 0, and a solid one of one segment of two, 1/2; what windows that
+# overlap and residues that are no noise make of the variance of their mean; how many of its deviations are beyond
+# doubt; what the bank's sine leaves of an oscillation of another frequency or shape, over its amplitude
 CENTRE, ALIKE, SURE, UNLIKE = 0.25, 8.0, 2.0, 0.05
 BELOW = 0.99  # r of a fit beyond its threshold that is no oscillation
 
