@@ -43,10 +43,9 @@ from cosim.campaign.draw import Draw, unit_cube
 from cosim.campaign.worker import Packed
 from cosim.errors import CampaignError, CosimError, Mistakes, joined
 from cosim.scenario import Scenario, load_scenario, parse
-from cosim.scenario.load import located, text_of
-from cosim.scenario.override import assigned
+from cosim.scenario.catalog import toleranced
+from cosim.scenario.load import assigned, text_of
 from cosim.scenario.problem import Origin, Table, explained, within
-from cosim.scenario.tolerance import toleranced
 from cosim.scenario.toml import inline
 from cosim.scenario.user_parts import identified, locate
 from cosim.texts import read, toml
@@ -267,4 +266,4 @@ def _base(base, folder):
     load_scenario(str(found))  # says what is wrong with the base itself
     place = str(found)
     text, home = text_of(place, "scenario", CampaignError)
-    return located(toml(text, place=place), home, place), Origin(place, text)
+    return locate(toml(text, place=place), home, place), Origin(place, text)

@@ -31,7 +31,7 @@ from cosim.judge.detection import JudgedLane
 from cosim.parts import rollout_of
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
-from cosim.scenario.own_actuator import register
+from cosim.scenario.elevator import register
 from cosim.scenario.user_parts import identified
 
 CLOCK = dtype([("t", "f8", "s")])

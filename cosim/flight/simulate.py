@@ -1,9 +1,10 @@
 """Fly one scenario: build the loop, fly it, judge the detectors."""
 
 import os
+import sys
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import nullcontext, redirect_stdout
 
 from cosim.errors import told_at_call
 from cosim.flight.build import build
@@ -14,7 +15,6 @@ from cosim.flight.fly import fly
 from cosim.flight.loop.recorder import open_writer, result_texts
 from cosim.judge.result import Result, judge, judged
 from cosim.scenario import Scenario, load_scenario
-from cosim.scenario.user_parts import stdout_to_stderr
 
 
 @told_at_call
@@ -42,7 +42,7 @@ def simulate(
     with open_writer(setup, log) if log else nullcontext() as writer:
         sinks = [writer] if writer else []
         flown = time.perf_counter()
-        with stdout_to_stderr() if setup.in_python else nullcontext():
+        with redirect_stdout(sys.stderr) if setup.in_python else nullcontext():
             trace, status, reason = fly(setup, *sinks, progress=progress)
         wall = time.perf_counter() - flown
         result = Result(

@@ -65,7 +65,7 @@ def gains() -> tuple[str, ...]:
 
 def tuned(scenario: Scenario, p: np.ndarray) -> np.ndarray:
     """Return the law's PARAMS (1,) with the scenario's own gains; raises ScenarioError for an invalid one."""
-    for name, value in scenario.law.gains.items():
+    for name, value in (scenario.law.model_extra or {}).items():
         if name not in gains():
             raise ScenarioError(
                 "no such gain", place=f"law.{name} = {value:g}", allowed=", ".join(gains()),

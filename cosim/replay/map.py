@@ -185,7 +185,8 @@ def run_all(made: Prepared, overrides: Mapping[str, Any]) -> tuple[list, list]:
             done.append((ready, lane, u, again))
             made.notes.extend(line for line in own.notes if line not in made.notes)
             if d.id in read:
-                outputs = zip(vocabulary.outputs(d.module), np.repeat(again, d.record.every, axis=0)[:n].T)
+                names = vocabulary.elements(d.module.STATE, d.module.OUTPUTS)
+                outputs = zip(names, np.repeat(again, d.record.every, axis=0)[:n].T)
                 values |= {f"{d.id}.{lane}.{name}": (y, np.ones(n)) for name, y in outputs}
     return done, not_run
 

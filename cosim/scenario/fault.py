@@ -61,12 +61,10 @@ class Target:
     @property
     def kinds(self) -> dict[str, Kind]:
         """Return {kind: Kind} that this place can have."""
-        if self.place == "actuator_sensor":
-            kinds = c.sensor_kinds(c.ACTUATOR_SENSORS[self.sensor])
-            closes = self.sensor in c.LOOP_SENSOR.values()
+        if self.sensor:
+            kinds = c.sensor_kinds({**c.SENSORS, **c.ACTUATOR_SENSORS}[self.sensor])
+            closes = self.place == "actuator_sensor" and self.sensor in c.LOOP_SENSOR.values()
             return kinds | ({"jam_liquid": c.ELEVATOR_KINDS["jam_liquid"]} if closes else {})
-        if self.place == "sensor":
-            return c.sensor_kinds(c.SENSORS[self.sensor])
         return {"elevator": c.ELEVATOR_KINDS, "surface": c.SURFACE_KINDS, "engine": c.ENGINE_KINDS}[self.place]
 
     def paths(self, kind: str) -> tuple[str, ...]:
@@ -138,17 +136,17 @@ class Fault(Table, extra="allow"):
 
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check the kind's own numbers, and that the keys fit together."""
-        kind, own, sweep = self.spec, self.model_extra or {}, c.SWEEP.name
+        kind, own, sweep, oscillates = self.spec, self.model_extra or {}, c.SWEEP.name, self.kind in c.OSCILLATIONS
         ways = ("at", "place of entry", self.at, kind.at), ("path", "path", self.path, self.parsed.paths(self.kind))
         for key, what, given, allowed in ways:
-            if given not in (allowed or (None,)):
-                said = f"{given!r} is no {what} of {self.kind} on {self.target}"
-                wrong.add(said, key=key, allowed=", ".join(allowed) or "none: leave it out")
-        if self.shape is not None and self.kind not in c.OSCILLATIONS:
-            wrong.add(f"{self.kind} has no shape", key="shape", allowed="no such key", remedy="Remove shape")
-        elif self.shape != "chirp" and self.kind in c.OSCILLATIONS and sweep in own:
-            wrong.add("is for a chirp", key=sweep, remedy="Say shape = 'chirp'")
-        elif self.shape == "chirp":
+            said = f"{given!r} is no {what} of {self.kind} on {self.target}"
+            has = ", ".join(allowed) or "none: leave it out"
+            wrong.require(given in (allowed or (None,)), said, key=key, allowed=has)
+        shaped = oscillates or self.shape is None
+        wrong.require(shaped, f"{self.kind} has no shape", key="shape", allowed="no such key", remedy="Remove shape")
+        swept = not oscillates or self.shape == "chirp" or sweep not in own
+        wrong.require(swept, "is for a chirp", key=sweep, remedy="Say shape = 'chirp'")
+        if self.shape == "chirp" and oscillates:
             kind = dataclasses.replace(kind, keys=(*kind.keys, c.SWEEP))
         if self.at in kind.at and self.kind.startswith("ofc_"):
             here = c.AMPLITUDES_AT[self.at or ""]
@@ -159,22 +157,22 @@ class Fault(Table, extra="allow"):
 
     def _times(self, wrong):
         """Check onset, end and ramp, and the condition in place of an onset."""
-        if self.when is not None:
-            try:
+        lasting = self.end - self.start_s
+        try:
+            if self.when is not None:
                 condition(self.when)
-            except ScenarioError as error:
-                wrong.add(error.problem, key="when", allowed=error.allowed, remedy=error.remedy)
-        elif self.lasts_s is not None:
-            wrong.add("is for a fault with a condition", key="lasts_s", remedy="Say end_s")
-        if self.waits and self.end_s is not None:
-            wrong.add("a fault that waits has no end yet", key="end_s", remedy="Say lasts_s")
-        elif self.end <= self.start_s:
-            said = f"the fault ends at {self.end:g} s, not after its start"
-            wrong.add(said, key="end_s", allowed=f"above start_s = {self.start_s:g}")
-        elif self.ramp_s > self.end - self.start_s:
-            wrong.add("the ramp is longer than the fault", key="ramp_s", allowed=f"0 to {self.end - self.start_s:g}")
-        if self.ramp_s and self.spec.switched:
-            wrong.add(f"{self.kind} does not support ramp_s", key="ramp_s", allowed="0", remedy="Remove ramp_s")
+        except ScenarioError as error:
+            wrong.add(error.problem, key="when", allowed=error.allowed, remedy=error.remedy)
+        wrong.require(self.when is not None or self.lasts_s is None, "is for a fault with a condition", key="lasts_s",
+                      remedy="Say end_s")
+        wrong.require(not self.waits or self.end_s is None, "a fault that waits has no end yet", key="end_s",
+                      remedy="Say lasts_s")
+        wrong.require(lasting > 0.0, f"the fault ends at {self.end:g} s, not after its start", key="end_s",
+                      allowed=f"above start_s = {self.start_s:g}")
+        wrong.require(self.ramp_s <= lasting or lasting <= 0.0, "the ramp is longer than the fault", key="ramp_s",
+                      allowed=f"0 to {lasting:g}")
+        wrong.require(not self.ramp_s or not self.spec.switched, f"{self.kind} does not support ramp_s", key="ramp_s",
+                      allowed="0", remedy="Remove ramp_s")
 
     @property
     def _optional(self) -> tuple[Key, ...]:
@@ -259,16 +257,15 @@ def check_together(faults: Sequence[Fault], technology: dict[str, str], wrong: P
     for i, fault in enumerate(faults):
         _check_technology(f"faults.{i}", fault, technology, wrong)
         names = condition(fault.when).signals() if fault.when is not None else ()
-        for number in map(other_fault, names):
-            if number is not None and (number == i or number >= len(faults)):
-                said = "a fault cannot wait for itself" if number == i else f"there is no fault {number}"
-                allowed = ", ".join(f"fault.{k}" for k in range(len(faults)) if k != i)
-                wrong.add(said, key=f"faults.{i}.when", allowed=allowed)
+        for number in (number for number in map(other_fault, names) if number is not None):
+            said = "a fault cannot wait for itself" if number == i else f"there is no fault {number}"
+            allowed = ", ".join(f"fault.{k}" for k in range(len(faults)) if k != i)
+            wrong.require(i != number < len(faults), said, key=f"faults.{i}.when", allowed=allowed)
         for j, other in enumerate(faults[:i]):
-            if fault.claims & other.claims and fault.start_s < other.end and other.start_s < fault.end:
-                said = f"{fault.kind} and faults.{j} ({other.kind}) take over {fault.target} at the same time"
-                remedy = f"Set faults.{j}.end_s before this start, or remove one"
-                wrong.add(said, key=f"faults.{i}.start_s", remedy=remedy)
+            apart = fault.start_s >= other.end or other.start_s >= fault.end or not fault.claims & other.claims
+            said = f"{fault.kind} and faults.{j} ({other.kind}) take over {fault.target} at the same time"
+            remedy = f"Set faults.{j}.end_s before this start, or remove one"
+            wrong.require(apart, said, key=f"faults.{i}.start_s", remedy=remedy)
 
 
 def _check_technology(place, fault, technology, wrong):

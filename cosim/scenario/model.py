@@ -8,13 +8,11 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 from cosim.scenario import catalog as c
 from cosim.scenario import toml, user_parts
 from cosim.scenario.aircraft import Aircraft, load_aircraft, of
-from cosim.scenario.elevator import Elevator
+from cosim.scenario.elevator import Elevator, OwnActuator
 from cosim.scenario.fault import Fault, check_together
 from cosim.scenario.flight import Flight
 from cosim.scenario.manoeuvre import CRUISE, AnyManoeuvre
-from cosim.scenario.own_actuator import OwnActuator
 from cosim.scenario.problem import MULTIPLIER, Duration, Problems, Table, choice, problem, within
-from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_parts import UserPart
 from fdi.registry import DEFAULT, SHIPPED, USER_DETECTORS
 
@@ -66,7 +64,7 @@ class Tolerances(Table, extra="allow"):
         groups = ["aero", *(t.name for t in c.SHIPPED if t.servo)]
         wrong.unknown(raw, groups)
         for group in (group for group in groups if raw.get(group) and isinstance(raw[group], dict)):
-            known = of(info).multipliers if group == "aero" else toleranced(group)
+            known = of(info).multipliers if group == "aero" else c.toleranced(group)
             wrong.numbers(raw[group], dict.fromkeys(known, MULTIPLIER), group, f"{group}.")
         return {**{name: {} for name in groups}, **raw}
 
@@ -90,11 +88,6 @@ class Law(Table, extra="allow"):
     file: str | None = None
     sha256: str | None = None
     reallocate: bool = False  # what control_redundancy isolates is flown around by the effectors that are left
-
-    @property
-    def gains(self) -> dict[str, float]:
-        """Return {gain: value} as written."""
-        return dict(self.model_extra or {})
 
 
 class Detectors(Table, extra="allow"):
@@ -152,9 +145,8 @@ class Scenario(Table):
 
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check that there is a tick, and that the faults can be together."""
-        if not self.ticks:
-            said = f"is less than a tick at {self.rate_hz} Hz"
-            wrong.add(said, key="duration_s", allowed=f"{self.dt:g} to 36000")
+        said = f"is less than a tick at {self.rate_hz} Hz"
+        wrong.require(self.ticks, said, key="duration_s", allowed=f"{self.dt:g} to 36000")
         check_together(self.faults, self.elevator.technology, wrong)
 
     @property
@@ -174,8 +166,9 @@ class Scenario(Table):
 
     @property
     def user_parts(self) -> dict[str, UserPart]:
-        """Return {key: UserPart} of every file or folder of a user's that flies."""
-        return user_parts.named(self.model_dump(mode="python", exclude_none=True))
+        """Return {key: UserPart} of every file or folder of a user's that it names; a digest not known is empty."""
+        found = user_parts.places(self.model_dump(mode="python", exclude_none=True))
+        return {at.name: UserPart(at.path.name, at.table.get(at.digest, "")) for at in found}
 
     @property
     def aircraft(self) -> Aircraft:
@@ -239,5 +232,9 @@ class Scenario(Table):
         (`user_parts.identified`) it says which flight it is on every machine. That of an aircraft, without which a
         scenario cannot be read, stays a path where `aircraft` is false.
         """
-        return toml.dumps(user_parts.portable(self.model_dump(mode="python", exclude_none=True), aircraft=aircraft))
+        table = self.model_dump(mode="python", exclude_none=True)
+        for at in user_parts.places(table):
+            if aircraft or at.key != "aircraft":
+                at.table[at.key] = at.path.name
+        return toml.dumps(table)
 

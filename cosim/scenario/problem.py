@@ -78,6 +78,11 @@ class Problems(list[PydanticCustomError]):
         """Add the `problem` of these words."""
         self.append(problem(text, **where))
 
+    def require(self, holds: Any, text: str, **where: Any) -> None:
+        """Add the `problem` of these words unless it `holds`."""
+        if not holds:
+            self.add(text, **where)
+
     def unknown(self, table: Iterable[str], known: Collection[str], path: str = "", *, of: str = "") -> None:
         """Add each key of `table` that is not `known`. `path` stands before it in what is said, `of` what has no such
         key behind it."""

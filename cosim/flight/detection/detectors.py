@@ -240,7 +240,7 @@ def _there(d, w, others):
         raise wrong(said, remedy=f"every = {source.record.every} in {d.id}, or a multiple of it")
     elif lane not in source.lanes:
         error = wrong(f"{name} has no lane {lane!r}", allowed=", ".join(source.lanes))
-    elif output not in (has := vocabulary.outputs(source.module)):
+    elif output not in (has := vocabulary.elements(source.module.STATE, source.module.OUTPUTS)):
         error = wrong(f"{name} has no output {output!r}", allowed=", ".join(has), remedy=did_you_mean(output, has))
     else:
         return True
