@@ -7,7 +7,7 @@ tells, and writes, what would have been.
 
 import math
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -98,8 +98,7 @@ def replay(
     begin = 0 if new else _begin(log, flown, tick)
     members = [_Member(log, lane, faults) for lane in every]
     compile_ahead([lane.rollout.native for lane in every if isinstance(lane.rollout, Entry)])
-    with ExitStack() as stack:
-        written = stack.enter_context(overlay(log, [lane.topic for lane in flown], output)) if output else None
+    with overlay(log, [lane.topic for lane in flown], output) if output else nullcontext() as written:
         asked = log.topics if output else lanes.topics(log, every)
         for a in range(begin, end if every else 0, SPAN):
             b = min(a + SPAN, end)
