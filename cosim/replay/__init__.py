@@ -92,7 +92,7 @@ def replay(
     faults, new = judged(scenario), [g for g in given if g.DETECTOR.id not in {d["id"] for d in entries}]
     flown = lanes.describe(log, detectors, overrides) if entries or overrides or not new else []
     every = [*flown, *(lane for g in new for lane in lanes.unflown(log, g, scenario.elevator.technology))]
-    tick, end = max(0, round(start_s * 1e9 / log.dt_ns)), sum(log.spans[-1]) if log.spans else 0
+    tick, end = max(0, round(start_s * 1e9 / log.dt_ns)), log.n_ticks + log.gaps
     if tick and tick >= end:
         raise ReplayError("the log ends before that time", place="--from", allowed=f"below {end * log.dt_ns / 1e9:g} s")
     begin = 0 if new else _begin(log, flown, tick)
