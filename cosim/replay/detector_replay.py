@@ -173,7 +173,7 @@ def unflown(log: Log, part: Any, technologies: dict[str, str]) -> list[Lane]:
     Raises ReplayError for a signal that the log lacks, or for a log with gaps.
     """
     record, out = part.DETECTOR, []
-    if not log.spans or log.spans[0][0] or sum(log.spans[-1]) != log.n_ticks:
+    if not log.n_ticks or log.gaps:
         raise schema.ReplayError("ticks are missing, and a user detector begins with the flight", place=str(log.path))
     local = [s for s, t in technologies.items() if t in record.technologies]
     for lane in local if record.level == "local" else ("",):
@@ -190,14 +190,6 @@ def _source(log, wire):
         if name in log.topics and field in log.topics[name].fields:
             return name, field
     raise schema.ReplayError(f"the log has no {topic}.{field}", place=str(log.path))
-
-
-def in_stages(lanes: Sequence[Lane]) -> list[list[int]]:
-    """Return the positions of lanes: first those that read no other one, then each of the rest, in the order in which
-    they flew."""
-    topics = {lane.topic for lane in lanes}
-    reads = [bool(topics & {source for _, source, _ in lane.reads}) for lane in lanes]
-    return [[i for i, own in enumerate(reads) if not own], *([i] for i, own in enumerate(reads) if own)]
 
 
 def topics(log: Log, lanes: Iterable[Lane]) -> list[str]:
