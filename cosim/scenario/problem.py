@@ -190,8 +190,8 @@ def _beside(key, name):
 
 
 def _place(where, key, table):
-    """Return "where: key = value" of a key of the tables, of a table its key alone; an override of just this key is said
-    once."""
+    """Return "where: key = value" of a key of the tables, of a table its key alone; an override of just this key is
+    said once."""
     file, set_, text = where.partition("--set ")
     exact = text.partition("=")[0].strip() == key
     value: Any = table
