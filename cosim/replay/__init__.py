@@ -24,11 +24,10 @@ from cosim.parts import loaded
 from cosim.parts.detector import SLOW
 from cosim.replay import detector_replay as lanes
 from cosim.replay import log_schema
-from cosim.replay.detector_replay import Lane, tick_of
+from cosim.replay.detector_replay import SPAN, Lane, tick_of
 from cosim.replay.log_schema import ReplayError, check_start
 from cosim.replay.write import overlay
 
-SPAN = 2000  # ticks that are replayed together
 __all__ = ["Difference", "Replay", "ReplayError", "replay"]
 
 
