@@ -4,7 +4,7 @@ Measurements and commands stand in the log at every tick, parameters and initial
 every second.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -193,9 +193,13 @@ def topics(log: Log, lanes: Iterable[Lane]) -> list[str]:
     return [t for t in dict.fromkeys(found) if t in log.topics]
 
 
-def values(log: Log, names: Iterable[str], start: int, stop: int) -> dict[str, np.ndarray]:
-    """Return {topic: (rows, fields)} of the ticks start <= k < stop."""
-    return {name: log.array(name, start_s=start * log.dt_ns / 1e9, end_s=stop * log.dt_ns / 1e9) for name in names}
+def stretches(log: Log, names: Iterable[str], start: int, stop: int) -> Iterator[tuple[range, dict[str, np.ndarray]]]:
+    """Yield (ticks, {topic: (rows, fields)}) of the ticks start <= k < stop, SPAN of them at a time."""
+    names = list(dict.fromkeys(names))
+    for a in range(start, stop, SPAN):
+        ticks = range(a, min(a + SPAN, stop))
+        bounds = {"start_s": a * log.dt_ns / 1e9, "end_s": ticks.stop * log.dt_ns / 1e9}
+        yield ticks, {name: log.array(name, **bounds) for name in names}
 
 
 def inputs(module: Any, n: int, values: Iterable[tuple[str, Any]]) -> np.ndarray:
