@@ -158,7 +158,7 @@ def info(
     json_: shared.Json = False,
 ) -> None:
     """Say what a log holds and whether it is complete."""
-    from cosim.log.overview import log_info
+    from cosim.log import log_info
 
     only_with("--scenario", scenario, output=output)
     if output:

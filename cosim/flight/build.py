@@ -30,7 +30,7 @@ from cosim.judge.detection import JudgedLane
 from cosim.parts import rollout_of
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
-from cosim.scenario.own_actuator import register
+from cosim.scenario.elevator import register
 from cosim.scenario.user_parts import identified
 
 CLOCK = dtype([("t", "f8", "s")])
@@ -65,17 +65,17 @@ def _sensor_lanes(scenario, dt):
 
     def add(lane, base, sigma, delay, bias=0.0, gain=1.0, tech=None):
         s = scenario.sensors.setting(base, lambda unit: inject.own_unit(unit, base, tech, scenario.aircraft))
-        sigma = scale * root * sigma if s.sigma is None else s.sigma
+        sigma = s.get("sigma", scale * root * sigma)
         p = np.zeros(1, sensors.PARAMS)
-        p["sigma"], p["bias"], p["scale"] = sigma, bias if s.bias is None else s.bias, s.scale or 0.0
-        late = delay if s.delay is None else s.delay
+        p["sigma"], p["bias"], p["scale"] = sigma, s.get("bias", bias), s.get("scale", 0.0)
+        late = s.get("delay", delay)
         p["delay"] = round(late / dt)
         if p["delay"][0] >= sensors.DELAY_MAX:
             raise ScenarioError(
                 f"a delay of {late:g} s is {p['delay'][0]:.0f} ticks", place=f"sensors.{base}.delay_s",
                 allowed=f"below {sensors.DELAY_MAX * dt:g} s at {1 / dt:g} Hz", remedy="Lower delay_s or rate_hz",
             )  # fmt: skip
-        p["quantum"], p["gain"] = s.quantum or 0.0, gain
+        p["quantum"], p["gain"] = s.get("quantum", 0.0), gain
         names.append(lane)
         rows.append(p)
 

@@ -19,7 +19,7 @@ from cosim.flight.plant import check as of_aircraft
 from cosim.flight.user_law import SENSORS, SURFACES
 from cosim.parts import PartError, load, rollout_of
 from cosim.scenario import Scenario, load_scenario, user_parts
-from cosim.scenario.aircraft import ships
+from cosim.scenario.aircraft import bundled
 from cosim.scenario.catalog import SEGMENTS
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def check(what: str | os.PathLike, *, progress: Callable[[float, float], None] |
     file.
     """
     path, name = Path(os.path.expanduser(what)), str(what)
-    if ships(name) or (path.is_dir() and not (path / "__init__.py").is_file()):
+    if name in bundled() or (path.is_dir() and not (path / "__init__.py").is_file()):
         rows = of_aircraft.rows(name)
     elif path.exists() and _is_law(user_parts.load(path, lambda text: PartError(text, place=name))[0]):
         name, rows = path.stem, _of_law(path.resolve())

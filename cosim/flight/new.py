@@ -21,7 +21,7 @@ KINDS = {  # kind -> what to do with it next
     "aircraft": ("cosim check {file}", "python -m cosim.training all --aircraft {file}"),
     "campaign": ("cosim campaign {file}",),
 }
-TAKEN = {"detector": ("enabled", *registry.SHIPPED), "actuator": tuple(TECHNOLOGIES), "aircraft": tuple(bundled())}
+TAKEN = {"detector": ("enabled", *registry.SHIPPED), "actuator": tuple(TECHNOLOGIES), "aircraft": bundled()}
 SAMPLE = "narrowbody"  # whose numbers stand in the template of an aircraft
 TEMPLATE = "# Template: the numbers are those of a twin of the A320 class; put yours in their place.\n"
 ALLOWED = "lower-case letters, digits and _"

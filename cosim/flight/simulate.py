@@ -1,9 +1,10 @@
 """Fly one scenario: build the loop, fly it, judge the detectors."""
 
 import os
+import sys
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import nullcontext, redirect_stdout
 
 from cosim.errors import told_at_call
 from cosim.flight.build import build
@@ -14,7 +15,6 @@ from cosim.flight.fly import fly
 from cosim.flight.loop.recorder import open_writer, result_texts
 from cosim.judge.result import Result, judge, judged
 from cosim.scenario import Scenario, load_scenario
-from cosim.scenario.user_parts import stdout_to_stderr
 
 
 @told_at_call
@@ -36,7 +36,7 @@ def simulate(
         raise TypeError(f"{scenario!r} is no scenario: give what cosim.load_scenario returns, a name or a file")
     scenario = resolved(scenario if isinstance(scenario, Scenario) else load_scenario(scenario))
     setup = build(scenario)
-    with stdout_to_stderr(), open_writer(setup, log) if log else nullcontext() as writer:
+    with redirect_stdout(sys.stderr), open_writer(setup, log) if log else nullcontext() as writer:
         flown = time.perf_counter()
         trace, status, reason = fly(setup, writer, progress=progress)
         result = Result(

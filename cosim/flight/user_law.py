@@ -66,7 +66,7 @@ def gains() -> tuple[str, ...]:
 
 def tuned(scenario: Scenario, p: np.ndarray) -> np.ndarray:
     """Return the law's PARAMS (1,) with the scenario's own gains; raises ScenarioError for an invalid one."""
-    for name, value in scenario.law.gains.items():
+    for name, value in (scenario.law.model_extra or {}).items():
         among(name, gains(), "no such gain", place=f"law.{name} = {value:g}")
         p[name] = value
     return p

@@ -192,14 +192,6 @@ def _source(log, wire):
     raise schema.ReplayError(f"the log has no {topic}.{field}", place=str(log.path))
 
 
-def in_stages(lanes: Sequence[Lane]) -> list[list[int]]:
-    """Return the positions of lanes: first those that read no other one, then each of the rest, in the order in which
-    they flew."""
-    topics = {lane.topic for lane in lanes}
-    reads = [bool(topics & {source for _, source, _ in lane.reads}) for lane in lanes]
-    return [[i for i, own in enumerate(reads) if not own], *([i] for i, own in enumerate(reads) if own)]
-
-
 def topics(log: Log, lanes: Iterable[Lane]) -> list[str]:
     """Return the topics that the lanes read or gave."""
     found = [t for lane in lanes for t in (lane.topic, lane.hidden, *(source for _, source, _ in lane.reads))]

@@ -66,4 +66,4 @@ def load_map(path: str | Path) -> tuple[Map, str]:
     try:
         return Map.model_validate(table), text
     except ValidationError as error:
-        raise explained(error, table, Origin.of_toml(text, place), ReplayError) from None
+        raise explained(error, table, Origin(place, text), ReplayError) from None

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cosim.errors import ScenarioError, did_you_mean
+from cosim.errors import ScenarioError
 from cosim.scenario import vocabulary
 
 if TYPE_CHECKING:
@@ -87,9 +87,8 @@ def _check(node):
         return
     try:
         signal = vocabulary.find(name)
-    except KeyError:
-        near = did_you_mean(name, [TIME, *vocabulary.words()])
-        raise _wrong(f"{name!r} is no signal", near or "`cosim list signals` has them") from None
+    except KeyError as error:
+        raise _wrong(error.args[0], "`cosim list signals` has them") from None
     if signal.technologies and "." not in name:
         raise _wrong(f"{name!r} needs a segment", f"For example left_inner.{name}")
 

@@ -53,7 +53,7 @@ def name(x):
     if x.alarm < 0.5:
         x.segment = 0.0
         return
-    still = 0.0 if x.ofc_timer > 0.0 else 1.0
+    still = 0.0 if x.ofc_timer[0] + x.ofc_timer[1] > 0.0 else 1.0
     which, most, next_ = 0.0, 0.0, 0.0
     for i in range(4):
         if x.isolated_part == 3.0 or (i < 2) == (x.isolated_part < 1.5):

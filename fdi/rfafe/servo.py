@@ -91,7 +91,7 @@ def follow(x, p, dt):
             x.act[j] = was
         share = 1.0 - math.exp(-p.act_a[j] * dt)
         u = (was + (now - was) / share) / p.gain[j]
-        late = rfafe_core.delayed(x, p, u, j)
+        late = rfafe_core.sent(x, p, u, j)
         x.act[j] += share * (p.gain[j] * late - x.act[j])
         x.rest[j] = x.act[j] / p.gain[j]
         x.u[j], x.u_late[j] = u - x.u0[j], late - x.u0[j]

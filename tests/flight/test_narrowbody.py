@@ -90,7 +90,7 @@ def short_period(model, point):
     plant.trim()
     t = plant.truth()[0]
     c = estimate.coefficients(NUMBERS, float(t.mach))
-    S, chord, mass = record.wing_area, record.geometry.chord_ft * 0.3048, point.mass
+    S, chord, mass = record.geometry.wing_area_ft2 * 0.3048**2, record.geometry.chord_ft * 0.3048, point.mass
     I = record.mass.gyration2_m2.yy * mass
     CL = mass * G0 / (t.qbar * S)
     Z = -(c["CL_alpha"] + float(estimate.drag(NUMBERS, CL, t.mach))) * t.qbar * S / mass

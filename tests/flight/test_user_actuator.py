@@ -124,9 +124,9 @@ def test_what_the_model_description_asks_and_the_loop_cannot_do_is_refused_by_na
         ("actuators.rig.outputs.rod={variable='rod', unit='mm'}", "its variable 'rod' is in m, not in mm"),
         ("actuators.rig.inputs.valve_command={variable='P_s'}", "'P_s' is no input but parameter"),
         ("actuators.rig.outputs.rod={variable='u', unit='m'}", "'u' is no output but input"),
-        ("actuators.rig.inputs.command={variable='u'}", "'command' is no word of inputs"),
-        ("actuators.rig.start.rod={variable='delta_0'}", "'rod' is no word of start"),
-        ("actuators.rig.servo=''", "inputs.command: is missing"),
+        ("actuators.rig.inputs.command={variable='u'}", "inputs.command = .*unknown key for inputs"),
+        ("actuators.rig.start.rod={variable='delta_0'}", "start.rod = .*unknown key for start"),
+        ("actuators.rig.servo=''", "unknown key for inputs.*mean 'command'"),
     ],
 )
 def test_a_wrong_map_is_refused(fmu, change, says):

@@ -5,7 +5,7 @@ from flight_point import POINT
 
 from cosim.errors import ScenarioError
 from cosim.scenario import load_scenario
-from cosim.scenario.inputs import MOST
+from cosim.scenario.manoeuvre import MOST
 
 SET = ["manoeuvre.kind=inputs"]
 

@@ -220,7 +220,7 @@ def _there(w, found):
     """Tell whether a wire reads no detector, or an output that one of those that fly has."""
     name, lane, output = w.source.split(".", 2)
     own = found.get(name)
-    has = own is not None and lane in own.lanes and output in vocabulary.outputs(own.module)
+    has = own is not None and lane in own.lanes and output in vocabulary.elements(own.module.STATE, own.module.OUTPUTS)
     return has or w.signal.kind != "detector"
 
 

@@ -5,14 +5,11 @@ scenario that flies, and that its log holds, has the onset as `start_s` beside `
 """
 
 import numpy as np
-from pydantic import ValidationError
 
 from cosim.flight.build import build
 from cosim.flight.fly import record
-from cosim.scenario import Scenario
+from cosim.scenario import Scenario, parse
 from cosim.scenario.condition import TIME, condition, other_fault
-from cosim.scenario.fault import check_together
-from cosim.scenario.problem import Origin, explained
 from cosim.scenario.user_parts import identified
 
 
@@ -38,11 +35,8 @@ def resolved(scenario: Scenario) -> Scenario:
         next_one = min(onset, key=lambda i: onset[i], default=None)
         starts = {next_one: onset[next_one]} if next_one is not None else dict.fromkeys(waiting, scenario.duration_s)
         faults = tuple(f.at_time(starts[i]) if i in starts else f for i, f in enumerate(scenario.faults))
-        scenario = scenario.model_copy(update={"faults": faults})
-        try:  # faults of which one has just begun may not be possible together
-            check_together(scenario.faults, scenario.elevator.technology)
-        except ValidationError as wrong:
-            raise explained(wrong, {}, Origin("")) from None
+        changed = scenario.model_copy(update={"faults": faults})
+        scenario = parse(changed.model_dump(exclude_none=True))  # refuses what is not possible together
     return scenario
 
 

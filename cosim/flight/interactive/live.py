@@ -7,8 +7,10 @@ the flight came to.
 """
 
 import os
+import sys
 import time
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from typing import Any
 
 from cosim.errors import CosimError
@@ -17,7 +19,6 @@ from cosim.flight.loop.recorder import pose, topics
 from cosim.judge.result import Result
 from cosim.scenario import Scenario
 from cosim.scenario.fault import Fault
-from cosim.scenario.user_parts import stdout_to_stderr
 
 SPEEDS = 0.01, 1000.0
 EVERY = 20  # ticks between two words of progress
@@ -85,7 +86,7 @@ def fly_live(
         if ready:
             ready(live)
         try:
-            with stdout_to_stderr():
+            with redirect_stdout(sys.stderr):
                 while flight.step():
                     live.append(flight.values)
                     live.serve()

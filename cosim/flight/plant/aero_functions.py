@@ -33,7 +33,7 @@ _OPERATIONS: dict = {
 
 
 class AeroFunctions:
-    """Hold the parsed functions of one aircraft, its axes with their frames, and all breakpoints by property."""
+    """Hold the parsed functions of one aircraft, by axis, and all breakpoints by property."""
 
     def __init__(self, folder: str | Path):
         """Parse <folder>/<name>.xml and the aerodynamics and systems files that it names."""
@@ -49,7 +49,6 @@ class AeroFunctions:
             aero = ElementTree.parse(folder / f"{aero.get('file')}.xml").getroot()
         self.functions = {f.get("name"): f for f in aero.iter("function")}
         self.axes = {axis.get("name"): list(axis.iter("function")) for axis in aero.iter("axis")}
-        self.frames = {axis.get("name"): axis.get("frame") for axis in aero.iter("axis")}
         self.breakpoints = _breakpoints(aero)
 
     def evaluate(self, axis: str, given: dict) -> float:

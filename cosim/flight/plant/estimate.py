@@ -79,7 +79,7 @@ def numbers(path: Path) -> SimpleNamespace:
         groups: dict[str, Any] = {name: _group(name, rows) for name, rows in BOUNDS.items()}
         create_model("Numbers", __base__=Table, **groups).model_validate(table)
     except ValidationError as error:
-        raise explained(error, table, Origin.of_toml(text, str(path))) from None
+        raise explained(error, table, Origin(str(path), text)) from None
     values = {g: {name: number["value"] for name, number in rows.items()} for g, rows in table.items()}
     return SimpleNamespace(**{group: SimpleNamespace(**own) for group, own in values.items()})
 

@@ -110,7 +110,7 @@ class Plant:
         self.port = Port(self._fdm)
         self.outputs = self.port.row(self.border.read)
         self.inputs = self.port.row((name, 1.0) for name in self.border.controls.values())
-        self._frame = np.array([geometry.reference_pct / 100.0, geometry.station_in, self.aircraft.chord_in])
+        self._frame = np.array([geometry.reference_pct / 100.0, geometry.station_in, 12.0 * geometry.chord_ft])
         self._air: gusts.Gusts | None = None
         multipliers = {f"aero/mult/{name}": value for name, value in flight.multipliers.items()}
         for name, value in (loading(self.aircraft, flight.mass, flight.cg) | multipliers).items():
@@ -183,10 +183,11 @@ class Plant:
 
     def _into_the_air(self, trim):
         """Let the air move, and put the trimmed aircraft into it: trim is against the air."""
-        f = self.flight
+        f, geometry = self.flight, self.aircraft.geometry
         p = gusts.params(
-            f.turbulence, self.dt, **self.aircraft.gusts, changes=f.changes, wind=f.wind, shear=f.shear,
-            altitude=f.altitude, gusts=f.gusts,
+            f.turbulence, self.dt, span=geometry.span_ft * M_PER_FT, tail_arm=geometry.tail_arm_ft * M_PER_FT,
+            downwash=geometry.downwash, changes=f.changes, wind=f.wind, shear=f.shear, altitude=f.altitude,
+            gusts=f.gusts,
         )  # fmt: skip
         self._air = gusts.Gusts(p, self.dt, f.seed)
         self._met, self._moved = self.port.row(_MET), self.port.row(MOVED)

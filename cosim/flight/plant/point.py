@@ -105,7 +105,7 @@ def loading(aircraft: Aircraft, mass: float, cg: float) -> dict[str, float]:
     empty, fuel = allowed.empty_t * 1e3, allowed.fuel_t * 1e3
     load = mass - empty
     # centroid of the load aft of the reference [m]
-    offset = (cg - geometry.reference_pct / 100.0) * aircraft.chord_in * 0.0254 * mass / load
+    offset = (cg - geometry.reference_pct / 100.0) * (12.0 * geometry.chord_ft) * 0.0254 * mass / load
     apart = empty * load / mass * offset**2
     J = {k: load * v for k, v in allowed.gyration2_m2}
     w = (load - fuel) / 6.0

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.constants import G0
+from actuators.constants import G0, M_PER_FT
 from actuators.deterministic_linalg import solve
 from cosim.errors import TrimError
 
@@ -198,7 +198,7 @@ def lift_margin(plant: Any, n: float = 1.0) -> tuple[Any, ...]:
     for alpha in np.radians(np.arange(2.0, 25.0, 0.5)):
         t = _flown(plant, (alpha, 0.0, 0.0), 0.0)[0]
         force = t.nz * math.cos(alpha) + t.nx * math.sin(alpha)
-        needs = t.mass * G0 / (t.qbar * plant.aircraft.wing_area)
+        needs = t.mass * G0 / (t.qbar * (plant.aircraft.geometry.wing_area_ft2 * M_PER_FT**2))
         best, most = max((best, most), (force * needs, float(alpha)))
     return n * needs, best, most
 
