@@ -8,7 +8,7 @@ import numpy as np
 from cosim.errors import ScenarioError, TrimError
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
-from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario.aircraft import load_aircraft, multipliers
 from cosim.scenario.catalog import TECHNOLOGIES
 
 SIGNS = (  # input, what it moves, which way, in words
@@ -47,7 +47,7 @@ def rows(name: str) -> Iterator[tuple[str, str, str]]:
     yield _row("loading", abs(t.cg - point.cg) < 1e-3 and abs(t.nz - 1.0) < 0.02, said)
     yield from _signs(plant, trim)
     yield from _hinges(plant, trim, aircraft)
-    yield _multipliers(plant, trim, aircraft.multipliers)
+    yield _multipliers(plant, trim, multipliers(aircraft.folder))
     yield from _points(name, aircraft)
 
 

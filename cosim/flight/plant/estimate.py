@@ -22,12 +22,12 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from pydantic import ValidationError, create_model
+from pydantic import create_model
 
 from actuators.constants import M_PER_FT
 from cosim.errors import ScenarioError
 from cosim.scenario.aircraft import Aircraft
-from cosim.scenario.problem import Origin, Table, explained, within
+from cosim.scenario.problem import Origin, Table, checked, within
 from cosim.texts import read, toml
 
 ALPHA = np.radians(
@@ -75,11 +75,8 @@ def numbers(path: Path) -> SimpleNamespace:
     missing, unknown, out of BOUNDS or without its provenance."""
     text = read(path, error=ScenarioError)
     table = toml(text, place=str(path), error=ScenarioError)
-    try:
-        groups: dict[str, Any] = {name: _group(name, rows) for name, rows in BOUNDS.items()}
-        create_model("Numbers", __base__=Table, **groups).model_validate(table)
-    except ValidationError as error:
-        raise explained(error, table, Origin(str(path), text)) from None
+    groups: dict[str, Any] = {name: _group(name, rows) for name, rows in BOUNDS.items()}
+    checked(create_model("Numbers", __base__=Table, **groups), table, Origin(str(path), text))
     values = {g: {name: number["value"] for name, number in rows.items()} for g, rows in table.items()}
     return SimpleNamespace(**{group: SimpleNamespace(**own) for group, own in values.items()})
 
