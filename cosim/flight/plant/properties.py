@@ -20,8 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from actuators import subprocess_env
-from actuators.kernels import cache
+from actuators.kernels import cache, python
 from cosim.errors import CosimError
 from cosim.files import replace_text
 
@@ -114,10 +113,9 @@ def _verdict_file():
 
 def _verified(script=VERIFY):
     """Return the verdict of another process, "" when it does not come to an end of its own."""
-    env = subprocess_env.surroundings(COSIM_BORDER="python")
-    how: Any = {"env": env, "capture_output": True, "text": True, "timeout": PATIENCE_S}
+    call = python(script, COSIM_BORDER="python")
     try:
-        done = subprocess.run(subprocess_env.command(script), **how)
+        done = subprocess.run(**call, capture_output=True, text=True, timeout=PATIENCE_S)
     except (OSError, subprocess.TimeoutExpired):
         return ""
     said = "".join(done.stdout.splitlines()[-1:])
