@@ -7,7 +7,7 @@ tells, and writes, what would have been.
 
 import math
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -92,14 +92,13 @@ def replay(
     faults, new = judged(scenario), [g for g in given if g.DETECTOR.id not in {d["id"] for d in entries}]
     flown = lanes.describe(log, detectors, overrides) if entries or overrides or not new else []
     every = [*flown, *(lane for g in new for lane in lanes.unflown(log, g, scenario.elevator.technology))]
-    tick, end = max(0, round(start_s * 1e9 / log.dt_ns)), sum(log.spans[-1]) if log.spans else 0
+    tick, end = max(0, round(start_s * 1e9 / log.dt_ns)), log.n_ticks + log.gaps
     if tick and tick >= end:
         raise ReplayError("the log ends before that time", place="--from", allowed=f"below {end * log.dt_ns / 1e9:g} s")
     begin = 0 if new else _begin(log, flown, tick)
     members = [_Member(log, lane, faults) for lane in every]
     compile_ahead([lane.rollout.native for lane in every if isinstance(lane.rollout, Entry)])
-    with ExitStack() as stack:
-        written = stack.enter_context(overlay(log, [lane.topic for lane in flown], output)) if output else None
+    with overlay(log, [lane.topic for lane in flown], output) if output else nullcontext() as written:
         asked = log.topics if output else lanes.topics(log, every)
         for a in range(begin, end if every else 0, SPAN):
             b = min(a + SPAN, end)

@@ -173,7 +173,7 @@ def unflown(log: Log, part: Any, technologies: dict[str, str]) -> list[Lane]:
     Raises ReplayError for a signal that the log lacks, or for a log with gaps.
     """
     record, out = part.DETECTOR, []
-    if not log.spans or log.spans[0][0] or sum(log.spans[-1]) != log.n_ticks:
+    if not log.n_ticks or log.gaps:
         raise schema.ReplayError("ticks are missing, and a user detector begins with the flight", place=str(log.path))
     local = [s for s, t in technologies.items() if t in record.technologies]
     for lane in local if record.level == "local" else ("",):
