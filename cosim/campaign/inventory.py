@@ -45,7 +45,7 @@ def inventory() -> dict[str, Any]:
         "keys": {**c.KEYS, "[law]": {", ".join(law.gains()): "gains of the shipped law", **own_law}},
         "units": {name: [u.suffix for u in units] for name, units in {**c.SENSORS, **c.ACTUATOR_SENSORS}.items()},
         "targets": {
-            "segments": list(c.SEGMENTS), "groups": list(c.GROUPS), "surfaces": list(c.SURFACES),
+            "segments": list(c.SEGMENTS), "groups": list(load_aircraft().groups), "surfaces": list(c.SURFACES),
             "engines": [*load_aircraft().engine_names, "all"],
             "actuator_sensors": {name: list(t.own_sensors) for name, t in c.TECHNOLOGIES.items()},
             "sensors": list(c.SENSORS),

@@ -36,8 +36,7 @@ def compress(content: bytes, name: str) -> bytes:
 
 
 def decompress(data: bytes, size: int, name: str) -> bytes:
-    """Return the content of `data`, which must have `size` bytes; no more memory than that is taken. Raises ValueError.
-    """
+    """Return the content of `data`, which must have `size` bytes; no more memory is taken. Raises ValueError."""
     try:
         if name == "zstd":
             data = zstandard.ZstdDecompressor(max_window_size=1 << 27).stream_reader(data).read(size + 1)

@@ -47,7 +47,8 @@ class Log:
     `topics` {name: Topic} are its parts, such as "/truth/aircraft" and "/sensors/left_inner"; what they have in
     common is a channel of the file, "/sensors", which names them all. `metadata` {name: {str: str}}, `attachments`
     {name: bytes}, `media_types` {name: str}, `dt_ns` [ns], `n_ticks`, `spans` [(first tick, ticks)] of the chunks,
-    `complete` (the run ended by itself and wrote its result), `result` {str: str} or None.
+    `gaps`, the number of ticks that are missing before the last, `complete` (the run ended by itself and wrote its
+    result), `result` {str: str} or None.
     """
 
     def __init__(self, found: Any):
@@ -62,6 +63,7 @@ class Log:
         self.spans = [found.ticks(c) for c in found.chunks]
         self._starts = [k0 for k0, _ in self.spans]
         self.n_ticks = sum(n for _, n in self.spans)
+        self.gaps = sum(self.spans[-1]) - self.n_ticks if self.spans else 0
         largest = max((c.size for c in found.chunks), default=1)
         self._content = lru_cache(max(1, CACHE_BYTES // largest))(partial(content, found))
         self.topics = {name: replace(t, rows=sum(len(range(-k0 % t.every, n, t.every)) for k0, n in self.spans))
@@ -94,8 +96,9 @@ class Log:
 
         columns, (start, stop) = self._columns(topic, fields), self._bounds(start_s, end_s)
         index = pd.Index(self.ticks(topic, start, stop) * self.dt_ns / 1e9, name="t_s")
-        names = [name for name, *_ in columns]
-        made = pd.DataFrame(self._values(columns, start, stop), index=index, columns=names, copy=False)
+        made = pd.DataFrame(
+            self._values(columns, start, stop), index=index, columns=[name for name, *_ in columns], copy=False
+        )
         made.attrs["units"] = Units((name, self.topics[part].units[at]) for name, part, at in columns)
         return made
 
@@ -188,12 +191,12 @@ def log_info(path: str | Path) -> dict[str, Any]:
         log, problem = open_log(path), None
     except LogError as error:
         log, problem = open_log(path, tolerant=True), str(error)
-    run, result, ticks = log.metadata.get("run", {}), log.result or {}, sum(log.spans[-1]) if log.spans else 0
+    run, result = log.metadata.get("run", {}), log.result or {}
     return {
         "log": str(path), "complete": log.complete, "problem": problem, "recovered": "recovered" in log.metadata,
-        "title": run.get("title", ""), "status": result.get("status", ""), "duration_s": ticks * log.dt_ns / 1e9,
-        "rate_hz": 1e9 / log.dt_ns, "ticks": log.n_ticks, "gaps": ticks - log.n_ticks,
-        "size_mb": round(log._scan.size / 1e6, 2),
+        "title": run.get("title", ""), "status": result.get("status", ""),
+        "duration_s": (log.n_ticks + log.gaps) * log.dt_ns / 1e9, "rate_hz": 1e9 / log.dt_ns, "ticks": log.n_ticks,
+        "gaps": log.gaps, "size_mb": round(log._scan.size / 1e6, 2),
         "versions": {**{k: v for k, v in run.items() if k == "software"}, **log.metadata.get("libraries", {})},
         "result": dict(result),
         "topics": [{"name": t.name, "rows": t.rows, "every": t.every, "fields": list(t.fields),

@@ -38,7 +38,7 @@ def overlay(log: Log, again: Sequence[str], path: str | Path) -> Iterator[Callab
     """Give a function that writes the ticks start <= k < stop of `log` to a log at `path`: all of its topics as they
     were read, {topic: (rows, fields)}, and those of `again` as they were replayed. Raises LogError for a log with gaps.
     """
-    if len(log.spans) == 0 or log.spans[0][0] or sum(log.spans[-1]) != log.n_ticks:
+    if not log.n_ticks or log.gaps:
         raise LogError("ticks are missing, and an overlay needs every one", place=str(log.path))
     names = [n for n in log.topics if not n.startswith("/replay/")]
     olds = [(n, log.topics[n], log.topics[n].group) for n in names]

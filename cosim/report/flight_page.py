@@ -60,7 +60,8 @@ def summary(flown: LoggedFlight) -> list[tuple[str, list]]:
     lost = log_schema.of_result(flown.log, "not_run") or {}
     found = {"detectors": [lane.entry for lane in flown.lanes], "sim_time_s": flown.end, "achieved": flown.achieved,
              "not_run": lost}  # fmt: skip
-    s, status = flown.scenario, (flown.log.result or {}).get("status", "incomplete: the log ends early")
+    s, ended = flown.scenario, flown.log.result if flown.log.complete else {}
+    status = ended.get("status", "incomplete: the log ends early")
     broken = [". ".join(filter(None, line)) for line in narrator.faults(s, flown.achieved)]
     return [
         ("In short", narrator.sentences(found, s)),

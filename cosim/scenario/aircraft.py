@@ -10,13 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, Field, ValidationError, ValidationInfo
+from pydantic import AfterValidator, Field, ValidationInfo
 
 from actuators.constants import RAD_PER_DEG
 from actuators.registry import SHIPPED
 from actuators.technology import Key
 from cosim.errors import ScenarioError, did_you_mean
-from cosim.scenario.problem import Origin, Problems, Table, explained, within
+from cosim.scenario.problem import Origin, Problems, Table, checked, within
 from cosim.texts import read, toml
 
 FOLDER = Path(__file__).resolve().parents[2] / "aircraft"
@@ -194,8 +194,7 @@ class Aircraft(Table):
     @property
     def travel(self) -> float:
         """Return the whole travel of the elevator [rad]."""
-        low, high = self.elevator.travel_deg
-        return (high - low) * RAD_PER_DEG
+        return (self.elevator.travel_deg[1] - self.elevator.travel_deg[0]) * RAD_PER_DEG
 
     def own(self, technology: str) -> tuple[tuple[str, float], ...]:
         """Return ((parameter, value), ...) in which this aircraft's actuators of a technology differ from it."""
@@ -205,11 +204,6 @@ class Aircraft(Table):
     def own_designs(self) -> Path | None:
         """Return the folder of designs and thresholds made for this aircraft, None for that which `fdi` brings them."""
         return None if self.folder == FOLDER / DEFAULT else self.folder
-
-    @property
-    def multipliers(self) -> tuple[str, ...]:
-        """Return the names of the coefficients that the JSBSim model can scale: its properties aero/mult/<name>."""
-        return _multipliers(self.folder)
 
 
 def _of_the_sign(name, nominal):
@@ -283,14 +277,13 @@ def _read(folder: Path) -> Aircraft:
     path = folder / RECORD
     place, text = f"{folder.name}/{RECORD}", read(path, error=ScenarioError)
     table = toml(text, place=place, error=ScenarioError)
-    try:
-        return Aircraft.model_validate({**table, "name": folder.name, "folder": folder})
-    except ValidationError as error:
-        raise explained(error, table, Origin(place, text)) from None
+    return checked(Aircraft, {**table, "name": folder.name, "folder": folder}, Origin(place, text))
 
 
 @of_folder
-def _multipliers(folder: Path) -> tuple[str, ...]:
+def multipliers(folder: Path) -> tuple[str, ...]:
+    """Return the names of the coefficients that the JSBSim model of a folder can scale: its properties
+    aero/mult/<name>."""
     import re
 
     texts = (path.read_text(encoding="utf-8", errors="replace") for path in sorted(folder.rglob("*.xml")))

@@ -14,13 +14,12 @@ from typing import Any
 from actuators.constants import M_PER_FT, M_S_PER_KT, RAD_PER_DEG
 from actuators.registry import SHIPPED
 from actuators.technology import ARM_DEG, LOSS, MM, SURFACE_DEG, Key, Kind, Technology, Unit
-from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario.aircraft import load_aircraft, multipliers
 
 _TRANSPORT = load_aircraft()
 SEGMENTS = _TRANSPORT.segments  # of the default aircraft
-GROUPS = _TRANSPORT.groups
-DEFAULT_TECHNOLOGY: dict[str, Any] = _TRANSPORT.technology
 FEEDBACKS = ("measured", "iotsekf", "rtsekf", "rtsekf_flight")
+DEFAULT_TECHNOLOGY: dict[str, Any] = _TRANSPORT.technology
 SURFACES = ("aileron.left", "aileron.right", "rudder", "stabiliser")
 
 
@@ -149,7 +148,7 @@ _FIELD = re.compile(
 @functools.cache
 def toleranced(group: str) -> tuple[str, ...]:
     """Return the names of group "aero" or of a technology; its blocks are imported only when they are asked for."""
-    return _TRANSPORT.multipliers if group == "aero" else TECHNOLOGIES[group].tolerances
+    return multipliers() if group == "aero" else TECHNOLOGIES[group].tolerances
 
 
 def meanings(group: str) -> dict[str, tuple[str, str]]:

@@ -14,7 +14,7 @@ from actuators.technology import Key, Kind
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario import catalog as c
 from cosim.scenario.aircraft import Aircraft, load_aircraft, of
-from cosim.scenario.condition import condition, other_fault
+from cosim.scenario.condition import condition, other_fault, signals
 from cosim.scenario.problem import Duration, Problems, Seconds, Table, choice, problem
 
 COMMON = ("target", "kind", "start_s", "when", "lasts_s", "end_s", "ramp_s")
@@ -136,12 +136,12 @@ class Fault(Table, extra="allow"):
 
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check the kind's own numbers, and that the keys fit together."""
-        kind, own, sweep, oscillates = self.spec, self.model_extra or {}, c.SWEEP.name, self.kind in c.OSCILLATIONS
+        kind, own = self.spec, self.model_extra or {}
+        sweep, oscillates = c.SWEEP.name, self.kind in c.OSCILLATIONS
         ways = ("at", "place of entry", self.at, kind.at), ("path", "path", self.path, self.parsed.paths(self.kind))
         for key, what, given, allowed in ways:
-            said = f"{given!r} is no {what} of {self.kind} on {self.target}"
-            has = ", ".join(allowed) or "none: leave it out"
-            wrong.require(given in (allowed or (None,)), said, key=key, allowed=has)
+            wrong.require(given in (allowed or (None,)), f"{given!r} is no {what} of {self.kind} on {self.target}",
+                          key=key, allowed=", ".join(allowed) or "none: leave it out")
         shaped = oscillates or self.shape is None
         wrong.require(shaped, f"{self.kind} has no shape", key="shape", allowed="no such key", remedy="Remove shape")
         swept = not oscillates or self.shape == "chirp" or sweep not in own
@@ -256,7 +256,7 @@ def check_together(faults: Sequence[Fault], technology: dict[str, str], wrong: P
     overlaps another in what it takes over; when one that waits for its condition will do so is not known yet."""
     for i, fault in enumerate(faults):
         _check_technology(f"faults.{i}", fault, technology, wrong)
-        names = condition(fault.when).signals() if fault.when is not None else ()
+        names = signals(condition(fault.when)) if fault.when is not None else ()
         for number in (number for number in map(other_fault, names) if number is not None):
             said = "a fault cannot wait for itself" if number == i else f"there is no fault {number}"
             allowed = ", ".join(f"fault.{k}" for k in range(len(faults)) if k != i)

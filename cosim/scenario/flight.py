@@ -124,8 +124,7 @@ class Flight(Table):
         blows = self.wind_kt or self.shear_kt_1000ft
         none = "no turbulence" if blows or self.gusts else "still air"
         said = [none if self.turbulence == "none" else f"{self.turbulence} turbulence"]
-        word = {"none": "no turbulence"}
-        said += [f"{word.get(a.turbulence, a.turbulence)} from {a.start_s:g} s" for a in self.air]
+        said += [f"{a.turbulence.replace('none', 'no turbulence')} from {a.start_s:g} s" for a in self.air]
         if blows:
             said.append(f"wind of {self.wind_kt:g} kt from {self.wind_from_deg:g} deg")
         if self.shear_kt_1000ft:

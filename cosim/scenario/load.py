@@ -31,6 +31,7 @@ FORM, EXAMPLE = "is not of the form key=value", "Example: --set faults.0.frequen
 KEPT = ("target", "kind", "start_s", "end_s", "ramp_s", "path")
 Assignment = tuple[str, Any, str]  # key, value, place in what is said of it
 
+
 def builtin_names(kind: str = "scenario") -> list[str]:
     """Return the names of what is built in of a `kind`, "scenario" or "campaign", sorted."""
     files = resources.files("cosim").joinpath(f"{kind}s").iterdir()

@@ -116,11 +116,11 @@ class Inputs(Table, extra="allow"):
         rows = f"rows of numbers for {TIME} and {', '.join([*RANGES][1:])}"
         wrong.require(columns and times, said, key=TIME, allowed=rows)
         for row, (before, after) in enumerate(itertools.pairwise(times), 1):
-            said = f"does not come after {before:g}"
-            wrong.require(after > before, said, key=f"{TIME}.{row}", allowed="rising times")
+            wrong.require(after > before, f"does not come after {before:g}", key=f"{TIME}.{row}",
+                          allowed="rising times")
         for name, values in columns.items():
-            said = f"has {len(values)} numbers, {TIME} has {len(times)}"
-            wrong.require(len(values) == len(times), said, key=name, allowed="one in each row")
+            wrong.require(len(values) == len(times), f"has {len(values)} numbers, {TIME} has {len(times)}", key=name,
+                          allowed="one in each row")
         for pair in EITHER:
             wrong.one_of(pair, columns)
         idle = not self.hold_speed or columns.keys().isdisjoint({"throttle", "throttle_change"})

@@ -7,7 +7,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from cosim.scenario import catalog as c
 from cosim.scenario import toml, user_parts
-from cosim.scenario.aircraft import Aircraft, load_aircraft, of
+from cosim.scenario.aircraft import Aircraft, load_aircraft, multipliers, of
 from cosim.scenario.elevator import Elevator, OwnActuator
 from cosim.scenario.fault import Fault, check_together
 from cosim.scenario.flight import Flight
@@ -64,7 +64,7 @@ class Tolerances(Table, extra="allow"):
         groups = ["aero", *(t.name for t in c.SHIPPED if t.servo)]
         wrong.unknown(raw, groups)
         for group in (group for group in groups if raw.get(group) and isinstance(raw[group], dict)):
-            known = of(info).multipliers if group == "aero" else c.toleranced(group)
+            known = multipliers(of(info).folder) if group == "aero" else c.toleranced(group)
             wrong.numbers(raw[group], dict.fromkeys(known, MULTIPLIER), group, f"{group}.")
         return {**{name: {} for name in groups}, **raw}
 
@@ -145,8 +145,8 @@ class Scenario(Table):
 
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check that there is a tick, and that the faults can be together."""
-        said = f"is less than a tick at {self.rate_hz} Hz"
-        wrong.require(self.ticks, said, key="duration_s", allowed=f"{self.dt:g} to 36000")
+        wrong.require(self.ticks, f"is less than a tick at {self.rate_hz} Hz", key="duration_s",
+                      allowed=f"{self.dt:g} to 36000")
         check_together(self.faults, self.elevator.technology, wrong)
 
     @property

@@ -173,13 +173,25 @@ def explained(
     return joined(made)
 
 
+def checked(
+    model: type[BaseModel], table: dict[str, Any], origin: Origin, kind: type[CosimError] = ScenarioError
+) -> Any:
+    """Return the Table, of class `model`, of the tables of a file. Raises an error of `kind` that names every mistake;
+    see `explained`."""
+    try:
+        return model.model_validate(table)
+    except ValidationError as error:
+        raise explained(error, table, origin, kind) from None
+
+
 def _beside(key, name):
     """Return the dotted key of `name` in the table of `key`."""
     return f"{key.rpartition('.')[0]}.{name}"
 
 
 def _place(where, key, table):
-    """Return "where: key = value" of a key of the tables; an override of just this key is said once."""
+    """Return "where: key = value" of a key of the tables, of a table its key alone; an override of just this key is
+    said once."""
     file, set_, text = where.partition("--set ")
     exact = text.partition("=")[0].strip() == key
     value: Any = table
@@ -189,7 +201,7 @@ def _place(where, key, table):
     except (KeyError, IndexError, ValueError, TypeError):
         said = key
     else:
-        said = f"{key} = {inline(value)[:60]}"
+        said = key if isinstance(value, dict) else f"{key} = {inline(value)[:60]}"
     return f"{file}{set_}{said}" if exact else ": ".join(filter(None, (where, said)))
 
 

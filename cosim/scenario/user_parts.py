@@ -29,7 +29,6 @@ from fdi.registry import USER_DETECTORS
 
 SHA256 = "sha256"
 CHANGED, AGREE = "is not the file that the scenario means: its digest differs", "Read it, then remove or renew sha256"
-_log = logging.getLogger("cosim")  # the command line prints what it hears
 _loaded: dict[Path, tuple[str, ModuleType]] = {}  # path -> its digest when it was run, its module
 
 
@@ -42,8 +41,8 @@ class UserPart(NamedTuple):
 
 @functools.cache
 def _announce(part: UserPart) -> None:
-    """Say once that the code of a part runs."""
-    _log.info("runs code: %s, sha256 %s", *part)
+    """Say once that the code of a part runs; the command line prints it."""
+    logging.getLogger("cosim").info("runs code: %s, sha256 %s", *part)
 
 
 def contents(path: str | os.PathLike) -> dict[str, Path]:

@@ -124,8 +124,8 @@ def test_what_the_model_description_asks_and_the_loop_cannot_do_is_refused_by_na
         ("actuators.rig.outputs.rod={variable='rod', unit='mm'}", "its variable 'rod' is in m, not in mm"),
         ("actuators.rig.inputs.valve_command={variable='P_s'}", "'P_s' is no input but parameter"),
         ("actuators.rig.outputs.rod={variable='u', unit='m'}", "'u' is no output but input"),
-        ("actuators.rig.inputs.command={variable='u'}", "inputs.command = .*unknown key for inputs"),
-        ("actuators.rig.start.rod={variable='delta_0'}", "start.rod = .*unknown key for start"),
+        ("actuators.rig.inputs.command={variable='u'}", "inputs.command: unknown key for inputs"),
+        ("actuators.rig.start.rod={variable='delta_0'}", "start.rod: unknown key for start"),
         ("actuators.rig.servo=''", "unknown key for inputs.*mean 'command'"),
     ],
 )

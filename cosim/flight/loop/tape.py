@@ -15,7 +15,7 @@ from actuators.block import Entry
 from actuators.kernels import Native
 from cosim.flight.plant.jsbsim_signals import last_step
 
-CLOCK, COPY, ADD, TRUTH, TABLE, STEP, KEEP, SCATTER, GET, PUT = range(10)  # operations of rows
+CLOCK, COPY, ADD, TRUTH, TABLE, STEP, SCATTER, GET, PUT = range(9)  # operations of rows
 WIDTH = 8  # whole numbers of a row
 
 
@@ -41,10 +41,6 @@ def _walk():
                 to, source = int64_at(row[2]), int64_at(row[3])
                 for j in range(a):
                     v[to[j]] = v[source[j]]
-            elif operation == KEEP:
-                index, kept = int64_at(row[2]), float64_at(row[3] + 8 * a * (k % row[4]))
-                for j in range(a):
-                    kept[j] = v[index[j]]
             elif operation == TABLE:
                 to, held = int64_at(row[2]), float64_at(row[3] + 8 * a * (k % row[4]))
                 vector = float64_at(row[5])
@@ -109,10 +105,11 @@ class Tape:
         self._rows: list[tuple[int, ...]] = []
         self.parts: list[Callable[[int], Any]] = []  # of a tick: callables that take k
 
-    def call(self, function: Callable[..., Any]) -> None:
-        """Call `function(k)` in Python."""
-        self._cut()
-        self.parts.append(function)
+    def call(self, *functions: Callable[..., Any]) -> None:
+        """Call each `function(k)` in Python."""
+        if functions:
+            self._cut()
+        self.parts.extend(functions)
 
     def first(self, function: Callable[..., Any]) -> None:
         """Call `function(k)` in Python before anything else of a tick."""
@@ -161,7 +158,7 @@ class Tape:
 
     def keep(self, index: np.ndarray, rows: np.ndarray) -> None:
         """rows[k % len(rows)] = v[index]; `rows` are doubles (some ticks, n)."""
-        self._row(KEEP, len(index), self._at(index), self._at(rows), max(1, len(rows)))
+        self.scatter(index, 8 * np.arange(len(index) + 1), rows.view(np.uint8), 1)
 
     def scatter(self, index: np.ndarray, at: np.ndarray, rows: np.ndarray, every: int) -> None:
         """Every `every` ticks, store v[index] as doubles at the byte offsets at[:-1] of the row k // every % len(rows)
