@@ -28,7 +28,6 @@ from cosim.replay.detector_replay import Lane, tick_of
 from cosim.replay.log_schema import ReplayError, check_start
 from cosim.replay.write import overlay
 
-SPAN = 2000  # ticks that are replayed together
 __all__ = ["Difference", "Replay", "ReplayError", "replay"]
 
 
@@ -100,16 +99,14 @@ def replay(
     compile_ahead([lane.rollout.native for lane in every if isinstance(lane.rollout, Entry)])
     with overlay(log, [lane.topic for lane in flown], output) if output else nullcontext() as written:
         asked = log.topics if output else lanes.topics(log, every)
-        for a in range(begin, end if every else 0, SPAN):
-            b = min(a + SPAN, end)
-            read = lanes.values(log, asked, a, b)
+        for ticks, read in lanes.stretches(log, asked, begin, end if every else 0):
             made: dict[str, np.ndarray] = {}
             for m in members:  # in the order in which they flew: what one reads of another is what that gives now
-                made[m.lane.topic] = m.replay(log, read | made, a, b)
+                made[m.lane.topic] = m.replay(log, read | made, ticks.start, ticks.stop)
             if written:
-                written(read, made, a, b)
+                written(read, made, ticks.start, ticks.stop)
             if progress:
-                progress(b * log.dt_ns / 1e9, log.n_ticks * log.dt_ns / 1e9)
+                progress(ticks.stop * log.dt_ns / 1e9, log.n_ticks * log.dt_ns / 1e9)
     result = Replay(str(path), dt_s=tick_of(log), changed=overrides or {}, output=str(output) if output else None)
     result.rows, result.values = sum(m.rows for m in members), sum(m.values for m in members)
     result.skipped = sum(m.skipped for m in members)
