@@ -12,7 +12,6 @@ the versions of the libraries, the processor and the arguments.
 
 import ctypes
 import functools
-import gc
 import hashlib
 import linecache
 import os
@@ -94,8 +93,10 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+# of a process that compiles and ends: to search its memory for cycles would take a tenth of its time
 _WORK = """
-import functools, importlib, sys
+import functools, gc, importlib, sys
+gc.disable()
 module, _, path = sys.argv[1].partition(":")
 functools.reduce(getattr, path.split("."), importlib.import_module(module)).address
 """
@@ -195,7 +196,7 @@ def _compile(function, kinds):
 @contextmanager
 def _intermediate_code_only():
     """Let Numba stop before machine code: it would optimise and assemble every function that a kernel calls for itself,
-    where only the kernel as a whole is run (a third of the time). Nor is memory searched for cycles (a tenth).
+    where only the kernel as a whole is run (a third of the time).
 
     Numba's own lock is held meanwhile: what another thread compiles waits, and is compiled as ever."""
     from unittest.mock import patch
@@ -210,19 +211,13 @@ def _intermediate_code_only():
     def whole(library):
         library._finalized = True
 
-    with global_compiler_lock:
-        collected = gc.isenabled()
-        gc.disable()
-        try:
-            with (
-                patch.object(cpu.CPUContext, "get_executable", linked),
-                patch.object(codegen.CPUCodeLibrary, "_finalize_final_module", whole),
-                patch.object(codegen.CPUCodeLibrary, "_optimize_final_module", lambda library: None),
-            ):
-                yield
-        finally:
-            if collected:
-                gc.enable()
+    with (
+        global_compiler_lock,
+        patch.object(cpu.CPUContext, "get_executable", linked),
+        patch.object(codegen.CPUCodeLibrary, "_finalize_final_module", whole),
+        patch.object(codegen.CPUCodeLibrary, "_optimize_final_module", lambda library: None),
+    ):
+        yield
 
 
 def _load(code):

@@ -36,8 +36,10 @@ def technology(
             served, told = [(f"{name}_{section}", *rest)], rest[2]["u"]
         return [*served, (name, *start(truth, trim, told, dt))]
 
-    about: dict[str, Any] = {"name": name, "article": f"a {name}", "build": build, "design": HYDRAULIC.design}
-    about |= {"effects": {}, "kinds": {}, "fixed": (), "parameters": lambda own: {}}
+    about: dict[str, Any] = {
+        "name": name, "article": f"a {name}", "build": build, "design": HYDRAULIC.design, "effects": {}, "kinds": {},
+        "fixed": (), "parameters": lambda own: {},
+    }  # fmt: skip
     if part.servo:
         return dataclasses.replace(
             HYDRAULIC, servo=f"{name}_servo", modules=lambda: (HYDRAULIC.modules()[0], block()),
