@@ -66,7 +66,7 @@ def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None) -> tuple
     `logs` take the bus of each tick (cosim/flight/tick.py). The trace is an array (ticks, columns) of what the
     judgement needs (cosim/judge/store.py), or of `keep` (positions, dtype). `progress(t, end)` is called now and then.
     """
-    loop, n = setup.loop, setup.ticks
+    loop, n = setup.loop, setup.scenario.ticks
     index, kind = keep or (setup.trace.index, np.float32)
     trace, rows = column_store(n, len(index), kind), np.empty((min(n, SPAN), len(index)))
     tape, flown, status, reason = order(loop, *logs, keep=(index, rows)), 0, "", ""

@@ -32,31 +32,24 @@ def simulate(
     log.
     """
     started = time.perf_counter()
-    if not isinstance(scenario, Scenario):
-        if not isinstance(scenario, str | os.PathLike):
-            raise TypeError(f"{scenario!r} is no scenario: give what cosim.load_scenario returns, a name or a file")
-        scenario = load_scenario(scenario)
-    assert isinstance(scenario, Scenario)
-    scenario = resolved(scenario)
+    if not isinstance(scenario, Scenario | str | os.PathLike):
+        raise TypeError(f"{scenario!r} is no scenario: give what cosim.load_scenario returns, a name or a file")
+    scenario = resolved(scenario if isinstance(scenario, Scenario) else load_scenario(scenario))
     setup = build(scenario)
-    with open_writer(setup, log) if log else nullcontext() as writer:
-        sinks = [writer] if writer else []
+    with redirect_stdout(sys.stderr), open_writer(setup, log) if log else nullcontext() as writer:
         flown = time.perf_counter()
-        with redirect_stdout(sys.stderr) if setup.in_python else nullcontext():
-            trace, status, reason = fly(setup, *sinks, progress=progress)
-        wall = time.perf_counter() - flown
+        trace, status, reason = fly(setup, writer, progress=progress)
         result = Result(
             log=str(log) if log else None, status=status, reason=reason, sim_time_s=len(trace) * setup.loop.dt,
-            wall_time_s=wall,
+            wall_time_s=time.perf_counter() - flown,
             faults=[{"kind": f.kind, "target": f.target, "start_s": f.start_s} for f in scenario.faults],
         )  # fmt: skip
         swings = displacement(setup, trace) if achieved and status != "interrupted" else None
         faults = judged(scenario, swings)
         result.detectors = [judge(w, trace, setup.loop.dt, faults) for w in setup.judged_lanes(timed)]
-        done = setup.trace.consequences(scenario, trace)
         lost = {name: why.partition(" (")[0] for name, why in left_out(scenario).items()}  # without the remedy's path
-        result.extra = {"achieved": swings, "consequences": done, "startup_s": flown - started, "notes": setup.notes,
-                        "not_run": lost}  # fmt: skip
+        result.extra = {"achieved": swings, "consequences": setup.trace.consequences(scenario, trace),
+                        "startup_s": flown - started, "notes": setup.notes, "not_run": lost}  # fmt: skip
         if writer:
             writer.close(result=result_texts(result))
             if result.log != os.fspath(writer.path):

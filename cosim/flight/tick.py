@@ -36,15 +36,13 @@ def order(s: "Loop", *logs: Any, keep: Any = None) -> Tape:
     tape.step(s.sensors)  # 2. measurements
 
     tape.copy(*s.wires["law"])
-    for correct in s.corrections.get("law", ()):
-        tape.call(correct)
+    tape.call(*s.corrections.get("law", ()))
     tape.step(s.pilot)
     tape.table(*s.inputs.get("pilot", ()))
     tape.copy(*s.wires["demand"])
     tape.step(s.law)  # 3. control law on measurements
     tape.table(*s.inputs.get("law", ()))
-    for correct in s.corrections.get("commands", ()):
-        tape.call(correct)
+    tape.call(*s.corrections.get("commands", ()))
 
     tape.copy(*s.wires["hinge"])
     tape.step(s.hinge)
@@ -60,8 +58,7 @@ def order(s: "Loop", *logs: Any, keep: Any = None) -> Tape:
         log.schedule(tape) if hasattr(log, "schedule") else tape.call(lambda k, log=log: log(s.v))
 
     tape.copy(*s.wires["actuators"])
-    for correct in s.corrections.get("actuators", ()):
-        tape.call(correct)
+    tape.call(*s.corrections.get("actuators", ()))
     for actuator in s.actuators:
         tape.step(actuator)  # to t_k+1, sub-stepped against the hinge moment
     tape.copy(*s.wires["surfaces"])

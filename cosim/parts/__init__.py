@@ -16,7 +16,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from cosim.errors import did_you_mean
+from cosim.errors import among, did_you_mean
 from cosim.parts.detector import PartError, PlainDetector, block_detector, is_block, is_detector_class, rollout_of
 from cosim.scenario import Scenario, parse, user_parts
 from cosim.texts import unpaired_surrogate
@@ -81,12 +81,11 @@ def use(scenario: Scenario) -> None:
         file = table.get("file")
         if file and (part is None or table.get("sha256") not in (None, part.sha256)):
             part = load(file)
-        if part is None:
-            near = did_you_mean(name, [*registry.SHIPPED, *registry.USER_DETECTORS])
-            raise PartError("no such detector, and no file is given", place=f"detectors.{name}", remedy=near)
-        if part.DETECTOR.id != name:
+        if part is not None and part.DETECTOR.id != name:
             said, place = f"holds the detector {part.DETECTOR.id!r}", f"detectors.{name}.file = {file}"
             raise PartError(said, place=place, allowed=f"one with id {name!r}")
+        among(name, (*registry.SHIPPED, *registry.USER_DETECTORS), "no such detector, and no file is given",
+              error=PartError, place=f"detectors.{name}")  # fmt: skip
 
 
 def with_detectors(scenario: Scenario, files: Iterable[str | os.PathLike]) -> Scenario:

@@ -80,8 +80,7 @@ class PlainDetector:
         self.cls, self.file, self.sha256 = cls, file, sha256
         own, self._defaults = record_of(cls), parameters(cls)
         self.ISOLABLE_PARTS = ("", *getattr(cls, "isolable_parts", ()))
-        units = {field: vocabulary.find(word).unit for field, word in own.inputs.items()}
-        self.INPUTS = dtype([(field, "f8", unit) for field, unit in units.items()])
+        self.INPUTS = dtype([(field, "f8", vocabulary.find(word).unit) for field, word in own.inputs.items()])
         self.PARAMS = dtype([("limit_s", "f8", "s"), *((name, "f8") for name in self._defaults)])
         estimate = own.estimates[0].unit if own.estimates else "-"
         self.STATE = dtype([(n, "f8", estimate if n == "estimate" else "-") for n in OUTPUTS])

@@ -139,7 +139,7 @@ def _oscillation(x, p, i):
     if found < 0:
         return
     if x.ofc_timer[0] + x.ofc_timer[1] == 0.0:
-        x.ofc_class, x.lost_weight = AMBIGUOUS, 0.0
+        x.lost_weight = 0.0
     x.ofc_timer[i] = p.t_release
     _name(x, p, i, found)
 
@@ -148,12 +148,11 @@ def _oscillation(x, p, i):
 def _name(x, p, i, k):
     """Name the class of the oscillation at frequency k by the share of the command that does not come through."""
     share, weight = missing(x, p, i, k)
-    x.lost_weight += weight
-    if weight > 0.0:
-        x.lost_share += (share - x.lost_share) * weight / x.lost_weight
+    x.lost_weight = max(x.lost_weight + weight, 1e-12)  # nothing is known of the share where the command rests
+    x.lost_share += (share - x.lost_share) * weight / x.lost_weight
     apart = x.lost_share - CENTRE
     x.ofc_class = OFC_SOLID if apart > 0.0 else OFC_LIQUID
-    if x.lost_weight == 0.0 or math.fabs(apart) < p.margin + SURE * math.sqrt(ALIKE / x.lost_weight):
+    if math.fabs(apart) < p.margin + SURE * math.sqrt(ALIKE / x.lost_weight):
         x.ofc_class = AMBIGUOUS
 
 

@@ -77,7 +77,7 @@ def test_dimensions_without_an_aircraft_are_named(tmp_path, old, by, says):
     says = (
         f"numbers.toml{says}"
         if says
-        else "aircraft.toml: geometry.wing_area_ft2 = 1317.5: numbers.toml makes it 1076.39"
+        else "aircraft.toml: geometry.wing_area_ft2 = 1317.5, numbers.toml makes it 1076.39"
     )
     assert told.exit_code == 2 and says in " ".join(told.stderr.split()), told.output
     assert not (tmp_path / "mine").exists()

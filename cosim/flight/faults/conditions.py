@@ -42,8 +42,7 @@ def resolved(scenario: Scenario) -> Scenario:
 
 def _of_fault(name, scenario, t):
     """Return `fault.N.active` or `fault.N.since` at the times t, not a number where fault N has not begun."""
-    number = other_fault(name)
-    fault, slack = scenario.faults[number], 0.5 * scenario.dt  # as the loop takes them, to the nearest tick
+    fault, slack = scenario.faults[other_fault(name)], 0.5 * scenario.dt  # as the loop takes them, to the nearest tick
     if fault.waits:
         return np.full_like(t, np.nan)
     begun = t > fault.start_s - slack

@@ -17,13 +17,6 @@ KEPT = 16  # flights without faults
 _positions: dict[str, NDArray] = {}  # TOML of a flight without faults -> rods [m] and surfaces [rad] of its segments
 
 
-def achieved(scenario: Scenario) -> dict[str, dict]:
-    """Fly `scenario` with and without its faults; return the `displacement`. Raises TrimError."""
-    setup = build(scenario)
-    rows, *_ = fly(setup)
-    return displacement(setup, rows)
-
-
 def faulted(scenario: Scenario) -> dict[str, list]:
     """Return {segment: its injections} of the segments that a fault acts on, directly or by a sensor of the loop."""
     out: dict[str, list] = {}

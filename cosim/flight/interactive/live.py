@@ -10,7 +10,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from contextlib import nullcontext, redirect_stdout
+from contextlib import redirect_stdout
 from typing import Any
 
 from cosim.errors import CosimError
@@ -71,15 +71,14 @@ def fly_live(
         return told(fault=flight.inject(**given))
 
     def heal(given):
-        flight.heal(given.get("fault"))
-        return told(fault=int(given["fault"]))
+        return told(fault=flight.heal(given.get("fault")))
 
     def pace(given):
         live.pace.change(checked_speed(given.get("value")), flight.tick)
         return told(speed=live.pace.speed)
 
-    where = pose(flight.setup.loop.bus)
-    about: dict[str, Any] = {"dt_ns": round(flight.dt * 1e9), "pose": where, "name": scenario.title or "cosim"}
+    about: dict[str, Any] = {"dt_ns": round(scenario.dt * 1e9), "pose": pose(flight.setup.loop.bus),
+                             "name": scenario.title or "cosim"}  # fmt: skip
     calls = {"inject": inject, "heal": heal, "speed": pace}
     controls = {name: Control(do, *requests(scenario)[name]) for name, do in calls.items()}
     began = time.perf_counter()
@@ -87,7 +86,7 @@ def fly_live(
         if ready:
             ready(live)
         try:
-            with redirect_stdout(sys.stderr) if flight.setup.in_python else nullcontext():
+            with redirect_stdout(sys.stderr):
                 while flight.step():
                     live.append(flight.values)
                     live.serve()

@@ -79,18 +79,12 @@ class Flight:
 
     def told(self) -> str:
         """Return the faults of the flight in words."""
-        told = [f"{f.kind} on {f.target} from {f.start_s:g} s" for f in self.scenario.faults]
-        return ", ".join(told) or "no fault"
-
-    @property
-    def dt(self) -> float:
-        """Return the length of a tick [s]."""
-        return self.scenario.dt
+        return ", ".join(f"{f.kind} on {f.target} from {f.start_s:g} s" for f in self.scenario.faults) or "no fault"
 
     @property
     def time(self) -> float:
         """Return the time of the next tick [s]."""
-        return self.tick * self.dt
+        return self.tick * self.scenario.dt
 
     @property
     def signals(self) -> Signals:
@@ -129,17 +123,17 @@ class Flight:
         if "when" not in fault:
             fault.setdefault("start_s", self.time)
         elif self.tick and isinstance(fault["when"], str):  # waits from now on, also for what was true before
-            fault["when"] = f"t > {(self.tick - 0.5) * self.dt:.9g} and ({fault['when']})"
+            fault["when"] = f"t > {(self.tick - 0.5) * self.scenario.dt:.9g} and ({fault['when']})"
         start = fault.get("start_s", self.time)
-        if isinstance(start, int | float) and start < self.time - 0.5 * self.dt:
+        if isinstance(start, int | float) and start < self.time - 0.5 * self.scenario.dt:
             raise ScenarioError(f"{start:g} s has passed", place="start_s", allowed=f"from {self.time:g} s on")
         faults = self._tables()
         self._refly([*faults, fault])
         return len(faults)
 
     @told_at_call
-    def heal(self, fault: int) -> None:
-        """End fault number `fault` now. Raises ScenarioError if unknown or ended."""
+    def heal(self, fault: int) -> int:
+        """End fault number `fault` now and return it. Raises ScenarioError if unknown or ended."""
         faults = self._tables()
         if fault not in range(len(faults)):
             raise ScenarioError("no fault of this number", place=f"fault {fault}", allowed=f"0 to {len(faults) - 1}")
@@ -149,6 +143,7 @@ class Flight:
             raise ScenarioError("is healed already" if begun else "has not begun", place=f"fault {fault}")
         own["end_s"] = self.time
         self._refly(faults)
+        return int(fault)
 
     def _tables(self):
         """Return the faults as tables; one whose condition has not come true yet waits on."""

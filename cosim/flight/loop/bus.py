@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import ScenarioError, did_you_mean
+from cosim.errors import ScenarioError, among
 from cosim.scenario import vocabulary
 
 
@@ -41,7 +41,7 @@ class Bus:
         n = 0
         for name, kind, lanes in sections:
             if name in self.kinds:
-                raise ValueError(f"section {name!r} is declared twice")
+                raise ScenarioError("is a name of the loop's own", place=name, remedy="Choose another id")
             self.kinds[name], self.lanes[name], self._start[name] = kind, tuple(lanes), n
             n += kind.itemsize // 8 * len(lanes)
         self._positions: dict[tuple[str, str], dict[str, int]] = {}  # {(section, lane): {field: position}}
@@ -56,34 +56,23 @@ class Bus:
         """Return the position of a signal: `section.lane.field`, an element of an array field as `field[3]`, or a word
         (`place`). Raises ScenarioError for what is not there."""
         section, lane, field = [*place(name).split(".", 2), "", ""][:3]
-        _among(self.lanes, section, name)
-        _among(self.lanes[section], lane, name)
+        said = f"no signal {name!r}"
+        among(section, self.lanes, said)
+        among(lane, self.lanes[section], said)
         if (section, lane) not in self._positions:
             self._positions[section, lane] = dict(self.columns(section, lane))
-        _among(self._positions[section, lane], field, name)
+        among(field, self._positions[section, lane], said)
         return self._positions[section, lane][field]
 
     def columns(self, section: str, lane: str, fields: Any = None) -> list:
         """Return [(name, position)] of a lane's elements in memory order, of `fields` only when given."""
         kind = self.kinds[section]
-        base = self._start[section] + self.lanes[section].index(lane) * (kind.itemsize // 8)
-        out = []
-        for name in kind.names or ():
-            if fields is not None and name not in fields:
-                continue
-            sub, offset = kind.fields[name][:2]  # type: ignore[index]
-            first = base + offset // 8
-            out += [(f"{name}[{i}]" if sub.shape else name, first + i) for i in range(sub.itemsize // 8)]
-        return out
+        every = vocabulary.elements(kind, kind.names or ())
+        first = self._start[section] + self.lanes[section].index(lane) * len(every)
+        return [(name, first + i) for i, name in enumerate(every) if fields is None or name.split("[")[0] in fields]
 
     def wires(self, pairs: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
         """Compile [(destination path, source path)] to two index arrays."""
         to = np.array([self.index(d) for d, _ in pairs], np.int64)
         source = np.array([self.index(s) for _, s in pairs], np.int64)
         return to, source
-
-
-def _among(there, asked, name):
-    """Raise ScenarioError unless the part `asked` of a signal's name is one of those that are there."""
-    if asked not in there:
-        raise ScenarioError(f"no signal {name!r}", allowed=", ".join(there), remedy=did_you_mean(asked, there))

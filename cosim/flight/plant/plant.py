@@ -13,6 +13,7 @@ drifts; load factors from this frame's forces, as JSBSim's own are one frame old
 """
 
 import ctypes
+import dataclasses
 import functools
 import itertools
 import math
@@ -173,7 +174,7 @@ class Plant:
     def trim(self) -> Trim:
         """Trim the flight point and stand ready at time 0: a Trim, or TrimError."""
         found = trim(self)
-        if not self.flight.windless:
+        if dataclasses.replace(self.flight, seed=0) != self.flight.calm:
             self._into_the_air(found)
         self._fdm.suspend_integration()  # a frame without motion, after which every model has the state
         self._fdm.run()
@@ -213,8 +214,9 @@ class Plant:
     def truth(self) -> np.ndarray:
         """Return a new (1,) array of the truth, SI, of the present state."""
         out = np.zeros(1, self.border.truth)
-        self.outputs.read(out.view("f8"))
-        last_step(out.view("f8"), *self._frame)
+        numbers = out.view("f8")
+        self.outputs.read(numbers)
+        last_step(numbers, len(numbers), *self._frame)
         return out
 
     def schedule_outputs(self, tape: Any, start: int) -> None:
