@@ -17,7 +17,7 @@ import numpy as np
 from actuators.block import Entry
 from actuators.kernels import compile_ahead
 from cosim.errors import told_at_call
-from cosim.judge.detection import Said, outputs_read
+from cosim.judge.detection import Said
 from cosim.judge.result import entry_of, judged, plain
 from cosim.log import Log, open_log
 from cosim.parts import loaded
@@ -138,9 +138,7 @@ class _Member:
         self.lane, self.flew, self.dt, self._faults = lane, lane.topic in log.topics, tick_of(log), faults
         self.fields = [name for name, _ in lane.outputs]
         self.hidden = log.topics[lane.hidden].fields if lane.hidden in log.topics else ()
-        names = outputs_read(lane.module.ISOLABLE_PARTS, self.fields)
-        self._columns = [self.fields.index(n) for n in names]
-        own = lanes.judged_lane(lane.id, lane.level, lane.lane, lane.module.ISOLABLE_PARTS, names)
+        own = lanes.judged_lane(lane.id, lane.level, lane.lane, lane.module.ISOLABLE_PARTS, self.fields)
         self._logged, self._again = (Said(own, self.dt * lane.every, faults) for _ in range(2))
         self.rows = self.values = self.skipped = 0
         self.differences: dict[str, Difference] = {}
@@ -201,8 +199,9 @@ class _Member:
         """Take what it said as logged and as replayed; nothing where the log has no row."""
         places = ticks // self.lane.every - self._logged.ticks
         for said, own in zip((self._logged, self._again), rows):
-            block = np.zeros((int(places[-1]) + 1 if len(places) else 0, len(self._columns)), np.float32)
-            block[places] = own[:, self._columns]
+            block = np.zeros((int(places[-1]) + 1 if len(places) else 0, len(self.fields)), np.float32)
+            with np.errstate(over="ignore"):
+                block[places] = own
             said.add(block)
 
     def judge(self) -> dict:

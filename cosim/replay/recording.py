@@ -121,6 +121,7 @@ class LoggedFlight:
         self._user_detectors = user_detectors
         self.log = open_log(path, tolerant=True)
         self.scenario = log_schema.scenario(self.log)
+        self.cases = coverage.cases(self.scenario)  # of each fault
         self.detectors = log_schema.detectors(self.log)
         self.toml = self.log.attachments["scenario.toml"].decode()
         if BASE not in self.log.topics:
@@ -176,11 +177,6 @@ class LoggedFlight:
     def faults(self) -> list:
         """Return what `judge` takes of the faults."""
         return judged(self.scenario, self.achieved)
-
-    @cached_property
-    def cases(self) -> list[str]:
-        """Return the case of each fault (cosim/judge/coverage.py)."""
-        return coverage.cases(self.scenario)
 
     @cached_property
     def intervals(self) -> Any:
@@ -292,11 +288,10 @@ class _Truth:
                        np.zeros(len(read[BASE]))) for own in self._sources]  # fmt: skip
         truth = self._plan.truth(np.stack(columns), self._flown.dt, self._kept)
         self._drawn.add(truth[:, None])
-        own = log.ticks(f"/detectors/{lane.id}/{lane.lane}", ticks.start, ticks.stop)
-        at = np.searchsorted(log.ticks(BASE, ticks.start, ticks.stop), own)
+        own = truth[-ticks.start % lane.every :: lane.every]
         ends = self._plan.start, min(self._plan.end, self._flown.end + self._flown.dt)
         first, stop = (max(0, round((t - self._flown.t0) / step) - lane.said.ticks) for t in ends)
-        self.errors.add((rows[:, lane.at[self.output]] - truth[at])[first:stop])
+        self.errors.add((rows[:, lane.at[self.output]] - own)[first:stop])
 
     @property
     def curve(self) -> tuple[np.ndarray, float]:
