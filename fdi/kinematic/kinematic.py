@@ -70,6 +70,10 @@ POWER = np.array([GUSTY.get(name, 0) for name in SENSORS])
 SHOWN_S, BACK, SEEN, OFF_S = 5.0, 0.3, 0.75, 120.0
 LEFT = 4.0  # thresholds: from there a row is quiet within 1.4 of its time constants
 FADING, STAYING, NOISY, JUMPED_BACK = 0.0, 1.0, 2.0, 3.0
+# what else than a sensor moves the velocity through the air from where it was [m/s, m/s2]: noise; rotation of the earth,
+# twice its rate times 250 m/s; a gust there and one here, each of the rms that the vane has
+STRAY_SD, STRAY_RATE, GUSTS_SD = 0.2, 0.03, 1.25
+TOLD = 4.6  # ln 100: of the likelihoods of the sensors of a pair
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
 
 PARAMS = dtype(
@@ -142,6 +146,10 @@ STATE = dtype(
         ("age", "f8", "s"),
         ("n_learn", "f8", "-"),
         ("since", "f8", "s"),  # time since the first row fired, 0 while none has
+        ("integral", "f8", (5,)),  # over that time: roll, heading, speed over the ground, across the heading, airspeed
+        ("strayed", "f8", (5,), "rad, m/s"),  # the readings less those
+        ("expected", "f8", (4,), "m/s"),  # by an error of the sensor NEEDED of each pair: of the last or the one before
+        ("rolled", "f8", "rad s"),  # integral of what roll has strayed
         ("noisy", "f8", "-"),  # 1 + sensor whose noise is wrong, 0 for none
         ("quiet", "f8", "s"),  # time since anything fired
         ("held", "f8", (NR,)),  # residuals that were beyond their thresholds, the last of each row
@@ -297,10 +305,11 @@ def _hidden(x, s, i):
 @kernel
 def _explains(x, s):
     """Return whether signature s explains what fired and jumped."""
-    jumped = x.jumped[table.FIRST_ROW[s]] > 0.0
-    if (table.JUMPS[s] > 0.5 and not jumped) or (table.JUMPS[s] < -0.5 and jumped):
+    if table.JUMPS[s] > 0.5 and x.jumped[table.FIRST_ROW[s]] <= 0.0:
         return False
     for i in range(NR):
+        if table.JUMPS[s] < -0.5 and table.INTEGRATES[i] * x.jumped[i] > 0.0:
+            return False
         if x.fired[i] > 0.0 and table.MAY[s, i] < 0.5:
             return False
         if x.fired[i] <= 0.0 and table.MUST[s, i] > 0.5 and not _hidden(x, s, i):
@@ -317,7 +326,18 @@ def _named(x):
             count += 1
             best = table.OF[s] + 1
             both, pair = count == 2 and pair > 0 and pair == table.PAIR_OF[s], table.PAIR_OF[s]
-    return (1, float(pair)) if count == 2 and both else (count, float(best))
+    return (1, _of_pair(x, pair)) if count == 2 and both else (count, float(best))
+
+
+@kernel
+def _of_pair(x, pair):
+    """Return the sensor of a pair that the velocity through the air tells to be wrong, or the pair: the logarithm of
+    the ratio of the likelihoods that it has strayed as expected of the one and not at all, which gusts may make it."""
+    k = pair - EITHER
+    sd = STRAY_SD + STRAY_RATE * x.since + GUSTS_SD * x.rough
+    strayed = x.strayed[4 if k == 3 else 3]
+    told = x.expected[k] * (2.0 * strayed - x.expected[k]) / (2.0 * sd * sd)
+    return float(pair if math.fabs(told) < TOLD else table.NEEDED[k] if told > 0.0 else table.OTHER[k])
 
 
 @kernel
@@ -331,7 +351,7 @@ def _seek(x, p, any_row):
         if count == 1 and (sought or table.HOLDS[int(x.isolated_part), int(best)] > 0.5):
             x.alarm, x.verdict, x.isolated_part = 1.0, SENSOR, best
             row = table.FADES[int(best) - 1]
-            x.shows = FADING if row >= 0 else STAYING
+            x.shows = FADING if row >= 0 and best < EITHER else STAYING
             x.leapt = 1.0 if row >= 0 and x.off_most[row] > 0.0 else 0.0
         elif sought and x.since >= p.t_ambiguous:
             x.alarm, x.verdict, x.isolated_part = 1.0, AMBIGUOUS, 0.0

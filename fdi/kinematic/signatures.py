@@ -54,12 +54,18 @@ FIRST_ROW = np.array([ROWS.index(c[1][0]) for c in SIGNATURES])
 OF = np.array([SENSORS.index(c[0]) for c in SIGNATURES])
 ISOLABLE_PARTS = ("", *SENSORS, *(" or ".join(pair) for pair in PAIRS))
 EITHER = len(SENSORS) + 1  # the first of the pairs
+# of each but the first, which the turn tells apart: the sensor that the velocity through the air needs, and the other
+NEEDED, OTHER = (
+    np.array([ISOLABLE_PARTS.index(name) for name in names])
+    for names in (("", "phi", "r", "n_x"), ("", "p", "psi", "v_ground"))
+)
 # [a, b]: b is one of a
 HOLDS = np.array([[float(b != "" and b in a.split(" or ")) for b in ISOLABLE_PARTS] for a in ISOLABLE_PARTS])
 PAIR_OF = np.array([next((k + EITHER for k, pair in enumerate(PAIRS) if c[0] in pair), 0) for c in SIGNATURES])
 # of every isolated_part the row that integrates it, from which its error fades; -1 where an error stays
 FADES = np.array(
-    [next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] == name and c[3]), -1) for name in ISOLABLE_PARTS[1:]]
+    [next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] in name.split(" or ") and c[3]), -1)
+     for name in ISOLABLE_PARTS[1:]]
 )
 INTEGRATES = np.array([float(row in ("phi", "theta", "psi", "turn", "speed", "height")) for row in ROWS])
 _RATES = [name.split(" or ")[0] for name in ISOLABLE_PARTS[1:]]  # a pair's rate
