@@ -304,13 +304,15 @@ def _hidden(x, s, i):
 
 @kernel
 def _explains(x, s):
-    """Return whether signature s explains what fired and jumped."""
-    if table.JUMPS[s] > 0.5 and x.jumped[table.FIRST_ROW[s]] <= 0.0:
+    """Return whether signature s explains what fired and jumped: of the rows of one unit its first shows it most."""
+    first = table.FIRST_ROW[s]
+    if table.JUMPS[s] > 0.5 and x.jumped[first] <= 0.0:
         return False
     for i in range(NR):
         if table.JUMPS[s] < -0.5 and table.INTEGRATES[i] * x.jumped[i] > 0.0:
             return False
-        if x.fired[i] > 0.0 and table.MAY[s, i] < 0.5:
+        larger = table.UNIT[i] == table.UNIT[first] and math.fabs(x.held[i]) > math.fabs(x.held[first])
+        if x.fired[i] > 0.0 and (larger or table.MAY[s, i] < 0.5):
             return False
         if x.fired[i] <= 0.0 and table.MUST[s, i] > 0.5 and not _hidden(x, s, i):
             return False
