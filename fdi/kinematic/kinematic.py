@@ -145,7 +145,8 @@ STATE = dtype(
         ("speed", "f8", "m/s"),  # over the ground, where it was learned
         ("age", "f8", "s"),
         ("n_learn", "f8", "-"),
-        ("since", "f8", "s"),  # time since the first row fired, 0 while none has
+        ("known", "f8", (NR,)),  # 1 where a sensor that is named is read
+        ("since", "f8", "s"),  # time since the first of the others fired, 0 while none has
         ("integral", "f8", (5,)),  # over that time: roll, heading, speed over the ground, across the heading, airspeed
         ("strayed", "f8", (5,), "rad, m/s"),  # the readings less those
         ("expected", "f8", (4,), "m/s"),  # by an error of the sensor NEEDED of each pair: of the last or the one before
@@ -304,11 +305,14 @@ def _hidden(x, s, i):
 
 @kernel
 def _explains(x, s):
-    """Return whether signature s explains what fired and jumped: of the rows of one unit its first shows it most."""
+    """Return whether signature s explains what fired and jumped in the rows that are not x.known: of the rows of one
+    unit its first shows it most."""
     first = table.FIRST_ROW[s]
-    if table.JUMPS[s] > 0.5 and x.jumped[first] <= 0.0:
+    if x.known[first] > 0.5 or (table.JUMPS[s] > 0.5 and x.jumped[first] <= 0.0):
         return False
     for i in range(NR):
+        if x.known[i] > 0.5:
+            continue
         if table.JUMPS[s] < -0.5 and table.INTEGRATES[i] * x.jumped[i] > 0.0:
             return False
         larger = table.UNIT[i] == table.UNIT[first] and math.fabs(x.held[i]) > math.fabs(x.held[first])
@@ -343,31 +347,40 @@ def _of_pair(x, pair):
 
 
 @kernel
-def _seek(x, p, any_row):
-    """Name the sensor when the rows that belong together are in, or say that there is none."""
-    sought = x.alarm < 0.5 or x.verdict == AMBIGUOUS
+def _blame(x, part, shows):
+    """Name a part; of the rows that read its sensor the search for another one makes nothing."""
+    x.alarm, x.verdict, x.isolated_part, x.shows = 1.0, SENSOR, part, shows
+    if part < EITHER:
+        for i in range(NR):
+            x.known[i] = max(x.known[i], table.KNOWN[int(part), i])
+
+
+@kernel
+def _seek(x, p):
+    """Name the sensor when the rows that belong together are in, or say that there is none; beside one that is named
+    another one by rows that do not read it."""
     if x.noisy > 0.5:  # a reading tells of itself, rows of all that they read
-        x.alarm, x.verdict, x.isolated_part, x.shows = 1.0, SENSOR, x.noisy, NOISY
-    elif any_row and x.since >= p.t_collect and (sought or x.isolated_part >= EITHER):
+        _blame(x, x.noisy, NOISY)
+    elif x.since >= p.t_collect:
         count, best = _named(x)
-        if count == 1 and (sought or table.HOLDS[int(x.isolated_part), int(best)] > 0.5):
-            x.alarm, x.verdict, x.isolated_part = 1.0, SENSOR, best
+        if count == 1 and (x.isolated_part < EITHER or table.HOLDS[int(x.isolated_part), int(best)] > 0.5):
             row = table.FADES[int(best) - 1]
-            x.shows = FADING if row >= 0 and best < EITHER else STAYING
+            _blame(x, best, FADING if row >= 0 and best < EITHER else STAYING)
             x.leapt = 1.0 if row >= 0 and x.off_most[row] > 0.0 else 0.0
-        elif sought and x.since >= p.t_ambiguous:
-            x.alarm, x.verdict, x.isolated_part = 1.0, AMBIGUOUS, 0.0
+        elif x.alarm < 0.5 and x.since >= p.t_ambiguous:
+            x.alarm, x.verdict = 1.0, AMBIGUOUS
 
 
 @kernel
 def _decide(x, p, dt):
     """Name what is wrong; hold the alarm for t_release, or as the error ends."""
-    any_row = False
+    any_row, unknown = False, False
     for i in range(NR):
         any_row = any_row or x.fired[i] > 0.0
+        unknown = unknown or x.fired[i] * (1.0 - x.known[i]) > 0.0
     x.quiet = 0.0 if any_row or x.noisy > 0.5 else x.quiet + dt
-    x.since = x.since + dt if any_row else 0.0
-    _seek(x, p, any_row)
+    x.since = x.since + dt if unknown else 0.0
+    _seek(x, p)
     if x.alarm < 0.5:
         x.refuted = 0.0
         return
@@ -399,6 +412,7 @@ def _clear(x):
     x.shows = x.refuted = x.leapt = 0.0
     x.fired[:] = 0.0
     x.held[:] = 0.0
+    x.known[:] = 0.0
 
 
 @kernel
