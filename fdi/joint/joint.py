@@ -18,18 +18,18 @@ name that holds SURE of the probability, the verdict the class that holds SURE_C
 else AMBIGUOUS, as it is while every lane says so; `p` is the probability of the isolated_part.
 """
 
-import functools
 from collections import Counter
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
 from fdi import registry
-from fdi.common.record import Detector, Site
+from fdi.common.record import Detector
 from fdi.common.verdict import AMBIGUOUS, NAMES, NONE, code
 from fdi.joint import likelihood
-from fdi.joint.hypotheses import AIRCRAFT, ISOLABLE_PARTS, LANES, LOCAL, SEGMENTS, hypotheses, segments
+from fdi.joint.hypotheses import ISOLABLE_PARTS, LANES, SEGMENTS, hypotheses, segments
 
 # chosen on the training flights, rates from one half of them and names from the other:
 SURE, SURE_CLASS = 0.85, 0.85  # probabilities from which a place and a class are named
@@ -50,7 +50,6 @@ PARAMS = dtype([
     ("row", "f8", (NH, NL)),  # of `p_token`
     ("twin", "f8", (NH, NL)),  # 1 + the lane of the same detector before it that the hypothesis moves, 0 for none
     ("p_token", "f8", (NR, NT)),  # P(token | row)
-    ("use", "f8", (NL,)),  # 1 where the lane is listened to
     ("token", "f8", (NL, NW, NC, NCUL)),  # of word, class code and isolated_part
     ("word", "f8", (NF, NV)),  # that a value of an output is
 ])  # fmt: skip
@@ -98,31 +97,23 @@ DETECTOR = Detector(
     sizes={"n_h": 1.0, "names": 0.0, "verdict": 0.0, "row": 0.0, "twin": 0.0, "token": 0.0, "word": 0.0},
     any_aircraft=True,
     may_lack=True,
-    options={"levels": ("both", "local", "aircraft"), "rates": ("measured", "none")},  # the first is the default
-    fit=lambda site, levels="both", rates="measured": fitted(site, levels, rates),
+    fit=lambda site: params(site.technologies or {}),
 )  # fmt: skip
 
 
-def params(
-    technology: Any = None, *, levels: str = "both", rates: str | dict = "measured", **values: Any
-) -> np.ndarray:
-    """Return PARAMS for elevator segments {segment: technology}, by default four hydraulic ones.
-
-    `levels` names whose lanes are listened to, `rates` "measured" (stored), "none", or counts as those.
-    """
-    technology = dict(technology or dict.fromkeys(SEGMENTS, "hydraulic"))
-    counted = rates if isinstance(rates, dict) else likelihood.stored() if rates == "measured" else {}
+def params(technology: Mapping[str, str] | None = None, rates: dict | None = None, **values: Any) -> np.ndarray:
+    """Return PARAMS for elevator segments {segment: technology}, by default four hydraulic ones; `rates` other than the
+    stored ones."""
+    technology = dict.fromkeys(SEGMENTS, "hydraulic") if technology is None else technology
     found, here = hypotheses(technology), segments(technology)
     p, n = record(PARAMS, n_h=len(found)), len(found)
-    row, p_token = likelihood.rows(found, here, counted)
+    row, p_token = likelihood.rows(found, here, likelihood.stored() if rates is None else rates)
     p_token, where = np.unique(p_token, axis=0, return_inverse=True)
     p["row"][0, :n], p["p_token"][0, : len(p_token), : p_token.shape[1]] = where[row.astype(int)], p_token
     p["prior"][0, :n] = _prior(found)
     p["names"][0, :n] = [[ISOLABLE_PARTS.index(name) for name in h.names] for h in found]
     p["verdict"][0, :n] = [code(h.verdict) for h in found]
-    own = {"both": (*LOCAL, *AIRCRAFT), "local": LOCAL, "aircraft": AIRCRAFT}[levels]
     for i, (detector, lane) in enumerate(LANES):
-        p["use"][0, i] = detector in own and (lane == "aircraft" or lane in here)
         isolable_parts = registry.module(detector).ISOLABLE_PARTS
         for w, told in enumerate(likelihood.words(detector)):
             said = [[likelihood.index(detector, v, c, told) for c in isolable_parts] for v in NAMES[1:]]
@@ -147,17 +138,6 @@ def _prior(found):
     share = [(SEVERAL if len(h.segments) > 1 and "@command" not in h.key else 1.0)
              / (classes[h.names, h.segments] * kinds[h.names, h.segments, h.verdict]) for h in found]  # fmt: skip
     return np.array(share) / sum(share)
-
-
-def fitted(site: Site, levels: str = "both", rates: str = "measured") -> np.ndarray:
-    """Return PARAMS for a loop."""
-    return of_layout(tuple((site.technologies or {}).items()), levels, rates).copy()
-
-
-@functools.cache
-def of_layout(technologies: tuple[tuple[str, str], ...], levels: str, rates: str) -> np.ndarray:
-    """Return `params` of segments ((segment, technology), ...); its tables are made once in a process."""
-    return params(dict(technologies), levels=levels, rates=rates)
 
 
 def init(p: np.ndarray) -> np.ndarray:
@@ -189,10 +169,10 @@ def _weigh(x, p):
         w = p.prior[h]
         for i in range(NL):
             t, j = int(x.heard[i]), int(p.twin[h, i]) - 1
-            if p.use[i] < 0.5 or t < 0:
+            if t < 0:
                 continue
             s = p.p_token[int(p.row[h, i]), t]
-            if j >= 0 and p.use[j] > 0.5 and x.heard[j] >= 0.0:
+            if j >= 0 and x.heard[j] >= 0.0:
                 s = (1.0 - ALIKE) * s + (ALIKE if t == int(x.heard[j]) else 0.0)
             w *= s
         x.weight[h] = w
@@ -230,14 +210,13 @@ def step(x, u, p, dt):
     """Hear the lanes; where what they say has settled, weigh all hypotheses."""
     new, x.valid, x.r, x.named = False, 0.0, 0.0, 0.0
     for i in range(NL):
-        if p.use[i] > 0.5:
-            t = _said(x, u, p, i)
-            new = new or t != x.heard[i]
-            x.heard[i] = t
-            x.valid = max(x.valid, 1.0 if u.valid[i] > 0.5 else 0.0)
-            x.r += 1.0 if t > 0.0 else 0.0
-            if t > 0.0 and u.verdict[i] != NONE and u.verdict[i] != AMBIGUOUS:
-                x.named = 1.0
+        t = _said(x, u, p, i)
+        new = new or t != x.heard[i]
+        x.heard[i] = t
+        x.valid = max(x.valid, 1.0 if u.valid[i] > 0.5 else 0.0)
+        x.r += 1.0 if t > 0.0 else 0.0
+        if t > 0.0 and u.verdict[i] != NONE and u.verdict[i] != AMBIGUOUS:
+            x.named = 1.0
     settled = not new and x.stood < SETTLE <= x.stood + dt
     x.stood = 0.0 if new else x.stood + dt
     if x.r == 0.0:
