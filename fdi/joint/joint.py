@@ -9,15 +9,18 @@ table of fdi/joint/hypotheses.py,
 
     P(h | tokens) ~ P(h) prod_lanes P(token | h)
 
+with the mean of its logarithm over MEMORY in place of the product now, as lanes flicker.
+
 Lanes of one detector that the same fault moves see much the same: of the second, P(token | h) = ALIKE [it says what the
 one before it says] + (1 - ALIKE) P(token | h). A lane that does not fly, or is silent and not valid, says nothing. An
 alarm that comes while its lane is not valid is not heard, one that came before is.
 
-`joint` alarms while a lane does; a name is given when what is heard has stood for SETTLE. The part is the finest
+`joint` alarms while a lane does; what is heard is weighed each time that it has stood for SETTLE. The part is the finest
 name that holds SURE of the probability, the verdict the class that holds SURE_CLASS of the probability of that name,
 else AMBIGUOUS, as it is while every lane says so; `p` is the probability of the isolated_part.
 """
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 from typing import Any
@@ -34,6 +37,7 @@ from fdi.joint.hypotheses import ISOLABLE_PARTS, LANES, SEGMENTS, hypotheses, se
 # chosen on the training flights, rates from one half of them and names from the other:
 SURE, SURE_CLASS = 0.85, 0.85  # probabilities from which a place and a class are named
 SETTLE = 0.5  # of what is heard, before a name is given [s]: detectors of one fault speak one after the other
+MEMORY = 2.0  # of what is heard [s]: of .5, 2, 4 and 8 chosen on the campaign `joint`, judged on `fault-space`
 ALIKE = 0.8  # how much lanes of one detector on segments that one fault moves have in common [-]
 SEVERAL = 0.1  # such a fault, of parts that have no common command, against one of a single part; assumed [-]
 # (lane, detector, output) of what tells more than a class; of one lane the first that says anything counts
@@ -66,6 +70,8 @@ STATE = dtype([
     ("stood", "f8", "s"),  # time since anything new was heard
     ("heard", "f8", (NL,)),  # token of each lane, 0 silent, -1 where it says nothing
     ("named", "f8"),  # 1 while a lane that alarms names a class
+    ("times", "f8"),  # that it was weighed since the alarm rose
+    ("log_mean", "f8", (NH,)),  # of the logarithm of P(tokens | hypothesis), over MEMORY
     ("weight", "f8", (NH,)),  # of each hypothesis
     ("share", "f8", (NN,)),  # of each name
     ("class_share", "f8", (NC,)),  # of each class within the isolated_part
@@ -163,10 +169,12 @@ def _said(x, u, p, i):
 
 @kernel
 def _weigh(x, p):
-    """Fill x.weight with P(h) prod P(token | h) of every hypothesis, of sum 1."""
-    total = 0.0
+    """Fill x.weight with P(h) exp(x.log_mean) of every hypothesis, of sum 1; x.log_mean is that of ln prod P(token | h) over
+    MEMORY, for lanes flicker: what is heard for a moment counts for a moment."""
+    x.times += 1.0
+    share, total = max(SETTLE / MEMORY, 1.0 / x.times), 0.0
     for h in range(int(p.n_h)):
-        w = p.prior[h]
+        w = 1.0
         for i in range(NL):
             t, j = int(x.heard[i]), int(p.twin[h, i]) - 1
             if t < 0:
@@ -175,8 +183,9 @@ def _weigh(x, p):
             if j >= 0 and x.heard[j] >= 0.0:
                 s = (1.0 - ALIKE) * s + (ALIKE if t == int(x.heard[j]) else 0.0)
             w *= s
-        x.weight[h] = w
-        total += w
+        x.log_mean[h] += share * (math.log(w) - x.log_mean[h])
+        x.weight[h] = p.prior[h] * math.exp(x.log_mean[h])
+        total += x.weight[h]
     for h in range(int(p.n_h)):
         x.weight[h] = x.weight[h] / total if total > 0.0 else p.prior[h]
 
@@ -217,10 +226,10 @@ def step(x, u, p, dt):
         x.r += 1.0 if t > 0.0 else 0.0
         if t > 0.0 and u.verdict[i] != NONE and u.verdict[i] != AMBIGUOUS:
             x.named = 1.0
-    settled = not new and x.stood < SETTLE <= x.stood + dt
+    settled = not new and math.floor(x.stood / SETTLE) < math.floor((x.stood + dt) / SETTLE)
     x.stood = 0.0 if new else x.stood + dt
     if x.r == 0.0:
-        x.alarm, x.verdict, x.isolated_part, x.p = 0.0, NONE, 0.0, 0.0
+        x.alarm, x.verdict, x.isolated_part, x.p, x.times = 0.0, NONE, 0.0, 0.0, 0.0
         return
     if x.alarm < 0.5:
         x.alarm, x.verdict = 1.0, AMBIGUOUS
