@@ -15,9 +15,9 @@ Lanes of one detector that the same fault moves see much the same: of the second
 one before it says] + (1 - ALIKE) P(token | h). A lane that does not fly, or is silent and not valid, says nothing. An
 alarm that comes while its lane is not valid is not heard, one that came before is.
 
-`joint` alarms while a lane does; what is heard is weighed each time that it has stood for SETTLE. The part is the finest
-name that holds SURE of the probability, the verdict the class that holds SURE_CLASS of the probability of that name,
-else AMBIGUOUS, as it is while every lane says so; `p` is the probability of the isolated_part.
+`joint` alarms while a lane does; what is heard is weighed each time that it has stood for SETTLE. The part is the
+finest name that holds SURE of the probability, the verdict the class that holds SURE_CLASS of the probability of that
+name, else AMBIGUOUS, as it is while every lane says so; `p` is the probability of the isolated_part.
 """
 
 import math
@@ -169,8 +169,8 @@ def _said(x, u, p, i):
 
 @kernel
 def _weigh(x, p):
-    """Fill x.weight with P(h) exp(x.log_mean) of every hypothesis, of sum 1; x.log_mean is that of ln prod P(token | h) over
-    MEMORY, for lanes flicker: what is heard for a moment counts for a moment."""
+    """Fill x.weight with P(h) exp(x.log_mean) of every hypothesis, of sum 1; x.log_mean is the mean of
+    ln prod P(token | h) over MEMORY."""
     x.times += 1.0
     share, total = max(SETTLE / MEMORY, 1.0 / x.times), 0.0
     for h in range(int(p.n_h)):

@@ -31,9 +31,18 @@ Noise and frozen readings show in the second difference of the reading alone, y_
 sigma^2, in which motion at the sampling rate is nothing. Gusts are not nothing in it: their part goes with a power of
 the speed (`GUSTY`), and with it what the noise that was learned may be.
 
-What kinematics cannot tell: a constant error of a rate from a slow one of what it is the rate of. "p or phi", "q or
-theta", "r or psi", "n_x or v_ground" is named until another row tells. When such a drift stops, and stays off, the
-alarm ends as if the rate were right again.
+A constant error of a rate and a slow one of what it is the rate of leave the same in their row: "p or phi", "q or
+theta", "r or psi", "n_x or v_ground" is named until something tells. Of q and theta the turn and the climb do; of the
+others the velocity through the air, integrated from the first row that fires, which a steady wind and a roll rate do
+not move:
+
+    v' = g (n_y cos phi + n_z sin phi) - psi' u,  level and across the heading        V' = g (n_x u + ...) / V
+
+An error b of r makes it stray by u b t, one of n_x by g b t, of roll by g times its integral; one of heading, of speed
+over the ground or of p by nothing. The sensor is named when one of the two is 100 times as likely as the other, gusts
+being the noise. When a drift that nothing told stops, and stays off, the alarm ends as if the rate were right again.
+
+Beside a sensor that is named another one is, by rows that do not read the first: the name is that of the last.
 
 Thresholds are those of the noise that is specified. A row whose readings, over the time of learning, have larger second
 differences than specified noise makes has its threshold and its jump larger by as much.
@@ -70,8 +79,9 @@ POWER = np.array([GUSTY.get(name, 0) for name in SENSORS])
 SHOWN_S, BACK, SEEN, OFF_S = 5.0, 0.3, 0.75, 120.0
 LEFT = 4.0  # thresholds: from there a row is quiet within 1.4 of its time constants
 FADING, STAYING, NOISY, JUMPED_BACK = 0.0, 1.0, 2.0, 3.0
-# what else than a sensor moves the velocity through the air from where it was [m/s, m/s2]: noise; rotation of the earth,
-# twice its rate times 250 m/s; a gust there and one here, each of the rms that the vane has
+# what else than a sensor moves the velocity through the air from its integral: noise, as 4e-4 rad of the vane
+# [m/s]; rotation of the earth, twice its rate times 200 m/s [m/s2]; gusts, times the rms that the vane has: one that is
+# here, and three quarters of one that the observer had
 STRAY_SD, STRAY_RATE, GUSTS_SD = 0.2, 0.03, 1.25
 TOLD = 4.6  # ln 100: of the likelihoods of the sensors of a pair
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
