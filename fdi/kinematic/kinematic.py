@@ -74,9 +74,9 @@ GUSTY = {**dict.fromkeys(("tas", "cas", "mach"), 1), **dict.fromkeys(("alpha", "
          **dict.fromkeys(("n_x", "n_y", "n_z"), 3)}  # fmt: skip
 POWER = np.array([GUSTY.get(name, 0) for name in SENSORS])
 # A named error is over when what it did last would be SEEN of a threshold and is not there, for SHOWN_S [s]. One of an
-# integrated reading fades from its row: it stands for OFF_S at most [s], until the reading has jumped back to BACK of
-# what it was off by. One that came without a jump, a drift or a frozen reading, ends with one
-SHOWN_S, BACK, SEEN, OFF_S = 5.0, 0.3, 0.75, 120.0
+# integrated reading fades from its row: it stands until the reading jumps back, for OFF_S at most [s] if it came with
+# a jump
+SHOWN_S, SEEN, OFF_S = 5.0, 0.75, 120.0
 LEFT = 4.0  # thresholds: from there a row is quiet within 1.4 of its time constants
 FADING, STAYING, NOISY, JUMPED_BACK = 0.0, 1.0, 2.0, 3.0
 # what else than a sensor moves the velocity through the air from its integral: noise, as 4e-4 rad of the vane
@@ -125,8 +125,6 @@ STATE = dtype(
         ("jumped", "f8", (NR,), "s"),  # time for which it still counts as jumped
         ("raw", "f8", (NR,)),  # residuals
         ("last", "f8", (NR,)),  # at the tick before
-        ("off", "f8", (NR,)),  # sum of the jumps of a fault
-        ("off_most", "f8", (NR,)),  # and the largest that it was
         ("seen", "f8", (NR,)),  # 1 where the tick before had one
         ("model", "f8", (NR,)),  # states of the rows that integrate
         ("rate", "f8", (NR,)),  # what they integrated last
@@ -208,17 +206,13 @@ def init(p: np.ndarray) -> np.ndarray:
 
 @kernel
 def _jumps(x, p, i, dt):
-    """Note whether row i jumped, and by how much in all; return whether it did."""
+    """Note whether row i jumped; return whether it did."""
     x.jumped[i] = max(x.jumped[i] - dt, 0.0)
-    if x.jumped[i] == 0.0 and x.alarm < 0.5:
-        x.off[i] = x.off_most[i] = 0.0
     leap = x.raw[i] - x.last[i] if x.live[i] * x.seen[i] > 0.5 else 0.0
     x.last[i], x.seen[i] = x.raw[i], x.live[i]
     if math.fabs(leap) <= p.jump[i] * x.grown[i]:
         return False
     x.jumped[i] = p.t_hold
-    x.off[i] += leap
-    x.off_most[i] = max(x.off_most[i], math.fabs(x.off[i]))
     return True
 
 
@@ -230,8 +224,8 @@ def _residuals(x, p, dt):
         fades = table.FADES[int(x.isolated_part) - 1]
     for i in range(NR):
         x.fired[i] = max(x.fired[i] - dt, 0.0)
-        if _jumps(x, p, i, dt) and i == fades:
-            back = back or x.leapt < 0.5 or math.fabs(x.off[i]) < BACK * x.off_most[i]
+        jumps = _jumps(x, p, i, dt)
+        back = back or (jumps and i == fades)
         if x.live[i] < 0.5:
             x.res[i] = 0.0
         elif x.age > p.t_learn:
@@ -376,7 +370,7 @@ def _seek(x, p):
         if count == 1 and (x.isolated_part < EITHER or table.HOLDS[int(x.isolated_part), int(best)] > 0.5):
             row = table.FADES[int(best) - 1]
             _blame(x, best, FADING if row >= 0 and best < EITHER else STAYING)
-            x.leapt = 1.0 if row >= 0 and x.off_most[row] > 0.0 else 0.0
+            x.leapt = 1.0 if row >= 0 and x.jumped[row] > 0.0 else 0.0
         elif x.alarm < 0.5 and x.since >= p.t_ambiguous:
             x.alarm, x.verdict = 1.0, AMBIGUOUS
 
@@ -419,26 +413,10 @@ def _would_show(x):
 @kernel
 def _clear(x):
     x.alarm, x.verdict, x.isolated_part = 0.0, NONE, 0.0
-    x.shows = x.refuted = x.leapt = 0.0
+    x.shows = x.refuted = x.leapt = x.since = x.quiet = 0.0
     x.fired[:] = 0.0
     x.held[:] = 0.0
     x.known[:] = 0.0
-
-
-@kernel
-def _rest(x, p, why):
-    """Judge nothing while out of range; what integrates starts anew afterwards, learning does where it was not done."""
-    x.ticks[:] = 0.0
-    x.live[:] = 0.0
-    x.seen[:] = 0.0
-    x.res[:] = 0.0
-    x.jumped[:] = 0.0
-    if x.age <= p.t_learn:
-        x.age, x.n_learn = 0.0, 0.0
-        x.offset[:] = 0.0
-        x.level[:] = 0.0
-    x.since, x.noisy, x.quiet, x.valid, x.why, x.r = 0.0, 0.0, 0.0, 0.0, why, 0.0
-    _clear(x)
 
 
 @kernel
@@ -454,13 +432,16 @@ def _flies(u):
 
 @kernel
 def step(x, u, p, dt):
-    """Read, compare, decide."""
-    if not _flies(u):
-        _rest(x, p, BOX_SPEED)
-        return
-    read(x, u)
+    """Read, compare, decide. Out of range nothing is read: what integrates starts anew afterwards, and learning does
+    where it was not done."""
+    flies = _flies(u)
+    read(x, u, flies)
     compare(x, p, dt)
     x.age += dt
+    if not flies and x.age <= p.t_learn:
+        x.age, x.n_learn = 0.0, 0.0
+        x.offset[:] = 0.0
+        x.level[:] = 0.0
     if p.t_settle < x.age <= p.t_learn:
         x.n_learn += 1.0
     r = max(_residuals(x, p, dt), _noise(x, p, dt))
@@ -469,7 +450,8 @@ def step(x, u, p, dt):
     live = 0.0
     for i in range(NR):
         live += x.live[i]
-    x.why = NOT_READY if x.age <= p.t_learn else (LOST_SENSOR if live < 0.5 else VALID)
+    x.why = NOT_READY if x.age <= p.t_learn else LOST_SENSOR if live < 0.5 else VALID
+    x.why = x.why if flies else BOX_SPEED
     x.valid = 1.0 if x.why == VALID else 0.0
     x.r = r if x.valid > 0.5 else 0.0
     if x.valid > 0.5:

@@ -16,8 +16,9 @@ WORN = 1.25  # times it thresholds hold: they are trained at 1.2, and what is le
 
 
 @kernel
-def read(x, u):
-    """Copy the readings and their flags, in the order of SENSORS; one that is out repeats its last value."""
+def read(x, u, flies):
+    """Copy the readings and their flags, in the order of SENSORS; one that is out repeats its last value, as all do
+    unless the aircraft `flies`."""
     values = (
         u.p, u.q, u.r, u.phi, u.theta, u.psi, u.n_x, u.n_z, u.hdot, u.h_inertial, u.h_baro, u.tas, u.cas, u.mach,
         u.alpha_ground, u.v_ground, u.alpha, u.beta, u.n_y,
@@ -28,7 +29,7 @@ def read(x, u):
         u.alpha_ground_valid, u.v_ground_valid, u.alpha_valid, u.beta_valid, u.n_y_valid,
     )  # fmt: skip
     for i in range(NS):
-        x.ok[i] = usable(values[i], flags[i])
+        x.ok[i] = usable(values[i], flags[i]) if flies else 0.0
         x.ticks[i] = min(x.ticks[i] + 1.0, 3.0) if x.ok[i] > 0.5 else 0.0
         if x.ok[i] > 0.5:
             x.y_2[i], x.y_1[i], x.y[i] = x.y_1[i], x.y[i], values[i]

@@ -113,7 +113,8 @@ def test_a_drift_of_roll_or_heading_is_not_called_its_gyro(flown, sensor, rate):
 
 @pytest.fixture(scope="module")
 def calm():
-    return fly(load_scenario("cruise", ["duration_s=24", "flight.turbulence=none", "detectors.enabled=[]"]), WIRES.values())
+    given = ["duration_s=24", "flight.turbulence=none", "detectors.enabled=[]"]
+    return fly(load_scenario("cruise", given), WIRES.values())
 
 
 @pytest.mark.parametrize(("sensor", "rate"), [
