@@ -17,7 +17,7 @@ import numpy as np
 from actuators.block import Entry
 from actuators.kernels import compile_ahead
 from cosim.errors import told_at_call
-from cosim.judge.detection import Said, outputs_read
+from cosim.judge.detection import Said
 from cosim.judge.result import entry_of, judged, plain
 from cosim.log import Log, open_log
 from cosim.parts import loaded
@@ -28,7 +28,6 @@ from cosim.replay.detector_replay import Lane, tick_of
 from cosim.replay.log_schema import ReplayError, check_start
 from cosim.replay.write import overlay
 
-SPAN = 2000  # ticks that are replayed together
 __all__ = ["Difference", "Replay", "ReplayError", "replay"]
 
 
@@ -100,16 +99,14 @@ def replay(
     compile_ahead([lane.rollout.native for lane in every if isinstance(lane.rollout, Entry)])
     with overlay(log, [lane.topic for lane in flown], output) if output else nullcontext() as written:
         asked = log.topics if output else lanes.topics(log, every)
-        for a in range(begin, end if every else 0, SPAN):
-            b = min(a + SPAN, end)
-            read = lanes.values(log, asked, a, b)
+        for ticks, read in lanes.stretches(log, asked, begin, end if every else 0):
             made: dict[str, np.ndarray] = {}
             for m in members:  # in the order in which they flew: what one reads of another is what that gives now
-                made[m.lane.topic] = m.replay(log, read | made, a, b)
+                made[m.lane.topic] = m.replay(log, read | made, ticks.start, ticks.stop)
             if written:
-                written(read, made, a, b)
+                written(read, made, ticks.start, ticks.stop)
             if progress:
-                progress(b * log.dt_ns / 1e9, log.n_ticks * log.dt_ns / 1e9)
+                progress(ticks.stop * log.dt_ns / 1e9, log.n_ticks * log.dt_ns / 1e9)
     result = Replay(str(path), dt_s=tick_of(log), changed=overrides or {}, output=str(output) if output else None)
     result.rows, result.values = sum(m.rows for m in members), sum(m.values for m in members)
     result.skipped = sum(m.skipped for m in members)
@@ -141,9 +138,7 @@ class _Member:
         self.lane, self.flew, self.dt, self._faults = lane, lane.topic in log.topics, tick_of(log), faults
         self.fields = [name for name, _ in lane.outputs]
         self.hidden = log.topics[lane.hidden].fields if lane.hidden in log.topics else ()
-        names = outputs_read(lane.module.ISOLABLE_PARTS, self.fields)
-        self._columns = [self.fields.index(n) for n in names]
-        own = lanes.judged_lane(lane.id, lane.level, lane.lane, lane.module.ISOLABLE_PARTS, names)
+        own = lanes.judged_lane(lane.id, lane.level, lane.lane, lane.module.ISOLABLE_PARTS, self.fields)
         self._logged, self._again = (Said(own, self.dt * lane.every, faults) for _ in range(2))
         self.rows = self.values = self.skipped = 0
         self.differences: dict[str, Difference] = {}
@@ -204,8 +199,9 @@ class _Member:
         """Take what it said as logged and as replayed; nothing where the log has no row."""
         places = ticks // self.lane.every - self._logged.ticks
         for said, own in zip((self._logged, self._again), rows):
-            block = np.zeros((int(places[-1]) + 1 if len(places) else 0, len(self._columns)), np.float32)
-            block[places] = own[:, self._columns]
+            block = np.zeros((int(places[-1]) + 1 if len(places) else 0, len(self.fields)), np.float32)
+            with np.errstate(over="ignore"):
+                block[places] = own
             said.add(block)
 
     def judge(self) -> dict:

@@ -20,7 +20,7 @@ from cosim.parts import loaded, with_detectors
 from cosim.replay import clock
 from cosim.replay import map_signals as signals_of
 from cosim.replay.caveats import caveats, lost
-from cosim.replay.detector_replay import Lane, elements, flat, inputs, judged_lane
+from cosim.replay.detector_replay import SPAN, Lane, elements, flat, inputs, judged_lane
 from cosim.replay.foreign import read_recording
 from cosim.replay.log_schema import ReplayError, check_start, chosen_overrides, override
 from cosim.replay.map_file import load_map
@@ -181,7 +181,8 @@ def run_all(made: Prepared, overrides: Mapping[str, Any]) -> tuple[list, list]:
             own_p, u = p[i : i + 1], lane_inputs(d.module, wires[d.id, lane], values, n)
             override(d.record, d.module, own_p, overrides.get(d.id, {}), dt)
             own = Lane(d.id, lane, d.record.level, d.record.every, d.module, own_p, d.module.init(own_p))
-            again = own.step(u[:, :: d.record.every], dt)[0]
+            steps = u[:, :: d.record.every]
+            again = np.concatenate([own.step(steps[:, a : a + SPAN], dt)[0] for a in range(0, steps.shape[1], SPAN)])
             done.append((ready, lane, u, again))
             made.notes.extend(line for line in own.notes if line not in made.notes)
             if d.id in read:

@@ -69,8 +69,8 @@ class Mass(Table):
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check that the aircraft can be loaded."""
         least, low = self.empty_t + self.fuel_t, self.mass_t[0]
-        allowed = f"above empty_t + fuel_t = {least:g} t"
-        wrong.require(low > least, f"begins at {low:g} t", key="mass_t", allowed=allowed)
+        wrong.require(low > least, f"begins at {low:g} t", key="mass_t",
+                      allowed=f"above empty_t + fuel_t = {least:g} t")
 
 
 class Limits(Table):
@@ -147,12 +147,12 @@ class Aircraft(Table):
         short = {s.short for s in segments.values()}
         wrong.require(len(short) == len(segments), "two elevator segments have the same short name")
         for name in segments:
-            sided = name.split("_")[0] in ("left", "right")
-            wrong.require(sided, "the name of a segment begins with left or right", key=f"elevator.{name}")
+            wrong.require(name.split("_")[0] in ("left", "right"), "the name of a segment begins with left or right",
+                          key=f"elevator.{name}")
         for technology in (t for t in SHIPPED if t.name in self.actuators):
             keys = {name: _of_the_sign(name, value) for name, value in technology.parameters(()).items()}
-            what = f"{technology.article} actuator"
-            wrong.numbers(self.actuators[technology.name], keys, what, f"actuators.{technology.name}.")
+            wrong.numbers(self.actuators[technology.name], keys, f"{technology.article} actuator",
+                          f"actuators.{technology.name}.")
 
     @property
     def segments(self) -> tuple[str, ...]:

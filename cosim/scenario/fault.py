@@ -279,7 +279,7 @@ def _check_technology(place, fault, technology, wrong):
         refused = (  # whether, key, why, allowed, technologies that can have it
             (has_none, "target", f" and has no sensor {target.sensor!r}", own.own_sensors or ("none",), measuring),
             (having and own.name not in having, "kind", f", {fault.kind} is a fault of {others} one", (), having),
-            (not own.inlet and fault.at in ("valve", "sensor"), "at", f", which has no {fault.at}", ("command",),
+            (not own.servo and fault.at in ("valve", "sensor"), "at", f", which has no {fault.at}", ("command",),
              ("hydraulic",)),
         )  # fmt: skip
         for key, why, allowed, fits in (row for is_wrong, *row in refused if is_wrong):

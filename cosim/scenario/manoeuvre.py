@@ -6,6 +6,7 @@ The file is read once, when the scenario is: the scenario then holds its numbers
 
 import csv
 import itertools
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, PlainValidator, ValidationError, ValidationInfo
@@ -13,7 +14,6 @@ from pydantic import Field, PlainValidator, ValidationError, ValidationInfo
 from actuators.technology import Key, Kind
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario.problem import Problems, Table, accepted, problem
-from cosim.scenario.user_parts import find
 from cosim.texts import read
 
 _START = Key("start_s", 0.0, 36000.0, default=5.0)
@@ -95,9 +95,11 @@ class Inputs(Table, extra="allow"):
     def filled(cls, raw: dict[str, Any], wrong: Problems, info: ValidationInfo) -> dict[str, Any]:
         """Put the columns of a file in its place; name the first number that is wrong."""
         if isinstance(raw.get("file"), str):
+            raise problem("was not read", key="file", remedy="Load the scenario by its name or file")
+        if isinstance(raw.get("file"), Path):  # found beside a scenario of this machine
             for name in RANGES.keys() & raw.keys():
                 wrong.add(f"{name} is given beside the file", key=name, remedy="Keep one of them")
-            columns = _columns(find(raw["file"], None, "manoeuvre.file"), info.context)
+            columns = _columns(raw["file"], info.context)
             raw = {**{key: value for key, value in raw.items() if key != "file"}, **columns}
         wrong.unknown(raw, (*cls.model_fields, *RANGES))
         own = {"stabiliser_deg": info.context["aircraft"].travels_deg["stabiliser"]} if info.context else {}

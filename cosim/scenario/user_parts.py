@@ -147,13 +147,14 @@ def places(tables: dict[str, Any]) -> Iterator[Place]:
 
 def locate(tables: dict[str, Any], folder: Path | None, place: str) -> dict[str, Any]:
     """Return the tables of a scenario with every file as a path of this machine: it lies beside the scenario's own file
-    (`folder`), or where the path leads from here. Raises ScenarioError for one that is not there; what an aircraft's
-    name means `load_aircraft` says."""
+    (`folder`), or where the path leads from here; that of inputs is a Path, which a file or a log cannot hold. Raises
+    ScenarioError for one that is not there; what an aircraft's name means `load_aircraft` says."""
     out, wrong = copy.deepcopy(tables), Mistakes()
     for at in places(out):
         with wrong.caught():
             if at.key != "aircraft" or os.path.isdir((folder or Path()) / at.path):
-                at.table[at.key] = find(at.table[at.key], folder, f"{place}: {at.name}")
+                found = find(at.table[at.key], folder, f"{place}: {at.name}")
+                at.table[at.key] = Path(found) if at.part == "manoeuvre" else found
     wrong.check()
     return out
 

@@ -88,8 +88,8 @@ def fields(model: Any) -> Any:
     """Return {PARAMS field: value} of a `ForceModel`; ValueError when its tables do not fit."""
     axes, variables = zip(*model.quantities)
     out = {n: getattr(model, n) for n in ("area", "span", "chord", "stability_rates", "n1_idle", "n1_max")}
-    out |= {"n_a": len(model.alpha), "n_m": len(model.mach), "n_q": len(model.qbar), "n_ka": len(model.t_a)}
-    out |= {"n_k": len(axes), "n_tm": len(model.thrust_mach), "n_tp": len(model.thrust_p)}
+    out |= {"n_a": len(model.alpha), "n_m": len(model.mach), "n_q": len(model.qbar), "n_ka": len(model.t_a),
+            "n_k": len(axes), "n_tm": len(model.thrust_mach), "n_tp": len(model.thrust_p)}  # fmt: skip
     tables = {
         "alpha_grid": model.alpha, "mach_grid": model.mach, "qbar_grid": model.qbar,
         "axis": [FORCES.index(axis) for axis in axes], "variable": [VARIABLES.index(v) for v in variables],
@@ -122,14 +122,20 @@ def air_data(cas, mach):
 
 
 @kernel
+def between(table, i, f, j, g):
+    """Return the bilinear value of a table at the places (i, f), (j, g) of its axes."""
+    return (
+        (1.0 - f) * (1.0 - g) * table[i, j] + (1.0 - f) * g * table[i, j + 1]
+        + f * (1.0 - g) * table[i + 1, j] + f * g * table[i + 1, j + 1]
+    )  # fmt: skip
+
+
+@kernel
 def thrust_pair(p, mach, pressure):
     """Return (idle, maximum) thrust of one engine [N]."""
     i, f = place(p.thrust_mach, p.n_tm, mach)
     j, g = place(p.thrust_p, p.n_tp, pressure)
-    a, b, c, d = (1.0 - f) * (1.0 - g), (1.0 - f) * g, f * (1.0 - g), f * g
-    idle = a * p.idle[i, j] + b * p.idle[i, j + 1] + c * p.idle[i + 1, j] + d * p.idle[i + 1, j + 1]
-    mil = a * p.mil[i, j] + b * p.mil[i, j + 1] + c * p.mil[i + 1, j] + d * p.mil[i + 1, j + 1]
-    return idle, mil
+    return between(p.idle, i, f, j, g), between(p.mil, i, f, j, g)
 
 
 @kernel

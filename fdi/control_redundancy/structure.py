@@ -78,20 +78,6 @@ def combination(G: Any, family: Any) -> Any:
     return c, c @ G
 
 
-def residuals(f: Any, G: np.ndarray, u_c: Any, structure: Any = None) -> Any:
-    """Evaluate every residual r = u_hat_i - u_c_i of slides 8 to 10: f (rows,), G (rows, inputs), u_c (inputs,).
-
-    Returns [(Family, input solved for, value)], value in that input's unit. `structure` defaults to G != 0.
-    """
-    G = np.asarray(G, float)
-    out: list = []
-    for family in families(G != 0 if structure is None else structure):
-        c, _ = combination(G, family)
-        r = c @ (np.asarray(f, float) - G @ np.asarray(u_c, float))
-        out.extend((family, i, r / G[family.base, i]) for i in family.solved)
-    return out
-
-
 def _servants(structure, base):
     """Return [(row, input)] that may replace an input of `base`."""
     return [

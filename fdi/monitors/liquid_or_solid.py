@@ -74,11 +74,9 @@ def weigh(x, p, h):
     x.gain_sigma = math.sqrt(max(rest, 0.0) * CORRELATED / (n * h) / max(x.gain_sigma, 1e-12))
     x.residual, x.sine_hz = rest / before, best
     off = SURE * x.gain_sigma
-    if x.residual > SWINGS:
-        return AMBIGUOUS
     nearest = 1.0 if x.gain > 0.5 else 0.0
     away = math.fabs(x.gain - nearest)
-    if away > NEAR + off or away + off > 0.5:
+    if x.residual > SWINGS or away > NEAR + off or away + off > 0.5:
         return AMBIGUOUS
     return OFC_LIQUID if nearest > 0.5 else OFC_SOLID
 

@@ -74,9 +74,8 @@ def fill(p: Any, design: Any, entry: Any, dt: float, learn: tuple[int, ...]) -> 
     outputs marked in `learn` are learned. Raises ValueError for a delay that the block does not hold."""
     d = design.discrete
     p["ns"], p["ny"], p["nu"], p["nf"] = len(d.Phi), d.Gy0.shape[1], d.Gu.shape[1], len(d.S)
-    start = np.linalg.pinv(design.C) - design.H
     matrices = {name: getattr(d, name) for name in ("Phi", "Gu", "Gy0", "Gy1", "S", "Sy")}
-    for name, value in {**matrices, "Z0": start}.items():
+    for name, value in {**matrices, "Z0": np.linalg.pinv(design.C) - design.H}.items():
         p[name][0, : value.shape[0], : value.shape[1]] = value
     p["learn"][0, : len(learn)], p["n_trim"] = learn, max(N_TRIM, round(T_TRIM / dt))
     p["act_a"], p["act_rate"] = entry["actuator"]["a_rad_s"], entry["actuator"]["rate_deg_s"]

@@ -202,6 +202,9 @@ def test_a_compiled_block_from_a_file_behind_the_shipped_servo_flies_like_itself
         (BLOCK, "x[0].delta *= float('nan') if u[0, 0].f_cmd > 0 else 1", r"at 2\.\d+ s ValueError: delta = \[nan\]"),
         (BLOCK.replace('"f_cmd", ', ""), "", r"own\.py has no INPUTS\.f_cmd"),
         ("1 / 0", "", r"own\.py: does not run: ZeroDivisionError"),
+        (BLOCK.partition("def rollout")[0] + "from actuators.block import entry, kernel\n    @kernel\n"
+         "    def step(x, u, p, dt):\n        x.delta = np.zeros(2)[0]\n"
+         "    rollout = entry(step, STATE, INPUTS, PARAMS)\n", "", r"own\.py: .* function zeros"),
     ],
 )
 def test_a_block_that_raises_or_is_none_is_told_with_its_time_and_leaves_a_readable_log(tmp_path, text, line, says):

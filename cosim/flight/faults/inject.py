@@ -145,7 +145,7 @@ def _moving(j, name, technology, part, scenario):
     if kind == "runaway":
         return _runaway(j, name, technology, design, own, command, f"{technology.name}.{part}.delta")
     solid = kind == "ofc_solid"
-    share = "s_u" if j.at == "valve" and technology.inlet else "s_cmd"
+    share = "s_u" if j.at == "valve" and technology.servo else "s_cmd"
     if share == "s_u":
         to, amplitude = own, _inner_amplitude(j, technology, solid, scenario)
     else:

@@ -214,8 +214,9 @@ class Plant:
     def truth(self) -> np.ndarray:
         """Return a new (1,) array of the truth, SI, of the present state."""
         out = np.zeros(1, self.border.truth)
-        self.outputs.read(out.view("f8"))
-        last_step(out.view("f8"), *self._frame)
+        numbers = out.view("f8")
+        self.outputs.read(numbers)
+        last_step(numbers, len(numbers), *self._frame)
         return out
 
     def schedule_outputs(self, tape: Any, start: int) -> None:

@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from actuators import subprocess_env
-from actuators.kernels import cache, cached_array
+from actuators.kernels import cache, cached_array, python
 
 SYMBOLS = "_ZNK14SGPropertyNode14getDoubleValueEv", "_ZN14SGPropertyNode14setDoubleValueEd"
 WORD = 8  # [byte]
@@ -103,7 +102,6 @@ def _library():
 def _verified(script=VERIFY):
     """Return (1,), what another process finds: 1 where all bits are the same. Raises an error where it does not come to
     an end of its own: it may have been killed, and the next one tries again."""
-    env = subprocess_env.surroundings(COSIM_BORDER="python")
-    how: Any = {"env": env, "capture_output": True, "text": True, "timeout": PATIENCE_S, "check": True}
-    said = subprocess.run(subprocess_env.command(script), **how).stdout
+    call = python(script, COSIM_BORDER="python")
+    said = subprocess.run(**call, capture_output=True, text=True, timeout=PATIENCE_S, check=True).stdout
     return np.array([float(said.strip().rpartition("\n")[2])])
