@@ -17,8 +17,7 @@ import numpy as np
 from cosim.errors import TrimError
 from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect, fly
-from cosim.scenario.catalog import SEGMENTS
-from cosim.scenario.tolerance import toleranced
+from cosim.scenario.catalog import SEGMENTS, toleranced
 from cosim.training import flights as drawn
 from cosim.training.flights import AIR, DT, FLIGHT_S, NOISE_SCALE, START_S, TOLERANCE
 from cosim.training.threshold_fit import PROBABILITY, blocks, exceeded, limit

@@ -292,7 +292,7 @@ def step(x, u, p, dt):
     why = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], BOX_SPEED, VALID)
     why = box(u.mach, u.mach_valid, MACH[0], MACH[1], BOX_MACH, why)
     why = box(u.alpha_ground, u.alpha_ground_valid, ALPHA[0], ALPHA[1], BOX_ALPHA, why)
-    if why == VALID and core.complete(u) < 0.5:
+    if why == VALID and not core.complete(u):
         why = LOST_SENSOR
     if why != VALID:
         _without_data(x, p, dt, why)
@@ -300,19 +300,14 @@ def step(x, u, p, dt):
     core.row_errors(x, u, p)
     core.accelerometers(x, u, p, dt)
     core.vane(x, u, p, dt)
-    rough = p.gust_max > 0.0 and x.rough * u.v_ground * u.v_ground > p.gust_max * p.gust_max
-    x.gone = x.gone + dt if rough else 0.0
-    if x.learned < 0.5:
-        if not rough:
-            core.learn(x, p, dt)
-        x.valid, x.why = 0.0, GUSTS if rough else NOT_READY
+    if p.gust_max > 0.0 and x.rough * u.v_ground * u.v_ground > p.gust_max * p.gust_max:
+        _without_data(x, p, dt, GUSTS)
         return
-    full = core.average(x, p, dt)
-    if rough:
-        x.valid, x.why = 0.0, GUSTS
-        if x.gone > T_HOLD:
-            withdraw(x)
-    elif full:
+    x.gone = 0.0
+    if x.learned < 0.5:
+        core.learn(x, p, dt)
+        x.valid, x.why = 0.0, NOT_READY
+    elif core.average(x, p, dt):
         x.valid, x.why = 1.0, VALID
         core.evaluate_families(x, p)
         decide(x, p, max(p.t_mean / BLOCKS, dt))
