@@ -140,7 +140,7 @@ class Technology:
     # (what an aircraft's actuators differ in; a table per lane of parameters that fly, and one of those that the servo
     # believes; (delta, hm0, hmd) at trim (3, n); travel of the surface [rad]; tick [s]; age of sensors [ticks]) ->
     # [(section, block, PARAMS, STATE)], the servo first
-    build: Callable[..., list[tuple]] | None
+    build: Callable[..., list[tuple]] = lambda *given: []
     servo: str = ""  # without one there is no valve or drive that a fault could enter
     sensors: dict[str, Sensor] = field(default_factory=dict)
     loop_sensor: str = ""  # the one that closes the position loop

@@ -31,7 +31,6 @@ def technology(
     def build(own, truth, believed, trim, travel, dt, age):
         served, told = [], np.zeros_like(trim[0])
         if part.servo:
-            assert HYDRAULIC.build
             section, *rest = HYDRAULIC.build(own, [{}] * len(believed), believed, trim, travel, dt, age)[0]
             served, told = [(f"{name}_{section}", *rest)], rest[2]["u"]
         return [*served, (name, *start(truth, trim, told, dt))]

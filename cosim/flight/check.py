@@ -92,7 +92,8 @@ def _of_detector(part):
         return
     at = _apart(whole, run(u)[0], dt)
     yield _said(deterministic, at and f"two runs differ at {at}: a seed, a clock, a global", "twice the same bits")
-    other, cut = u.copy(), u.shape[1] // 2
+    cut = u.shape[1] // 2
+    other = u.copy()
     other[:, cut:] = other[:, cut:][:, ::-1]
     at = _apart(whole[:cut], run(other)[0][:cut], dt)
     said = f"what it says at {at} depends on what is measured from {cut * dt:.3f} s on"

@@ -33,7 +33,8 @@ def health(truth: np.ndarray) -> tuple[str, str]:
 
     "diverged" where a number is not finite, "departed" outside LIMITS, else ("", "").
     """
-    (low, high), v = _bounds(truth.dtype), truth.view("f8")
+    low, high = _bounds(truth.dtype)
+    v = truth.view("f8")
     if ((v >= low) & (v <= high)).all():  # False for what is no number
         return "", ""
     now = dict(zip(truth.dtype.names or (), v.tolist()))
@@ -69,7 +70,8 @@ def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None) -> tuple
     loop, n = setup.loop, setup.scenario.ticks
     index, kind = keep or (setup.trace.index, np.float32)
     trace, rows = column_store(n, len(index), kind), np.empty((min(n, SPAN), len(index)))
-    tape, flown, status, reason = order(loop, *logs, keep=(index, rows)), 0, "", ""
+    tape = order(loop, *logs, keep=(index, rows))
+    flown, status, reason = 0, "", ""
     while flown < n and not status:
         first = flown
         flown, status, reason = advance(loop, tape, range(first, min(first + SPAN, n)), progress, n)

@@ -90,7 +90,8 @@ def use(scenario: Scenario) -> None:
 
 def with_detectors(scenario: Scenario, files: Iterable[str | os.PathLike]) -> Scenario:
     """Return `scenario` with the detectors of `files` among its own."""
-    parts, table = loaded(files), tomllib.loads(scenario.expanded_toml())
+    parts = loaded(files)
+    table = tomllib.loads(scenario.expanded_toml())
     own = table.setdefault("detectors", {})
     for part in parts:
         name = part.DETECTOR.id

@@ -49,6 +49,10 @@ OUTPUTS = ("r", "alarm", "verdict", "isolated_part", "valid", "estimate", "proba
 GOOD, DROPPED, SLOW = 0.0, 1.0, 3.0  # of status
 _CODES = {name: float(code) for code, name in enumerate(NAMES)}
 _KEYS = {"r", "alarm", "verdict", "isolated_part", "estimate", "valid"}
+_DECLARED = {  # what a class may say of itself, and what holds where it says nothing
+    "id": "", "level": "", "technologies": (), "inputs": (), "group": "", "every": 1, "designed_for": (), "may_see": (),
+    "blind": (), "estimates": "",
+}  # fmt: skip
 _ESTIMATED = {"valve": "u", "elevator": "rad", "elevator.left": "rad", "elevator.right": "rad", "thrust": "fraction"}
 
 
@@ -207,11 +211,9 @@ def parameters(cls: type) -> dict[str, float]:
 
 def record_of(cls: type) -> Detector:
     """Return the record of a plain class; raises PartError with what is wrong and what is allowed."""
-    said: Any = SimpleNamespace(**{"id": "", "level": "", "technologies": (), "inputs": (), "group": "", "every": 1,
-                                   "designed_for": (), "may_see": (), "blind": (), "estimates": "",
-                                   **{name: getattr(cls, name) for name in dir(cls)}})  # fmt: skip
-    local = said.level == "local"
-    technologies, inputs = _several(said.technologies) if local else (), _several(said.inputs)
+    said: Any = SimpleNamespace(**{name: getattr(cls, name, default) for name, default in _DECLARED.items()})
+    local, inputs = said.level == "local", _several(said.inputs)
+    technologies = _several(said.technologies) if local else ()
     every_is = isinstance(said.every, int) and not isinstance(said.every, bool) and said.every >= 1
     for name, good, allowed in (
         ("id", re.fullmatch(r"(?!enabled$)[a-z][a-z0-9_]*", str(said.id)), "lower-case letters, digits and _"),

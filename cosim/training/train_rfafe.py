@@ -66,7 +66,7 @@ def _fits(log, p, out):
         if log[i].valid < 0.5:
             continue
         for k in range(bank.K):
-            if log[i].bank_new[k] < 0.5 or log[i].bank_seen[int(p.bank_level[k])] <= p.bank_n[k]:
+            if log[i].bank_new[k] < 0.5:
                 continue
             for j in range(int(p.nf)):
                 out[n, 0], out[n, 1] = j * bank.K + k, i

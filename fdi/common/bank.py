@@ -181,4 +181,5 @@ def character(x, p, k, signal, b):
 @kernel
 def amplitude(x, k, signal):
     """Return the amplitude of a signal at frequency k."""
-    return math.hypot(x.bank_cos[signal, k], x.bank_sin[signal, k])
+    c, s = x.bank_cos[signal, k], x.bank_sin[signal, k]
+    return math.sqrt(c * c + s * s)

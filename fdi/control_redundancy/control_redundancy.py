@@ -300,14 +300,19 @@ def step(x, u, p, dt):
     core.row_errors(x, u, p)
     core.accelerometers(x, u, p, dt)
     core.vane(x, u, p, dt)
-    if p.gust_max > 0.0 and x.rough * u.v_ground * u.v_ground > p.gust_max * p.gust_max:
-        _without_data(x, p, dt, GUSTS)
-        return
-    x.gone = 0.0
+    rough = p.gust_max > 0.0 and x.rough * u.v_ground * u.v_ground > p.gust_max * p.gust_max
+    x.gone = x.gone + dt if rough else 0.0
     if x.learned < 0.5:
-        core.learn(x, p, dt)
-        x.valid, x.why = 0.0, NOT_READY
-    elif core.average(x, p, dt):
+        if not rough:
+            core.learn(x, p, dt)
+        x.valid, x.why = 0.0, GUSTS if rough else NOT_READY
+        return
+    full = core.average(x, p, dt)
+    if rough:
+        x.valid, x.why = 0.0, GUSTS
+        if x.gone > T_HOLD:
+            withdraw(x)
+    elif full:
         x.valid, x.why = 1.0, VALID
         core.evaluate_families(x, p)
         decide(x, p, max(p.t_mean / BLOCKS, dt))

@@ -278,7 +278,7 @@ def conclude(x, dt):
     alarmed(x)
     if x.alarm < 0.5:
         x.verdict, x.isolated_part, x.kind, x.next_s, x.dp_out = NONE, 0.0, 0.0, 0.0, 0.0
-        x.alarm_s = x.likely = x.likely_hz = x.emptied = 0.0
+        x.alarm_s = x.likely = x.named = x.likely_hz = x.emptied = 0.0
         return
     x.alarm_s += dt
     verdict, isolated_part = name(x)
@@ -287,7 +287,7 @@ def conclude(x, dt):
     sure = max(x.frozen, max(x.sensor, x.misread)) > 0.5 or x.stands_open != 0.0  # has been confirmed
     slow = x.likely == by_evidence.WEAK or (x.likely == by_evidence.OF_PRESSURE and x.likely_hz == 0.0)
     if sure or x.next_s >= (HOLD_SLOW_S if slow else HOLD_S):
-        x.verdict, x.isolated_part = verdict, isolated_part
+        x.verdict, x.isolated_part, x.named = verdict, isolated_part, x.likely
     elif x.verdict == NONE:
         x.verdict = AMBIGUOUS
     x.dp_out = 1.0 if x.verdict == SENSOR and x.isolated_part == 3.0 else 0.0

@@ -29,7 +29,7 @@ WITHOUT_ROD, WITHOUT_PRESSURE = 1.6, 4.0  # noise of f_hat on the surface sensor
 FLAT, FLAT_S, FLAT_TAU = 0.12, 0.2, 0.1  # a valve that stands open keeps this near its lagged opening [-], for [s]
 NOISE = 0.4  # ... and this of the threshold of an input fault, which noise seldom passes
 LEFT = 0.45  # share of its opening below which it stands open no more
-FIRST = 0.8  # share of the opening that it begins with, as a slow sine does not
+FIRST = 0.2  # share of its opening by which it may have changed since it began: a slow sine turns
 FIRST_S = 0.1  # after the onset of the input fault that the opening has begun by: an oscillation comes to a crest later
 MISREAD_S = 0.1  # flow that an excess of pressure takes is missing for [s]
 UNLEARNED = 4.0  # standard deviations of the valve's gain as the flight has taught it, 0.2 before it has
@@ -133,14 +133,15 @@ def gap(x, dt):
 
 @kernel
 def by_model(x, bend, p, dt):
-    """Return what learned errors of gain, oil, supply and age leave in the input fault of [Lu17] (4), behind its lag;
-    `bend` is the second derivative of the pressure [1/s^2]."""
+    """Return what learned errors of gain, oil, supply and ages leave in the input fault of [Lu17] (4), behind its lag:
+    by an old position the valve is late. `bend` is the second derivative of the pressure [1/s^2]."""
     root, k = max(opening(x.drive, x.load_lag), lu17.ROOT_FLOOR), stiffness(x.x_hat[0], p)
     stiff = x.fed[filter.SOFT] - p.prior_mean[filter.SOFT]
     soft = stiff / (1.0 + stiff) * x.load_d / k
     late = dt * (x.fed[filter.OLDER] - x.fed[filter.YOUNGER]) * (bend / k + p.L * x.load_d)
     supply = 0.5 * x.fed[filter.SUPPLY] * x.drive / (root * root)
-    return (soft - late) * p.A_p / (p.phi_n * root) - supply + x.fed[filter.GAIN] * x.drive
+    valve = x.fed[filter.GAIN] * x.drive - dt * x.fed[filter.AGE] * x.drive_d
+    return (soft - late) * p.A_p / (p.phi_n * root) - supply + valve
 
 
 @kernel
@@ -170,7 +171,7 @@ def runaway(x, noise, p, dt):
     if math.fabs(w - x.w_flat) > FLAT * math.fabs(x.w_flat) + NOISE * least:
         x.w_flat, x.w_first, x.w_flat_s = w, w, 0.0
     x.w_flat += dt / FLAT_TAU * (w - x.w_flat)
-    sudden = x.run_s < x.w_flat_s + FIRST_S and x.w_first * x.w_flat > FIRST * x.w_flat * x.w_flat
+    sudden = x.run_s < x.w_flat_s + FIRST_S and math.fabs(x.w_first - x.w_flat) < FIRST * math.fabs(x.w_flat)
     stays = x.w_flat_s >= FLAT_S and math.fabs(x.w_flat) > least
     if x.run < 0.5 or (x.r_run >= 1.0 and w * x.stands_open < LEFT * x.stands_open * x.stands_open):
         x.stands_open = 0.0

@@ -3,8 +3,9 @@
     threshold   evidence beyond its limit in any window is an alarm, which stands down to CALM of it and RELEASE_S more
     longest     of the windows that show a fault the longest has the most degrees of freedom: only its best hypothesis
                 may have a name, as in a short window much explains everything
-    lead        there, or in a shorter window of the same class, it leads every other class by SURE, and leaves what
-                noise does or a small share of what health leaves
+    lead        there, or in a shorter window of the same class and frequency, it leads every other class by SURE, and
+                leaves what noise does or a small share of what health leaves
+    hold        a lead that the longest window does not bear out before a name is given counts for nothing
     end         a window that showed the fault is silent: all begin anew, and the alarm runs out
 """
 
@@ -45,7 +46,8 @@ STATE = [
     ("evidence_timer", "f8", "s"),  # until the alarm of the evidence ends
     ("alarm_s", "f8", "s"),  # for which any alarm has stood
     ("emptied", "f8"),  # 1 once the windows were emptied at this alarm's onset
-    ("likely", "f8", "-"),  # class that leads, or last did
+    ("likely", "f8", "-"),  # class that leads, or last did: the one named, once the longest window shows another
+    ("named", "f8", "-"),  # class of the verdict that stands
     ("likely_fault", "f8"),  # hypothesis
     ("likely_hz", "f8", "Hz"),
 ]
@@ -86,13 +88,13 @@ def longest(x):
 
 @kernel
 def leader(x):
-    """Return the octave of the longest window in which one class has the lead, -1 where none has or a longer one that
-    shows a fault has another class."""
+    """Return the octave of the longest window in which one class has the lead, -1 where none has, or where a longer one
+    that shows a fault has another class or an oscillation of another octave."""
     top = longest(x)
     for o in range(top, -1, -1):
         if x.own_ratio[o] < 1.0:
             continue
-        if x.own_class[o] != x.own_class[top]:
+        if x.own_class[o] != x.own_class[top] or x.own_hz[o] > 2.0 * x.own_hz[top] > 0.0:
             return -1
         lead = max(SURE, LEAD * x.own[o]) if x.own_class[o] != OF_LOAD else SURE
         if x.own_fits[o] > 0.5 and x.own_lead[o] > lead:
@@ -122,8 +124,10 @@ def healed(x, p, o, dt):
 
 @kernel
 def nominate(x):
-    """Keep the class that leads now, where one does that has a name."""
-    c = leader(x)
+    """Keep the class that leads, where one does that has a name, until the longest window shows another."""
+    c, top = leader(x), longest(x)
+    if top >= 0 and x.own_class[top] != x.likely:
+        x.likely = x.named
     if c < 0:
         return
     found, hz = x.own_class[c], x.own_hz[c]

@@ -110,26 +110,43 @@ def measure(x, u, p, dt):
 
 
 @kernel
+def valve_flow(x, v, z, p):
+    """Return the flow of a sound valve under command `v` at pressure `z`, and its slope over the pressure."""
+    mu, gain, root = x.mu, p.phi_n / p.A_p, opening(v, z)
+    held = max(root, filter.ROOT_LEAST)
+    passes = v + mu[FAST] * x.u_fast + mu[GAIN] * (v - x.u_fast)
+    return gain * (root * passes - 0.5 * mu[SUPPLY] * v / held), -0.5 * gain * math.fabs(v) / held
+
+
+@kernel
+def oil(x, h, v, p):
+    """Return of the model of filter `h`: flow without the leak, its slope over the pressure, leakage, stiffness, and
+    what theta adds to the rate of the pressure."""
+    q, w, z, theta = x.rival_hat[h, 0], x.rival_hat[h, 1], x.rival_hat[h, 2], x.rival_hat[h, 4]
+    k, leak, flow = lu17.stiffness(q, p) * (1.0 + x.mu[filter.SOFT]), p.L + x.mu[LEAK], x.mu[FLOW]
+    if h == JOINED:
+        return flow + BYPASS * theta, 0.0, BYPASS, k, k * BYPASS
+    if h == IN_PLACE:
+        return flow + theta, 0.0, leak, k, k
+    passes, slope = valve_flow(x, v, z, p)
+    flow += passes
+    if h == ADDED:
+        return flow + theta, slope, leak, k, k
+    k *= math.exp(theta)
+    return flow, slope, leak, k, k * (flow - leak * z - w)
+
+
+@kernel
 def predict(x, h, u, v, p, dt):
     """Predict filter `h` over one tick under valve command `v`, by the exponential of its model about the estimate."""
-    hat, Phi, mu, gain, force = x.rival_hat[h], x.rival_Phi, x.mu, p.phi_n / p.A_p, p.A_p * p.P_s
+    hat, Phi, mu, force = x.rival_hat[h], x.rival_Phi, x.mu, p.A_p * p.P_s
     if h == SOFT:
         hat[4] = min(max(hat[4], SOFT_LEAST), 0.0)
-    w, z, theta = hat[1], hat[2], hat[4]
-    k = lu17.stiffness(hat[0], p) * (1.0 + mu[filter.SOFT]) * (math.exp(theta) if h == SOFT else 1.0)
-    leak = BYPASS if h == JOINED else p.L + mu[LEAK]
-    unit = BYPASS if h == JOINED else 1.0
-    flow, slope = mu[FLOW] + (0.0 if h == SOFT else unit * theta), 0.0
-    if h == SOFT or h == ADDED:
-        root = opening(v, z)
-        held = max(root, filter.ROOT_LEAST)
-        passes = v + mu[FAST] * x.u_fast + mu[GAIN] * (v - x.u_fast)
-        flow += gain * (root * passes - 0.5 * mu[SUPPLY] * v / held)
-        slope = -0.5 * gain * math.fabs(v) / held
+    w, z = hat[1], hat[2]
+    flow, slope, leak, k, by = oil(x, h, v, p)
     net = flow - leak * z - w
     push, damp, back = force / p.M, -p.B / p.M, k * (slope - leak)
     k1, k2, k3, l1, l2, l3, m1, m2, m3 = integral(0.0, damp, push, 0.0, -k, back, dt)
-    by = k * (net if h == SOFT else unit)
     pushed = (z + hat[3]) * (1.0 - mu[MASS]) - p.B * w / force - mu[FRICTION] * w / (filter.CREEP + math.fabs(w))
     hat[0] += dt * w
     K, L, M = (k1, k2, k3), (l1, l2, l3), (m1, m2, m3)

@@ -50,7 +50,8 @@ STATE = [
     *bank.state(NF + 1),
     ("slow", "f8", (NF,), "rad"),  # slow part of f_hat [SI unit of f_hat]
     ("hit", "f8", (NF, bank.K), "-"),  # fits in a row that passed
-    ("r_ofc", "f8", "-"),  # largest fit over its threshold; below 1 without the shape of an oscillation
+    ("ratio", "f8", (NF, bank.K), "-"),  # fits over their thresholds; below 1 without the shape of an oscillation
+    ("r_ofc", "f8", "-"),  # the largest of them
     ("ofc_timer", "f8", (NF,), "s"),  # time for which an oscillation is still held to be there
     ("ofc_class", "f8", "-"),  # its class
     ("lost_weight", "f8", "-"),  # sum of the weights of the windows so far
@@ -70,6 +71,7 @@ def forget(x, p, dt):
         x.ofc_timer[i] = T_HOLD if x.ofc_timer[i] > 0.0 else 0.0
     x.bank_seen[:] = 0.0
     x.hit[:] = 0.0
+    x.ratio[:] = 0.0
     x.r = x.r_ofc = 0.0
     x.lost += dt
     if x.lost > T_HOLD:
@@ -126,16 +128,14 @@ def _oscillation(x, p, i):
     """Test the renewed fits of estimate i; hold an oscillation for `t_release` and name its class."""
     found, best = -1, 0.0
     for k in range(bank.K):
-        if x.bank_seen[int(p.bank_level[k])] <= p.bank_n[k]:
-            continue  # its window is not full since the start
-        r = bank.amplitude(x, k, i) / (p.bank_threshold[k] + p.bank_share[k] * bank.amplitude(x, k, NF))
-        good = r >= 1.0 and (shaped(x, p, i, k, 0.0) or shaped(x, p, i, k, 1.0))
-        x.r_ofc = max(x.r_ofc, r if good else min(r, BELOW))
-        if x.bank_new[k] < 0.5:
-            continue
-        x.hit[i, k] = x.hit[i, k] + 1.0 if good else 0.0
-        if x.hit[i, k] >= p.hits and r > best:
-            found, best = k, r
+        if x.bank_new[k] > 0.5:
+            r = bank.amplitude(x, k, i) / (p.bank_threshold[k] + p.bank_share[k] * bank.amplitude(x, k, NF))
+            good = r >= 1.0 and (shaped(x, p, i, k, 0.0) or shaped(x, p, i, k, 1.0))
+            x.ratio[i, k] = r if good else min(r, BELOW)
+            x.hit[i, k] = x.hit[i, k] + 1.0 if good else 0.0
+            if x.hit[i, k] >= p.hits and r > best:
+                found, best = k, r
+        x.r_ofc = max(x.r_ofc, x.ratio[i, k])
     if found < 0:
         return
     if x.ofc_timer[0] + x.ofc_timer[1] == 0.0:

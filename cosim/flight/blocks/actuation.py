@@ -39,7 +39,7 @@ def blocks(scenario: Scenario, loads: dict, others: dict, dt: float) -> list[tup
     flown, aircraft, out = scenario.elevator.technology, scenario.aircraft, []
     for name, technology in TECHNOLOGIES.items():
         lanes = tuple(s for s in flown if flown[s] == name)
-        if lanes and technology.build:
+        if lanes:
             trim = np.array([loads[s] for s in lanes]).T
             own, set_ = aircraft.own(name), scenario.elevator.parameters
             scaled = _scaled(technology, own, getattr(scenario.tolerances, name, {}))

@@ -72,7 +72,8 @@ def gains(point: FlightPoint, rate: float) -> tuple[np.ndarray, np.ndarray]:
     """Return (K (6,), trim of STATES (4,)) at a flight point for a stabiliser of `rate` [rad/s]."""
     from scipy.linalg import solve_continuous_are  # a quarter of the start of a flight that needs none
 
-    model, A, B = linearize(point), np.zeros((6, 6)), np.eye(6)[:, 5:]
+    model = linearize(point)
+    A, B = np.zeros((6, 6)), np.eye(6)[:, 5:]
     A[:4, :4], A[:4, 5:], *_ = model.block(STATES, ("stab",))
     A[4, 3] = 1.0
     Q, R = np.diag(1.0 / np.square(LARGE)), np.array([[(3.0 / rate) ** 2]])

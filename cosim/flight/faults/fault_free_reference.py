@@ -32,7 +32,8 @@ def displacement(setup: Setup, rows: NDArray) -> dict[str, dict]:
     {segment: {rod_mm, surface_deg, travel_pct, amplitude_mm, amplitude_deg}}: the first three are peaks. {} when no
     fault acts on an elevator; else the flight without them is flown.
     """
-    segments, trace, scenario, out = faulted(setup.scenario), setup.trace, setup.scenario, {}
+    scenario, trace = setup.scenario, setup.trace
+    segments, out = faulted(scenario), {}
     reference = _fault_free(scenario) if segments else rows
     n = min(len(rows), len(reference))
     for segment, faults in segments.items():

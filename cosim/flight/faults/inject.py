@@ -98,7 +98,8 @@ def _read_by_drive(j, name, amplitude, places, inputs, state):
     There the sensor reads (1 - s) i + f; `inputs` are the bus names of s and f. Added noise and a dropout stay on the
     measured copy: the drive filters the first and holds through the second within its 0.3 ms.
     """
-    (share, added), freezes = inputs, j.kind == "freeze"
+    share, added = inputs
+    freezes = j.kind == "freeze"
     drive = {
         "freeze": ((share, "g"), (added, "f_inj")),  # the drive reads the value of the onset
         # s counts what is not seen; the lane's signal is the factor minus one, so the loop's copy takes it with the

@@ -58,7 +58,8 @@ def inputs(
     frame: "pd.DataFrame", module: ModuleType, wires: Mapping[str, str] | Sequence[Mapping[str, str]]
 ) -> np.ndarray:
     """Return the INPUTS of a detector from a flown table, (lanes, ticks); `wires` as for `detect`."""
-    lanes, fields = [wires] if isinstance(wires, Mapping) else list(wires), elements(module.INPUTS, module.INPUTS.names)
+    lanes = [wires] if isinstance(wires, Mapping) else list(wires)
+    fields = elements(module.INPUTS, module.INPUTS.names)
     u = np.zeros((len(lanes), len(frame), len(fields)))
     for lane, own in zip(u, lanes):
         for field, name in own.items():
