@@ -5,7 +5,8 @@ A block is a module with
     PARAMS, INPUTS, STATE   structured dtypes made by `dtype`, every element f8 (arrays too), unit beside each field
     OUTPUTS                 names of the STATE fields that are logged at every tick; the others are hidden state
     params(...) -> PARAMS   one record, ordinary NumPy/SciPy; design happens here
-    init(p) -> STATE        records of the same shape as `p`, the state before the first tick
+    init(p) -> STATE        records of the same shape as `p`, the state before the first tick; of what moves a surface
+                            init_at(p, where, load ...), at rest
     step(x, u, p, dt)       kernel: advances one record `x` in place from inputs `u`
     rollout = entry(step, STATE, INPUTS, PARAMS)
                             every lane through every tick: rollout(x, u, p, dt, log), see `Entry`
@@ -13,7 +14,8 @@ A block is a module with
 `rollout` is the only entry point: live it is called with one tick, in replay with all of them, in a batch with many
 lanes, so that one compiled function serves all three and they agree bit for bit.
 
-A kernel is a deterministic function of its arguments: no global state, no I/O, no random numbers, no exceptions.
+A kernel is a deterministic function of its arguments: no global state, no I/O, no random numbers, no exceptions, and no
+arrays of its own, which Numba refuses here.
 
 A block with the outputs of a detector (`SAYS`) is checked here once for all, in flight, in replay and in a batch: where
 a value of its state is infinite or not a number after a step, it is not valid and does not alarm, and `why`, where it
@@ -27,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.kernels import Native
+from actuators.kernels import JIT, Native
 
 SAYS = ("r", "alarm", "verdict", "isolated_part", "valid")  # outputs of every detector
 NOT_FINITE = 11.0  # among the codes of fdi/common/why.py
@@ -65,14 +67,9 @@ def record(kind: Any, **values: Any) -> np.ndarray:
     return out
 
 
-def kernel(function: Callable[..., Any]) -> Any:
-    """Let kernels and entries that are compiled call `function`; from Python it runs as plain Python, with the same
-    bits."""
-    return Kernel(function)
-
-
 class Kernel:
-    """A function that Numba compiles into whatever calls it: importing it costs nothing."""
+    """A function that Numba compiles into the kernels and entries that call it, at no cost when it is imported; from
+    Python it runs as plain Python, with the same bits."""
 
     def __init__(self, function: Callable[..., Any]):
         functools.update_wrapper(self, function)
@@ -82,8 +79,7 @@ class Kernel:
     def _inner(self):
         import numba
 
-        only: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        return numba.njit(error_model="numpy", **only)(self.py_func)
+        return numba.njit(**JIT)(self.py_func)
 
     @functools.cached_property
     def compiled(self) -> Callable[..., Any]:
@@ -101,44 +97,24 @@ class Kernel:
         return self.py_func(*args)
 
 
-@kernel
-def _mark_invalid(x):
-    """Set alarm, verdict, isolated_part and valid to 0."""
-    x.alarm, x.verdict, x.isolated_part, x.valid = 0.0, 0.0, 0.0, 0.0
-
-
-@kernel
-def _mark_invalid_why(x):
-    """Do the same and say why."""
-    _mark_invalid(x)
-    x.why = NOT_FINITE
+kernel: Any = Kernel  # the decorator
 
 
 class Entry:
     """Advance every lane of a block through every tick: `rollout(x, u, p, dt, log)`.
 
     x, p: (lane,), u: (lane, tick), log: (lane, tick) in STATE or None; x is advanced in place. Compiled it is one
-    function of pointers, `native`, whose arguments are
+    function of addresses, `native`, whose arguments are
 
-        x*, u*, p*, dt [s], lanes, ticks, log* (null for no log)
+        x, u, p, dt [s], lanes, ticks, log (0 for no log)
 
     over arrays without gaps. Raises TypeError for an array of another dtype, ValueError for one of another shape.
     """
 
     def __init__(self, step: Any, STATE: np.dtype, INPUTS: np.dtype, PARAMS: np.dtype):
         self.step, self.kinds = step, (STATE, INPUTS, PARAMS)
-        names = STATE.names or ()
-        invalid = _mark_invalid_why if "why" in names else _mark_invalid
-        self.mark_invalid: Any = invalid if set(SAYS) <= set(names) else None
-        pointer, whole = ctypes.c_void_p, ctypes.c_int64
-        given = pointer, pointer, pointer, ctypes.c_double, whole, whole, pointer
-        roots = filter(None, (step, self.mark_invalid, *self.kinds))
-        self.native = Native(f"{step.__module__}:rollout.native", given, self._make, *roots)
-
-    @property
-    def address(self) -> int:
-        """Return the address of the machine code, which `call_block` of a kernel calls."""
-        return self.native.address
+        given = (*[ctypes.c_int64] * 3, ctypes.c_double, *[ctypes.c_int64] * 3)
+        self.native = Native(f"{step.__module__}:rollout.native", given, self._make, step, *self.kinds)
 
     def __call__(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: np.ndarray | None = None) -> None:
         """Advance every lane of x (lane,) by the inputs u (lane, tick), into log (lane, tick) where there is one."""
@@ -159,41 +135,41 @@ class Entry:
             raise ValueError(f"x, u, p, log of a block have shapes {shapes}; (lane,), (lane, tick), (lane,), u's")
         if not all(array.flags.c_contiguous for array in arrays):
             raise ValueError("the arrays of a block stand without gaps")
-        call, given = self.native.call, (_at(x), _at(u), _at(p), dt, *u.shape, None if log is None else _at(log))
+        # by `ctypes`: an array interface would describe every field first, which takes longer than many ticks
+        states = 0 if log is None else log.ctypes.data
+        call, given = self.native.call, (x.ctypes.data, u.ctypes.data, p.ctypes.data, dt, *u.shape, states)
         return lambda kept=arrays: call(*given)  # the arrays behind the addresses
 
     def _make(self):
-        """Return the function of pointers that Numba compiles, and its types."""
-        from numba import carray, from_dtype, types
+        """Return the function of addresses that Numba compiles."""
+        from numba import from_dtype
 
-        from actuators.numba_intrinsics import int64_at
+        from actuators.numba_intrinsics import int64_at, taken_as
 
-        step, mark_invalid, size = self.step, self.mark_invalid, self.kinds[0].itemsize
-        says = mark_invalid is not None
+        step, names = self.step, set(self.kinds[0].names or ())
+        says, why = names.issuperset(SAYS), "why" in names  # known when it is compiled: what is not so is left out
+        state_at, inputs_at, params_at = (taken_as(from_dtype(kind)) for kind in self.kinds)
+        x_size, u_size, p_size = (kind.itemsize for kind in self.kinds)
 
         def rollout(x, u, p, dt, lanes, ticks, log):
-            xs, ps = carray(x, lanes), carray(p, lanes)
-            us, logs = carray(u, (lanes, ticks)), carray(log, (lanes, ticks))
-            kept = logs.ctypes.data != 0
             for i in range(lanes):
-                bits = int64_at(xs.ctypes.data + i * size)
-                for k in range(ticks):
-                    step(xs[i], us[i, k], ps[i], dt)
-                    if says:  # known when it is compiled, and left out then
+                state, bits, fixed = state_at(x + i * x_size), int64_at(x + i * x_size), params_at(p + i * p_size)
+                for k in range(i * ticks, (i + 1) * ticks):
+                    step(state, inputs_at(u + k * u_size), fixed, dt)
+                    if says:
                         bad = 0
-                        for j in range(size // 8):
+                        for j in range(x_size // 8):
                             bad |= (bits[j] & EXPONENT) == EXPONENT
                         if bad:
-                            mark_invalid(xs[i])
-                    if kept:
-                        logs[i, k] = xs[i]
+                            state.alarm, state.verdict, state.isolated_part, state.valid = 0.0, 0.0, 0.0, 0.0
+                            if why:
+                                state.why = NOT_FINITE
+                    if log:
+                        logged = int64_at(log + k * x_size)
+                        for j in range(x_size // 8):
+                            logged[j] = bits[j]
 
-        state, given, fixed = (types.CPointer(from_dtype(kind)) for kind in self.kinds)
-        return rollout, (state, given, fixed, types.float64, types.int64, types.int64, state)
+        return rollout
 
 
 entry = Entry  # of the block whose kernel is `step`, as modules of blocks write it
-
-
-def _at(array):
-    return array.ctypes.data  # an array interface would describe every field first, which takes longer than many ticks

@@ -41,9 +41,8 @@ STATE = dtype([
     ("delta", "f8", "rad"),  # surface angle, trailing edge down +
     ("q_rod", "f8", "m"),  # rod position, + extends; 0 where the FMU gives none
     ("x3", "f8", "-"),  # pressure difference over supply; 0 where the FMU gives none
-    ("status", "f8", "-"),  # 0 good, 1 an output was not finite: the last one is held
 ])
-OUTPUTS = ("delta", "q_rod", "x3", "status")
+OUTPUTS = ("delta", "q_rod", "x3")
 FATAL = 4  # status of a call, FMI 2 and 3
 STATES = {"surface": "delta", "rod": "q_rod", "pressure": "x3"}  # output -> field
 
@@ -53,8 +52,12 @@ class Slaves:
 
     PARAMS, INPUTS, STATE, OUTPUTS = PARAMS, INPUTS, STATE, OUTPUTS
 
-    def __init__(self, own: Any, units: Mapping[str, str], lanes: int, dt: float, error: Callable[[str], Exception]):
-        """Unpack the file at `own.path` and make `lanes` instances, to be stepped by `dt` [s].
+    def __init__(
+        self, own: Any, units: Mapping[str, str], first: Mapping[str, np.ndarray], dt: float,
+        error: Callable[[str], Exception],
+    ):  # fmt: skip
+        """Unpack the file at `own.path` and make an instance per lane, to be stepped by `dt` [s], from the SI values
+        `first` {word: (lane,)}; `x0` is its STATE then.
 
         `own` has inputs, outputs, start {word: a `variable` and its `unit`, "" for none} and parameters {name: value},
         `units` {word: SI unit}. Raises error(text), text with the FMU's own messages, also for what its model
@@ -67,39 +70,32 @@ class Slaves:
         self.__name__, self._units, self._error = f"fmu {own.path.name}", units, error
         self._messages: deque[tuple[int, str]] = deque(maxlen=200)  # how bad, what
         self._fmus: list[Any] = []
+        self.x0 = np.zeros(len(first["surface"]), STATE)
         self._folder = tempfile.TemporaryDirectory(prefix="cosim-fmu-")
+        self._end = weakref.finalize(self, _end, self._fmus, self._folder)
         self.rollout = PythonBlock(lambda p, dt: functools.partial(self._step, int(p["lane"]), dt), self._failed)
         try:
             self._about = fmpy.read_model_description(str(own.path))
-            self._refuse(lanes, dt)
+            self._refuse(len(self.x0), dt)
             self._real = "Float64" if self._about.fmiVersion.startswith("3") else "Real"
             self._names = {v.name: v for v in self._about.modelVariables}
-            given = {self._reference(name): value for name, value in own.parameters.items()}
+            parameters = {name: (self._reference(name), 1.0) for name in own.parameters}
             self._inputs = self._mapped(own.inputs, "input")
             self._outputs = self._mapped(own.outputs, "output", "local")
-            self._begin = self._inputs | self._mapped(own.start)
+            begin = self._inputs | self._mapped(own.start)
             fmpy.extract(str(own.path), self._folder.name)
-            for _ in range(lanes):
-                self._fmus.append(self._instance())
-                self._set(self._fmus[-1], given)
-        except Exception as said:  # fmpy raises what the operating system, the XML parser and the FMU raise
-            self._failed(0, 0.0, said)
-        self._end = weakref.finalize(self, _end, self._fmus, self._folder)
-
-    def start(self, first: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Initialise every instance with SI values {word: (lanes,)} and return STATE (lanes,)."""
-        x = np.zeros(len(self._fmus), STATE)
-        try:
-            for i, fmu in enumerate(self._fmus):
+            for i, x in enumerate(self.x0):
+                fmu = self._instance()
+                self._fmus.append(fmu)
+                self._set(fmu, parameters, own.parameters)
                 if self._real == "Real":
                     fmu.setupExperiment(startTime=0.0)
-                self._set(fmu, {at: float(first[word][i]) / factor for word, (at, factor) in self._begin.items()})
+                self._set(fmu, begin, {word: values[i] for word, values in first.items()})
                 fmu.enterInitializationMode()
                 fmu.exitInitializationMode()
-                self._get(fmu, x[i])
-        except Exception as said:
+                self._get(fmu, x)
+        except Exception as said:  # fmpy raises what the operating system, the XML parser and the FMU raise
             self._failed(0, 0.0, said)
-        return x
 
     def _step(self, lane, dt, t, x, u):
         """Advance an instance from t to t + dt [s]; one that does not get there raises ValueError."""
@@ -109,7 +105,7 @@ class Slaves:
             "valve_command": (1.0 - u.s_u) * u.u + u.f_u,
             "hinge_0": u.hm0, "hinge_slope": u.hmd, "hinge_moment": u.hm0 + u.hmd * x.delta,
         }  # fmt: skip
-        self._set(fmu, {at: float(given[word]) / factor for word, (at, factor) in self._inputs.items()})
+        self._set(fmu, self._inputs, given)
         said = fmu.doStep(currentCommunicationPoint=t, communicationStepSize=dt)
         if said is not None:  # FMI 3; in FMI 2 the status, which fmpy checks, is all
             _, ended, early, reached = said
@@ -180,18 +176,16 @@ class Slaves:
         last = [" ".join(text.split()) for how, text in self._messages if how == worst][-3:]
         raise self._error("; ".join([*dict.fromkeys(last), " ".join(str(error).split())])) from None
 
-    def _set(self, fmu, values):
-        if values:
-            getattr(fmu, f"set{self._real}")(list(values), list(values.values()))
+    def _set(self, fmu, variables, values):
+        numbers = [float(values[word]) / factor for word, (_, factor) in variables.items()]
+        getattr(fmu, f"set{self._real}")([at for at, _ in variables.values()], numbers)
 
     def _get(self, fmu, x):
         found = getattr(fmu, f"get{self._real}")([at for at, _ in self._outputs.values()])
-        x.status = 0.0
         for (word, (_, factor)), value in zip(self._outputs.items(), found):
-            if math.isfinite(value):
-                x[STATES[word]] = value * factor
-            else:
-                x.status = 1.0
+            if not math.isfinite(value):
+                raise ValueError(f"gives {word} = {value}")
+            x[STATES[word]] = value * factor
 
 
 def _end(fmus, folder):

@@ -1,6 +1,6 @@
 """Compiled kernels and computed arrays: made once, kept on disk, found by what they depend on.
 
-Numba compiles a function of pointers and numbers; what it made is stripped to the one function and stored as an object
+Numba compiles a function of addresses and numbers; what it made is stripped to the one function and stored as an object
 file behind the digest of its contents. A process that finds the file loads it with LLVM alone, in a millisecond and
 without Numba: the same machine code, so the same bits. The functions follow Numba's convention in C:
 
@@ -12,8 +12,8 @@ the versions of the libraries, the processor and the arguments.
 
 import ctypes
 import functools
-import gc
 import hashlib
+import linecache
 import os
 import stat
 import subprocess
@@ -29,8 +29,6 @@ from typing import Any
 
 import numpy as np
 
-from actuators import subprocess_env
-
 ROOT = Path(__file__).resolve().parent.parent
 # folders whose sources decide what a flight comes to: what is computed from them is worked out anew with any change
 FLYING = ("actuators", "fdi", *(f"cosim/{room}" for room in ("flight", "judge", "log", "parts", "scenario")))
@@ -40,23 +38,22 @@ SHIPPED = Path(__file__).with_name("objects")  # machine code that a release bri
 BASE = "x86-64-v3"  # of x86-64 since 2013, where a tick costs 2 % more than compiled for this processor; with v2, 12 %
 NEEDED = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")  # of a processor that does BASE
 ARRAYS = 100  # of one file's computations on disk: a study over thousands of points leaves no more
-ALGEBRA = "OMP_", "OPENBLAS_", "MKL_", "BLIS_", "NPY_"  # variables on which the last bit of a sum depends
+# how Numba compiles what no Python calls; without its memory: what would make an array is refused
+JIT: Any = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 version = functools.cache(metadata.version)
 
 _ENTRY = "entry"
 _nothing = ctypes.create_string_buffer(16)  # where a function would put its result and its exception: it has neither
 NOTHING = ctypes.addressof(_nothing), ctypes.addressof(_nothing) + 8
-_FREE = "NRT_MemInfo_call_dtor"  # frees an array of Numba's own: kernels make none, what refers to it is never run
-_never = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(lambda array: None)
 _loaded: list[Any] = []
 
 
 class Native:
     """A compiled function: `address`, and `call`, which takes its arguments as ctypes does.
 
-    `make()` returns (Python function, Numba types of its arguments); it is called only when nothing is stored. `place`
-    is where another process finds this object, "module:name", `kinds` the ctypes of its arguments. What is stored is
-    named by what `make` and `roots` reach: functions, dtypes, files.
+    `make()` returns the Python function; it is called only when nothing is stored. `place` is where another process
+    finds this object, "module:name", `kinds` the ctypes of its arguments. What is stored is named by what `make` and
+    `roots` reach: functions, dtypes.
     """
 
     def __init__(self, place: str, kinds: tuple, make: Callable, *roots: Any):
@@ -67,7 +64,7 @@ class Native:
         """Return the address of the machine code; compiles when there is none for these sources and this machine."""
         code = next(filter(None, map(read_whole, self.files)), None)
         if code is None:
-            code = _compile(*self._make())
+            code = _compile(self._make(), self._kinds)
             for file in self.files[1:]:
                 write_whole(file, code)
         return _load(code)
@@ -86,7 +83,7 @@ class Native:
     def files(self) -> list[Path]:
         """Return where the machine code may be: in the package, then in the user's cache where there is one."""
         own = cache(f"code-{target()}-numba-{version('numba')}")
-        made_of = reached(self._make, _compile, INTRINSICS, *self.roots)
+        made_of = reached(self._make, _compile, INTRINSICS.read_bytes(), *self.roots)
         name = f"{self.place.partition(':')[0]}-{made_of[:16]}.code"
         return [SHIPPED / target() / name, *([own / name] if own else [])]
 
@@ -96,8 +93,10 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+# of a process that compiles and ends: to search its memory for cycles would take a tenth of its time
 _WORK = """
-import functools, importlib, sys
+import functools, gc, importlib, sys
+gc.disable()
 module, _, path = sys.argv[1].partition(":")
 functools.reduce(getattr, path.split("."), importlib.import_module(module)).address
 """
@@ -114,25 +113,27 @@ def compile_ahead(wanted: Iterable[Native], progress: Callable[[int, int], None]
     workers = min(cores(), len(missing))
     if workers < 2 or not missing[0].files[1:]:
         return 0
-    env, running, tell = subprocess_env.surroundings(), [], progress or (lambda done, total: None)
-    quiet: Any = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    tell, pool = progress or (lambda done, total: None), ThreadPoolExecutor(workers)
 
     def compiled(native):
         with suppress(OSError):
-            running.append(subprocess.Popen([*subprocess_env.command(_WORK), native.place], env=env, **quiet))
-            running[-1].wait()
+            subprocess.run(**python(_WORK, native.place), stdin=subprocess.DEVNULL, capture_output=True)
 
     tell(0, len(missing))
-    with ThreadPoolExecutor(workers) as pool:
-        try:
-            for done, _ in enumerate(pool.map(compiled, missing), 1):
-                tell(done, len(missing))
-        except BaseException:  # interrupted: nobody waits for the rest
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in running:
-                process.kill()
-            raise
+    try:
+        for done, _ in enumerate(pool.map(compiled, missing), 1):
+            tell(done, len(missing))
+    finally:
+        pool.shutdown(cancel_futures=True)  # after Ctrl-C, which ends the processes too, none begins
     return len(missing)
+
+
+def python(code: str, *arguments: str, **more: str) -> dict[str, Any]:
+    """Return `args` and `env` of a process of Python that runs `code`, with `more` in its environment: it finds our
+    packages wherever this one found them, and imports nothing from the current folder (-P)."""
+    path = os.pathsep.join((str(ROOT), *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))))
+    env = {**os.environ, "PYTHONPATH": path, **more}
+    return {"args": [sys.executable, "-P", "-c", code, *arguments], "env": env}
 
 
 @functools.cache
@@ -165,16 +166,15 @@ def _machine(own):
 
 
 def _compile(function, kinds):
-    """Return the object code of `function` for arguments of Numba types `kinds`: a list of what it calls, then ELF."""
+    """Return the object code of `function` for arguments of ctypes `kinds`: a list of what it calls, then ELF."""
     import llvmlite.binding as llvm
     import numba
+    from numba.core.typing.ctypes_utils import from_ctypes
 
-    only: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    made = numba.njit(error_model="numpy", **only)(function)
+    made = numba.njit(**JIT)(function)
     with _intermediate_code_only():
-        made.compile(numba.types.void(*kinds))
+        made.compile(numba.types.void(*map(from_ctypes, kinds)))
     (found,) = made.overloads.values()
-    found.library._optimize_final_module()
     name = found.fndesc.llvm_func_name
     module = llvm.parse_assembly(str(found.library._final_module))
     for i, each in enumerate((*module.functions, *module.global_variables)):
@@ -185,10 +185,8 @@ def _compile(function, kinds):
             each.name = f"_{i}"  # Numba's names count what a process has compiled before
     machine = _machine(found.library.codegen._tm)
     options = llvm.create_pipeline_tuning_options(speed_level=3)  # what nobody else calls is inlined: a tenth less time
-    options.loop_vectorization = options.loop_unrolling = True
     builder = llvm.create_pass_builder(machine, options)
-    builder.getModulePassManager().run(module, builder)
-    passes = llvm.create_new_module_pass_manager()
+    passes = builder.getModulePassManager()
     passes.add_strip_dead_prototype_pass()
     passes.run(module, builder)
     called = [f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.")]
@@ -198,7 +196,7 @@ def _compile(function, kinds):
 @contextmanager
 def _intermediate_code_only():
     """Let Numba stop before machine code: it would optimise and assemble every function that a kernel calls for itself,
-    where only the kernel as a whole is run (a third of the time). Nor is memory searched for cycles (a tenth).
+    where only the kernel as a whole is run (a third of the time).
 
     Numba's own lock is held meanwhile: what another thread compiles waits, and is compiled as ever."""
     from unittest.mock import patch
@@ -213,19 +211,13 @@ def _intermediate_code_only():
     def whole(library):
         library._finalized = True
 
-    with global_compiler_lock:
-        collected = gc.isenabled()
-        gc.disable()
-        try:
-            with (
-                patch.object(cpu.CPUContext, "get_executable", linked),
-                patch.object(codegen.CPUCodeLibrary, "_finalize_final_module", whole),
-                patch.object(codegen.CPUCodeLibrary, "_optimize_final_module", lambda library: None),
-            ):
-                yield
-        finally:
-            if collected:
-                gc.enable()
+    with (
+        global_compiler_lock,
+        patch.object(cpu.CPUContext, "get_executable", linked),
+        patch.object(codegen.CPUCodeLibrary, "_finalize_final_module", whole),
+        patch.object(codegen.CPUCodeLibrary, "_optimize_final_module", lambda library: None),
+    ):
+        yield
 
 
 def _load(code):
@@ -237,10 +229,7 @@ def _load(code):
     machine = llvm.Target.from_default_triple().create_target_machine()
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)  # from here on LLVM knows the C library
     called, _, data = code.partition(b"\0")
-    missing = [s.decode() for s in called.split() if llvm.address_of_symbol(s.decode()) is None]
-    if missing == [_FREE]:
-        llvm.add_symbol(_FREE, ctypes.cast(_never, ctypes.c_void_p).value)
-    elif missing:
+    if not all(llvm.address_of_symbol(name.decode()) for name in called.split()):
         from numba.core.registry import cpu_target
 
         _ = cpu_target.target_context  # Numba's helpers are known by name once it is there
@@ -254,30 +243,21 @@ def _load(code):
 
 
 @functools.cache
-def _source(path):
-    return path.read_bytes()
-
-
-def digest_of(paths: Iterable[Path]) -> str:
-    """Return a digest of the contents of files."""
-    return hashlib.sha256(b"".join(hashlib.sha256(_source(path)).digest() for path in paths)).hexdigest()
-
-
-@functools.cache
 def sources() -> str:
     """Return a digest of all sources of FLYING."""
-    return digest_of(sorted(path for name in FLYING for path in (ROOT / name).rglob("*.py")))
+    paths = sorted(path for name in FLYING for path in (ROOT / name).rglob("*.py"))
+    return hashlib.sha256(b"".join(hashlib.sha256(path.read_bytes()).digest() for path in paths)).hexdigest()
 
 
 def forget() -> None:
     """Read the sources again where they are asked for next: one of a user's has changed."""
-    _source.cache_clear()
+    linecache.clearcache()
     sources.cache_clear()
 
 
 def reached(*roots: Any) -> str:
-    """Return a digest of `roots`, functions, dtypes and files, of every function that these call, directly or not, and
-    of the constants that they read: the lines of a function, the value of a constant, the contents of a file.
+    """Return a digest of `roots`, functions and constants, of every function that these call, directly or not, and of
+    the constants that they read: the lines of a function, the value of a constant.
 
     Its code says which names a function reads; its lines are the same in every version of Python.
     """
@@ -305,10 +285,8 @@ def _lines(function):
     """Return the module, the name and the source lines of a function."""
     codes = list(_codes(function.__code__))
     last = max(line or 0 for code in codes for position in code.co_positions() for line in position[:2])
-    path = Path(codes[0].co_filename)
-    if path.is_file():
-        text = _source(path).decode("utf-8", "replace").splitlines()[codes[0].co_firstlineno - 1 : last]
-    else:  # typed in, not in a file
+    text = linecache.getlines(codes[0].co_filename)[codes[0].co_firstlineno - 1 : last]
+    if not text:  # typed in
         text = [code.co_code.hex() + repr([c for c in code.co_consts if not isinstance(c, CodeType)]) for code in codes]
     return "\n".join([f"{function.__module__}.{function.__qualname__}", *text])
 
@@ -335,9 +313,7 @@ def _value(value):
         return f"{value.dtype.descr} {value.shape} {value.tobytes().hex()}"
     if isinstance(value, np.dtype):
         return repr(value.descr)
-    if isinstance(value, Path):
-        return digest_of([value])
-    if isinstance(value, (int, float, str, bytes, tuple, np.generic, type(None))):
+    if isinstance(value, (int, float, str, bytes, tuple, dict, np.generic, type(None))):
         return repr(value)
     return f"{type(value).__name__} {getattr(value, '__name__', '')}"
 
@@ -353,12 +329,11 @@ def cached_array(key: object, kind: Any, compute: Callable[[], np.ndarray], file
     folder, stem = cache(sources()[:16]), Path(file).stem
     if folder is None:
         return compute()
-    algebra = sorted(f"{name}={value}" for name, value in os.environ.items() if name.startswith(ALGEBRA))
-    about = key, np.dtype(kind).descr, _processor(), *map(version, ("numpy", "scipy", "jsbsim")), *algebra
+    about = key, np.dtype(kind).descr, _processor(), *map(version, ("numpy", "scipy", "jsbsim"))
     digest = hashlib.sha256(repr(about).encode("utf-8", "surrogateescape")).hexdigest()
     path = folder / f"{stem}-{digest[:24]}.kept"
     numbers = read_whole(path)
-    if numbers is not None and len(numbers) % np.dtype(kind).itemsize == 0:
+    if numbers is not None:
         return np.frombuffer(numbers, kind).copy()
     made = np.ascontiguousarray(compute(), kind)
     if len(list(folder.glob(f"{stem}-*.kept"))) < ARRAYS:

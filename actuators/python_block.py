@@ -49,15 +49,3 @@ class PythonBlock:
 def _quiet(state):
     """Return the step of a dropped lane."""
     return lambda t, x, u: x.__setitem__(..., state)
-
-
-def of_rollout(rollout: Callable[..., Any], STATE: Any, INPUTS: Any, failed: Callable[..., Any]) -> PythonBlock:
-    """Return a `rollout` in plain Python, called lane by lane, as a PythonBlock."""
-
-    def make(p, dt):
-        def step(t, x, u):
-            rollout(x.view(STATE), u.copy().view(INPUTS).reshape(1, 1), np.atleast_1d(p), dt)
-
-        return step
-
-    return PythonBlock(make, failed)

@@ -140,12 +140,11 @@ class Technology:
     # (what an aircraft's actuators differ in; a table per lane of parameters that fly, and one of those that the servo
     # believes; (delta, hm0, hmd) at trim (3, n); travel of the surface [rad]; tick [s]; age of sensors [ticks]) ->
     # [(section, block, PARAMS, STATE)], the servo first
-    build: Callable[..., list[tuple]] | None
-    servo: str = ""
+    build: Callable[..., list[tuple]] = lambda *given: []
+    servo: str = ""  # without one there is no valve or drive that a fault could enter
     sensors: dict[str, Sensor] = field(default_factory=dict)
     loop_sensor: str = ""  # the one that closes the position loop
     sent: tuple[str, str, str] = ("", "", "")  # what the servo sends: word, meaning, unit
-    inlet: str = ""  # what an oscillation "at the valve" enters: "valve", "drive", or "" where there is none
     runaway: str = "rate"  # what runs away: the open "valve", the demanded "rate", or the "command"
     effects: dict[str, Effect] = field(default_factory=dict)  # kind of fault -> what it moves
     kinds: dict[str, Kind] = field(default_factory=dict)  # kinds that only this technology has

@@ -15,7 +15,7 @@ import numpy as np
 from actuators import fmu
 from actuators.block import Entry
 from actuators.exception_text import sentence
-from actuators.python_block import of_rollout
+from actuators.python_block import PythonBlock
 from actuators.registry import HYDRAULIC, SIMPLE
 from actuators.technology import Technology
 
@@ -27,25 +27,27 @@ def technology(
     `units` as the first arguments of `fmu.Slaves`; with `part.servo` behind the shipped servo. `error(text)` makes what
     is raised where it is none."""
     block, start = _of_file(part, load, error) if part.file else _of_fmu(part, units, error)
-    servo, like = part.servo, HYDRAULIC if part.servo else SIMPLE
 
     def build(own, truth, believed, trim, travel, dt, age):
         served, told = [], np.zeros_like(trim[0])
-        if servo:
-            assert HYDRAULIC.build
+        if part.servo:
             section, *rest = HYDRAULIC.build(own, [{}] * len(believed), believed, trim, travel, dt, age)[0]
             served, told = [(f"{name}_{section}", *rest)], rest[2]["u"]
         return [*served, (name, *start(truth, trim, told, dt))]
 
-    measured = {"surface", *part.outputs} if not servo else HYDRAULIC.sensors
-    sensors = {word: s for word, s in HYDRAULIC.sensors.items() if word in measured}
-    sensors = {word: s if servo else dataclasses.replace(s, servo=None) for word, s in sensors.items()}
+    about: dict[str, Any] = {
+        "name": name, "article": f"a {name}", "build": build, "design": HYDRAULIC.design, "effects": {}, "kinds": {},
+        "fixed": (), "parameters": lambda own: {},
+    }  # fmt: skip
+    if part.servo:
+        return dataclasses.replace(
+            HYDRAULIC, servo=f"{name}_servo", modules=lambda: (HYDRAULIC.modules()[0], block()),
+            sent=(f"{name}_command", "valve command to it", "-"), gain_of=part.servo, **about,
+        )  # fmt: skip
+    measured = [word for word in HYDRAULIC.sensors if word in ("surface", *part.outputs)]
+    sensors = {word: dataclasses.replace(HYDRAULIC.sensors[word], servo=None) for word in measured}
     return dataclasses.replace(
-        like, name=name, article=f"a {name}", servo=f"{name}_servo" if servo else "", build=build, sensors=sensors,
-        modules=lambda: (HYDRAULIC.modules()[0] if servo else None, block()),
-        sent=(f"{name}_command", "valve command to it", "-") if servo else ("", "", ""),
-        inlet="valve" if servo else "", runaway="valve" if servo else "command", effects={}, kinds={}, fixed=(),
-        parameters=lambda own: {}, design=HYDRAULIC.design, loop_sensor="rod" if servo else "", gain_of=servo,
+        SIMPLE, modules=lambda: (None, block()), sensors=sensors, runaway="command", **about
     )  # fmt: skip
 
 
@@ -67,48 +69,52 @@ def _of_file(part, load, error):
 
     def start(truth, trim, told, dt):
         made = block()
+        compiled = isinstance(made.rollout, Entry)
         try:
             rows = [made.params(**lane) for lane in truth]
-            wrong = next((np.shape(row) for row in rows if np.shape(row) != (1,)), None)
-            if wrong is not None:
+            if np.shape(rows) != (len(truth), 1):
+                wrong = np.shape(rows)[1:]
                 raise ValueError(f"params() returns an array of shape {wrong}; allowed: PARAMS of shape (1,)")
             p = np.concatenate(rows)
             x = made.init_at(p, *trim)
             if np.shape(x) != p.shape:
                 raise ValueError(f"init_at() returns an array of shape {np.shape(x)}; allowed: STATE of {p.shape}")
+            if compiled:
+                _ = made.rollout.native.address
         except (Exception, SystemExit) as said:
             raise error(f"{path.name}: {sentence(said, path)}") from None
-        return made if isinstance(made.rollout, Entry) else _guarded(made, path, error), p, x
+        return made if compiled else _guarded(made, path, error), p, x
 
     return block, start
 
 
 def _guarded(made, path, error):
-    """Return a block in plain Python with a rollout that raises error(text) for whatever it raises."""
+    """Return a block in plain Python, called lane by lane, that raises error(text) for whatever it raises."""
 
-    def rollout(x, u, p, dt):
-        made.rollout(x, u, p, dt)
-        if not np.isfinite(x["delta"]).all():
-            raise ValueError(f"delta = {x['delta'].tolist()}")
+    def make(p, dt):
+        def step(t, x, u):
+            now = x.view(made.STATE)
+            made.rollout(now, u.copy().view(made.INPUTS).reshape(1, 1), np.atleast_1d(p), dt)
+            if not np.isfinite(now["delta"]).all():
+                raise ValueError(f"delta = {now['delta'].tolist()}")
+
+        return step
 
     def failed(_, t, said):
         raise error(f"{path.name}: at {t:.3f} s {sentence(said, path)}") from None
 
     own = {word: getattr(made, word) for word in ("INPUTS", "STATE", "OUTPUTS")}
-    stepped = of_rollout(rollout, made.STATE, made.INPUTS, failed)
-    return SimpleNamespace(__name__=made.__name__, rollout=stepped, **own)
+    return SimpleNamespace(__name__=made.__name__, rollout=PythonBlock(make, failed), **own)
 
 
 def _of_fmu(part, units, error):
     """Return the same of an FMU."""
 
     def start(truth, trim, told, dt):
-        slaves = fmu.Slaves(part, units, len(truth), dt, error)
         delta, hm0, hmd = trim
         first = {"surface": delta, "command": delta, "valve_command": told, "hinge_0": hm0, "hinge_slope": hmd,
                  "hinge_moment": hm0 + hmd * delta}  # fmt: skip
-        p = np.zeros(len(truth), fmu.PARAMS)
-        p["lane"] = np.arange(len(truth))
-        return slaves, p, slaves.start(first)
+        slaves = fmu.Slaves(part, units, first, dt, error)
+        return slaves, np.arange(len(truth), dtype=float).view(fmu.PARAMS), slaves.x0
 
     return lambda: fmu.Slaves, start

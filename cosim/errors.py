@@ -5,7 +5,7 @@ Library functions raise them, only the command line prints them (exit status 2) 
 
 import difflib
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
@@ -142,3 +142,11 @@ def did_you_mean(word: Any, choices: Any) -> str:
     """Return "Did you mean ...?" with the nearest of `choices`, or an empty string."""
     near = difflib.get_close_matches(str(word), list(choices), n=1, cutoff=0.6)
     return f"Did you mean {near[0]!r}?" if near else ""
+
+
+def among(
+    word: Any, known: Collection[str], said: str, *, error: type[CosimError] = ScenarioError, place: str = ""
+) -> None:
+    """Raise an error that says what is allowed, and what is near, unless `word` is one of those known."""
+    if word not in known:
+        raise error(said, place=place, allowed=", ".join(known), remedy=did_you_mean(word, known))

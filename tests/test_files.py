@@ -21,7 +21,7 @@ from actuators import kernels
 from cosim.campaign import store
 
 def digests():
-    for cached in (store.fingerprint, kernels._source, kernels.sources):
+    for cached in (store.fingerprint, kernels.sources):
         cached.cache_clear()
     return store.fingerprint()["digest"], kernels.sources()
 

@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 
 from actuators.block import kernel
-from actuators.common.ackermann import place
 from actuators.common.limits import flush, within
-from actuators.deterministic_linalg import rounded
+from actuators.deterministic_linalg import place, rounded
 
 PARAM_FIELDS = [
     ("k1", "f8"),  # position to velocity [1/s]

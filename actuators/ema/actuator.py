@@ -109,8 +109,6 @@ STATE = dtype([
 ])
 OUTPUTS = ("delta", "delta_d", "motor", "motor_d", "i", "comp", "u_eff", "volts", "mode", "status")
 
-UNLIMITED = 1e9  # current, voltage and stops of the nozzle: the paper gives none
-
 
 def params(
     kind: str = "elevator",
@@ -127,8 +125,7 @@ def params(
     v = jay.values(kind, **(symbols or {}))
     amperes, volts = jay.LIMITS[kind]
     ratio = v["arm"] / v["lead"]
-    fields = {**v, "substeps": 5.0 if kind == "elevator" else 40.0, "x3_lo": -UNLIMITED, "x3_hi": UNLIMITED}
-    fields["I_max"], fields["V_max"] = min(amperes, UNLIMITED), min(volts, UNLIMITED)
+    fields = {**v, "I_max": amperes, "V_max": volts, "x3_lo": -jay.UNLIMITED, "x3_hi": jay.UNLIMITED, "substeps": 40.0}
     if kind == "elevator":
         stall = v["K_T"] * amperes
         # damping of 0.7 of critical at the 26 kN m/rad that hold 10.5 kN m at full travel
@@ -141,6 +138,7 @@ def params(
             "R_float": v["K_T"] * v["K_B"] / c - v["R"],
             "x3_lo": travel[0] * ratio,
             "x3_hi": travel[1] * ratio,
+            "substeps": 5.0,
         }
     return record(PARAMS, **{**fields, **values})
 
@@ -158,9 +156,6 @@ def init_at(p: np.ndarray, delta: Any = 0.0, hm0: Any = 0.0, hmd: Any = 0.0) -> 
     x["u_eff"] = holding(p, x["i"])
     x["comp"] = x["u_eff"] / p["b"]
     return x
-
-
-init = init_at  # surface at zero, no load
 
 
 def holding(p: np.ndarray, i: Any) -> Any:

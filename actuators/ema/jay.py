@@ -38,20 +38,15 @@ PHI = np.array([
     [0, 0, 0, 0, 0, 0.2753],
 ])
 G = np.array([8.223e-6, 0.006389, 0.04617, 16.21, 3.437, 0.002809])
-H = np.array([0, 0, 0, 0.05, 0, 0])
 PERIOD = 0.005  # [s]
 K_P, K_V = 400.0, 0.05  # sensors: LVDT [V/m], velocity [V s/rad]; [Jay] section 2
 
 
 class Continuous(NamedTuple):
-    """A model x' = A x + B u + E d, y = C x.
-
-    y = (position N x3 [m], current [A], motor rate [rad/s]); d: moment on the surface [N m]; `values`: the symbols.
-    """
+    """A model x' = A x + B u + E d; d: moment on the surface [N m]; `values`: the symbols."""
 
     A: np.ndarray
     B: np.ndarray
-    C: np.ndarray
     E: np.ndarray
     values: dict
 
@@ -96,8 +91,9 @@ def _elevator():
     }  # fmt: skip
 
 
-# current and voltage limits [A], [V]; the paper gives none for the nozzle
-LIMITS = {"nozzle": (np.inf, np.inf), "elevator": (43.75, 285.0)}
+UNLIMITED = 1e9  # current, voltage and stops of the nozzle: the paper gives none
+# current and voltage limits [A], [V]
+LIMITS = {"nozzle": (UNLIMITED, UNLIMITED), "elevator": (43.75, 285.0)}
 
 
 def values(kind: str = "elevator", **overrides: Any) -> dict:
@@ -113,7 +109,7 @@ def values(kind: str = "elevator", **overrides: Any) -> dict:
 
 
 def continuous(set: str = "nozzle", *, hinge_stiffness: float = 0.0, **overrides: Any) -> Continuous:
-    """Return the continuous model of `set` in SI, shapes (6, 6), (6,), (3, 6), (6,).
+    """Return the continuous model of `set` in SI, shapes (6, 6), (6,), (6,).
 
     `hinge_stiffness` [N m/rad] is the moment per angle of the surface, negative when it holds the surface back.
     a21 a43 = a23 a41 holds by construction: the unloaded motor turns free of the spring. [Jay] (1)
@@ -128,9 +124,7 @@ def continuous(set: str = "nozzle", *, hinge_stiffness: float = 0.0, **overrides
     A[4, 3:] = [-v["K_B"] / v["L"], -(v["K_ic"] + v["R"]) / v["L"], -drive * (v["b"] - v["a"])]
     A[5, 5] = -v["b"]
     B = np.array([0, 0, 0, 0, drive, 1.0])
-    C = np.zeros((3, 6))
-    C[0, 2], C[1, 4], C[2, 3] = N, 1.0, 1.0
-    return Continuous(A, B, C, np.array([0, 1.0 / v["J_N"], 0, 0, 0, 0]), v)
+    return Continuous(A, B, np.array([0, 1.0 / v["J_N"], 0, 0, 0, 0]), v)
 
 
 def discretise(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[Any, ...]:

@@ -38,10 +38,9 @@ def _build(own, truth, believed, trim, travel, dt, age):
     import numpy as np
 
     servo, actuator = _modules()
-    symbols, edge, (low, high) = dict(own), math.radians(0.1), travel
+    symbols = dict(own)
     p = np.concatenate([actuator.params(symbols=symbols, travel=travel, **lane) for lane in truth])
-    ends = {"r_lo": low + edge, "r_hi": high - edge}
-    made = [servo.params(dt=dt, delay=age, symbols={**symbols, **lane}, **ends) for lane in believed]
+    made = [servo.params(dt=dt, delay=age, travel=travel, symbols={**symbols, **lane}) for lane in believed]
     ps = np.concatenate(made)
     x = actuator.init_at(p, *trim)
     lead = _design(own).gains["position"]
@@ -83,7 +82,6 @@ TECHNOLOGY = Technology(
     },
     loop_sensor="position",
     sent=("current_command", "current demand held over the last tick, + extends", "A"),
-    inlet="drive",
     effects={
         "jam_solid": Effect("jam"), "free_float": Effect("free_float"), "loss_of_effectiveness": Effect("loss"),
         "friction": Effect("friction_add"), "backlash": Effect("backlash_add", "m"),

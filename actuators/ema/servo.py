@@ -25,9 +25,8 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage, reference
-from actuators.common.ackermann import place
 from actuators.common.limits import clip
-from actuators.deterministic_linalg import rounded
+from actuators.deterministic_linalg import place, rounded
 from actuators.ema import jay
 
 PARAMS = dtype([
@@ -89,13 +88,16 @@ def params(
     omega: float = 45.0,
     zeta: float = 0.8,
     delay: float = 1.0,
+    travel: tuple[float, float] = linkage.TRAVEL,
     symbols: Mapping[str, Any] | None = None,
     **values: Any,
 ) -> np.ndarray:
-    """Return PARAMS of shape (1,) for the tick `dt`; `symbols` replace those of the elevator set, `values` fields.
+    """Return PARAMS of shape (1,) for the tick `dt` and the surface's stops `travel` [rad]; `symbols` replace those of
+    the elevator set, `values` fields.
 
-    Rate is commanded up to 40 of the 45 deg/s, acceleration up to half of what the stall moment gives without load.
-    Raises ValueError for unknown names and for a compensator with lead (a != b), which this loop does not invert.
+    Rate is commanded up to 40 of the 45 deg/s, acceleration up to half of what the stall moment gives without load;
+    commands end 0.1 deg inside the stops. Raises ValueError for unknown names and for a compensator with lead (a != b),
+    which this loop does not invert.
     """
     v = jay.values("elevator", **(symbols or {}))
     if v["a"] != v["b"]:
@@ -112,8 +114,8 @@ def params(
         "j_max": 0.5 * I_max / amps * omega,  # half the stall within 1 / omega
         "arm": v["arm"],
         "ratio": ratio,
-        "r_lo": linkage.TRAVEL[0] + math.radians(0.1),
-        "r_hi": linkage.TRAVEL[1] - math.radians(0.1),
+        "r_lo": travel[0] + math.radians(0.1),
+        "r_hi": travel[1] - math.radians(0.1),
         **error_gains(pole=pole, dt=dt),
         "dead": 1e-4,
         "amps": amps,
@@ -134,9 +136,6 @@ def init_at(p: np.ndarray, position: Any = 0.0, i: Any = 0.0) -> np.ndarray:
     x["z"] = x["i_d"] / p["amps"]
     x["u"] = p["g_i"] * x["i_d"]
     return x
-
-
-init = init_at  # surface at zero, no load
 
 
 @kernel

@@ -121,9 +121,6 @@ def init_at(p: np.ndarray, delta: Any = 0.0, hm0: Any = 0.0, hmd: Any = 0.0) -> 
     return x
 
 
-init = init_at  # surface at zero, no load
-
-
 def holding(p: Any, x3: Any) -> Any:
     """Return the valve opening that feeds the leakage at rest: u = L A_p x3 / (phi_n sqrt(1 - |x3|)) [1]."""
     x3 = np.asarray(x3)

@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, kernel, record
+from actuators.block import kernel
 from actuators.common.limits import sign
 
 FIELDS = [
@@ -44,17 +44,11 @@ FIELDS = [
 NOMINAL = {
     "A_p": 0.0025, "B": 52.3, "M": 2000.0, "P_s": 1.4e7, "phi_n": 0.0025, "V_m": 0.001973, "E": 1e9, "L": 0.023,
 }  # [Lu17] below (6)
-PARAMS = dtype(FIELDS)
 
 # The square root of (4) has an infinite slope where the load takes the whole supply; its derivatives stop growing here.
 ROOT_FLOOR = 0.05
 # (4) is singular at |q| = V_m / A_p = 0.789 m, far outside every stroke; a diverging estimate meets this floor instead.
 VOLUME_FLOOR = 0.1
-
-
-def params(**values: Any) -> Any:
-    """Return PARAMS of shape (1,): the nominal values of [Lu17] or `values`; unknown names raise ValueError."""
-    return record(PARAMS, **{**NOMINAL, **values})
 
 
 @kernel

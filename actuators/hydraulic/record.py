@@ -1,7 +1,6 @@
 """What the testbed knows about the hydraulic servo-actuator: its record (see actuators/technology.py)."""
 
 import functools
-import math
 
 from actuators.technology import ARM_DEG, LOSS, MM, SURFACE, Design, Effect, Key, Kind, Sensor, Technology, Unit
 
@@ -42,16 +41,12 @@ def _build(own, truth, believed, trim, travel, dt, age):
 
     servo, actuator = _modules()
     nominal = _parameters(own)
-    arm, (low, high) = nominal["arm"], travel
-    nominal = {**nominal, "q_lo": arm * low, "q_hi": arm * high}
+    nominal |= dict(zip(("q_lo", "q_hi"), nominal["arm"] * np.array(travel)))
     p = np.concatenate([actuator.params(**{**nominal, **lane}) for lane in truth])
     made = []
     for lane in believed:
-        told = {**nominal, **lane}
-        arm, edge = told["arm"], math.radians(0.1)
-        model = {name: told[name] for name in lu17.NOMINAL}
-        ends = {"r_lo": arm * (low + edge), "r_hi": arm * (high - edge), "v_max": arm * math.radians(40.0)}
-        made.append(servo.params(dt=dt, delay=min(age, 1.0), arm=arm, u_max=told["u_max"], **ends, **model))
+        model = {name: lane.get(name, nominal[name]) for name in (*lu17.NOMINAL, "arm", "u_max")}
+        made.append(servo.params(dt=dt, delay=min(age, 1.0), travel=travel, **model))
     ps = np.concatenate(made)
     x = actuator.init_at(p, *trim)
     return [("servo", servo, ps, servo.init_at(ps, trim[0], x["F_d"])), ("hydraulic", actuator, p, x)]
@@ -62,8 +57,8 @@ def _solid_gain(omega, own):
 
     from actuators.hydraulic import lu17
 
-    p, arm = _parameters(own), _design(own).arm
-    A, B = lu17.linear(lu17.params(**{name: p[name] for name in lu17.NOMINAL})[0])
+    actuator, arm = _modules()[1], _design(own).arm
+    A, B = lu17.linear(actuator.params(**_parameters(own))[0])
     surface = np.linalg.solve(1j * omega * np.eye(3) - A, B)[0, 0] * (1.0 / arm)
     return abs(complex(surface)) * arm
 
@@ -90,7 +85,6 @@ TECHNOLOGY = Technology(
     },
     loop_sensor="rod",
     sent=("valve_command", "valve command held over the last tick, full valve = 1, + extends", "-"),
-    inlet="valve",
     runaway="valve",
     effects={
         "jam_solid": Effect("jam"), "free_float": Effect("free_float"), "loss_of_effectiveness": Effect("loss"),

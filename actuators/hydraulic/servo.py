@@ -27,9 +27,8 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage, reference
-from actuators.common.ackermann import place
 from actuators.common.limits import clip
-from actuators.deterministic_linalg import rounded
+from actuators.deterministic_linalg import place, rounded
 from actuators.ema import jay
 from actuators.hydraulic import actuator as hydraulic
 from actuators.hydraulic import lu17
@@ -90,24 +89,33 @@ WALK_LOAD, WALK_PRESSURE, WALK_VELOCITY = 5e3, 0.1, 0.01  # per root second [N],
 
 
 def params(
-    *, dt: float = 0.005, pole: float = POLE, omega: float = 45.0, zeta: float = 0.8, delay: float = 1.0, **values: Any
+    *,
+    dt: float = 0.005,
+    pole: float = POLE,
+    omega: float = 45.0,
+    zeta: float = 0.8,
+    delay: float = 1.0,
+    arm: float = linkage.ARM,
+    travel: tuple[float, float] = linkage.TRAVEL,
+    **values: Any,
 ) -> np.ndarray:
-    """Return PARAMS of shape (1,) for the tick `dt`; `values` replace fields, unknown names raise ValueError.
+    """Return PARAMS of shape (1,) for the tick `dt`, linkage `arm` [m] and the surface's stops `travel` [rad]; `values`
+    replace fields, unknown names raise ValueError.
 
     Rod velocity is commanded up to 40 of the 45 deg/s, acceleration to a third of the stall force on M, jerk to what
     0.1 of u gives at rest; commands end 0.1 deg inside the stops.
     """
-    model = lu17.params(**{k: v for k, v in values.items() if k in lu17.NOMINAL})[0]
+    model = hydraulic.params(**{k: v for k, v in values.items() if k in lu17.NOMINAL})[0]
     force = model.A_p * model.P_s
     fields = {
         **{name: model[name] for name in lu17.NOMINAL},
         **reference.gains(omega=omega, zeta=zeta, dt=dt),
-        "v_max": linkage.rod(math.radians(40.0)),
+        "v_max": linkage.rod(math.radians(40.0), arm),
         "a_max": force / model.M / 3,
         "j_max": 0.1 * 2 * model.E * model.A_p * model.phi_n / (model.V_m * model.M),
-        "arm": linkage.ARM,
-        "r_lo": linkage.rod(linkage.TRAVEL[0] + math.radians(0.1)),
-        "r_hi": linkage.rod(linkage.TRAVEL[1] - math.radians(0.1)),
+        "arm": arm,
+        "r_lo": linkage.rod(travel[0] + math.radians(0.1), arm),
+        "r_hi": linkage.rod(travel[1] - math.radians(0.1), arm),
         "u_max": hydraulic.NOMINAL["u_max"],
         **gains(model, pole=pole, dt=dt),
         "F_max": 3 * force,
@@ -125,9 +133,6 @@ def init_at(p: np.ndarray, delta: Any = 0.0, load: Any = 0.0) -> np.ndarray:
     x["x3"] = x["x3_hat"] = -x["load"] / (p["A_p"] * p["P_s"])
     x["u"] = hydraulic.holding(p, x["x3"])
     return x
-
-
-init = init_at  # rod at zero, no load
 
 
 @kernel
@@ -237,19 +242,15 @@ def _error_gains(model, pole, dt):
 def _observer_gains(model, dt):
     from scipy.linalg import expm, solve_discrete_are  # a tenth of a second that a start need not wait for
 
-    A3, _ = lu17.linear(model)
-    A = np.zeros((4, 4))
-    A[:3, :3] = A3
+    A, out = np.zeros((4, 4)), []
+    A[:3, :3] = lu17.linear(model)[0]
     A[1, 3] = 1.0 / model.M
-    Phi = expm(A * dt)
-    Q = np.diag(np.array([1e-6, WALK_VELOCITY, WALK_PRESSURE, WALK_LOAD]) ** 2 * dt)
-    out = []
     scale = np.diag([1e-3, 1e-2, 1e-1, 1e3])  # the Riccati solver wants entries of one size
     inverse = np.linalg.inv(scale)
-    for rows in ((0, 2), (0,)):
-        H = np.eye(4)[list(rows)]
-        R = np.diag(np.array([SIGMA_ROD, 1.0, SIGMA_PRESSURE])[list(rows)] ** 2)
-        P = solve_discrete_are((inverse @ Phi @ scale).T, (H @ scale).T, inverse @ Q @ inverse, R)
-        P = scale @ P @ scale
-        out.append(P @ H.T @ np.linalg.inv(H @ P @ H.T + R))
+    Phi = inverse @ expm(A * dt) @ scale
+    Q = np.diag(np.array([1e-6, WALK_VELOCITY, WALK_PRESSURE, WALK_LOAD]) ** 2 * dt)
+    for rows in ([0, 2], [0]):
+        H, R = scale[rows], np.diag(np.array([SIGMA_ROD, 1.0, SIGMA_PRESSURE])[rows] ** 2)
+        P = solve_discrete_are(Phi.T, H.T, inverse @ Q @ inverse, R)
+        out.append(scale @ P @ H.T @ np.linalg.inv(H @ P @ H.T + R))
     return rounded(out[0].ravel(), 9), rounded(out[1][:, 0], 9)

@@ -79,9 +79,6 @@ def init_at(p: np.ndarray, delta: Any = 0.0) -> np.ndarray:
     return x
 
 
-init = init_at  # at zero
-
-
 @kernel
 def move(x, a, p, dt):
     """Integrate the acceleration `a` [rad/s2], held over the tick, up to the stops."""

@@ -22,7 +22,7 @@ TECHNOLOGY = Technology(
     article="a simple",
     modules=_modules,
     design=_design,
-    build=None,  # with the other surfaces that have plain actuators, in one block (cosim/flight/blocks/actuation.py)
+    # built with the other surfaces that have plain actuators, in one block (cosim/flight/blocks/actuation.py)
     sensors={"surface": dataclasses.replace(SURFACE, may_fail=False)},
     effects={"jam_solid": Effect("jam"), "loss_of_effectiveness": Effect("loss")},
 )

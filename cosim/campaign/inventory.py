@@ -11,7 +11,6 @@ from cosim.scenario import vocabulary
 from cosim.scenario.aircraft import load_aircraft
 from cosim.scenario.load import DEFAULT, builtin_names, load_scenario, text_of
 from cosim.scenario.manoeuvre import KINDS, keys_of
-from cosim.scenario.tolerance import GROUPS, meanings
 from cosim.texts import toml
 from fdi.common.verdict import MEANINGS
 from fdi.registry import records
@@ -46,7 +45,7 @@ def inventory() -> dict[str, Any]:
         "keys": {**c.KEYS, "[law]": {", ".join(law.gains()): "gains of the shipped law", **own_law}},
         "units": {name: [u.suffix for u in units] for name, units in {**c.SENSORS, **c.ACTUATOR_SENSORS}.items()},
         "targets": {
-            "segments": list(c.SEGMENTS), "groups": list(c.GROUPS), "surfaces": list(c.SURFACES),
+            "segments": list(c.SEGMENTS), "groups": list(load_aircraft().groups), "surfaces": list(c.SURFACES),
             "engines": [*load_aircraft().engine_names, "all"],
             "actuator_sensors": {name: list(t.own_sensors) for name, t in c.TECHNOLOGIES.items()},
             "sensors": list(c.SENSORS),
@@ -56,8 +55,8 @@ def inventory() -> dict[str, Any]:
         "law": law.inventory(),
         "tolerances": [
             {"group": group, "name": name, "unit": unit, "summary": text}
-            for group in GROUPS
-            for name, (text, unit) in meanings(group).items()
+            for group in c.MULTIPLIED
+            for name, (text, unit) in c.meanings(group).items()
         ],
         "examples": [{"name": name, "summary": text} for name, text in examples().items()],
         "detectors": [

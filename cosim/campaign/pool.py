@@ -115,9 +115,7 @@ def pool(workers: int) -> Iterator[cf.Executor]:
 
 def _start():
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    from cosim.flight.faults.fault_free_reference import WAITS_FOR_PARENT
-
-    threading.Thread(target=_end_with_parent, name=WAITS_FOR_PARENT, daemon=True).start()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 def _end_with_parent():

@@ -43,10 +43,10 @@ from cosim.campaign.draw import Draw, unit_cube
 from cosim.campaign.worker import Packed
 from cosim.errors import CampaignError, CosimError, Mistakes, joined
 from cosim.scenario import Scenario, load_scenario, parse
-from cosim.scenario.load import located, text_of
-from cosim.scenario.override import assigned
+from cosim.scenario.catalog import toleranced
+from cosim.scenario.load import assigned, text_of
 from cosim.scenario.problem import Origin, Table, explained, within
-from cosim.scenario.tolerance import toleranced
+from cosim.scenario.toml import inline
 from cosim.scenario.user_parts import identified, locate
 from cosim.texts import read, toml
 
@@ -158,24 +158,16 @@ def scenario_of(part: Part, chosen: dict, place: str, run: str = "") -> tuple[Sc
     each = [(key, value if isinstance(value, dict) else {key: value}) for key, value in chosen.items()]
     names = {key: table["name"] for key, table in each if "name" in table and isinstance(chosen[key], dict)}
     # in order: a later kind drops the numbers of an earlier one
-    pairs = [(name, value, key) for key, table in each for name, value in table.items()
-             if key not in names or name != "name"]  # fmt: skip
-
-    def origin() -> Origin:
-        made = dataclasses.replace(part.origin, place=place)
-        for name, _, key in pairs:
-            made = made.overridden(name, f"{part.lines[key]}{run}" if key in part.lines else place)
-        return made
-
-    table, refused = assigned(part.base, ((name, value) for name, value, _ in pairs))
-    wrong = Mistakes()
-    for key, error in refused:
-        error.place = f"{origin().of(key)}: {error.place}"
-        wrong.append(error)
+    pairs = [(name, value, f"{part.lines[key]}{run}" if key in part.lines else place)
+             for key, table in each for name, value in table.items() if key not in names or name != "name"]  # fmt: skip
+    elsewhere = (*part.origin.elsewhere, *((name, where) for name, _, where in pairs))
+    origin, wrong = dataclasses.replace(part.origin, elsewhere=elsewhere), Mistakes()
+    told = ((name, value, f"{where}: {name} = {inline(value)}") for name, value, where in pairs)
+    table = assigned(part.base, told, wrong)
     with wrong.caught():
         scenario = identified(parse(locate(table, part.folder, place), place=place, origin=origin))
     for one in (one for error in wrong for one in error.every):
-        one.place = one.place if one.place.startswith((place, *origin().where.values())) else f"{place}: {one.place}"
+        one.place = one.place if one.place.startswith((place, *origin.where.values())) else f"{place}: {one.place}"
     wrong.check()
     return scenario, names
 
@@ -185,7 +177,7 @@ def load_campaign(name_or_path: str | Path) -> Campaign:
     name = str(name_or_path)
     text, folder = text_of(name, "campaign", CampaignError)
     table = toml(text, place=name, error=CampaignError)
-    origin = Origin.of_toml(text, name)
+    origin = Origin(name, text)
     wrong = Mistakes()
     try:
         file = _File.model_validate(table)
@@ -228,12 +220,9 @@ def _part(file, i, base, base_origin, folder, origin, wrong):
             lines |= dict.fromkeys(every, here)
     for key in grid.keys() & drawn.keys():
         wrong.append(CampaignError("is drawn and in the grid", place=f"{line('grid', key)}: {key}"))
-    tables, refused = assigned(base, constant.items())
-    for key, error in refused:
-        error.place = f"{line('set', key)}: set.{key}"
-        wrong.append(error)
-    for key in constant:
-        base_origin = base_origin.overridden(key, line("set", key))
+    written = {key: line("set", key) for key in constant}
+    tables = assigned(base, ((key, value, f"{written[key]}: set.{key}") for key, value in constant.items()), wrong)
+    base_origin = dataclasses.replace(base_origin, elsewhere=tuple(written.items()))
     tables = locate(tables, folder, origin.of(f"part.{i}"))
     runs = own.runs if "runs" in own.model_fields_set else file.runs
     return Part(tables, own.name, runs, grid, drawn, folder, base_origin, lines)
@@ -277,4 +266,4 @@ def _base(base, folder):
     load_scenario(str(found))  # says what is wrong with the base itself
     place = str(found)
     text, home = text_of(place, "scenario", CampaignError)
-    return located(toml(text, place=place), home, place), Origin.of_toml(text, place)
+    return locate(toml(text, place=place), home, place), Origin(place, text)

@@ -11,7 +11,7 @@ import os
 import shlex
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -178,12 +178,19 @@ def only_with(partner: str, given: Any, **options: Any) -> None:
 # -- what commands do before the work, and with its result
 
 
-def reserve(path: Path, sign: Sign | None, *, log: bool = False, source: Path | None = None) -> None:
-    """Find out before the work whether `path` can be written, leaving nothing but its folder; see cosim.files.claim.
+def reserve(
+    path: Path | None, sign: Sign | None, *, log: bool = False, source: Path | None = None, endings: Sequence[str] = ()
+) -> None:
+    """Find out before the work whether `path`, if any, can be written, leaving nothing but its folder; see
+    cosim.files.claim.
 
-    `sign` tells the project's own files of this format. A `log` must not be there unfinished; the `source` of the work
-    is not written over. Raises OutputError.
+    `sign` tells the project's own files of this format, `endings` those that its name may have. A `log` must not be
+    there unfinished; the `source` of the work is not written over. Raises CosimError.
     """
+    if path is None:
+        return
+    if endings and path.suffix not in endings:
+        raise CosimError("its ending says no known format", place=str(path), allowed=", ".join(endings))
     claim(path, sign)
     if source and source.exists() and path.exists() and path.samefile(source):
         remedy = "Choose another -o"

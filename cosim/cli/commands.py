@@ -53,10 +53,8 @@ def run(
     path = output or Path("logs") / f"{log_name(scenario, variant)}.mcap"
     reserve(path, LOG, log=True)
     page, layout = path.with_suffix(".html"), path.with_suffix(".foxglove.json")
-    if report:
-        reserve(page, PAGE)
-    if live:
-        reserve(layout, LAYOUT)
+    reserve(page if report else None, PAGE)
+    reserve(layout if live else None, LAYOUT)
     overwritten = path.is_file()
     with named(scenario):
         flown = _prepared(flown)
@@ -64,9 +62,10 @@ def run(
             if live:
                 from cosim.flight.interactive.live import fly_live
 
-                told: Any = {"progress": tell, "ready": lambda server: served(server, layout)}
-                where = LIVE_PORT if port is None else port
-                result, flown = fly_live(flown, log=path, port=where, speed=speed or 1.0, **told)
+                result, flown = fly_live(
+                    flown, log=path, port=LIVE_PORT if port is None else port, speed=speed or 1.0, progress=tell,
+                    ready=lambda server: served(server, layout),
+                )  # fmt: skip
             else:
                 result = cosim.simulate(flown, log=path, progress=tell, achieved=True)
     found = result.to_dict() | {"overwritten": overwritten}
@@ -158,7 +157,7 @@ def info(
     json_: shared.Json = False,
 ) -> None:
     """Say what a log holds and whether it is complete."""
-    from cosim.log.overview import log_info
+    from cosim.log import log_info
 
     only_with("--scenario", scenario, output=output)
     if output:
@@ -193,16 +192,16 @@ def report(
     """
     path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
     reserve(path, PAGE)
-    from cosim.report import comparison_report, diagnosis_report, flight_report
+    from cosim import report as pages  # each brings what it needs: that of a flight neither pandas nor SciPy
 
     if log.is_dir():
         from cosim.compare import compare
 
         with Progress("reading", "logs", console=err) as tell:
-            made = comparison_report(compare([log], progress=tell), path)
+            made = pages.comparison_report(compare([log], progress=tell), path)
     else:
         foreign = "map.toml" in cosim.open_log(log, tolerant=True).attachments
-        made = (diagnosis_report if foreign else flight_report)(log, path)
+        made = (pages.diagnosis_report if foreign else pages.flight_report)(log, path)
     answer(json_, {"report": str(made)}, lambda _: whole(f"report {made}"))
 
 
@@ -240,8 +239,7 @@ def replay(
     from cosim.replay import replay as work
     from cosim.replay.log_schema import overrides
 
-    if output:
-        reserve(output, LOG, log=True, source=log)
+    reserve(output, LOG, log=True, source=log)
     overwritten = {"overwritten": output is not None and output.is_file()}
     chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
     how: dict[str, Any] = {"detectors": chosen, "overrides": overrides(set_ or ()), "start_s": start,
@@ -295,10 +293,7 @@ def linearize(
     from cosim.flight.plant.linearize import model_file
     from cosim.flight.plant.point import FlightPoint
 
-    if output and output.suffix not in (".npz", ".mat"):
-        raise CosimError("its ending says no known format", place=str(output), allowed=".npz, .mat")
-    if output:
-        reserve(output, model_file)
+    reserve(output, model_file, endings=(".npz", ".mat"))
     with named(scenario):
         model = cosim.linearize(FlightPoint.of(flown))
     if output:
@@ -333,8 +328,8 @@ def new(
     made = {f"{name}.py": example(name)} if what == "example" else texts(name, what, numbers)
     written = {output / file: text for file, text in made.items()}
     # of an aircraft the two files that its numbers come from stay as they are
-    kept = [path for path, text in written.items() if numbers and path.is_file() and path.read_text("utf-8") == text]
-    missing = {path: text for path, text in written.items() if path not in kept}
+    missing = {path: text for path, text in written.items()
+               if not (numbers and path.is_file() and path.read_text("utf-8") == text)}  # fmt: skip
     for path in missing:
         reserve(path, edited)
     for path, text in missing.items():
@@ -382,10 +377,7 @@ def map_(
     """
     from cosim.replay.map_draft import draft
 
-    if output and output.suffix != ".toml":
-        raise CosimError("its ending says no known format", place=str(output), allowed=".toml")
-    if output:
-        reserve(output, edited)
+    reserve(output, edited, endings=(".toml",))
     text = draft(recording, aircraft=aircraft)
     if output:
         replace_text(output, text, edited)
@@ -460,13 +452,10 @@ def errors(frame: Any) -> list[dict]:
 def dropped(frame: Any) -> list[str]:
     """Return a sentence for each user detector that was dropped in some runs: in how many, and the first time why."""
     runs = frame.drop_duplicates("run")
-    told: dict[str, tuple[int, str]] = {}
-    for text in runs["error"].fillna(""):
-        found = [part for part in re.split(r"; (?=\w+ is dropped on )", text) if " is dropped on " in part]
-        for name, why in {part.split()[0]: part for part in reversed(found)}.items():
-            n, first = told.get(name, (0, why))
-            told[name] = n + 1, first
-    return [f"{why}; it is dropped in {n} of {len(runs)} runs" for n, why in told.values()]
+    said = runs.set_index("run")["error"].fillna("").str.split(r"; (?=\w+ is dropped on )", regex=True).explode()
+    said = said[said.str.contains(" is dropped on ")]
+    each = said.groupby(said.str.split().str[0], sort=False)
+    return [f"{own.iloc[0]}; it is dropped in {own.index.nunique()} of {len(runs)} runs" for _, own in each]
 
 
 @command("Many flights")
@@ -487,9 +476,8 @@ def compare(
     from cosim.report import write_comparison
     from cosim.report.compare_page import SIGNS
 
-    if output:
-        for name, sign in SIGNS.items():
-            reserve(output / name, sign)
+    for name, sign in SIGNS.items():
+        reserve(output / name if output else None, sign)
     with Progress("reading", "flights", waiting="preparing", console=err) as tell:
         made = work(sources, progress=tell, user_detectors=detector or ())
     if output:

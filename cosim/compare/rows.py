@@ -180,7 +180,8 @@ def of_logs(
     without the detectors; where user files flew they are what the log says. `user_detectors` are made ones, run on each
     flight. Raises LogError.
     """
-    from cosim.flight.faults.fault_free_reference import achieved, faulted, unwatched
+    from cosim.flight.faults.fault_free_reference import faulted, unwatched
+    from cosim.flight.simulate import simulate
     from cosim.replay.recording import LoggedFlight
 
     rows: list[dict] = []
@@ -194,7 +195,7 @@ def of_logs(
         tomls.setdefault(run, flown.toml)
         if all(key.startswith("detectors.") for key in flown.scenario.user_parts):  # a log never has any code run
             bare = unwatched(flown.scenario)  # detectors move nothing
-            flown.achieved = achieved(bare) if faulted(bare) else None
+            flown.achieved = simulate(bare, achieved=True).extra["achieved"] if faulted(bare) else None
         new = [lane.entry for lane in flown.lanes if lane.id not in counted]
         rows += judged.rows(run, {
             "status": (flown.log.result or {}).get("status", "cut"), "reason": "", "achieved": flown.achieved,

@@ -1,4 +1,4 @@
-"""Fit a classifier to windows of signals, and fly it as a detector: scikit-learn here, ONNX by the name of its file.
+"""Fit a classifier to windows of signals, and fly it as a detector: scikit-learn here; of ONNX a session's function.
 
 Needs scikit-learn (pip install 'cosim-fdi[learn]').
 """

@@ -1,7 +1,7 @@
 """Build a flight from its scenario: trim the aircraft, lay out the bus, put every block into equilibrium, wire them."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from cosim.judge.detection import JudgedLane
 from cosim.parts import rollout_of
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
-from cosim.scenario.own_actuator import register
+from cosim.scenario.elevator import register
 from cosim.scenario.user_parts import identified
 
 CLOCK = dtype([("t", "f8", "s")])
@@ -49,30 +49,20 @@ class Setup:
     trace: Trace  # what a run keeps of every tick
 
     @property
-    def ticks(self) -> int:
-        """Return the number of ticks of the flight."""
-        return self.scenario.ticks
-
-    @property
     def notes(self) -> list[str]:
         """Return a sentence per user's detector or law that was dropped, or whose answer was not used."""
         return [line for block in (self.loop.law, *self.loop.detectors) for line in getattr(block.rollout, "notes", ())]
 
     @property
-    def in_python(self) -> list[Block]:
-        """Return the detectors that are steps in Python."""
-        return [d for d in self.loop.detectors if isinstance(d.rollout, PythonBlock)]
+    def in_python(self) -> bool:
+        """Tell whether a step of a user's own, which may print, is called from Python."""
+        blocks = (self.loop.law, *self.loop.detectors, *self.loop.actuators)
+        return any(isinstance(block.rollout, PythonBlock) for block in blocks)
 
     def judged_lanes(self, timed: bool = False) -> list[JudgedLane]:
         """Return the JudgedLane of every detector lane; `timed`, with the microseconds of its step."""
-        step_us = {d.name: self._cost(d) for d in self.loop.detectors} if timed else {}
-        return self.trace.judged_lanes(step_us)
-
-    def _cost(self, d):
-        """Return the microseconds of a detector per step and lane: in Python, whose objects are the flight's own, what
-        its steps took in the loop, else by steps on copies."""
-        own = d.rollout
-        return own.seconds / max(1, own.steps * len(d.x)) * 1e6 if d in self.in_python else cost(d)
+        step_us = {d.name: cost(d) for d in self.loop.detectors} if timed else {}
+        return [replace(lane, step_us=step_us.get(lane.id, math.nan)) for lane in self.trace.lanes]
 
 
 def _sensor_lanes(scenario, dt):
@@ -82,17 +72,17 @@ def _sensor_lanes(scenario, dt):
 
     def add(lane, base, sigma, delay, bias=0.0, gain=1.0, tech=None):
         s = scenario.sensors.setting(base, lambda unit: inject.own_unit(unit, base, tech, scenario.aircraft))
-        sigma = scale * root * sigma if s.sigma is None else s.sigma
+        sigma = s.get("sigma", scale * root * sigma)
         p = np.zeros(1, sensors.PARAMS)
-        p["sigma"], p["bias"], p["scale"] = sigma, bias if s.bias is None else s.bias, s.scale or 0.0
-        late = delay if s.delay is None else s.delay
+        p["sigma"], p["bias"], p["scale"] = sigma, s.get("bias", bias), s.get("scale", 0.0)
+        late = s.get("delay", delay)
         p["delay"] = round(late / dt)
         if p["delay"][0] >= sensors.DELAY_MAX:
             raise ScenarioError(
                 f"a delay of {late:g} s is {p['delay'][0]:.0f} ticks", place=f"sensors.{base}.delay_s",
                 allowed=f"below {sensors.DELAY_MAX * dt:g} s at {1 / dt:g} Hz", remedy="Lower delay_s or rate_hz",
             )  # fmt: skip
-        p["quantum"], p["gain"] = s.quantum or 0.0, gain
+        p["quantum"], p["gain"] = s.get("quantum", 0.0), gain
         names.append(lane)
         rows.append(p)
 
@@ -135,8 +125,10 @@ def _wires(scenario, bus, chosen, fault_lanes):
     stages = wiring.wires(scenario)
     stages["servos"] += detectors.feedback_wires(scenario, chosen)
     stages |= {d.id: d.wires() for d in chosen}
-    stages["faults"] = [(f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes]
-    stages["faults"] += [(f"faults_in.{lane.name}.ref", lane.reference) for lane in fault_lanes if lane.reference]
+    stages["faults"] = [
+        *((f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes),
+        *((f"faults_in.{lane.name}.ref", lane.reference) for lane in fault_lanes if lane.reference),
+    ]
     return {stage: bus.wires(pairs) for stage, pairs in stages.items()}
 
 

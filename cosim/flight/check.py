@@ -19,7 +19,7 @@ from cosim.flight.plant import check as of_aircraft
 from cosim.flight.user_law import SENSORS, SURFACES
 from cosim.parts import PartError, load, rollout_of
 from cosim.scenario import Scenario, load_scenario, user_parts
-from cosim.scenario.aircraft import ships
+from cosim.scenario.aircraft import bundled
 from cosim.scenario.catalog import SEGMENTS
 
 if TYPE_CHECKING:
@@ -42,8 +42,7 @@ def check(what: str | os.PathLike, *, progress: Callable[[float, float], None] |
     file.
     """
     path, name = Path(os.path.expanduser(what)), str(what)
-    rows: Iterable[tuple[str, str, str]]
-    if ships(name) or (path.is_dir() and not (path / "__init__.py").is_file()):
+    if name in bundled() or (path.is_dir() and not (path / "__init__.py").is_file()):
         rows = of_aircraft.rows(name)
     elif path.exists() and _is_law(user_parts.load(path, lambda text: PartError(text, place=name))[0]):
         name, rows = path.stem, _of_law(path.resolve())
@@ -55,8 +54,8 @@ def check(what: str | os.PathLike, *, progress: Callable[[float, float], None] |
         checks.append(dict(zip(("question", "result", "answer"), row)))
         if progress:
             progress(len(checks), max(len(checks), len(QUESTIONS)))
-    keeps = all(row["result"] != "bad" for row in checks)
-    return {"id": name, "file": str(Path(what)), "keeps": keeps, "checks": checks}
+    return {"id": name, "file": str(Path(what)), "keeps": all(row["result"] != "bad" for row in checks),
+            "checks": checks}  # fmt: skip
 
 
 def _is_law(module):
@@ -93,13 +92,12 @@ def _of_detector(part):
         return
     at = _apart(whole, run(u)[0], dt)
     yield _said(deterministic, at and f"two runs differ at {at}: a seed, a clock, a global", "twice the same bits")
-    wrong = ""
-    for cut in (u.shape[1] // 4, u.shape[1] // 2, u.shape[1] - 1):
-        other = u.copy()
-        other[:, cut:] = other[:, cut:][:, ::-1] if cut < u.shape[1] - 1 else np.zeros(1, u.dtype)
-        if at := _apart(whole[:cut], run(other)[0][:cut], dt):
-            wrong = wrong or f"what it says at {at} depends on what is measured from {cut * dt:.3f} s on"
-    yield _said(causal, wrong, "another future leaves the past as it was")
+    cut = u.shape[1] // 2
+    other = u.copy()
+    other[:, cut:] = other[:, cut:][:, ::-1]
+    at = _apart(whole[:cut], run(other)[0][:cut], dt)
+    said = f"what it says at {at} depends on what is measured from {cut * dt:.3f} s on"
+    yield _said(causal, at and said, "another future leaves the past as it was")
     at = _apart(whole, run(u, range(1, u.shape[1]))[0], dt)
     yield _said(live, at and f"tick by tick differs from all at once at {at}", "the same bits")
     yield _without_samples(loses, run, u, round(LOST_S / dt))
@@ -124,15 +122,15 @@ def _apart(a, b, dt):
 def _lossy(u, ticks):
     """Yield (what is lost, inputs) with each measurement lost for some ticks, then with all of them lost."""
     names, lost = u.dtype.names, slice(u.shape[1] // 4, u.shape[1] // 4 + max(1, ticks))
-    flags = {n: n.removesuffix("_valid") for n in names if n.endswith("_valid")}
-    measured = [n for n in names if n not in flags]
-    for gone in (*([n] for n in measured), measured):
+    flags = {n: {f"{n}_valid", f"{n.removeprefix('y_')}_valid"}.intersection(names)
+             for n in names if not n.endswith("_valid")}  # fmt: skip
+    for what, gone in (*((name, [name]) for name in flags), ("every input", flags)):
         other = u.copy()
         for name in gone:
             other[name][:, lost] = np.nan
-            for flag in (f for f, of in flags.items() if of in (name, name.removeprefix("y_"))):
+            for flag in flags[name]:
                 other[flag][:, lost] = 0.0
-        yield "every input" if len(gone) > 1 else gone[0], other
+        yield what, other
 
 
 def _signals(part):
@@ -141,9 +139,8 @@ def _signals(part):
     scenario = _scenario(own.technologies[0] if own.technologies else "hydraulic")
     lane = "left_inner" if own.level == "local" else ""
     read = {w.field: w.source for w in wires(own, lane, part)}
-    if read_too := sources_of(own):
-        enabled = scenario.detectors.model_copy(update={"enabled": tuple(read_too)})
-        scenario = scenario.model_copy(update={"detectors": enabled})
+    enabled = scenario.detectors.model_copy(update={"enabled": tuple(sources_of(own))})
+    scenario = scenario.model_copy(update={"detectors": enabled})
     u = inputs(fly(scenario, [*read.values()]), part, read)
     dt = scenario.dt * own.every
     return np.ascontiguousarray(u[:, :: own.every]), own.fit(site(dt, lane, scenario.elevator.technology)), dt

@@ -3,7 +3,6 @@
 import functools
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -29,27 +28,21 @@ LIMITS = {
 }
 
 
-def health(truth: Any) -> tuple[str, str]:
-    """Return (status, reason) of a record of truth.
+def health(truth: np.ndarray) -> tuple[str, str]:
+    """Return (status, reason) of a record of truth (1,).
 
     "diverged" where a number is not finite, "departed" outside LIMITS, else ("", "").
     """
-    if _inside(np.asarray(truth).reshape(1))():
-        return "", ""
-    for name in truth.dtype.names:
-        if not math.isfinite(truth[name]):
-            return "diverged", f"{name} is {truth[name]}"
-    for name, (low, high) in LIMITS.items():
-        if not low <= truth[name] <= high:
-            return "departed", f"{name} = {truth[name]:.4g} is outside {low:.4g} to {high:.4g} (SI)"
-    return "", ""
-
-
-def _inside(truth):
-    """Return a call that tells whether every number of the record in `truth` (1,) is within its bounds."""
     low, high = _bounds(truth.dtype)
     v = truth.view("f8")
-    return lambda: ((v >= low) & (v <= high)).all()  # False for what is no number
+    if ((v >= low) & (v <= high)).all():  # False for what is no number
+        return "", ""
+    now = dict(zip(truth.dtype.names or (), v.tolist()))
+    for name, value in now.items():
+        if not math.isfinite(value):
+            return "diverged", f"{name} is {value}"
+    name, (low, high) = next((n, (low, high)) for n, (low, high) in LIMITS.items() if not low <= now[n] <= high)
+    return "departed", f"{name} = {now[name]:.4g} is outside {low:.4g} to {high:.4g} (SI)"
 
 
 @functools.cache
@@ -68,55 +61,36 @@ def record(setup: Any, names: Sequence[Any]) -> tuple[np.ndarray, str, str]:
     return rows, status, reason
 
 
-def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None, pause: Any = None) -> tuple:
+def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None) -> tuple:
     """Run every tick of a built flight; return (trace of the ticks flown, status, reason).
 
     `logs` take the bus of each tick (cosim/flight/tick.py). The trace is an array (ticks, columns) of what the
-    judgement needs (cosim/judge/store.py), or of `keep` (positions, dtype). `pause` is (tick, call): `call(tick)`
-    before that one is flown. `progress(t, end)` is called now and then.
+    judgement needs (cosim/judge/store.py), or of `keep` (positions, dtype). `progress(t, end)` is called now and then.
     """
+    loop, n = setup.loop, setup.scenario.ticks
     index, kind = keep or (setup.trace.index, np.float32)
-    trace = column_store(setup.ticks, len(index), kind)
-    flown, status, reason = onwards(setup.loop, trace, index, 0, *logs, progress=progress, pause=pause)
+    trace, rows = column_store(n, len(index), kind), np.empty((min(n, SPAN), len(index)))
+    tape = order(loop, *logs, keep=(index, rows))
+    flown, status, reason = 0, "", ""
+    while flown < n and not status:
+        first = flown
+        flown, status, reason = advance(loop, tape, range(first, min(first + SPAN, n)), progress, n)
+        trace[first:flown] = rows[: flown - first]
+        release(trace)
     return trace[:flown], status or "completed", reason
 
 
-def onwards(
-    loop: Loop, trace: np.ndarray, index: np.ndarray, first: int, *logs: Any, progress: Any = None, pause: Any = None
-) -> tuple[int, str, str]:
-    """Fly a loop from tick `first` to the end of `trace` (ticks, n), whose rows take the positions `index` of the bus.
-
-    The rest is as for `fly`. Return (ticks flown since the start, status, reason), "" to the end.
-    """
-    n = len(trace)
-    rows, tape = np.empty((min(n, SPAN), len(index))), Tape(loop.v, loop.dt)
-    order(loop, tape, *logs, keep=(index, rows))
-    stop, call = pause or (n, lambda k: None)
-    flown, status, reason = first, "", ""
-    for a, b in pairwise(sorted({first, *range(first - first % SPAN + SPAN, n, SPAN), stop, n})):
-        if a == stop:
-            call(stop)
-        flown, status, reason = _span(loop, tape, range(a, b), progress, n)
-        trace[a:flown] = rows[a % SPAN :][: flown - a]
-        release(trace)
-        if status:
-            break
-    if stop == n and not status:
-        call(stop)
-    return flown, status, reason
-
-
-def _span(loop, tape, ticks, progress, n):
-    """Run these ticks by a tape; return what `onwards` does."""
-    whole = ticks.start
-    inside = _inside(loop.bus["truth"])
+def advance(loop: Loop, tape: Tape, ticks: range, progress: Any = None, n: int = 0) -> tuple[int, str, str]:
+    """Run some ticks, of a flight of `n`; return (the tick after the last one flown, status, reason): "" where the
+    flight goes on, "departed", "diverged", or "interrupted" by Ctrl-C."""
+    whole, truth = ticks.start, loop.bus["truth"]
     try:
         for k in ticks:
             tape.run(k)
             whole = k + 1
             if k % CHECK_EVERY == 0:
-                if not inside():
-                    bad, why = health(loop.truth)
+                bad, why = health(truth)
+                if bad:
                     return whole, bad, f"at {k * loop.dt:.2f} s {why}"
                 if progress and k % PROGRESS_EVERY == 0:
                     progress(k * loop.dt, n * loop.dt)

@@ -8,6 +8,7 @@ import sys
 from importlib import resources
 from pathlib import Path
 
+from cosim.errors import among
 from cosim.parts import PartError
 from cosim.scenario.aircraft import bundled, load_record
 from cosim.scenario.catalog import TECHNOLOGIES
@@ -20,7 +21,7 @@ KINDS = {  # kind -> what to do with it next
     "aircraft": ("cosim check {file}", "python -m cosim.training all --aircraft {file}"),
     "campaign": ("cosim campaign {file}",),
 }
-TAKEN = {"detector": ("enabled", *registry.SHIPPED), "actuator": tuple(TECHNOLOGIES), "aircraft": tuple(bundled())}
+TAKEN = {"detector": ("enabled", *registry.SHIPPED), "actuator": tuple(TECHNOLOGIES), "aircraft": bundled()}
 SAMPLE = "narrowbody"  # whose numbers stand in the template of an aircraft
 TEMPLATE = "# Template: the numbers are those of a twin of the A320 class; put yours in their place.\n"
 ALLOWED = "lower-case letters, digits and _"
@@ -35,12 +36,11 @@ def texts(name: str, kind: str = "detector", numbers: Path | None = None) -> dic
     Raises PartError for an unknown kind, a name that cannot be its id, that ships, or that shadows a module: Python
     would import the user's file in place of numpy or os.
     """
-    if kind not in KINDS:
-        raise PartError("is nothing to write", place=f"cosim new {kind}", allowed=", ".join(KINDS))
+    among(kind, KINDS, "is nothing to write", error=PartError, place=f"cosim new {kind}")
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name):
-        raise PartError(f"cannot be the name of {_one(kind)}", place=name, allowed=ALLOWED)
+        raise PartError("cannot be its name", place=f"{kind} {name}", allowed=ALLOWED)
     if name in TAKEN.get(kind, ()):
-        raise PartError(f"is {_one(kind)} that ships", place=name, remedy="Choose another name")
+        raise PartError("is the name of one that ships", place=name, remedy="Choose another name")
     if shadows(name):
         raise PartError("is the name of a module that Python would no longer find", place=name,
                          remedy=f"Choose another name, for example my_{name}")  # fmt: skip
@@ -63,9 +63,9 @@ def texts(name: str, kind: str = "detector", numbers: Path | None = None) -> dic
 def shadows(name: str) -> bool:
     """Tell whether a file NAME.py would stand in the place of a module of Python's or of an installed package."""
     path = [p for p in sys.path if p and os.path.abspath(p) != os.getcwd()]
-    builtin = name in sys.stdlib_module_names or name in sys.builtin_module_names
-    builtin = builtin or name in ("actuators", "cosim", "fdi")  # also where they are imported from a checkout
-    return builtin or importlib.machinery.PathFinder.find_spec(name, path) is not None
+    ours = "actuators", "cosim", "fdi"  # also where they are imported from a checkout
+    known = *sys.stdlib_module_names, *sys.builtin_module_names, *ours
+    return name in known or importlib.machinery.PathFinder.find_spec(name, path) is not None
 
 
 def _aircraft(name, numbers):
@@ -82,7 +82,3 @@ def _aircraft(name, numbers):
 def _records(folder):
     found = (folder / file for file in ("aircraft.toml", "numbers.toml"))
     return {path.name: path.read_text("utf-8") for path in found if path.is_file()}
-
-
-def _one(kind):
-    return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"

@@ -1,20 +1,20 @@
 """Fly one scenario: build the loop, fly it, judge the detectors."""
 
 import os
+import sys
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import nullcontext, redirect_stdout
 
 from cosim.errors import told_at_call
 from cosim.flight.build import build
 from cosim.flight.detection.detectors import left_out
 from cosim.flight.faults.conditions import resolved
-from cosim.flight.faults.fault_free_reference import FaultFreeRun
+from cosim.flight.faults.fault_free_reference import displacement
 from cosim.flight.fly import fly
 from cosim.flight.loop.recorder import open_writer, result_texts
 from cosim.judge.result import Result, judge, judged
 from cosim.scenario import Scenario, load_scenario
-from cosim.scenario.user_parts import stdout_to_stderr
 
 
 @told_at_call
@@ -32,34 +32,26 @@ def simulate(
     log.
     """
     started = time.perf_counter()
-    if not isinstance(scenario, Scenario):
-        if not isinstance(scenario, str | os.PathLike):
-            raise TypeError(f"{scenario!r} is no scenario: give what cosim.load_scenario returns, a name or a file")
-        scenario = load_scenario(scenario)
-    assert isinstance(scenario, Scenario)
-    scenario = resolved(scenario)
+    if not isinstance(scenario, Scenario | str | os.PathLike):
+        raise TypeError(f"{scenario!r} is no scenario: give what cosim.load_scenario returns, a name or a file")
+    scenario = resolved(scenario if isinstance(scenario, Scenario) else load_scenario(scenario))
     setup = build(scenario)
-    with (
-        open_writer(setup, log) if log else nullcontext() as writer,
-        FaultFreeRun(setup) if achieved else nullcontext() as fault_free,
-    ):
-        sinks = [writer] if writer else []
+    # standard output is the program's own; it is that of all threads, so a flight without such steps leaves it alone
+    quiet = redirect_stdout(sys.stderr) if setup.in_python else nullcontext()
+    with quiet, open_writer(setup, log) if log else nullcontext() as writer:
         flown = time.perf_counter()
-        with stdout_to_stderr() if setup.in_python else nullcontext():
-            trace, status, reason = fly(setup, *sinks, progress=progress, pause=fault_free and fault_free.pause)
-        wall = time.perf_counter() - flown
+        trace, status, reason = fly(setup, writer, progress=progress)
         result = Result(
             log=str(log) if log else None, status=status, reason=reason, sim_time_s=len(trace) * setup.loop.dt,
-            wall_time_s=wall,
+            wall_time_s=time.perf_counter() - flown,
             faults=[{"kind": f.kind, "target": f.target, "start_s": f.start_s} for f in scenario.faults],
         )  # fmt: skip
-        swings = fault_free.displacement(trace) if fault_free and status != "interrupted" else None
+        swings = displacement(setup, trace) if achieved and status != "interrupted" else None
         faults = judged(scenario, swings)
         result.detectors = [judge(w, trace, setup.loop.dt, faults) for w in setup.judged_lanes(timed)]
-        done = setup.trace.consequences(scenario, trace)
         lost = {name: why.partition(" (")[0] for name, why in left_out(scenario).items()}  # without the remedy's path
-        result.extra = {"achieved": swings, "consequences": done, "startup_s": flown - started, "notes": setup.notes,
-                        "not_run": lost}  # fmt: skip
+        result.extra = {"achieved": swings, "consequences": setup.trace.consequences(scenario, trace),
+                        "startup_s": flown - started, "notes": setup.notes, "not_run": lost}  # fmt: skip
         if writer:
             writer.close(result=result_texts(result))
             if result.log != os.fspath(writer.path):

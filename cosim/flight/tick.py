@@ -2,8 +2,8 @@
 
 Everything of a tick is in one vector (cosim/flight/loop/bus.py). Each block below reads its own inputs there and leaves
 its state there; between blocks, wires copy (cosim/flight/loop/wiring.py). JSBSim is at t_k when the tick begins and at
-t_k+1 when it ends. `order` says once, to a tape, what every tick does; the tape does it without Python between the
-blocks (cosim/flight/loop/tape.py).
+t_k+1 when it ends. `order` says once what every tick does; its tape does it without Python between the blocks
+(cosim/flight/loop/tape.py).
 """
 
 from dataclasses import dataclass, field
@@ -17,12 +17,13 @@ from cosim.flight.loop.tape import Block, Tape
 from cosim.flight.plant.plant import Plant
 
 
-def order(s: "Loop", tape: Tape, *logs: Any, keep: Any = None) -> None:
-    """Tell `tape` what a tick of the loop `s` does from t_k to t_k+1.
+def order(s: "Loop", *logs: Any, keep: Any = None) -> Tape:
+    """Return the tape of what a tick of the loop `s` does from t_k to t_k+1.
 
     Each of `logs` takes the bus as it stands at t_k: a call `log(v)`, or a log that tells the tape itself. `keep` is
     (positions, rows): row k % len(rows) takes what stands there when the actuators have moved.
     """
+    tape = Tape(s.v, s.dt)
     s.plant.schedule_outputs(tape, s.bus.index("truth.aircraft.alpha"))  # 1. truth at t_k: alpha is its first number
     tape.clock(s.bus.index("clock.clock.t"))
 
@@ -35,15 +36,13 @@ def order(s: "Loop", tape: Tape, *logs: Any, keep: Any = None) -> None:
     tape.step(s.sensors)  # 2. measurements
 
     tape.copy(*s.wires["law"])
-    for correct in s.corrections.get("law", ()):
-        tape.call(correct)
+    tape.call(*s.corrections.get("law", ()))
     tape.step(s.pilot)
     tape.table(*s.inputs.get("pilot", ()))
     tape.copy(*s.wires["demand"])
     tape.step(s.law)  # 3. control law on measurements
     tape.table(*s.inputs.get("law", ()))
-    for correct in s.corrections.get("commands", ()):
-        tape.call(correct)
+    tape.call(*s.corrections.get("commands", ()))
 
     tape.copy(*s.wires["hinge"])
     tape.step(s.hinge)
@@ -59,8 +58,7 @@ def order(s: "Loop", tape: Tape, *logs: Any, keep: Any = None) -> None:
         log.schedule(tape) if hasattr(log, "schedule") else tape.call(lambda k, log=log: log(s.v))
 
     tape.copy(*s.wires["actuators"])
-    for correct in s.corrections.get("actuators", ()):
-        tape.call(correct)
+    tape.call(*s.corrections.get("actuators", ()))
     for actuator in s.actuators:
         tape.step(actuator)  # to t_k+1, sub-stepped against the hinge moment
     tape.copy(*s.wires["surfaces"])
@@ -68,6 +66,7 @@ def order(s: "Loop", tape: Tape, *logs: Any, keep: Any = None) -> None:
         tape.keep(*keep)
     s.plant.schedule_inputs(tape, s.bus.index(f"surfaces.aircraft.{s.plant.border.inputs[0]}"))
     s.plant.schedule_integration(tape)  # 6. the aircraft to t_k+1, through its gusts
+    return tape
 
 
 @dataclass
@@ -95,11 +94,3 @@ class Loop:
         self.v = self.bus.v
         self.truth = self.bus["truth"][0]
         self.noise = np.array([self.bus.index(f"sensors_in.{lane}.noise") for lane in self.bus.lanes["sensors"]])
-        self._tape, self._logs = None, ()
-
-    def tape(self, *logs: Any) -> Tape:
-        """Return the tape of this loop as it is now, for these logs (see `order`); the same while they are."""
-        if self._tape is None or logs != self._logs:
-            self._tape, self._logs = Tape(self.v, self.dt), logs
-            order(self, self._tape, *logs)
-        return self._tape

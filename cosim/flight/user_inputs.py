@@ -14,7 +14,7 @@ from cosim.errors import ScenarioError
 from cosim.flight.blocks.pilot import FULL_STICK_G
 from cosim.flight.loop.bus import Bus
 from cosim.scenario import Scenario
-from cosim.scenario.inputs import Inputs
+from cosim.scenario.manoeuvre import Inputs
 
 DEMANDS = {  # column -> (signal, factor to SI)
     "stick": ("pilot.pilot.nz_dem", FULL_STICK_G),

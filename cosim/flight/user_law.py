@@ -15,6 +15,7 @@ lists every name (`cosim list law`); `cosim check mine.py` flies the law and say
 import math
 import os
 from collections.abc import Callable
+from numbers import Real
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -23,7 +24,7 @@ import numpy as np
 
 from actuators.exception_text import sentence
 from actuators.python_block import PythonBlock
-from cosim.errors import ScenarioError, did_you_mean
+from cosim.errors import ScenarioError, among
 from cosim.flight.blocks import law
 from cosim.flight.loop.wiring import DEMANDS
 from cosim.scenario import Scenario
@@ -65,12 +66,8 @@ def gains() -> tuple[str, ...]:
 
 def tuned(scenario: Scenario, p: np.ndarray) -> np.ndarray:
     """Return the law's PARAMS (1,) with the scenario's own gains; raises ScenarioError for an invalid one."""
-    for name, value in scenario.law.gains.items():
-        if name not in gains():
-            raise ScenarioError(
-                "no such gain", place=f"law.{name} = {value:g}", allowed=", ".join(gains()),
-                remedy=did_you_mean(name, gains()),
-            )  # fmt: skip
+    for name, value in (scenario.law.model_extra or {}).items():
+        among(name, gains(), "no such gain", place=f"law.{name} = {value:g}")
         p[name] = value
     return p
 
@@ -107,9 +104,12 @@ def _python(kind: Callable, path: Path) -> PythonBlock:
             if not isinstance(said, dict):
                 raise TypeError(f"update answers {type(said).__name__}; allowed: a dictionary of commands")
             for word, value in said.items():
-                if math.isfinite(value := _command(word, value)):
-                    low, high = SURFACES[word][1](p)
-                    now[SURFACES[word][0]] = min(max(value, low), high)
+                if word not in SURFACES or not isinstance(value, Real):
+                    raise ValueError(f"commands {word} = {value!r:.40}; allowed: numbers of {', '.join(SURFACES)}")
+                field, limits, *_ = SURFACES[word]
+                if math.isfinite(value):
+                    low, high = limits(p)
+                    now[field] = min(max(value, low), high)
                 elif not made.notes:
                     at = f"{word} = {value} at {t:.3f} s"
                     made.notes.append(f"{path.name}: {at}; a command that is not finite keeps its last value")
@@ -122,11 +122,3 @@ def _python(kind: Callable, path: Path) -> PythonBlock:
 
     made = PythonBlock(make, failed)
     return made
-
-
-def _command(word, value):
-    if word not in SURFACES:
-        raise ValueError(f"commands {word!r}; a law may command {', '.join(SURFACES)}")
-    if not isinstance(value, int | float | np.number) or isinstance(value, complex):
-        raise TypeError(f"commands {word} = {value!r:.40}, which is no number")
-    return float(value)

@@ -3,11 +3,11 @@
 from .format import LogError, Topic
 from .foxglove import Pose
 from .layouts import viewer_layouts
-from .reader import Log, open_log
+from .reader import Log, log_info, open_log
 from .recover import recover
 from .writer import LogWriter
 
 __all__ = [
-    "Log", "LogError", "LogWriter", "Pose", "Topic", "open_log",
+    "Log", "LogError", "LogWriter", "Pose", "Topic", "log_info", "open_log",
     "recover", "viewer_layouts",
 ]  # fmt: skip

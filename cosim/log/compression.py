@@ -28,10 +28,6 @@ def keep_memory() -> None:
         mallopt(_TRIM, 2 * _KEPT)
 
 
-class FrameError(ValueError):
-    """Say that compressed data are not one whole frame of the size that they should have."""
-
-
 def compress(content: bytes, name: str) -> bytes:
     """Return `content` compressed by one of COMPRESSIONS."""
     if name == "lz4":
@@ -39,30 +35,15 @@ def compress(content: bytes, name: str) -> bytes:
     return zstandard.ZstdCompressor(level=LEVEL).compress(content) if name else content
 
 
-def decompress(data: Any, size: int, name: str) -> Any:
-    """Return the content of one frame, which must have `size` bytes; no more memory than that is taken.
-
-    The frame states its size, and nothing follows it. Raises FrameError.
-    """
+def decompress(data: bytes, size: int, name: str) -> bytes:
+    """Return the content of `data`, which must have `size` bytes; no more memory is taken. Raises ValueError."""
     try:
         if name == "zstd":
-            _same(zstandard.get_frame_parameters(data).content_size, size)
-            frame = zstandard.ZstdDecompressor(max_window_size=1 << 27)
-            # 0 would stand for a size that the frame states
-            data = frame.decompress(data, max_output_size=max(size, 1), allow_extra_data=False)
+            data = zstandard.ZstdDecompressor(max_window_size=1 << 27).stream_reader(data).read(size + 1)
         elif name == "lz4":
-            _same(lz4.frame.get_frame_info(data)["content_size"], size)
-            frame = lz4.frame.LZ4FrameDecompressor()
-            data = frame.decompress(data, max_length=size + 1)
-            if not frame.eof or frame.unused_data:
-                said = "its frame is not whole, or not as long as its chunk says"
-                raise FrameError(f"the chunk cannot be decompressed: {said}")
+            data = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
     except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
-        raise FrameError(f"the chunk cannot be decompressed: {error}") from error
-    _same(len(data), size)
+        raise ValueError(f"the chunk cannot be decompressed: {error}") from error
+    if len(data) != size:
+        raise ValueError("the chunk cannot be decompressed: its frame is not whole, or not as long as its chunk says")
     return data
-
-
-def _same(stated, size):
-    if stated != size:
-        raise FrameError("the compressed frame is not as long as its chunk says")

@@ -3,17 +3,14 @@
 import json
 import os
 from collections.abc import Callable, Iterator
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 from mcap.reader import NonSeekingReader
 from mcap.records import Channel, Message, Schema
 from mcap_protobuf.decoder import DecoderFactory
 from zstandard import ZstdError
 
-from cosim.errors import LogError
-from cosim.files import regular
-
-from .format import MAGIC, log_error
+from .format import MAGIC
 from .walker import BAD
 
 BROKEN = (*BAD, RuntimeError, ZstdError)  # what is raised for bytes that are not what they should be
@@ -39,48 +36,38 @@ class ForeignMcap:
 
     def __init__(self, path: str | os.PathLike):
         """Take the file at `path`."""
-        self.path, self.cut = os.fspath(path), False
+        self.path, self.cut = path, False
 
     def __iter__(self) -> Iterator[Sent]:
         """Yield every message up to the end of the file, or up to where it is cut.
 
-        Checksums are checked where the file has them. Raises LogError for a file that is damaged or too large.
+        Checksums are checked where the file has them. Raises OSError, or ValueError for a damaged file.
         """
-        regular(self.path, LogError)
-        try:
-            with open(self.path, "rb") as file:
-                try:
-                    yield from _messages(file)
-                except BROKEN:
-                    if file.read(1) or file.tell() <= len(MAGIC):
-                        raise
-                    self.cut = True
-        except OSError as error:
-            raise log_error(f"cannot read the file: {error.strerror}", self.path) from error
-        except BROKEN as error:
-            said = f"not a readable MCAP file: {str(error) or type(error).__name__}"
-            raise log_error(said, self.path) from error
-
-
-def _messages(file: BinaryIO) -> Iterator[Sent]:
-    decoders: dict[int, Any] = {}
-    most = os.fstat(file.fileno()).st_size  # whatever length a record claims
-    reader = NonSeekingReader(file, validate_crcs=True, record_size_limit=most)
-    for schema, channel, record in reader.iter_messages(log_time_order=False):
-        if channel.id not in decoders:
-            decoders[channel.id] = _decoder(channel, schema)
-        yield Sent(channel, record, decoders[channel.id])
+        decoders: dict[int, Any] = {}
+        with open(self.path, "rb") as file:
+            most = os.fstat(file.fileno()).st_size  # whatever length a record claims
+            reader = NonSeekingReader(file, validate_crcs=True, record_size_limit=most)
+            try:
+                for schema, channel, record in reader.iter_messages(log_time_order=False):
+                    if channel.id not in decoders:
+                        decoders[channel.id] = _decoder(channel, schema)
+                    yield Sent(channel, record, decoders[channel.id])
+            except BROKEN as error:
+                if file.read(1) or file.tell() <= len(MAGIC):
+                    said = f"not a readable MCAP file: {str(error) or type(error).__name__}"
+                    raise ValueError(said) from error
+                self.cut = True
 
 
 def _decoder(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any] | None:
     """Return bytes -> message for a channel, or None when nothing here decodes it."""
     if channel.message_encoding == "json":
         return json.loads
-    factories: list[Any] = [DecoderFactory()]
+    factory: Any = DecoderFactory()
     if channel.message_encoding == "cdr":
         try:
             from mcap_ros2.decoder import DecoderFactory as Ros2
         except ImportError:
             return None
-        factories.append(Ros2())
-    return next(filter(None, (f.decoder_for(channel.message_encoding, schema) for f in factories)), None)
+        factory = Ros2()
+    return factory.decoder_for(channel.message_encoding, schema)

@@ -52,27 +52,17 @@ class Topic:
         for name, value in (("fields", fields), ("units", units), ("channel", channel), ("index", index)):
             object.__setattr__(self, name, value)
         bad = [f for f in fields if not _NAME.match(f)]
-        of_each = f"1 to {MOST_FIELDS} fields, a unit and a position each"
         for wrong, said in (
             (not _TOPIC.match(self.name) or not f"{self.name}/".startswith(f"{channel}/"),
              "use /words/of/letters_digits_underscores, its channel first"),
             (bad or len(set(fields)) != len(fields), f"field names must be distinct identifiers, not {bad or fields}"),
             (not 0 < len(fields) <= MOST_FIELDS or not len(units) == len(fields) == index.size,
-             f"{of_each}; got {len(fields)}, {len(units)} and {index.size}"),
+             f"1 to {MOST_FIELDS} fields, a unit and a place each; got {len(fields)}, {len(units)} and {index.size}"),
             (int(self.every) != self.every or self.every < 1,
              f"every must be a whole number of ticks >= 1, not {self.every}"),
         ):  # fmt: skip
             if wrong:
                 raise ValueError(f"topic {self.name!r}: {said}")
-
-
-@dataclass
-class Damage:
-    """Say which bytes of a log are lost, and why."""
-
-    offset: int
-    length: int
-    reason: str
 
 
 def channel_metadata(parts: Any) -> dict:
@@ -95,13 +85,12 @@ def parts_of(channel: str, metadata: dict) -> list[Topic]:
     """Return the parts that a channel's metadata describe; raises ValueError or its like when they are not ours."""
     out = []
     for name, described in json.loads(metadata["fields"]).items():
-        fields: list[str] = []
-        units: list[str] = []
+        columns: list[tuple[str, str]] = []
         for word, unit in described.items():
             stem, bracket, size = word.rstrip("]").partition("[")
             if bracket and int(size) > MOST_FIELDS:
                 raise ValueError(f"an array of {size} elements")
-            own = [f"{stem}[{i}]" for i in range(int(size))] if bracket else [stem]
-            fields, units = fields + own, units + [unit] * len(own)
-        out.append(Topic(name, fields, units, None, int(metadata["every"]), metadata["group"], channel))  # type: ignore[arg-type]
+            columns += [(f"{stem}[{i}]", unit) for i in range(int(size))] if bracket else [(stem, unit)]
+        fields, units = zip(*columns)
+        out.append(Topic(name, fields, units, None, int(metadata["every"]), metadata["group"], channel))
     return out

@@ -23,15 +23,13 @@ def schema(message: Any) -> bytes:
     return build_file_descriptor_set(message).SerializeToString(deterministic=True)
 
 
-def _time(ns):
-    return {"seconds": ns // 1_000_000_000, "nanos": ns % 1_000_000_000}
-
-
 def event(start_ns: int, end_ns: int | None, texts: dict) -> bytes:
     """Return the bytes of a foxglove.Event from start_ns to end_ns (None: open) with `texts` {str: value}."""
-    about = [{"key": key, "value": str(value)} for key, value in texts.items()]
-    end = None if end_ns is None else _time(end_ns)
-    return TOPICS["/events"](start_time=_time(start_ns), end_time=end, metadata=about).SerializeToString()
+    made = TOPICS["/events"](metadata=[{"key": key, "value": str(value)} for key, value in texts.items()])
+    made.start_time.FromNanoseconds(start_ns)
+    if end_ns is not None:
+        made.end_time.FromNanoseconds(end_ns)
+    return made.SerializeToString()
 
 
 @dataclass
@@ -47,17 +45,17 @@ class Pose:
     _origin: tuple | None = field(default=None, init=False)
 
     def messages(self, rows: Any, k0: int, dt_ns: int) -> list:
-        """Return [(tick, topic, bytes)] of rows (n, 6) in the order of `index`, the first of tick k0."""
+        """Return [(tick, topic, bytes)] of rows (n, 6) in the order of `index`, one a tick, the first of tick k0."""
         out = []
         transforms, fix = self._messages
         frame = transforms.transforms[0]
-        for i, (lat, lon, h, phi, theta, psi) in enumerate(rows.tolist()):
+        for k in range(k0 + -k0 % self.every, k0 + len(rows), self.every):
+            lat, lon, h, phi, theta, psi = rows[k - k0].tolist()
             if self._origin is None:
                 self._origin = lat, lon
             lat0, lon0 = self._origin
-            k = k0 + i * self.every
             for at in (frame.timestamp, fix.timestamp):
-                at.seconds, at.nanos = divmod(k * dt_ns, 1_000_000_000)
+                at.FromNanoseconds(k * dt_ns)
             place, turn = frame.translation, frame.rotation
             place.x, place.y, place.z = EARTH_RADIUS * (lon - lon0) * cos(lat0), EARTH_RADIUS * (lat - lat0), h
             turn.x, turn.y, turn.z, turn.w = _quaternion(phi, -theta, pi / 2 - psi)

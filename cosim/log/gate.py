@@ -10,6 +10,7 @@ import asyncio
 import contextlib
 import email
 import hmac
+import re
 import secrets
 import socket
 import sys
@@ -17,8 +18,11 @@ import threading
 from concurrent.futures import Future
 from urllib.parse import parse_qs, urlsplit
 
-ORIGINS = ("https://app.foxglove.dev", "https://studio.foxglove.dev")  # pages of Foxglove itself
-OWN_HOSTS = ("localhost", "127.0.0.1", "::1")  # a page that this machine serves
+ORIGIN = re.compile(
+    r"https://(app|studio)\.foxglove\.dev"  # pages of Foxglove itself
+    r"|https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?"  # a page that this machine serves
+    r"|(file|app)://.*"  # the user's application
+)
 HEAD_BYTES, HEAD_S = 16384, 5.0  # of the request that opens a connection, all of it
 MOST = 64  # connections at a time: each takes two sockets
 REFUSED = b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
@@ -34,14 +38,7 @@ def hidden_host() -> str:
 def allowed(origins: list[str]) -> bool:
     """Tell whether a connection with these `Origin` headers may come in: none is no page of a browser, and no browser
     sends several."""
-    if not origins or (len(origins) == 1 and origins[0] in ORIGINS):
-        return True
-    try:
-        parts = urlsplit(origins[0])
-        own = parts.scheme in ("http", "https") and parts.hostname in OWN_HOSTS
-    except ValueError:  # no address at all
-        return False
-    return len(origins) == 1 and (own or parts.scheme in ("file", "app"))  # the user's application
+    return not origins or (len(origins) == 1 and bool(ORIGIN.fullmatch(origins[0])))
 
 
 class Gate:

@@ -169,36 +169,54 @@ class Layout:
         """Return the bytes of each block."""
         return [len(block.ticks(k0, n)) * block.size for block in self.blocks]
 
-    def index(self, k0: int, n: int) -> Iterator[tuple[int, np.ndarray]]:
-        """Yield (channel id, (messages, 2) of time [ns] and offset in the chunk) of every channel with messages."""
-        start = 0
+    def index(self, content: Any, k0: int, n: int) -> list[tuple[int, np.ndarray]]:
+        """Return [(channel id, (messages, 2) of time [ns] and offset in `content`)] of every channel with messages."""
+        start, out = 0, []
         for block in self.blocks:
             ticks = block.ticks(k0, n)
             times = np.arange(ticks.start, ticks.stop, ticks.step) * self.dt_ns
             for channel, at in block.channels if len(ticks) else ():
                 places = start + at + block.size * np.arange(len(ticks))
-                yield channel, np.stack([times, places], axis=1).astype("<u8")
+                out.append((channel, np.stack([times, places], axis=1).astype("<u8")))
             start += block.size * len(ticks)
+        irregular: dict[int, list] = {}
+        for channel, k, place, _ in self.tail(content, k0, n):
+            irregular.setdefault(channel, []).append((k * self.dt_ns, place))
+        return [*out, *((channel, np.array(own, "<u8")) for channel, own in irregular.items())]
+
+    def tail(self, content: Any, k0: int, n: int) -> Iterator[tuple[int, int, int, bytes]]:
+        """Yield (channel id, tick, offset, payload) of the irregular messages; raises ValueError for what is none."""
+        at = sum(self.sizes(k0, n))
+        while at < len(content):
+            head = bytes(content[at : at + HEAD.size]).ljust(HEAD.size, b"\0")
+            opcode, length, channel, k, ns, _ = HEAD.unpack(head)
+            end = at + 9 + length
+            if opcode != 5 or not at + HEAD.size <= end <= len(content):
+                raise ValueError(f"byte {at} of the chunk begins no message")
+            if not k0 <= k < k0 + n or ns != k * self.dt_ns:
+                raise ValueError("a message has a time outside its chunk")
+            yield channel, k, at, bytes(content[at + HEAD.size : end])
+            at = end
 
     def rows(self, content: np.ndarray, k0: int, n: int) -> list[np.ndarray]:
         """Return each block of `content` (bytes,) as (rows, bytes of a row)."""
         ends = np.cumsum([0, *self.sizes(k0, n)])
         return [content[a:b].reshape(-1, block.size) for a, b, block in zip(ends, ends[1:], self.blocks)]
 
-    def wrong(self, content: np.ndarray, k0: int, n: int) -> int | None:
-        """Return the offset of the first byte of `content` that is no value and not as it must be, or None."""
+    def check(self, content: np.ndarray, k0: int, n: int) -> None:
+        """Raise ValueError unless every byte of `content` (bytes,) that is no value is as it must be."""
         start = 0
         for block, rows in zip(self.blocks, self.rows(content, k0, n)):
             want = block.stamp(np.tile(block.template, (len(rows), 1)), block.ticks(k0, n), self.dt_ns)
             same = (rows & block.constant) == want
             if not same.all():
-                return start + int(same.ravel().argmin())
+                place = start + int(same.ravel().argmin())
+                raise ValueError(f"the chunk is not one message per sample (byte {place} of it)")
             start += rows.size
-        return None
+        _ = list(self.tail(content, k0, n))
 
-    def places(self, columns: Iterable[tuple[str, int]]) -> tuple[int, list[int]]:
+    def places(self, columns: Sequence[tuple[str, int]]) -> tuple[int, list[int]]:
         """Return (number of the block, offset in its rows of each) of columns (part, field) of one rate."""
-        columns = list(columns)
         number = next(i for i, block in enumerate(self.blocks) if columns[0][0] in block.places)
         return number, [self.blocks[number].places[part][field] for part, field in columns]
 
@@ -210,7 +228,5 @@ def doubles(rows: np.ndarray) -> np.ndarray:
 
 def content_hash(chunks: Iterable[Any]) -> str:
     """Return the SHA-256 of the chunks' tick times, sizes and CRCs: it changes with any sample."""
-    digest = hashlib.sha256()
-    for chunk in chunks:
-        digest.update(struct.pack("<QQQI", chunk.start_ns, chunk.end_ns, chunk.size, chunk.crc))
-    return digest.hexdigest()
+    told = (struct.pack("<QQQI", chunk.start_ns, chunk.end_ns, chunk.size, chunk.crc) for chunk in chunks)
+    return hashlib.sha256(b"".join(told)).hexdigest()

@@ -5,7 +5,7 @@ Put them into the log as attachments, or write them beside it; both viewers impo
 
 import json
 from collections.abc import Mapping, Sequence
-from itertools import cycle
+from itertools import cycle, starmap
 from typing import Any
 from xml.etree import ElementTree
 
@@ -89,10 +89,9 @@ def _signals(topics, group, names):
 
 
 def _foxglove(pages):
-    tabs = []
-    for page, plots in pages:
-        tabs.append({"title": page, "content": _split("column", [_plot(*plot) for plot in plots])})
-    tabs.append({"title": "Place", "content": _split("row", [_panel("ThreeDee")])})
+    drawn = [(page, _split("column", starmap(_plot, plots))) for page, plots in pages]
+    drawn.append(("Place", _split("row", [_panel("ThreeDee")])))
+    tabs = [{"title": title, "content": content} for title, content in drawn]
     return {"version": 1, "content": {"type": "tabs", "selectedTabIndex": 0, "tabs": tabs}}
 
 

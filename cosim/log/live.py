@@ -23,7 +23,7 @@ from . import foxglove, gate
 from .format import channel_metadata
 from .layout import HEAD, Block, by_channel, schema_data, schema_name
 from .layouts import live_layout
-from .writer import target_of
+from .writer import Target
 
 HOST = "127.0.0.1"
 PATIENCE_S = 120.0  # that a service waits for the flight
@@ -91,19 +91,19 @@ class Live:
         context: Any = None, speed: float = 1.0, controls: Mapping[str, Control] | None = None,
         more: Mapping[str, Any] | None = None,
     ):  # fmt: skip
-        sdk = library()
+        self._sdk = sdk = library()
         self._context, self.dt_ns, self.pace = context or sdk.Context(), dt_ns, Pace(dt_ns * 1e-9, speed)
         self._known: dict[tuple, Any] = {}  # (name, descriptors) -> its channel: with it the channel would close
         self.declare(topics, pose)
         self._controls = dict(controls or {})
         self.layout = live_layout(topics, {name: c.example for name, c in self._controls.items()})
         self._waiting: queue.SimpleQueue[tuple[str, Any, Future]] = queue.SimpleQueue()
+        offered = dict(more or {})
+        if self._controls:
+            offered |= {"capabilities": [sdk.websocket.Capability.Services], "supported_encodings": ["json"],
+                        "services": [self._service(name) for name in self._controls]}  # fmt: skip
         token, inner = secrets.token_urlsafe(18) if controls else "", gate.hidden_host()
-        try:
-            offered = {**self._offer(sdk), **(more or {})}
-            self.server = sdk.start_server(name=name, host=inner, port=0, context=self._context, **offered)
-        except Exception as error:  # the library has no narrower one
-            raise OutputError(f"cannot be served: {error}", place=inner) from None
+        self.server = sdk.start_server(name=name, host=inner, port=0, context=self._context, **offered)
         try:
             self._gate = gate.Gate(HOST, port, (inner, self.server.port), token)
         except OSError as error:
@@ -117,7 +117,7 @@ class Live:
         """Show these topics from now on: what is new gets a channel, what is known keeps its own."""
         sampled, self._pose, self._channels = by_channel([t for t in topics if t.every == 1]), pose, []
         block = Block(1, [(i, name, parts) for i, (name, parts) in enumerate(sampled.items())])
-        self._target = target_of(block, topics, 1)
+        self._target = Target(block, topics, 1)
         ends = [*(at for _, at in block.channels[1:]), block.size]
         for (name, parts), (_, at), end in zip(sampled.items(), block.channels, ends):
             channel = self._channel(name, schema_name(name), schema_data(name, tuple(parts)), channel_metadata(parts))
@@ -127,10 +127,9 @@ class Live:
 
     def _channel(self, name, message, data, metadata):
         if (name, data) not in self._known:
-            sdk = library()
-            how: dict[str, Any] = {"schema": sdk.Schema(name=message, encoding="protobuf", data=data)}
-            how |= {"message_encoding": "protobuf", "context": self._context, "metadata": metadata}
-            self._known[name, data] = sdk.Channel(name, **how)
+            schema = self._sdk.Schema(name=message, encoding="protobuf", data=data)
+            how: dict[str, Any] = {"message_encoding": "protobuf", "context": self._context, "metadata": metadata}
+            self._known[name, data] = self._sdk.Channel(name, schema=schema, **how)
         return self._known[name, data]
 
     @property
@@ -164,16 +163,10 @@ class Live:
                 said = {"ok": False, "error": str(error)}
             answer.set_result(said)
 
-    def _offer(self, sdk):
-        """Return the services of the controls, as arguments of the server."""
-        if not self._controls:
-            return {}
-        return {
-            "capabilities": [sdk.websocket.Capability.Services], "supported_encodings": ["json"],
-            "services": [self._service(sdk, name) for name in self._controls],
-        }  # fmt: skip
+    def _service(self, name):
+        """Return the service of a control: it hands a request to the flight and waits for its answer."""
+        sdk = self._sdk
 
-    def _service(self, sdk, name):
         def called(request):
             try:
                 given = from_json(request.payload, place=f"/{name}", largest=LARGEST)

@@ -3,6 +3,7 @@
 import hashlib
 import os
 import struct
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
@@ -27,6 +28,8 @@ from cosim.errors import OutputError
 from cosim.files import FULL, LOG, claim, left_by, settle
 
 from .format import LIBRARY, MAGIC, log_error
+
+_SUMMARY = Schema, Channel, Statistics, ChunkIndex, AttachmentIndex, MetadataIndex  # in this order
 
 
 class Chunk(NamedTuple):
@@ -58,7 +61,7 @@ def encoded(record: Any) -> Any:
 
 
 class LogFile:
-    """One log being written; `ids` maps channels to their ids. Methods raise LogError when writing fails.
+    """One log being written. Methods raise LogError when writing fails.
 
     It is written at `path`.part and takes its place in `finish`. Where it is to be `kept`, a kill or a full disk leaves
     the part for `recover`, as far as that holds a tick; otherwise nothing. A chunk counts from the moment at which it
@@ -67,10 +70,9 @@ class LogFile:
 
     def __init__(self, path: str | os.PathLike, *, kept: bool = True):
         self.path, self.part, self._kept = os.fspath(path), left_by(path), kept
-        self.ids: dict[str, int] = {}
         self.chunks: list[Chunk] = []
         self._begun = 0, 0  # offset and CRC-32 of the file after the preamble
-        self._summary: dict[Opcode, list[bytes]] = {opcode: [] for opcode in _ORDER}
+        self._summary: dict[Any, list[bytes]] = {kind: [] for kind in _SUMMARY}
         claim(path, LOG)
         check_no_part(path)
         try:
@@ -79,36 +81,24 @@ class LogFile:
             said = f"cannot create the log: {error.strerror}"
             raise log_error(said, self.path, remedy="Choose another place (-o).") from error
 
-    def preamble(self, declared: Iterable[Any], metadata: Mapping[str, Any], attachments: Mapping[str, Any]) -> None:
-        """Write all that precedes the first chunk, and a hash of it, with which a log that lost its end can prove that
-        its parameters are whole.
-
-        `declared` are (channel, message name, descriptors, channel metadata), `metadata` {name: {str: str}},
-        `attachments` {name: (media type, bytes)}.
-        """
+    def preamble(self, records: Iterable[Any]) -> None:
+        """Write the records that precede the first chunk, Schema, Channel, Metadata and Attachment of the library, and
+        a hash of them, with which a log that lost its end can prove that its parameters are whole."""
         out = bytearray(MAGIC + encoded(Header(profile="", library=LIBRARY)))
-        for number, (topic, message, data, texts) in enumerate(declared, 1):
-            own = {"topic": topic, "message_encoding": "protobuf", "schema_id": number, "metadata": texts}
-            schema = Schema(id=number, name=message, encoding="protobuf", data=data)
-            for opcode, record in ((Opcode.SCHEMA, schema), (Opcode.CHANNEL, Channel(id=number, **own))):
-                self._summary[opcode].append(encoded(record))
-                out += self._summary[opcode][-1]
-            self.ids[topic] = number
-        for name, texts in metadata.items():
-            out += self._metadata(len(out), name, texts)
-        for name, (media_type, data) in attachments.items():
-            blob = encoded(Attachment(0, 0, name, media_type, bytes(data)))
-            index = AttachmentIndex(len(out), len(blob), 0, 0, len(data), name, media_type)
-            self._summary[Opcode.ATTACHMENT_INDEX].append(encoded(index))
-            out += blob
-        out += self._metadata(len(out), "preamble", {"sha256": hashlib.sha256(out).hexdigest()})
+        for record in records:
+            out += self._noted(record, len(out))
+        out += self._noted(Metadata("preamble", {"sha256": hashlib.sha256(out).hexdigest()}), len(out))
         self._begun = len(out), crc32(out)
         self._write(0, out)
 
-    def _metadata(self, offset, name, texts):
-        """Return the bytes of a metadata record that begins at `offset`."""
-        blob = encoded(Metadata(name=name, metadata=dict(texts)))
-        self._summary[Opcode.METADATA_INDEX].append(encoded(MetadataIndex(offset, len(blob), name)))
+    def _noted(self, record, offset):
+        """Return the bytes of a record that begins at `offset`, note for the summary what it is or where."""
+        blob, note = encoded(record), record
+        if isinstance(record, Metadata):
+            note = MetadataIndex(offset, len(blob), record.name)
+        elif isinstance(record, Attachment):
+            note = AttachmentIndex(offset, len(blob), 0, 0, len(record.data), record.name, record.media_type)
+        self._summary[type(note)].append(encoded(note))
         return blob
 
     def _end(self):
@@ -136,7 +126,7 @@ class LogFile:
         `path` then names."""
         (offset, crc), out = self._end(), bytearray()
         for name, texts in metadata.items():
-            out += self._metadata(offset + len(out), name, texts)
+            out += self._noted(Metadata(name, dict(texts)), offset + len(out))
         out += encoded(DataEnd(crc32(out, crc)))
         self._write(offset, out, self._summary_at(offset + len(out)))
         try:
@@ -151,19 +141,18 @@ class LogFile:
 
     def _summary_at(self, start):
         """Return the bytes of the summary, which begins at `start`, of the footer and the magic."""
-        counts: dict[int, int] = {}
+        counts: Counter[int] = Counter()
         for c in self.chunks:
             places = {channel: at for channel, (at, _) in c.places.items()}
             index = ChunkIndex(c.end - c.offset, c.offset, c.compression, c.data_size, c.end_ns, c.index_end - c.end,
                                places, c.start_ns, c.size)  # fmt: skip
-            self._summary[Opcode.CHUNK_INDEX].append(encoded(index))
-            for channel, (_, messages) in c.places.items():
-                counts[channel] = counts.get(channel, 0) + messages
-        count = {opcode: len(blobs) for opcode, blobs in self._summary.items()}
-        self._summary[Opcode.STATISTICS] = [encoded(Statistics(
-            attachment_count=count[Opcode.ATTACHMENT_INDEX], channel_count=count[Opcode.CHANNEL],
-            channel_message_counts=counts, chunk_count=len(self.chunks), schema_count=count[Opcode.SCHEMA],
-            message_count=sum(counts.values()), metadata_count=count[Opcode.METADATA_INDEX],
+            self._summary[ChunkIndex].append(encoded(index))
+            counts.update({channel: messages for channel, (_, messages) in c.places.items()})
+        count = {kind: len(blobs) for kind, blobs in self._summary.items()}
+        self._summary[Statistics] = [encoded(Statistics(
+            attachment_count=count[AttachmentIndex], channel_count=count[Channel],
+            channel_message_counts=counts, chunk_count=len(self.chunks), schema_count=count[Schema],
+            message_count=sum(counts.values()), metadata_count=count[MetadataIndex],
             message_start_time=self.chunks[0].start_ns if self.chunks else 0,
             message_end_time=self.chunks[-1].end_ns if self.chunks else 0,
         ))]  # fmt: skip
@@ -200,10 +189,6 @@ class LogFile:
             self._file.close()
             if not (self._kept and self.chunks):
                 self.part.unlink(missing_ok=True)
-
-
-_ORDER = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX,
-          Opcode.METADATA_INDEX)  # fmt: skip
 
 
 def check_no_part(path: str | os.PathLike) -> None:

@@ -1,22 +1,23 @@
 """Read a log back, bit for bit, into numpy and pandas."""
 
-import threading
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from google.protobuf.message import DecodeError
+from mcap.records import Attachment
 
 from cosim.errors import did_you_mean, told_at_call
 
 from . import foxglove
 from .compression import keep_memory
-from .format import log_error
+from .format import LogError, log_error
 from .layout import doubles
-from .walker import load, scan, tail
+from .walker import content, scan
 
 CACHE_BYTES = 32 << 20  # content of chunks that stays in memory: several topics of a short log are decompressed once
 
@@ -46,22 +47,25 @@ class Log:
     `topics` {name: Topic} are its parts, such as "/truth/aircraft" and "/sensors/left_inner"; what they have in
     common is a channel of the file, "/sensors", which names them all. `metadata` {name: {str: str}}, `attachments`
     {name: bytes}, `media_types` {name: str}, `dt_ns` [ns], `n_ticks`, `spans` [(first tick, ticks)] of the chunks,
-    `complete` (the run ended by itself and wrote its result), `result` {str: str} or None.
+    `gaps`, the number of ticks that are missing before the last, `complete` (the run ended by itself and wrote its
+    result), `result` {str: str} or None.
     """
 
     def __init__(self, found: Any):
         self._scan = found
         self.path, self.dt_ns, self.metadata = found.path, found.dt_ns, found.metadata
-        self.attachments = {name: data for name, (_, data) in found.attachments.items()}
-        self.media_types = {name: kind for name, (kind, _) in found.attachments.items()}
+        attached = [r for r in found.records if isinstance(r, Attachment)]
+        self.attachments = {r.name: r.data for r in attached}
+        self.media_types = {r.name: r.media_type for r in attached}
         self.result = self.metadata.get("result")
         self.complete = found.closed and self.result is not None
         self.chunks, self.damage = found.chunks, found.damage
         self.spans = [found.ticks(c) for c in found.chunks]
         self._starts = [k0 for k0, _ in self.spans]
         self.n_ticks = sum(n for _, n in self.spans)
-        self._cache: dict[int, np.ndarray] = {}
-        self._lock = threading.Lock()
+        self.gaps = sum(self.spans[-1]) - self.n_ticks if self.spans else 0
+        largest = max((c.size for c in found.chunks), default=1)
+        self._content = lru_cache(max(1, CACHE_BYTES // largest))(partial(content, found))
         self.topics = {name: replace(t, rows=sum(len(range(-k0 % t.every, n, t.every)) for k0, n in self.spans))
                        for name, t in found.topics.items()}  # fmt: skip
 
@@ -92,8 +96,9 @@ class Log:
 
         columns, (start, stop) = self._columns(topic, fields), self._bounds(start_s, end_s)
         index = pd.Index(self.ticks(topic, start, stop) * self.dt_ns / 1e9, name="t_s")
-        names = [name for name, *_ in columns]
-        made = pd.DataFrame(self._values(columns, start, stop), index=index, columns=names, copy=False)
+        made = pd.DataFrame(
+            self._values(columns, start, stop), index=index, columns=[name for name, *_ in columns], copy=False
+        )
         made.attrs["units"] = Units((name, self.topics[part].units[at]) for name, part, at in columns)
         return made
 
@@ -105,11 +110,10 @@ class Log:
     def messages(self, topic: str, start: int = 0, stop: int = 1 << 62) -> list[Any]:
         """Return the well-known messages of /events, /tf or /fix as a list of (tick, protobuf message), start <= k <
         stop."""
-        kind, out = foxglove.TOPICS[topic], []
-        for i, content in self._contents(self._within(1, start, stop)):
-            for channel, k, _, data in tail(self._scan, self.chunks[i], content):
-                if channel == self._scan.ids.get(topic) and start <= k < stop:
-                    out.append((k, data))
+        kind, own, out = foxglove.TOPICS[topic], self._scan.ids.get(topic), []
+        for i in self._within(1, start, stop):
+            tail = self._scan.layout.tail(self._content(i), *self.spans[i])
+            out += [(k, data) for channel, k, _, data in tail if channel == own and start <= k < stop]
         try:
             return [(k, kind.FromString(data)) for k, data in out]
         except DecodeError as error:
@@ -118,11 +122,10 @@ class Log:
     def row(self, k: int) -> tuple[np.ndarray, dict[str, bytes]]:
         """Return what stands in the file at tick `k`: the messages of the topics of every tick (bytes,), and {topic:
         message} of /events, /tf and /fix, the last up to it."""
-        i = bisect_right(self._starts, k) - 1
-        [(_, content)] = self._contents([i])
-        names = {number: topic for topic, number in self._scan.ids.items()}
-        told = {names[c]: data for c, tick, _, data in tail(self._scan, self.chunks[i], content) if tick <= k}
-        return self._scan.layout.rows(content, *self.spans[i])[-1][k - self._starts[i]], told
+        i, layout = bisect_right(self._starts, k) - 1, self._scan.layout
+        chunk, names = self._content(i), {number: topic for topic, number in self._scan.ids.items()}
+        told = {names[c]: data for c, tick, _, data in layout.tail(chunk, *self.spans[i]) if tick <= k}
+        return layout.rows(chunk, *self.spans[i])[-1][k - self._starts[i]], told
 
     def _parts(self, topic):
         parts = [topic] if topic in self.topics else [p for p in self.topics if p.startswith(f"{topic}/")]
@@ -156,18 +159,14 @@ class Log:
         if not columns:
             return np.empty((sum(map(len, self._within(1, start, stop).values())), 0))
         layout = self._scan.layout
-        number, places = layout.places((part, at) for _, part, at in columns)
+        number, places = layout.places([(part, at) for _, part, at in columns])
         every = layout.blocks[number].every
         spans = self._within(every, start, stop)
-        try:
-            out = np.empty((sum(map(len, spans.values())), len(columns)))
-        except MemoryError as error:
-            raise log_error("the topics do not fit into memory", self.path, remedy="Ask for fewer.") from error
-        done = 0
-        for i, content in self._contents(spans):
-            (k0, n), ticks = self.spans[i], spans[i]
+        out, done = np.empty((sum(map(len, spans.values())), len(columns))), 0
+        for i, ticks in spans.items():
+            k0, n = self.spans[i]
             first = len(range(k0 + -k0 % every, ticks.start, every))
-            rows = layout.rows(content, k0, n)[number][first : first + len(ticks)]
+            rows = layout.rows(self._content(i), k0, n)[number][first : first + len(ticks)]
             out[done : done + len(ticks)] = doubles(rows)[:, places]
             done += len(ticks)
         return out
@@ -181,21 +180,30 @@ class Log:
         ticks = (range(a + -a % every, max(a, b), every) for a, b in zip(begins, ends))
         return dict(enumerate(ticks, low))
 
-    def _contents(self, chunks: Iterable[int]) -> Iterator[tuple[int, np.ndarray]]:
-        """Yield (number, content) of chunks, checked."""
-        try:
-            with open(self.path, "rb") as file:
-                for i in chunks:
-                    content = self._cache.get(i)
-                    if content is None:
-                        content = load(self._scan, file, self.chunks[i])[1]
-                        with self._lock:
-                            while self._cache and sum(map(len, self._cache.values())) + len(content) > CACHE_BYTES:
-                                self._cache.pop(next(iter(self._cache)))
-                            self._cache[i] = content
-                    yield i, content
-        except OSError as error:
-            raise log_error(f"cannot read the log: {error.strerror}", self.path) from error
+
+def log_info(path: str | Path) -> dict[str, Any]:
+    """Return what `cosim info` tells: {log, complete, problem, title, status, duration_s, rate_hz, ticks, gaps, ...}.
+
+    `problem` says why the strict reader refuses a log, which is then described by what is whole of it. Raises LogError
+    when there is nothing to describe.
+    """
+    try:
+        log, problem = open_log(path), None
+    except LogError as error:
+        log, problem = open_log(path, tolerant=True), str(error)
+    run, result = log.metadata.get("run", {}), log.result or {}
+    return {
+        "log": str(path), "complete": log.complete, "problem": problem, "recovered": "recovered" in log.metadata,
+        "title": run.get("title", ""), "status": result.get("status", ""),
+        "duration_s": (log.n_ticks + log.gaps) * log.dt_ns / 1e9, "rate_hz": 1e9 / log.dt_ns, "ticks": log.n_ticks,
+        "gaps": log.gaps, "size_mb": round(log._scan.size / 1e6, 2),
+        "versions": {**{k: v for k, v in run.items() if k == "software"}, **log.metadata.get("libraries", {})},
+        "result": dict(result),
+        "topics": [{"name": t.name, "rows": t.rows, "every": t.every, "fields": list(t.fields),
+                    "units": list(t.units)} for t in log.topics.values()],
+        "attachments": list(log.attachments),
+        "scenario": log.attachments.get("scenario.toml", b"").decode("utf-8", "replace"),
+    }  # fmt: skip
 
 
 class _Unknown(KeyError):

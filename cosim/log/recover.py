@@ -4,13 +4,13 @@ import os
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from mcap.records import Metadata
 
 from cosim.files import LOG, replace
 
 from .format import log_error
 from .log_file import LogFile
-from .walker import load, scan, tail
+from .walker import load, scan
 
 
 def recover(path: str | Path, out: str | Path) -> dict[str, Any]:
@@ -24,35 +24,29 @@ def recover(path: str | Path, out: str | Path) -> dict[str, Any]:
     if os.path.exists(out) and os.path.exists(path) and os.path.samefile(path, out):
         raise log_error("a log cannot be recovered onto itself", os.fspath(out), remedy="Give another place (-o).")
     found = scan(path, tolerant=True)
-    result = found.metadata.pop("result", None) if found.whole else None
+    result = found.metadata.get("result") if found.whole else None
     ticks = sum(found.ticks(chunk)[1] for chunk in found.chunks)
-    lost = [{"offset": d.offset, "bytes": d.length, "reason": d.reason} for d in found.damage]
-    texts = {f"lost {i}": f"{d.length} bytes at {d.offset}: {d.reason}" for i, d in enumerate(found.damage)}
-    metadata = {n: own for n, own in found.metadata.items() if n not in ("preamble", "recovered", "result")}
-    metadata["recovered"] = {"ticks": str(ticks), **texts}
-    replace(out, lambda part: _rewrite(found, part, metadata, result), LOG)
+    texts = {f"lost {i}": "{bytes} bytes at {offset}: {reason}".format(**d) for i, d in enumerate(found.damage)}
+    replace(out, lambda part: _rewrite(found, part, {"ticks": str(ticks), **texts}, result), LOG)
     last = found.chunks[-1] if found.chunks else None
     return {
         "out": os.fspath(out), "chunks": len(found.chunks), "ticks": ticks,
-        "duration_s": (last.end_ns + found.dt_ns) / 1e9 if last else 0.0, "complete": result is not None, "lost": lost,
-        "cut": last is not None and all(d.offset >= last.end for d in found.damage),
+        "duration_s": (last.end_ns + found.dt_ns) / 1e9 if last else 0.0, "complete": result is not None,
+        "lost": found.damage, "cut": last is not None and all(d["offset"] >= last.end for d in found.damage),
     }  # fmt: skip
 
 
-def _rewrite(found, out, metadata, result):
+def _rewrite(found, out, recovered, result):
     """Write a log of what was found; chunks are copied as they are compressed."""
     file = LogFile(out, kept=False)
+    kept = [r for r in found.records if not (isinstance(r, Metadata) and r.name == "recovered")]
     try:
         with open(found.path, "rb") as old:
-            file.preamble(found.declared, metadata, found.attachments)
+            file.preamble([*kept, Metadata("recovered", recovered)])
             for chunk in found.chunks:
                 data, content = load(found, old, chunk)
-                entries: dict = {}
-                for channel, k, at, _ in tail(found, chunk, content):
-                    entries.setdefault(channel, []).append((k * found.dt_ns, at))
-                index = [*found.layout.index(*found.ticks(chunk)),
-                         *((channel, np.array(own, "<u8")) for channel, own in entries.items())]  # fmt: skip
-                file.chunk(data, chunk.compression, (chunk.start_ns, chunk.end_ns), chunk.size, chunk.crc, index)
+                times, index = (chunk.start_ns, chunk.end_ns), found.layout.index(content, *found.ticks(chunk))
+                file.chunk(data, chunk.compression, times, chunk.size, chunk.crc, index)
         file.finish({"result": result} if result else {})
     finally:
         file.drop()

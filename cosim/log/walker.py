@@ -24,13 +24,12 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from cosim.files import regular
 
 from . import foxglove
-from .compression import COMPRESSIONS, FrameError, decompress
-from .format import LIBRARY, MAGIC, MOST_CHUNK, READ_BY, Damage, LogError, log_error, parts_of
-from .layout import HEAD, Layout
+from .compression import COMPRESSIONS, decompress
+from .format import LIBRARY, MAGIC, MOST_CHUNK, READ_BY, LogError, log_error, parts_of
+from .layout import Layout
 from .log_file import Chunk
 
-_RECORD, _FOOTER, _DATA_END = struct.Struct("<BQ"), struct.Struct("<BQQQI8s"), struct.Struct("<BQI")
-_CHUNK_HEAD = 64  # bytes that a chunk's head takes at most, with its compression's name and the length of its data
+_RECORD, _FOOTER = struct.Struct("<BQ"), struct.Struct("<BQQQI8s")
 _CUT = "the log has no end: its run was killed or the disk was full"
 _RECOVER = "`cosim recover` makes a readable log of what is whole."
 # what a record's parser may raise on bytes that are not what they should be
@@ -38,26 +37,25 @@ BAD = (
     McapError, DecodeError, struct.error, ValueError, KeyError, TypeError, AttributeError, OverflowError, MemoryError,
     RecursionError,
 )  # fmt: skip
-_KINDS: dict[int, Any] = {Opcode.HEADER: Header, Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel,
-                          Opcode.METADATA: Metadata, Opcode.ATTACHMENT: Attachment}  # fmt: skip
-_READ = {Opcode.CHUNK: _CHUNK_HEAD, Opcode.MESSAGE_INDEX: 0}  # bytes that are read of a record, if not all
+_KINDS: dict[int, Any] = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel, Opcode.METADATA: Metadata,
+                          Opcode.ATTACHMENT: Attachment}  # fmt: skip
 
 
 @dataclass
 class Contents:
     """What the records of one log say.
 
-    `topics` {name: Topic without rows}, `ids` {channel: id}, `declared` [(channel, message name, descriptors,
-    metadata)], `layout` of the chunks, `damage` what is lost, `whole` whether the checksum of all data agrees,
-    `closed` whether the log has its end too, `at` the byte at which the record being read begins.
+    `records` are those of the preamble, `topics` {name: Topic without rows}, `ids` {channel: id}, `layout` that of the
+    chunks, `damage` [{offset, bytes, reason}], `whole` whether the checksum of all data agrees, `closed` whether the
+    log has its end too, `at` the byte at which the record being read begins, `crc` the checksum of those before.
     """
 
     path: str
     size: int
-    at: int = 0
-    declared: list = field(default_factory=list)
+    at: int = len(MAGIC)
+    crc: int = crc32(MAGIC)
+    records: list = field(default_factory=list)
     metadata: dict = field(default_factory=dict)
-    attachments: dict = field(default_factory=dict)  # name -> (media type, bytes)
     chunks: list[Chunk] = field(default_factory=list)
     topics: dict = field(default_factory=dict)
     ids: dict = field(default_factory=dict)
@@ -87,9 +85,15 @@ def scan(path: str | Path, tolerant: bool = False) -> Contents:
             except LogError as error:
                 if not tolerant or found.layout is None:
                     raise
-                found.damage.append(Damage(found.at, found.size - found.at, error.problem))
-            if tolerant:
-                found.chunks = [chunk for chunk in found.chunks if _is_whole(found, file, chunk)]
+                found.damage.append({"offset": found.at, "bytes": found.size - found.at, "reason": error.problem})
+            for chunk in [*found.chunks] if tolerant else ():
+                try:
+                    load(found, file, chunk)
+                except LogError as error:
+                    found.chunks.remove(chunk)
+                    found.whole = False
+                    size = chunk.end - chunk.offset
+                    found.damage.append({"offset": chunk.offset, "bytes": size, "reason": error.problem})
             return found
     except OSError as error:
         raise log_error(f"cannot read the log: {error.strerror}", path) from error
@@ -99,141 +103,105 @@ def _walk(found, file):
     """Take all records of a log."""
     if file.read(len(MAGIC)) != MAGIC:
         raise log_error("not an MCAP file", found.path, 0, "" if found.size else "It is empty.")
-    opcode, stream = None, _records(found, file)
+    stream = _records(found, file)
     try:
-        _preamble(found, file, stream)
-        for opcode, length, body in stream:
+        _preamble(found, stream)
+        for opcode, body in stream:
             if opcode == Opcode.CHUNK:
-                found.chunks.append(_chunk(found, length, body))
+                found.chunks.append(_chunk(found, body))
             elif opcode == Opcode.METADATA:
-                record = Metadata.read(ReadDataStream(io.BytesIO(body)))
+                record = _parsed(Metadata, body)
                 found.metadata[record.name] = record.metadata
             elif opcode == Opcode.DATA_END:
-                return _end(found, file)
+                return _end(found, body, file.read())
             elif opcode != Opcode.MESSAGE_INDEX:
                 raise ValueError("it has no place here")
         raise log_error(_CUT, found.path, found.at, _RECOVER)
-    except LogError:
-        raise
     except BAD as error:
         said = f"damaged or foreign record: {str(error) or type(error).__name__}"
         raise log_error(said, found.path, found.at) from error
 
 
-def _records(found: Contents, file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
-    """Yield (opcode, length of the content, content) of the records behind the magic; `found.at` is where one begins.
-
-    Of a chunk only the head is read, of a message index nothing. Raises LogError for one that does not fit.
-    """
-    found.at = len(MAGIC)
-    while found.at < found.size:
-        file.seek(found.at)
-        head = file.read(_RECORD.size)
+def _records(found: Contents, file: BinaryIO) -> Iterator[tuple[int, bytes]]:
+    """Yield (opcode, content) of the records behind the magic. Raises LogError for one that does not fit."""
+    while head := file.read(_RECORD.size):
         opcode, length = _RECORD.unpack(head) if len(head) == _RECORD.size else (0, found.size)
-        if length > found.size - found.at - _RECORD.size:
+        # whatever length one claims behind the preamble, none is read that is longer than a chunk may be
+        if length > min(found.size - found.at - _RECORD.size, 2 * MOST_CHUNK if found.layout else found.size):
             raise log_error(_CUT, found.path, found.at, _RECOVER)
-        yield opcode, length, file.read(min(length, _READ.get(opcode, length)))
+        body = file.read(length)
+        yield opcode, body
+        found.crc = crc32(body, crc32(head, found.crc))
         found.at += _RECORD.size + length
 
 
-def _preamble(found, file, stream):
-    """Take the records before the first chunk; their hash is compared before any is parsed."""
+def _parsed(kind, body):
+    return kind.read(ReadDataStream(io.BytesIO(body)))
+
+
+def _preamble(found, stream):
+    """Take the records before the first chunk; their hash is compared before any but the first is parsed."""
+    digest = hashlib.sha256(MAGIC)
     kept: list[tuple[int, bytes]] = []
-    for opcode, _, body in stream:
+    for opcode, body in stream:
         if not kept:
-            _check_header(found, _KINDS[opcode].read(ReadDataStream(io.BytesIO(body))))
+            _check_header(found, _parsed(Header, body).library)
         if opcode == Opcode.CHUNK or (opcode == Opcode.METADATA and body[4:12] == b"preamble"):
             break
+        digest.update(_RECORD.pack(opcode, len(body)) + body)
         kept.append((opcode, body))
     else:
         raise log_error("the log ends before its first tick", found.path, found.at)
-    file.seek(0)
-    digest = hashlib.sha256(file.read(found.at)).hexdigest()
-    if digest.encode() not in body:
+    if digest.hexdigest().encode() not in body:
         raise ValueError("the parameters before the first tick are not what was written")
-    schemas, found.metadata["preamble"] = {}, {"sha256": digest}
-    for opcode, body in kept:
-        record = _KINDS[opcode].read(ReadDataStream(io.BytesIO(body)))
-        if opcode == Opcode.SCHEMA:
-            schemas[record.id] = record
-        elif opcode == Opcode.CHANNEL:
-            schema = schemas[record.schema_id]
-            found.ids[record.topic] = record.id
-            found.declared.append((record.topic, schema.name, schema.data, record.metadata))
-            parts = [] if record.topic in foxglove.TOPICS else parts_of(record.topic, record.metadata)
-            found.topics |= {p.name: p for p in parts}
-        elif opcode == Opcode.METADATA:
-            found.metadata[record.name] = record.metadata
-        elif opcode == Opcode.ATTACHMENT:
-            found.attachments[record.name] = record.media_type, record.data
+    found.records = [_parsed(_KINDS[opcode], own) for opcode, own in kept[1:]]
+    found.metadata = {r.name: r.metadata for r in found.records if isinstance(r, Metadata)}
+    found.metadata["preamble"] = {"sha256": digest.hexdigest()}
+    for channel in (r for r in found.records if isinstance(r, Channel)):
+        found.ids[channel.topic] = channel.id
+        parts = [] if channel.topic in foxglove.TOPICS else parts_of(channel.topic, channel.metadata)
+        found.topics |= {p.name: p for p in parts}
     found.dt_ns = int(found.metadata["log"]["dt_ns"])
     if found.dt_ns <= 0 or not found.topics:
         raise ValueError("it has no tick, or no topic")
     found.layout = Layout(list(found.topics.values()), found.ids, found.dt_ns)
 
 
-def _check_header(found, header):
-    name, _, number = header.library.rpartition(" ")
+def _check_header(found, library):
+    name, _, number = library.rpartition(" ")
     if name == LIBRARY.rpartition(" ")[0] and number in READ_BY:
         raise log_error(f"written in format {number}, which {READ_BY[number]} reads", found.path)
-    if header.library != LIBRARY:
-        raise ValueError(f"written by {header.library!r}, not {LIBRARY!r}; `cosim replay --map` reads it")
+    if library != LIBRARY:
+        raise ValueError(f"written by {library!r}, not {LIBRARY!r}; `cosim replay --map` reads it")
 
 
-def _chunk(found, length, body):
-    """Return the Chunk of a head; its content is decompressed and compared when it is asked for."""
-    start, end, size, crc, name_length = struct.unpack_from("<QQQII", body)
-    compression = body[32 : 32 + min(name_length, 16)].decode()
-    if compression not in COMPRESSIONS or len(compression) != name_length:
-        raise ValueError(f"unknown compression {compression!r}")
-    head = 40 + name_length
-    if struct.unpack_from("<Q", body, 32 + name_length) != (length - head,):
-        raise ValueError("its length is wrong")
-    if size > MOST_CHUNK:
-        raise ValueError(f"{size} bytes of content are beyond the reader's limit")
-    if not start <= end < 2**63 or (found.chunks and start <= found.chunks[-1].end_ns):
-        raise ValueError(f"times {start} to {end} ns do not follow those before")
-    begin = found.at + _RECORD.size
-    chunk = Chunk(found.at, begin + length, begin + head, length - head, compression, size, crc, start, end)
-    if size < sum(found.layout.sizes(*found.ticks(chunk))):
-        raise ValueError(f"{size} bytes of content cannot hold its ticks")
+def _chunk(found, body):
+    """Return the Chunk of a record; its content is decompressed and compared when it is asked for."""
+    start, end, size, crc, length = struct.unpack_from("<QQQII", body)
+    (stated,), compression = struct.unpack_from("<Q", body, 32 + length), body[32 : 32 + min(length, 16)].decode()
+    head, before = found.at + _RECORD.size + 40 + length, found.chunks[-1].end_ns if found.chunks else -1
+    chunk = Chunk(found.at, head + stated, head, stated, compression, size, crc, start, end)
+    for wrong, said in (
+        (compression not in COMPRESSIONS or len(compression) != length, f"unknown compression {compression!r}"),
+        (40 + length + stated != len(body), "its length is wrong"),
+        (size > MOST_CHUNK, f"{size} bytes of content are beyond the reader's limit"),
+        (not before < start <= end < 2**63, f"times {start} to {end} ns do not follow those before"),
+        (size < sum(found.layout.sizes(*found.ticks(chunk))), f"{size} bytes of content cannot hold its ticks"),
+    ):
+        if wrong:
+            raise ValueError(said)
     return chunk
 
 
-def _end(found, file):
-    """Check the sums over the data, the samples and the summary, whose end is that of the file."""
-    start = found.at + _DATA_END.size
-    file.seek(found.at)
-    if _DATA_END.unpack(file.read(_DATA_END.size))[2] != _crc(file, 0, found.at):
+def _end(found, body, summary):
+    """Check the sums over the data and over the summary, behind which the file ends."""
+    start = found.at + _RECORD.size + len(body)
+    if body != struct.pack("<I", found.crc):
         raise log_error("the data are damaged (CRC)", found.path, None, _RECOVER)
     found.whole = True
-    file.seek(max(start, found.size - _FOOTER.size))
-    footer = file.read()
-    opcode, length, summary, _, crc, magic = _FOOTER.unpack(footer) if len(footer) == _FOOTER.size else (0,) * 6
-    if (opcode, length, summary, magic) != (Opcode.FOOTER, 20, start, MAGIC):
-        raise log_error("the summary has no end", found.path, start, _RECOVER)
-    if crc != _crc(file, start, found.size - 12):
-        raise log_error("the summary is damaged (CRC)", found.path, start, _RECOVER)
+    if summary[-_FOOTER.size :] != _FOOTER.pack(Opcode.FOOTER, 20, start, 0, crc32(summary[:-12]), MAGIC):
+        raise log_error("the summary has no end, or is damaged (CRC)", found.path, start, _RECOVER)
     found.closed = True
-
-
-def _crc(file, start, stop):
-    file.seek(start)
-    crc = 0
-    while start < stop and (block := file.read(min(1 << 20, stop - start))):
-        crc, start = crc32(block, crc), start + len(block)
-    return crc
-
-
-def _is_whole(found, file, chunk):
-    """Tell whether a chunk can be loaded; what cannot is damage."""
-    try:
-        load(found, file, chunk)
-    except LogError as error:
-        found.damage.append(Damage(chunk.offset, chunk.end - chunk.offset, error.problem))
-        found.whole = False
-        return False
-    return True
 
 
 def load(found: Contents, file: BinaryIO, chunk: Chunk) -> tuple[bytes, np.ndarray]:
@@ -241,30 +209,19 @@ def load(found: Contents, file: BinaryIO, chunk: Chunk) -> tuple[bytes, np.ndarr
     file.seek(chunk.data_offset)
     data = file.read(chunk.data_size)
     try:
-        raw = decompress(data, chunk.size, chunk.compression)
-    except FrameError as error:
+        raw = np.frombuffer(decompress(data, chunk.size, chunk.compression), "u1")
+        if crc32(raw) != chunk.crc:
+            raise ValueError("the chunk is damaged (CRC)")
+        found.layout.check(raw, *found.ticks(chunk))
+    except ValueError as error:
         raise log_error(str(error), found.path, chunk.offset) from error
-    if crc32(raw) != chunk.crc:
-        raise log_error("the chunk is damaged (CRC)", found.path, chunk.offset)
-    content = np.frombuffer(raw, "u1")
-    wrong = found.layout.wrong(content, *found.ticks(chunk))
-    if wrong is not None:
-        raise log_error(f"the chunk is not one message per sample (byte {wrong} of it)", found.path, chunk.offset)
-    tail(found, chunk, content)
-    return data, content
+    return data, raw
 
 
-def tail(found: Contents, chunk: Chunk, content: np.ndarray) -> list[tuple[int, int, int, bytes]]:
-    """Return [(channel id, tick, offset, payload)] of the messages after the samples; raises LogError unless whole."""
-    at = sum(found.layout.sizes(*found.ticks(chunk)))
-    data, out = content[at:].tobytes().rjust(len(content), b"\0"), []
-    while at < len(data):
-        op, length, channel, k, ns, _ = HEAD.unpack_from(data, at) if at + HEAD.size <= len(data) else (0,) * 6
-        end = at + 9 + length
-        if not at + HEAD.size <= end <= len(data) or op != Opcode.MESSAGE:
-            raise log_error(f"byte {at} of the chunk begins no message", found.path, chunk.offset)
-        if not chunk.start_ns <= ns == k * found.dt_ns <= chunk.end_ns:
-            raise log_error("a message has a time outside its chunk", found.path, chunk.offset)
-        out.append((channel, k, at, data[at + HEAD.size : end]))
-        at = end
-    return out
+def content(found: Contents, number: int) -> np.ndarray:
+    """Return the content (bytes,) of a chunk; raises LogError as `load`, or where the file cannot be read."""
+    try:
+        with open(found.path, "rb") as file:
+            return load(found, file, found.chunks[number])[1]
+    except OSError as error:
+        raise log_error(f"cannot read the log: {error.strerror}", found.path) from error

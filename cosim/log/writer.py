@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from isal.isal_zlib import crc32
+from mcap.records import Attachment, Channel, Metadata, Schema
 
 from cosim.errors import CosimError
 
@@ -21,15 +22,18 @@ RESERVED = ("log", "preamble", "result", "recovered")  # names of metadata
 
 
 class Target:
-    """Rows that the values of one rate are stored in: row k // every % len(rows) takes v[index] at the offsets `at`.
+    """Rows that the values of a block are stored in: row k // every % len(rows) takes v[index] at the offsets `at`.
 
     The last number of `at` is the tick after the one stored last.
     """
 
-    def __init__(self, every: int, index: Any, at: Any, rows: np.ndarray):
-        self.every, self.rows = every, rows
-        self.index, self.at = np.array(index, np.int64), np.array([*at, 0], np.int64)
-        self._values = doubles(rows)
+    def __init__(self, block: Block, topics: Sequence[Topic], ticks: int):
+        """Make rows for so many ticks, of topics that index the tick vector."""
+        index = {t.name: t.index for t in topics}
+        self.every, self.rows = block.every, np.tile(block.template, (-(-ticks // block.every), 1))
+        self.index = np.concatenate([index[name] for name in block.places])
+        self.at = np.concatenate([*block.places.values(), [0]])
+        self._values = doubles(self.rows)
 
     def store(self, k: int, v: np.ndarray) -> None:
         """Store the values of tick `k`."""
@@ -44,23 +48,15 @@ class Target:
         return self.rows[first : first + size] if whole else np.roll(self.rows, -first, 0)[:size]
 
 
-def target_of(block: Block, topics: Sequence[Topic], ticks: int) -> Target:
-    """Return the Target of a block's rows of so many ticks, of topics that index the tick vector."""
-    index = {t.name: t.index for t in topics}
-    columns = np.concatenate([index[name] for name in block.places])
-    rows = np.tile(block.template, (-(-ticks // block.every), 1))
-    return Target(block.every, columns, np.concatenate([*block.places.values()]), rows)
-
-
 class LogWriter:
     """Write one self-contained MCAP log; use it as a context manager.
 
     `topics` are the parts (at least one of them at every tick), `n_values` the length of the tick vector, `dt_ns` the
     tick [ns], `metadata` {name: {str: str}} and `attachments` {name: (media type, bytes)} go in first; `compression` is
-    "", "lz4" or "zstd"; `pose` adds /tf and /fix for viewers. It takes its place when it is closed; what stood there
-    stays until then. A kill or a full disk leaves `path`.part, unless `kept` is false, for what can be made again.
-    Leaving the context without `close(result=...)`, as Ctrl-C does, gives a readable log that counts as incomplete;
-    where it is not `kept`, an error leaves none.
+    "", "lz4" or "zstd"; `pose` adds /tf and /fix for viewers, of values that are logged at every tick. It takes its
+    place when it is closed; what stood there stays until then. A kill or a full disk leaves `path`.part, unless `kept`
+    is false, for what can be made again. Leaving the context without `close(result=...)`, as Ctrl-C does, gives a
+    readable log that counts as incomplete; where it is not `kept`, an error leaves none.
     Raises ValueError for topics that do not fit together, LogError when the file cannot be written.
     """
 
@@ -71,22 +67,21 @@ class LogWriter:
     ):  # fmt: skip
         self.dt_ns, topics, self._pose, self._rows = int(dt_ns), list(topics), pose, rows_per_chunk
         _check(topics, n_values, self.dt_ns, metadata or {})
-        self._shape, self._compression, self._kept = (n_values,), compression, kept
+        metadata = {"log": {"dt_ns": str(self.dt_ns)}, **(metadata or {})}
+        self._compression, self._kept = compression, kept
         self._messages: list[tuple[int, str, bytes]] = []  # (tick, topic, payload) of those to come, in order
         keep_memory()
-        declared: list = [(name, schema_name(name), schema_data(name, tuple(parts)), channel_metadata(parts))
-                          for name, parts in by_channel(topics).items()]  # fmt: skip
-        declared += [(name, m.DESCRIPTOR.full_name, foxglove.schema(m), {}) for name, m in foxglove.TOPICS.items()]
-        self._layout = Layout(topics, {name: i for i, (name, *_) in enumerate(declared, 1)}, self.dt_ns)
-        self._blocks = [target_of(block, topics, rows_per_chunk) for block in self._layout.blocks]
-        self._places: list[Target] = []  # of the pose
-        if pose is not None:
-            rows = np.zeros((-(-rows_per_chunk // pose.every), 48), "u1")
-            self._places = [Target(pose.every, pose.index, range(0, 48, 8), rows)]
-        self._last = self._blocks[-1].at  # of the fastest rate, one row a tick: what counts the ticks comes last
+        records = [*_channels(topics), *(Metadata(name, dict(texts)) for name, texts in metadata.items())]
+        records += [Attachment(0, 0, name, kind, bytes(data)) for name, (kind, data) in (attachments or {}).items()]
+        self._ids = {r.topic: r.id for r in records if isinstance(r, Channel)}
+        self._layout = Layout(topics, self._ids, self.dt_ns)
+        self._blocks = [Target(block, topics, rows_per_chunk) for block in self._layout.blocks]
+        every_tick = self._blocks[-1]  # of the fastest rate, one row a tick: what counts the ticks comes last
+        self._last, place = every_tick.at, dict(zip(every_tick.index.tolist(), every_tick.at))
+        self._where = [place[i] for i in pose.index] if pose else []
         self._file = LogFile(path, kept=kept)
         try:
-            self._file.preamble(declared, {"log": {"dt_ns": str(self.dt_ns)}, **(metadata or {})}, attachments or {})
+            self._file.preamble(records)
         except BaseException:
             self._file.drop()
             raise
@@ -103,11 +98,9 @@ class LogWriter:
 
     def append(self, v: np.ndarray) -> None:
         """Log the vector v (n_values,) of the next tick; it is copied. Raises LogError when the disk is full."""
-        if v.shape != self._shape:
-            raise ValueError(f"a vector of shape {v.shape}; the log takes {self._shape}")
         k, v = int(self._last[-1]), np.ascontiguousarray(v, float)
         self._room(k)
-        for target in (*self._places, *self._blocks):
+        for target in self._blocks:
             target.store(k, v)
 
     def _room(self, k):
@@ -117,7 +110,7 @@ class LogWriter:
     def schedule(self, tape: Any) -> None:
         """Schedule on a tape to log the bus."""
         tape.first(self._room)
-        for t in (*self._places, *self._blocks):
+        for t in self._blocks:
             tape.scatter(t.index, t.at, t.rows, t.every)
 
     def message(self, k: int, topic: str, data: bytes) -> None:
@@ -139,28 +132,25 @@ class LogWriter:
         for block, target in zip(self._layout.blocks, self._blocks):
             ticks = block.ticks(k0, n)
             blocks.append(block.stamp(target.of(ticks), ticks, self.dt_ns).data if ticks else b"")
-        tail, index = self._tail(sum(self._layout.sizes(k0, n)), k0, n)
-        content = b"".join([*blocks, tail])
+        content = b"".join([*blocks, self._tail(k0, n)])
         times = k0 * self.dt_ns, (k0 + n - 1) * self.dt_ns
         data = compress(content, self._compression)
-        entries = (*self._layout.index(k0, n), *index.items())
-        self._file.chunk(data, self._compression, times, len(content), crc32(content), entries)
+        index = self._layout.index(content, k0, n)
+        self._file.chunk(data, self._compression, times, len(content), crc32(content), index)
         del self._messages[: bisect_left(self._messages, (k0 + n,))]
 
-    def _tail(self, size, k0, n):
-        """Return the irregular messages of this chunk as (bytes, {channel: (messages, 2) of time and offset})."""
+    def _tail(self, k0, n):
+        """Return the irregular messages of this chunk in the order of time."""
         first, stop = (bisect_left(self._messages, (k,)) for k in (k0, k0 + n))
         tail = self._messages[first:stop]
-        for target in self._places:
-            ticks = range(k0 + -k0 % target.every, k0 + n, target.every)
-            tail += self._pose.messages(target.of(ticks).view("<f8"), ticks.start, self.dt_ns)
-        entries: dict = {}
+        if self._pose:
+            places = doubles(self._blocks[-1].of(range(k0, k0 + n)))[:, self._where]
+            tail += self._pose.messages(places, k0, self.dt_ns)
         out = bytearray()
         for k, name, data in sorted(tail, key=lambda m: m[0]):
-            channel, ns = self._file.ids[name], k * self.dt_ns
-            entries.setdefault(channel, []).append((ns, size + len(out)))
-            out += HEAD.pack(5, HEAD.size - 9 + len(data), channel, k, ns, ns) + data
-        return bytes(out), {channel: np.array(own, "<u8") for channel, own in entries.items()}
+            ns = k * self.dt_ns
+            out += HEAD.pack(5, HEAD.size - 9 + len(data), self._ids[name], k, ns, ns) + data
+        return out
 
     def close(self, result: dict | None = None) -> None:
         """Write what is buffered, the result with a hash of all samples, and the summary; no result: incomplete.
@@ -189,6 +179,16 @@ class LogWriter:
             if isinstance(error, CosimError) and self.path == os.fspath(self._file.part):
                 left = f"The flight so far is {self.path}: remove it before the next flight to this log"
                 error.remedy = ". ".join(filter(None, (error.remedy, left)))
+
+
+def _channels(topics):
+    """Yield the Schema and the Channel of each message of a log."""
+    declared: list = [(name, schema_name(name), schema_data(name, tuple(parts)), channel_metadata(parts))
+                      for name, parts in by_channel(topics).items()]  # fmt: skip
+    declared += [(name, m.DESCRIPTOR.full_name, foxglove.schema(m), {}) for name, m in foxglove.TOPICS.items()]
+    for i, (topic, message, data, texts) in enumerate(declared, 1):
+        yield Schema(id=i, name=message, encoding="protobuf", data=data)
+        yield Channel(id=i, topic=topic, message_encoding="protobuf", metadata=texts, schema_id=i)
 
 
 def _check(topics, n_values, dt_ns, metadata):

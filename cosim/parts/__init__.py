@@ -16,8 +16,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from cosim.errors import did_you_mean
-from cosim.parts.detector import BlockDetector, PartError, PlainDetector, is_block, is_detector_class, rollout_of
+from cosim.errors import among, did_you_mean
+from cosim.parts.detector import PartError, PlainDetector, block_detector, is_block, is_detector_class, rollout_of
 from cosim.scenario import Scenario, parse, user_parts
 from cosim.texts import unpaired_surrogate
 from fdi import registry
@@ -75,41 +75,32 @@ def _twice(name, one, other):
 
 
 def use(scenario: Scenario) -> None:
-    """Load the user's detectors of a scenario that this process does not know yet. Raises PartError, also when a file
-    is no longer the one that the scenario means."""
-    for name in scenario.running:
-        table = scenario.detectors.table(name)
-        if name in registry.SHIPPED or not table.get("file"):
-            if not registry.known(name):
-                near = did_you_mean(name, [*registry.SHIPPED, *registry.USER_DETECTORS])
-                raise PartError("no such detector, and no file is given", place=f"detectors.{name}", remedy=near)
-            continue
-        part, wanted = registry.USER_DETECTORS.get(name), table.get("sha256")
-        if part is None or wanted not in (None, part.sha256):
-            part = load(table["file"])
-        place = f"detectors.{name}.file = {table['file']}"
-        if part.DETECTOR.id != name:
-            raise PartError(f"holds the detector {part.DETECTOR.id!r}", place=place, allowed=f"one with id {name!r}")
-        if wanted not in (None, part.sha256):
-            remedy = "Load the scenario again, or remove its sha256"
-            raise PartError(user_parts.CHANGED, place=place, remedy=remedy)
+    """Load the user's detectors of a scenario that this process does not know yet. Raises PartError."""
+    for name in (name for name in scenario.running if name not in registry.SHIPPED):
+        table, part = scenario.detectors.table(name), registry.USER_DETECTORS.get(name)
+        file = table.get("file")
+        if file and (part is None or table.get("sha256") not in (None, part.sha256)):
+            part = load(file)
+        if part is not None and part.DETECTOR.id != name:
+            said, place = f"holds the detector {part.DETECTOR.id!r}", f"detectors.{name}.file = {file}"
+            raise PartError(said, place=place, allowed=f"one with id {name!r}")
+        among(name, (*registry.SHIPPED, *registry.USER_DETECTORS), "no such detector, and no file is given",
+              error=PartError, place=f"detectors.{name}")  # fmt: skip
 
 
 def with_detectors(scenario: Scenario, files: Iterable[str | os.PathLike]) -> Scenario:
     """Return `scenario` with the detectors of `files` among its own."""
-    files = list(files)
-    loaded(files)
+    parts = loaded(files)
     table = tomllib.loads(scenario.expanded_toml())
     own = table.setdefault("detectors", {})
-    for file in files:
-        part = load(file)
+    for part in parts:
         name = part.DETECTOR.id
         named = own.get(name, {}).get("file", "")
-        if os.path.exists(named) and not os.path.samefile(named, file):
-            raise _twice(name, f"{named} of the scenario", file)
-        own[name] = {**own.get(name, {}), "file": str(Path(file)), "sha256": part.sha256}
+        if os.path.exists(named) and not os.path.samefile(named, part.file):
+            raise _twice(name, f"{named} of the scenario", part.file)
+        own[name] = {**own.get(name, {}), "file": part.file, "sha256": part.sha256}
         own["enabled"] = list(dict.fromkeys([*own.get("enabled", scenario.detectors.enabled), name]))
-    return parse(table) if files else scenario
+    return parse(table) if parts else scenario
 
 
 @functools.cache
@@ -143,7 +134,7 @@ def _source(part):
 
 def _made(part, source):
     if isinstance(part, ModuleType) and is_block(part):
-        return BlockDetector(part, *source)
+        return block_detector(part, *source)
     if is_detector_class(part):
         return PlainDetector(part, *source)
     raise PartError("is no detector", place=repr(part), allowed="a class with id, level, inputs and update")

@@ -26,8 +26,8 @@ import math
 import re
 import time
 from collections import namedtuple
-from collections.abc import Mapping
-from types import ModuleType
+from collections.abc import Iterable, Mapping
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -46,21 +46,22 @@ OTHER = ("aileron", "rudder", "stabiliser", "engine")  # cases without a technol
 LIMIT_S = 0.5  # for one step, by default; a detector's own parameter limit_s changes it
 FIRST = 20.0  # so many times as long may the first step of a lane take: models load
 OUTPUTS = ("r", "alarm", "verdict", "isolated_part", "valid", "estimate", "probability", "status")
-GOOD, RAISED, NONSENSE, SLOW = 0.0, 1.0, 2.0, 3.0  # of status
+GOOD, DROPPED, SLOW = 0.0, 1.0, 3.0  # of status
 _CODES = {name: float(code) for code, name in enumerate(NAMES)}
 _KEYS = {"r", "alarm", "verdict", "isolated_part", "estimate", "valid"}
+_DECLARED = {  # what a class may say of itself, and what holds where it says nothing
+    "id": "", "level": "", "technologies": (), "inputs": (), "group": "", "every": 1, "designed_for": (), "may_see": (),
+    "blind": (), "estimates": "",
+}  # fmt: skip
+_ESTIMATED = {"valve": "u", "elevator": "rad", "elevator.left": "rad", "elevator.right": "rad", "thrust": "fraction"}
 
 
 class PartError(CosimError):
     """A class or module that keeps no detector's contract, or a file whose digest differs from the logged one."""
 
 
-class _Drop(Exception):
-    """Why a lane is dropped that raised nothing itself: its status, and a sentence."""
-
-    def __init__(self, status: float, said: str):
-        super().__init__(said)
-        self.status = status
+class TooSlow(PartError):
+    """A step that takes longer than its detector may take."""
 
 
 def is_block(module: Any) -> bool:
@@ -82,9 +83,8 @@ class PlainDetector:
         """`cls` is a class by the contract; raises PartError where it is not."""
         self.cls, self.file, self.sha256 = cls, file, sha256
         own, self._defaults = record_of(cls), parameters(cls)
-        self.ISOLABLE_PARTS = ("", *getattr(cls, "isolable_parts", ()))
-        units = {field: vocabulary.find(word).unit for field, word in own.inputs.items()}
-        self.INPUTS = dtype([(field, "f8", unit) for field, unit in units.items()])
+        self.ISOLABLE_PARTS = ("", *_several(getattr(cls, "isolable_parts", ())))
+        self.INPUTS = dtype([(field, "f8", vocabulary.find(word).unit) for field, word in own.inputs.items()])
         self.PARAMS = dtype([("limit_s", "f8", "s"), *((name, "f8") for name in self._defaults)])
         estimate = own.estimates[0].unit if own.estimates else "-"
         self.STATE = dtype([(n, "f8", estimate if n == "estimate" else "-") for n in OUTPUTS])
@@ -117,46 +117,44 @@ class PlainDetector:
                 if said is not None:
                     x[:] = self._answer(said, t, made.notes)
                 if took > limit and (t > 0.0 or took > FIRST * limit):
-                    raise _Drop(SLOW, f"a step took {took:.2f} s, and limit_s is {limit:g}")
+                    raise TooSlow(f"a step took {took:.2f} s, and limit_s is {limit:g}")
 
             return step
 
         def failed(i, t, error):
             where = f" on {lanes[i]}" if i < len(lanes) else ""
-            said = str(error) if isinstance(error, _Drop) else sentence(error, self.file)
+            said = str(error) if isinstance(error, PartError) else sentence(error, self.file)
             made.notes.append(f"{self.DETECTOR.id} is dropped{where} at {t:.3f} s: {said}")
-            return [getattr(error, "status", RAISED) if name == "status" else 0.0 for name in OUTPUTS]
+            status = SLOW if isinstance(error, TooSlow) else DROPPED
+            return [status if name == "status" else 0.0 for name in OUTPUTS]
 
         made = PythonBlock(make, failed)
         return made
 
     def _answer(self, said, t, notes):
-        """Return the outputs of an answer; raises _Drop for nonsense."""
+        """Return the outputs of an answer; raises PartError for what no detector answers."""
         if not isinstance(said, Mapping) or not said.keys() <= _KEYS:
             allowed = f"a dict of {', '.join(sorted(_KEYS))}, or None"
-            raise _Drop(NONSENSE, f"update returned {said!r:.80}; allowed: {allowed}")
-        r, alarm, valid, estimate = (
-            _number(said.get(name, other), name)
-            for name, other in (("r", 0.0), ("alarm", False), ("valid", True), ("estimate", 0.0))
-        )
-        verdict, probability = _verdict(said.get("verdict"), alarm > 0.5)
-        isolated_part = said.get("isolated_part", "")
-        if isolated_part not in self.ISOLABLE_PARTS:
-            allowed = ", ".join(self.ISOLABLE_PARTS[1:])
-            raise _Drop(NONSENSE, f"isolated_part {isolated_part!r} is not one of its isolable_parts: {allowed}")
+            raise PartError(f"update returned {said!r:.80}", allowed=allowed)
+        given = {"r": 0.0, "alarm": False, "valid": True, "estimate": 0.0, "verdict": None, "isolated_part": "", **said}
+        r, alarm, valid, estimate = (_number(given[name], name) for name in ("r", "alarm", "valid", "estimate"))
+        verdict, probability = _verdict(given["verdict"], alarm > 0.5)
+        if given["isolated_part"] not in self.ISOLABLE_PARTS:
+            said = f"isolated_part {given['isolated_part']!r} is not one of its isolable_parts"
+            raise PartError(said, allowed=", ".join(self.ISOLABLE_PARTS[1:]))
         if not math.isfinite(r):
             if not notes:
                 notes.append(f"{self.DETECTOR.id}: r = {r} at {t:.3f} s; it counts as not valid while so")
             r, valid = 0.0, 0.0
-        code, on = float(self.ISOLABLE_PARTS.index(isolated_part)), float(alarm > 0.5)
-        return r, on, verdict, code, float(valid > 0.5), estimate, probability, GOOD
+        code = float(self.ISOLABLE_PARTS.index(given["isolated_part"]))
+        return r, float(alarm > 0.5), verdict, code, float(valid > 0.5), estimate, probability, GOOD
 
 
 def _number(value, name):
     try:
         return float(value)
     except (TypeError, ValueError):
-        raise _Drop(NONSENSE, f"{name} = {value!r:.60} is no number") from None
+        raise PartError(f"{name} = {value!r:.60} is no number") from None
 
 
 def _verdict(verdict, alarm):
@@ -165,37 +163,32 @@ def _verdict(verdict, alarm):
         return (AMBIGUOUS if alarm else NONE), 1.0
     given = {verdict: 1.0} if isinstance(verdict, str) else verdict
     if not isinstance(given, Mapping) or not given or not given.keys() <= _CODES.keys():
-        raise _Drop(NONSENSE, f"verdict {verdict!r:.60}; allowed: {', '.join(NAMES)}")
-    best = max(given, key=lambda name: _number(given[name], f"probability of {name}"))
-    p = _number(given[best], "probability")
+        raise PartError(f"verdict {verdict!r:.60}", allowed=", ".join(NAMES))
+    numbers = {name: _number(p, f"probability of {name}") for name, p in given.items()}
+    best, p = max(numbers.items(), key=lambda one: one[1])
     if not 0.0 <= p <= 1.0 + 1e-6:
-        raise _Drop(NONSENSE, f"probability {p} of {best}; allowed: 0 to 1")
+        raise PartError(f"probability {p} of {best}", allowed="0 to 1")
     return _CODES[best], p
 
 
-class BlockDetector:
-    """A module that is a block with a detector's record, and where it came from."""
-
-    def __init__(self, module: ModuleType, file: str, sha256: str):
-        """Raises PartError where it is none, or does not compile."""
-        self._module, self.file, self.sha256 = module, file, sha256
-        if not isinstance(module.DETECTOR, Detector):
-            raise PartError("DETECTOR is no fdi.common.record.Detector", place=file)
-        for word in module.DETECTOR.inputs.values():
-            _signal(word, f"{file}: inputs")
-        if lacking := {"r", "alarm", "verdict", "isolated_part", "valid"} - set(module.OUTPUTS):
-            raise PartError(f"OUTPUTS lacks {', '.join(sorted(lacking))}", place=file)
-        if not isinstance(module.rollout, Entry):
-            remedy = "rollout = entry(step, STATE, INPUTS, PARAMS)"
-            raise PartError("rollout is not compiled", place=file, remedy=remedy)
-        try:
-            _ = module.rollout.native.address
-        except Exception as error:  # the compiler has dozens of kinds
-            said = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-            raise PartError(f"does not compile: {said}", place=file) from None
-
-    def __getattr__(self, name):
-        return getattr(self._module, name)
+def block_detector(module: ModuleType, file: str, sha256: str) -> ModuleType:
+    """Return a module that is a block with a detector's record, told where it came from; raises PartError where it is
+    none, or does not compile."""
+    if not isinstance(module.DETECTOR, Detector):
+        raise PartError("DETECTOR is no fdi.common.record.Detector", place=file)
+    for word in module.DETECTOR.inputs.values():
+        _signal(word, f"{file}: inputs")
+    if lacking := {"r", "alarm", "verdict", "isolated_part", "valid"} - set(module.OUTPUTS):
+        raise PartError(f"OUTPUTS lacks {', '.join(sorted(lacking))}", place=file)
+    if not isinstance(module.rollout, Entry):
+        raise PartError("rollout is not compiled", place=file, remedy="rollout = entry(step, STATE, INPUTS, PARAMS)")
+    try:
+        _ = module.rollout.native.address
+    except Exception as error:  # the compiler has dozens of kinds
+        said = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+        raise PartError(f"does not compile: {said}", place=file) from None
+    vars(module).update(file=file, sha256=sha256)
+    return module
 
 
 def rollout_of(module: Any, lanes: tuple = (), *, limited: bool = False) -> Any:
@@ -218,47 +211,46 @@ def parameters(cls: type) -> dict[str, float]:
 
 def record_of(cls: type) -> Detector:
     """Return the record of a plain class; raises PartError with what is wrong and what is allowed."""
-
-    def wrong(what, **more):
-        return PartError(what, place=cls.__name__, **more)
-
-    name, level = getattr(cls, "id", None), getattr(cls, "level", None)
-    if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", name) or name == "enabled":
-        raise wrong(f"id = {name!r}", allowed="lower-case letters, digits and _")
-    if level not in ("local", "aircraft"):
-        raise wrong(f"level = {level!r}", allowed="local, aircraft")
-    technologies = _words(cls, "technologies") if level == "local" else ()
-    if level == "local" and (not technologies or set(technologies) - set(catalog.TECHNOLOGIES)):
-        raise wrong(f"technologies = {technologies!r}", allowed=", ".join(catalog.TECHNOLOGIES))
-    inputs = _words(cls, "inputs")
-    if not inputs:
-        raise wrong("inputs is empty", allowed="words of `cosim list signals`")
+    said: Any = SimpleNamespace(**{name: getattr(cls, name, default) for name, default in _DECLARED.items()})
+    local, inputs = said.level == "local", _several(said.inputs)
+    technologies = _several(said.technologies) if local else ()
+    every_is = isinstance(said.every, int) and not isinstance(said.every, bool) and said.every >= 1
+    for name, good, allowed in (
+        ("id", re.fullmatch(r"(?!enabled$)[a-z][a-z0-9_]*", str(said.id)), "lower-case letters, digits and _"),
+        ("level", said.level in ("local", "aircraft"), "local, aircraft"),
+        ("technologies", bool(technologies) == local and set(technologies) <= {*catalog.TECHNOLOGIES},
+         ", ".join(catalog.TECHNOLOGIES)),
+        ("inputs", inputs, "words of `cosim list signals`"),
+        ("every", every_is, "a whole number of ticks, 1 or more"),
+    ):  # fmt: skip
+        if not good:
+            raise PartError(f"{name} = {getattr(said, name)!r}", place=cls.__name__, allowed=allowed)
     for word in inputs:
-        signal = _signal(word, cls.__name__)
-        of_actuator = signal.kind == "detector" or "." not in word  # where it has technologies
-        if signal.technologies and level == "aircraft" and of_actuator:
-            where = ".left_inner.".join(word.split(".")) if signal.kind == "detector" else f"left_inner.{word}"
-            raise wrong(f"inputs: {word!r} is of an actuator", remedy=f'Name the segment: "{where}"')
-        if signal.technologies and level == "local" and not set(technologies) <= set(signal.technologies):
-            raise wrong(f"inputs: {word!r} is of {', '.join(signal.technologies)} only", remedy="Change technologies")
-    blind, every = getattr(cls, "blind", ()), getattr(cls, "every", 1)
-    if not isinstance(every, int) or isinstance(every, bool) or every < 1:
-        raise wrong(f"every = {every!r}", allowed="a whole number of ticks, 1 or more")
-    doc = (inspect.getdoc(cls) or "").strip().splitlines()
+        _readable(word, technologies, cls.__name__)
+    cases = {name: _cases(getattr(said, name), technologies, f"{cls.__name__}: {name}")
+             for name in ("designed_for", "may_see")}  # fmt: skip
+    why = said.blind if isinstance(said.blind, str) else ""
+    blind_to = ("*",) if why else tuple(_cases(said.blind, technologies, f"{cls.__name__}: blind"))
+    of = str(said.estimates)
+    unit = _ESTIMATED.get(of) or (of and _signal(of, f"{cls.__name__}: estimates = {of!r}").unit)
     return Detector(
-        id=name,
-        level=level,
-        summary=doc[0].rstrip(".") if doc else "a user's detector",
-        inputs={re.sub(r"\W+", "_", word).strip("_"): word for word in inputs},
-        technologies=technologies,
-        group=str(getattr(cls, "group", "")),
-        designed_for=_cases(cls, "designed_for", technologies),
-        may_see=_cases(cls, "may_see", technologies),
-        blind=blind if isinstance(blind, str) else "",
-        blind_to=("*",) if isinstance(blind, str) and blind else tuple(_cases(cls, "blind", technologies)),
-        estimates=_estimates(cls),
-        every=every,
-    )
+        id=said.id, level=said.level, summary=(inspect.getdoc(cls) or "a user's detector").splitlines()[0].rstrip("."),
+        inputs={re.sub(r"\W+", "_", word).strip("_"): word for word in inputs}, technologies=technologies,
+        group=str(said.group), **cases, blind=why, blind_to=blind_to,
+        estimates=(Estimate(of, "estimate", unit),) if of else (), every=said.every,
+    )  # fmt: skip
+
+
+def _readable(word, technologies, place):
+    """Raise PartError unless a detector on these technologies, () at aircraft level, can read a word."""
+    signal = _signal(word, place)
+    of_actuator = signal.technologies and (signal.kind == "detector" or "." not in word)
+    if of_actuator and not technologies:
+        where = ".left_inner.".join(word.split(".")) if signal.kind == "detector" else f"left_inner.{word}"
+        raise PartError(f"inputs: {word!r} is of an actuator", place=place, remedy=f'Name the segment: "{where}"')
+    if signal.technologies and not set(technologies) <= set(signal.technologies):
+        said = f"inputs: {word!r} is of {', '.join(signal.technologies)} only"
+        raise PartError(said, place=place, remedy="Change technologies")
 
 
 def _signal(word, place):
@@ -268,42 +260,22 @@ def _signal(word, place):
         raise PartError(str(error.args[0]), place=place, remedy="`cosim list signals` has them") from None
 
 
-def _words(cls, name):
-    given = getattr(cls, name, ())
-    out = (given,) if isinstance(given, str) else tuple(given)
-    if not all(isinstance(word, str) for word in out):
-        raise PartError(f"{name} = {given!r}", place=cls.__name__, allowed="words")
-    return out
+def _several(words):
+    """Return a tuple of one word or of several."""
+    return tuple(map(str, [words] if isinstance(words, str) or not isinstance(words, Iterable) else words))
 
 
-def _cases(cls, name, technologies):
+def _cases(given, technologies, place):
     """Return {case pattern: classes that are right} of a tuple of kinds or patterns, or of a mapping to classes."""
-    given, out = getattr(cls, name, ()), {}
-    if isinstance(given, str):
-        return {} if name == "blind" else _cases(type(cls.__name__, (), {name: (given,)}), name, technologies)
-    for entry in given:
-        classes = given[entry] if isinstance(given, dict) else None
-        classes = (classes,) if isinstance(classes, str) else classes
-        if classes and (unknown := set(classes) - set(NAMES)):
-            raise PartError(f"{name}: {unknown.pop()!r} is no class", place=cls.__name__, allowed=", ".join(NAMES[1:]))
-        known = (*catalog.ALL_KINDS, *catalog.ACTUATOR_SENSORS)
-        if not (set(entry) & set(".*@") or entry in OTHER or entry in known):
-            raise PartError(f"{name}: {entry!r} is no kind of fault", place=cls.__name__, allowed=", ".join(known))
+    out: dict[str, tuple[str, ...]] = {}
+    known = (*catalog.ALL_KINDS, *catalog.ACTUATOR_SENSORS)
+    for entry in _several(given):
+        classes = _several(given[entry]) if isinstance(given, Mapping) else ()
+        if unknown := set(classes) - set(NAMES):
+            raise PartError(f"{unknown.pop()!r} is no class", place=place, allowed=", ".join(NAMES[1:]))
         plain = set(entry) & set(".*") or entry in OTHER
-        patterns = [entry] if plain else [f"{t}.{entry}{at}" for t in technologies or ("*",) for at in ("", "@*")]
-        for pattern in patterns:
-            out[pattern] = tuple(classes) if classes else (true_class(pattern), "ambiguous")
+        if not plain and entry.partition("@")[0] not in known:
+            raise PartError(f"{entry!r} is no kind of fault", place=place, allowed=", ".join(known))
+        own = [entry] if plain else [f"{t}.{entry}{at}" for t in technologies or ("*",) for at in ("", "@*")]
+        out |= {pattern: classes or (true_class(pattern), "ambiguous") for pattern in own}
     return out
-
-
-def _estimates(cls):
-    of = getattr(cls, "estimates", "")
-    if not of:
-        return ()
-    units = {"valve": "u", "elevator": "rad", "elevator.left": "rad", "elevator.right": "rad", "thrust": "fraction"}
-    try:
-        unit = units[of] if of in units else vocabulary.find(of).unit
-    except (KeyError, TypeError):
-        raise PartError(f"estimates = {of!r}", place=cls.__name__,
-                         allowed=f"{', '.join(units)}, or a word of `cosim list signals`") from None  # fmt: skip
-    return (Estimate(of, "estimate", unit),)

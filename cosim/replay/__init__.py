@@ -7,8 +7,7 @@ tells, and writes, what would have been.
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from actuators.block import Entry
-from actuators.kernels import compile_ahead, cores
+from actuators.kernels import compile_ahead
 from cosim.errors import told_at_call
-from cosim.judge.detection import Said, outputs_read
+from cosim.judge.detection import Said
 from cosim.judge.result import entry_of, judged, plain
 from cosim.log import Log, open_log
 from cosim.parts import loaded
@@ -27,9 +26,8 @@ from cosim.replay import detector_replay as lanes
 from cosim.replay import log_schema
 from cosim.replay.detector_replay import Lane, tick_of
 from cosim.replay.log_schema import ReplayError, check_start
-from cosim.replay.write import Overlay
+from cosim.replay.write import overlay
 
-SPAN = 2000  # ticks that are replayed together
 __all__ = ["Difference", "Replay", "ReplayError", "replay"]
 
 
@@ -93,23 +91,22 @@ def replay(
     faults, new = judged(scenario), [g for g in given if g.DETECTOR.id not in {d["id"] for d in entries}]
     flown = lanes.describe(log, detectors, overrides) if entries or overrides or not new else []
     every = [*flown, *(lane for g in new for lane in lanes.unflown(log, g, scenario.elevator.technology))]
-    tick, end = max(0, round(start_s * 1e9 / log.dt_ns)), sum(log.spans[-1]) if log.spans else 0
+    tick, end = max(0, round(start_s * 1e9 / log.dt_ns)), log.n_ticks + log.gaps
     if tick and tick >= end:
         raise ReplayError("the log ends before that time", place="--from", allowed=f"below {end * log.dt_ns / 1e9:g} s")
     begin = 0 if new else _begin(log, flown, tick)
     members = [_Member(log, lane, faults) for lane in every]
-    _ready(every)
-    with ExitStack() as stack, ThreadPoolExecutor(cores()) as pool:
-        overlay = stack.enter_context(Overlay(log, flown, output)) if output else None
+    compile_ahead([lane.rollout.native for lane in every if isinstance(lane.rollout, Entry)])
+    with overlay(log, [lane.topic for lane in flown], output) if output else nullcontext() as written:
         asked = log.topics if output else lanes.topics(log, every)
-        for a in range(begin, end if every else 0, SPAN):
-            b = min(a + SPAN, end)
-            read = lanes.values(log, asked, a, b)
-            made = _span(log, members, read, a, b, pool)
-            if overlay:
-                overlay.append(read, made, a, b)
+        for ticks, read in lanes.stretches(log, asked, begin, end if every else 0):
+            made: dict[str, np.ndarray] = {}
+            for m in members:  # in the order in which they flew: what one reads of another is what that gives now
+                made[m.lane.topic] = m.replay(log, read | made, ticks.start, ticks.stop)
+            if written:
+                written(read, made, ticks.start, ticks.stop)
             if progress:
-                progress(b * log.dt_ns / 1e9, log.n_ticks * log.dt_ns / 1e9)
+                progress(ticks.stop * log.dt_ns / 1e9, log.n_ticks * log.dt_ns / 1e9)
     result = Replay(str(path), dt_s=tick_of(log), changed=overrides or {}, output=str(output) if output else None)
     result.rows, result.values = sum(m.rows for m in members), sum(m.values for m in members)
     result.skipped = sum(m.skipped for m in members)
@@ -134,29 +131,6 @@ def _begin(log, flown, tick):
     return min((int(log.ticks(lane.hidden, 0, tick + 1).max(initial=0)) for lane in own), default=0)
 
 
-def _ready(every):
-    """Compile on every core what is not compiled yet."""
-    natives = [lane.rollout.native for lane in every if isinstance(lane.rollout, Entry)]
-    compile_ahead(natives)
-    for native in natives:
-        _ = native.address  # before there are threads, of which each would compile it
-
-
-def _span(log, members, read, start, stop, pool):
-    """Return {topic: new outputs} of the ticks start <= k < stop, stage after stage: a lane that reads another detector
-    that is replayed, too, reads what that one gives now."""
-    new: dict = {}
-    for stage in lanes.in_stages([m.lane for m in members]):
-        own = {members[i].lane.topic: members[i].replay for i in stage}
-        # compiled ones side by side, users' with objects of their own one by one
-        compiled = [members[i].lane.topic for i in stage if isinstance(members[i].lane.rollout, Entry)]
-        tasks = {topic: pool.submit(own.pop(topic), log, read, start, stop) for topic in compiled}
-        found = {topic: again(log, read, start, stop) for topic, again in own.items()}
-        found |= {topic: task.result() for topic, task in tasks.items()}
-        new, read = new | found, read | found
-    return new
-
-
 class _Member:
     """A lane that is replayed span after span: what differs of what was compared, what it said then and says now."""
 
@@ -164,9 +138,7 @@ class _Member:
         self.lane, self.flew, self.dt, self._faults = lane, lane.topic in log.topics, tick_of(log), faults
         self.fields = [name for name, _ in lane.outputs]
         self.hidden = log.topics[lane.hidden].fields if lane.hidden in log.topics else ()
-        names = outputs_read(lane.module.ISOLABLE_PARTS, self.fields)
-        self._columns = [self.fields.index(n) for n in names]
-        own = lanes.judged_lane(lane.id, lane.level, lane.lane, lane.module.ISOLABLE_PARTS, names)
+        own = lanes.judged_lane(lane.id, lane.level, lane.lane, lane.module.ISOLABLE_PARTS, self.fields)
         self._logged, self._again = (Said(own, self.dt * lane.every, faults) for _ in range(2))
         self.rows = self.values = self.skipped = 0
         self.differences: dict[str, Difference] = {}
@@ -227,8 +199,9 @@ class _Member:
         """Take what it said as logged and as replayed; nothing where the log has no row."""
         places = ticks // self.lane.every - self._logged.ticks
         for said, own in zip((self._logged, self._again), rows):
-            block = np.zeros((int(places[-1]) + 1 if len(places) else 0, len(self._columns)), np.float32)
-            block[places] = own[:, self._columns]
+            block = np.zeros((int(places[-1]) + 1 if len(places) else 0, len(self.fields)), np.float32)
+            with np.errstate(over="ignore"):
+                block[places] = own
             said.add(block)
 
     def judge(self) -> dict:

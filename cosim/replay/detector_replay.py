@@ -4,7 +4,7 @@ Measurements and commands stand in the log at every tick, parameters and initial
 every second.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -23,7 +23,7 @@ from cosim.scenario import vocabulary
 from fdi import registry
 from fdi.common.record import Detector, Estimate
 
-BLOCK_BYTES = 1 << 18  # of full states at once: they stay in the processor's cache
+SPAN = 2000  # ticks that are stepped together: 40 MB of the largest state
 
 
 @dataclass
@@ -86,16 +86,11 @@ class Lane:
     def step(self, u: np.ndarray, dt: float, whole: Any = ()) -> tuple[np.ndarray, np.ndarray]:
         """Step it through its next inputs u (1, rows), ticks of `dt` [s]; return its outputs (rows, n), and its hidden
         states (m, h) after the rows `whole` (m,)."""
-        (outputs, hidden), n, whole = split(self.module), u.shape[1], np.array(whole, int)
-        out, held = np.empty((n, len(outputs))), np.empty((len(whole), len(hidden)))
-        block = max(1, BLOCK_BYTES // self.module.STATE.itemsize)
-        for a in range(0, n, block):
-            states = np.zeros((1, min(block, n - a)), self.module.STATE)
-            self.rollout(self.x, u[:, a : a + block], self.p, dt * self.every, states)
-            seen, here = flat(states)[0], (whole >= a) & (whole < a + block)
-            out[a : a + block] = seen[:, outputs]
-            held[here] = seen[np.ix_(whole[here] - a, hidden)]
-        return out, held
+        outputs, hidden = split(self.module)
+        states = np.zeros(u.shape, self.module.STATE)
+        self.rollout(self.x, u, self.p, dt * self.every, states)
+        seen = flat(states)[0]
+        return seen[:, outputs], seen[np.ix_(np.array(whole, int), hidden)]
 
 
 def judged_lane(name: str, level: str, lane: str, parts: tuple, outputs: Iterable[str]) -> JudgedLane:
@@ -173,7 +168,7 @@ def unflown(log: Log, part: Any, technologies: dict[str, str]) -> list[Lane]:
     Raises ReplayError for a signal that the log lacks, or for a log with gaps.
     """
     record, out = part.DETECTOR, []
-    if not log.spans or log.spans[0][0] or sum(log.spans[-1]) != log.n_ticks:
+    if not log.n_ticks or log.gaps:
         raise schema.ReplayError("ticks are missing, and a user detector begins with the flight", place=str(log.path))
     local = [s for s, t in technologies.items() if t in record.technologies]
     for lane in local if record.level == "local" else ("",):
@@ -192,23 +187,19 @@ def _source(log, wire):
     raise schema.ReplayError(f"the log has no {topic}.{field}", place=str(log.path))
 
 
-def in_stages(lanes: Sequence[Lane]) -> list[list[int]]:
-    """Return the positions of lanes: first those that read no other one, then each of the rest, in the order in which
-    they flew."""
-    topics = {lane.topic for lane in lanes}
-    reads = [bool(topics & {source for _, source, _ in lane.reads}) for lane in lanes]
-    return [[i for i, own in enumerate(reads) if not own], *([i] for i, own in enumerate(reads) if own)]
-
-
 def topics(log: Log, lanes: Iterable[Lane]) -> list[str]:
     """Return the topics that the lanes read or gave."""
     found = [t for lane in lanes for t in (lane.topic, lane.hidden, *(source for _, source, _ in lane.reads))]
     return [t for t in dict.fromkeys(found) if t in log.topics]
 
 
-def values(log: Log, names: Iterable[str], start: int, stop: int) -> dict[str, np.ndarray]:
-    """Return {topic: (rows, fields)} of the ticks start <= k < stop."""
-    return {name: log.array(name, start_s=start * log.dt_ns / 1e9, end_s=stop * log.dt_ns / 1e9) for name in names}
+def stretches(log: Log, names: Iterable[str], start: int, stop: int) -> Iterator[tuple[range, dict[str, np.ndarray]]]:
+    """Yield (ticks, {topic: (rows, fields)}) of the ticks start <= k < stop, SPAN of them at a time."""
+    names = list(dict.fromkeys(names))
+    for a in range(start, stop, SPAN):
+        ticks = range(a, min(a + SPAN, stop))
+        bounds = {"start_s": a * log.dt_ns / 1e9, "end_s": ticks.stop * log.dt_ns / 1e9}
+        yield ticks, {name: log.array(name, **bounds) for name in names}
 
 
 def inputs(module: Any, n: int, values: Iterable[tuple[str, Any]]) -> np.ndarray:

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from cosim.errors import LogError, did_you_mean
 from cosim.files import regular
-from cosim.log.foreign import ForeignMcap
+from cosim.log.foreign import BROKEN, ForeignMcap
 from cosim.log.format import log_error
-from cosim.log.walker import BAD
 from cosim.replay import clock
 
 TEXT = (".csv", ".tsv", ".txt", ".dat")
@@ -80,7 +79,7 @@ def _readable(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise log_error(f"cannot read the file: {error.strerror or error}", path) from error
-    except (*BAD, RuntimeError, csv.Error) as error:  # of pandas and Arrow, too, whose errors are ValueErrors
+    except (*BROKEN, csv.Error) as error:  # of pandas and Arrow, too, whose errors are ValueErrors
         raise log_error(
             f"cannot be read: {error or type(error).__name__}", path, remedy=CONVERT * (kind != ".parquet")
         ) from error

@@ -20,7 +20,7 @@ from cosim.parts import loaded, with_detectors
 from cosim.replay import clock
 from cosim.replay import map_signals as signals_of
 from cosim.replay.caveats import caveats, lost
-from cosim.replay.detector_replay import Lane, elements, flat, inputs, judged_lane
+from cosim.replay.detector_replay import SPAN, Lane, elements, flat, inputs, judged_lane
 from cosim.replay.foreign import read_recording
 from cosim.replay.log_schema import ReplayError, check_start, chosen_overrides, override
 from cosim.replay.map_file import load_map
@@ -52,65 +52,64 @@ class Diagnosis:
         return plain(vars(self))
 
 
-@dataclass
 class Prepared:
-    """A recording brought to the detectors' ticks: signals by name, and the detectors with what each of them reads."""
+    """A recording on the detectors' ticks: signals by name, and the detectors with what each of them reads.
 
-    map: Any  # cosim/replay/map_file.py
-    text: str  # of the map
-    scenario: Any  # cosim.scenario.Scenario
-    clock: str
-    found: list  # detectors
-    wires: dict  # (detector, lane) -> its Wires
-    at: np.ndarray  # ticks (n,) [s]
-    dt: float  # [s]
-    notes: list  # sentences: what is cut or lost
-    values: dict = field(default_factory=dict)  # signal -> (values (n,), valid (n,)), SI
-    unsure: dict = field(default_factory=dict)  # command of which not every tick's is known -> sentence
+    `map` and its `text`, `scenario`, `found` detectors, `wires` {(detector, lane): its Wires}, `at` ticks (n,) [s] that
+    are `dt` [s] apart, `clock` and `notes` sentences about the time and what is cut or lost, `values` {signal: (values
+    (n,), valid (n,)) in SI}, `unsure` {command of which not every tick's is known: sentence}.
+    """
 
+    def __init__(self, path: str | Path, map_path: Any, detectors: Any, start_s: float, user_detectors: Sequence[Any]):
+        """Read the recording at `path` as the map at `map_path` has it; arguments and errors as of `diagnose`."""
+        own = [part.DETECTOR.id for part in loaded(user_detectors)]
+        check_start(start_s)
+        m, self.text = load_map(map_path)
+        self.scenario = with_detectors(_scenario(m, detectors, map_path), user_detectors)
+        self.map, self.dt = signals_of.with_hinge(m), 1.0 / m.rate_hz
+        factors = signals_of.factors(self.map, map_path, self.scenario)
+        self.found = [d for d in table.chosen(self.scenario) if not detectors or d.id in (*detectors, *own)]
+        self.wires = {(d.id, lane): d.inputs[lane] for d in self.found for lane in d.lanes}
+        mapped = [s for s in self.map.signals.values() if s.channel]
+        if not mapped:
+            raise ReplayError("no signal has a channel", place=str(map_path))
+        names = dict.fromkeys(name for s in mapped for name in (s.channel, s.valid) if name)
+        read = read_recording(path, tuple(names), m.time)
+        self.notes = list(read.notes)
+        told = self._make_ticks(path, {s.channel: read.times[read.channels[s.channel][0]] for s in mapped}, start_s)
+        self.clock = f"clock: {read.clock}; {told}"
+        self._sample(read, factors)
 
-def prepare(path: str | Path, map_path: Any, *, detectors: Any = None, start_s: float = 0.0,
-            user_detectors: Sequence[Any] = ()) -> Prepared:  # fmt: skip
-    """Return the recording at `path` as the map at `map_path` has it; arguments and errors as of `diagnose`."""
-    own = [part.DETECTOR.id for part in loaded(user_detectors)]
-    check_start(start_s)
-    m, text = load_map(map_path)
-    scenario = with_detectors(_scenario(m, detectors, map_path), user_detectors)
-    m, dt = signals_of.with_hinge(m), 1.0 / m.rate_hz
-    factors = signals_of.factors(m, map_path, scenario)
-    found = [d for d in table.chosen(scenario) if not detectors or d.id in (*detectors, *own)]
-    wires = {(d.id, lane): d.inputs[lane] for d in found for lane in d.lanes}
-    sources = {w.signal.word: w.signal for own in wires.values() for w in own if w.signal.kind != "detector"}
-    mapped = {name: s for name, s in m.signals.items() if s.channel}
-    if not mapped:
-        raise ReplayError("no signal has a channel", place=str(map_path))
-    names = dict.fromkeys(name for s in mapped.values() for name in (s.channel, s.valid) if name)
-    read = read_recording(path, tuple(names), m.time)
-    used = {s.channel: read.times[read.channels[s.channel][0]] for s in mapped.values()}
-    at = signals_of.ticks(list(used.values()), dt, start_s or None)
-    if not 2 <= len(at) <= MOST_TICKS:
-        spans = ", ".join(f"{name} {t[0]:.12g} to {t[-1]:.12g} s" for name, t in list(used.items())[:6])
-        said = f"the channels have {len(at)} ticks of {m.rate_hz} Hz in common"
-        raise ReplayError(said, place=str(path), allowed=f"2 to {MOST_TICKS}; {spans}", remedy=clock.UNSAID)
-    told = f"each tick ({m.rate_hz} Hz) has the sample nearest to it, within {500 * dt:.3g} ms"
-    if any(clock.interval(t) > 1.01 * dt for t in used.values()):
-        told += "; between samples a sensor is interpolated and a command held"
-    out = Prepared(m, text, scenario, f"clock: {read.clock}; {told}", found, wires, at, dt, list(read.notes))
-    kept = {}
-    for name, signal in ((n, s) for n, s in m.signals.items() if n in sources):
-        if not signal.channel:
-            value = np.nan if signal.absent else signal.constant
-            out.values[name] = np.full(len(at), value), np.full(len(at), float(not signal.absent))
-            continue
-        where, y = read.channels[signal.channel]
-        flags = read.channels.get(signal.valid or "")
-        on = (read.times[flags[0]], flags[1]) if flags else None
-        t, y = signals_of.samples(signal, read.times[where], y, on)
-        out.values[name] = _on_ticks(signal, sources[name], factors[name], t, y, at, dt)
-        kept[name] = t, read.times[where], out.values[name][1]
-    out.notes += lost(kept)
-    out.unsure = signals_of.unsure({n: t for n, (t, *_) in kept.items() if sources[n].kind == "sent"}, dt)
-    return out
+    def _make_ticks(self, path, used, start_s):
+        """Set the ticks that the channels {name: times (rows,) [s]} have in common; return how they take samples."""
+        dt, rate = self.dt, self.map.rate_hz
+        self.at = signals_of.ticks(list(used.values()), dt, start_s or None)
+        if not 2 <= len(self.at) <= MOST_TICKS:
+            spans = ", ".join(f"{name} {t[0]:.12g} to {t[-1]:.12g} s" for name, t in list(used.items())[:6])
+            said = f"the channels have {len(self.at)} ticks of {rate} Hz in common"
+            raise ReplayError(said, place=str(path), allowed=f"2 to {MOST_TICKS}; {spans}", remedy=clock.UNSAID)
+        between = "; between samples a sensor is interpolated and a command held"
+        slower = any(clock.interval(t) > 1.01 * dt for t in used.values())
+        return f"each tick ({rate} Hz) has the sample nearest to it, within {500 * dt:.3g} ms{between * slower}"
+
+    def _sample(self, read, factors):
+        """Set the values of the signals that the detectors read, of a Recording's channels."""
+        sources = {w.signal.word: w.signal for own in self.wires.values() for w in own if w.signal.kind != "detector"}
+        self.values: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        kept = {}
+        for name, signal in ((n, s) for n, s in self.map.signals.items() if n in sources):
+            if not signal.channel:
+                value = np.nan if signal.absent else signal.constant
+                self.values[name] = np.full(len(self.at), value), np.full(len(self.at), float(not signal.absent))
+                continue
+            where, y = read.channels[signal.channel]
+            flags = read.channels.get(signal.valid or "")
+            on = (read.times[flags[0]], flags[1]) if flags else None
+            t, y = signals_of.samples(signal, read.times[where], y, on)
+            self.values[name] = _on_ticks(signal, sources[name], factors[name], t, y, self.at, self.dt)
+            kept[name] = t, read.times[where], self.values[name][1]
+        self.notes += lost(kept)
+        self.unsure = signals_of.unsure({n: t for n, (t, *_) in kept.items() if sources[n].kind == "sent"}, self.dt)
 
 
 def _on_ticks(signal, source, factor, t, y, at, dt):
@@ -135,7 +134,7 @@ def diagnose(
     are files of further detectors (cosim/parts). Raises ReplayError, LogError, ScenarioError, PartError.
     """
     chosen_overrides(detectors, overrides)
-    made = prepare(path, map_path, detectors=detectors, start_s=start_s, user_detectors=user_detectors)
+    made = Prepared(path, map_path, detectors, start_s, user_detectors)
     m, n = made.map, len(made.at)
     about = str(path), str(map_path), made.clock, m.rate_hz, float(made.at[0]), n * made.dt
     out = Diagnosis(*about, output=str(output) if output else None)
@@ -182,11 +181,13 @@ def run_all(made: Prepared, overrides: Mapping[str, Any]) -> tuple[list, list]:
             own_p, u = p[i : i + 1], lane_inputs(d.module, wires[d.id, lane], values, n)
             override(d.record, d.module, own_p, overrides.get(d.id, {}), dt)
             own = Lane(d.id, lane, d.record.level, d.record.every, d.module, own_p, d.module.init(own_p))
-            again = own.step(u[:, :: d.record.every], dt)[0]
+            steps = u[:, :: d.record.every]
+            again = np.concatenate([own.step(steps[:, a : a + SPAN], dt)[0] for a in range(0, steps.shape[1], SPAN)])
             done.append((ready, lane, u, again))
             made.notes.extend(line for line in own.notes if line not in made.notes)
             if d.id in read:
-                outputs = zip(vocabulary.outputs(d.module), np.repeat(again, d.record.every, axis=0)[:n].T)
+                names = vocabulary.elements(d.module.STATE, d.module.OUTPUTS)
+                outputs = zip(names, np.repeat(again, d.record.every, axis=0)[:n].T)
                 values |= {f"{d.id}.{lane}.{name}": (y, np.ones(n)) for name, y in outputs}
     return done, not_run
 

@@ -13,10 +13,10 @@ A channel is a column of the table, or `/topic.field` of an MCAP file.
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError, ValidationInfo
+from pydantic import Field, ValidationInfo
 
 from cosim.replay.log_schema import ReplayError
-from cosim.scenario.problem import Origin, Problems, Table, explained, within
+from cosim.scenario.problem import Origin, Problems, Table, checked, within
 from cosim.texts import read, toml
 
 
@@ -63,7 +63,4 @@ def load_map(path: str | Path) -> tuple[Map, str]:
     except FileNotFoundError:
         raise ReplayError("there is no such file", place=place) from None
     table = toml(text, place=place, error=ReplayError)
-    try:
-        return Map.model_validate(table), text
-    except ValidationError as error:
-        raise explained(error, table, Origin.of_toml(text, place), ReplayError) from None
+    return checked(Map, table, Origin(place, text), ReplayError), text

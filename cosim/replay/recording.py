@@ -4,8 +4,9 @@ A log may be hours long: it is read some chunks at a time, and of each column on
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +21,12 @@ from cosim.judge.detection import JudgedLane, Said
 from cosim.judge.result import Errors, entry_of, judged
 from cosim.log import open_log
 from cosim.replay import log_schema
-from cosim.replay.detector_replay import isolable_parts_of, judged_lane, tell, topics, unflown, values
+from cosim.replay.detector_replay import isolable_parts_of, judged_lane, stretches, tell, topics, unflown
 from cosim.replay.thinned import envelope, peaks
 from cosim.scenario.catalog import ACTUATOR_SENSORS, SENSORS
 from cosim.scenario.vocabulary import place
 
 BASE = "/truth/aircraft"  # has a row at every tick
-TOGETHER = 16  # chunks of a log that are read at once: some 20 MB
 DRAWN = ("/truth/", "/law", "/sensors/", "/faults/")  # topics whose fields a page draws
 PLACES = 400  # of the aircraft's path
 ESTIMATE = ("all", "valid", "not_valid", "low", "high")  # curves of an estimate: with its two-sigma band
@@ -108,7 +108,8 @@ def words(name: str) -> str:
 
 
 class LoggedFlight:
-    """The content of one log, read some chunks at a time: memory does not grow with its length."""
+    """The content of one log up to its end or its first hole, read some chunks at a time: memory does not grow with
+    its length."""
 
     knows_faults = True  # else alarms are neither right nor false
 
@@ -120,22 +121,21 @@ class LoggedFlight:
         self._user_detectors = user_detectors
         self.log = open_log(path, tolerant=True)
         self.scenario = log_schema.scenario(self.log)
+        self.cases = coverage.cases(self.scenario)  # of each fault
         self.detectors = log_schema.detectors(self.log)
         self.toml = self.log.attachments["scenario.toml"].decode()
         if BASE not in self.log.topics:
             raise LogError("holds no truth, only what a replay reads", place=str(path), remedy="Fly the scenario again")
-        self.dt, self.n = self.log.dt_ns / 1e9, self.log.n_ticks
-        if not self.n:
-            raise LogError("holds no tick", place=str(path), remedy="Fly it again")
-        self.t0, self.end = self.log.spans[0][0] * self.dt, (sum(self.log.spans[-1]) - 1) * self.dt
+        holes = (i for i, (one, (k, _)) in enumerate(pairwise([(0, 0), *self.log.spans])) if sum(one) != k)
+        spans = self.log.spans[: next(holes, None)]  # what a detector said behind a hole is not judged
+        if not spans:
+            raise LogError("holds no tick from the start of its flight", place=str(path), remedy="Fly it again")
+        self.dt, self.n = self.log.dt_ns / 1e9, sum(spans[-1])
+        self.t0, self.end = 0.0, (self.n - 1) * self.dt
 
-    def _read(self, topics: Iterable[str]) -> Iterator[tuple[range, dict[str, np.ndarray]]]:
-        """Yield (ticks, {topic: its rows}) of stretches of the log, one after the other."""
-        names = list(dict.fromkeys(topics))
-        for a in range(0, len(self.log.spans), TOGETHER):
-            some = self.log.spans[a : a + TOGETHER]
-            ticks = range(some[0][0], sum(some[-1]))
-            yield ticks, values(self.log, names, ticks.start, ticks.stop)
+    def _rows(self, every):
+        """Return the number of rows of a topic."""
+        return -(-self.n // every)
 
     def has(self, topic: str, name: str) -> bool:
         """Tell whether the log has field `name` of `topic`."""
@@ -145,16 +145,14 @@ class LoggedFlight:
     def _drawn(self):
         """Return ({topic: (Thinned, rows per value)} of DRAWN, (PLACES, 4) of t [s], latitude, longitude [rad], height
         [m] along the path)."""
-        made = {n: envelope(t.rows) for n, t in self.log.topics.items() if n.startswith(DRAWN)}
+        made = {n: envelope(self._rows(t.every)) for n, t in self.log.topics.items() if n.startswith(DRAWN)}
         at = [self.log.topics[BASE].fields.index(n) for n in ("lat", "lon", "h")]
-        picks, done, path = np.unique(np.linspace(0, self.n - 1, PLACES).astype(int)), 0, []
-        for _, read in self._read(made):
+        picks, path = np.unique(np.linspace(0, self.n - 1, PLACES).astype(int)), []
+        for ticks, read in stretches(self.log, made, 0, self.n):
             for name, (thinned, _) in made.items():
                 thinned.add(read[name])
-            rows = read[BASE]
-            own = picks[(picks >= done) & (picks < done + len(rows))]
-            path.append(np.column_stack([self.t0 + self.dt * own, rows[own - done][:, at]]))
-            done += len(rows)
+            own = picks[(picks >= ticks.start) & (picks < ticks.stop)]
+            path.append(np.column_stack([self.t0 + self.dt * own, read[BASE][own - ticks.start][:, at]]))
         return made, np.concatenate(path)
 
     @property
@@ -181,11 +179,6 @@ class LoggedFlight:
         return judged(self.scenario, self.achieved)
 
     @cached_property
-    def cases(self) -> list[str]:
-        """Return the case of each fault (cosim/judge/coverage.py)."""
-        return coverage.cases(self.scenario)
-
-    @cached_property
     def intervals(self) -> Any:
         """Return [(from, to)] during which any fault is active, merged, within the flight."""
         return joined((f["start_s"], min(f["end_s"], self.end)) for f in self.faults if f["start_s"] < self.end)
@@ -196,7 +189,8 @@ class LoggedFlight:
         watched = [(own, topic, truth) for d in self.detectors for own, topic, truth in self._watched(d)]
         new = list(self._unflown({own.id for own, *_ in watched}))
         read_by = [t for _, topic, truth in watched for t in (topic, *(truth.topics if truth else ()))]
-        for ticks, read in self._read([*read_by, *topics(self.log, (lane for _, lane in new))]):
+        read_by += topics(self.log, (lane for _, lane in new))
+        for ticks, read in stretches(self.log, read_by, 0, self.n):
             for own, topic, truth in watched:
                 if truth:
                     truth.add(own, ticks, read, read[topic])
@@ -216,7 +210,7 @@ class LoggedFlight:
             for lane in unflown(self.log, part, self.scenario.elevator.technology):
                 names, units = zip(*lane.outputs)
                 own = judged_lane(lane.id, lane.level, lane.lane, part.ISOLABLE_PARTS, names)
-                rows = -(-self.n // lane.every)
+                rows = self._rows(lane.every)
                 yield Lane(own, lane.lane, lane.every, units, rows, "", self.dt, self.faults), lane
 
     def _watched(self, d):
@@ -229,7 +223,7 @@ class LoggedFlight:
             info = self.log.topics[topics[lane]]
             own = main or next((n for n in info.fields if n.startswith("f_hat")), "")
             judged_ = judged_lane(d["id"], d["level"], lane, isolable_parts_of(d), info.fields)
-            made = Lane(judged_, lane, d["every"], info.units, info.rows, own, self.dt, self.faults)
+            made = Lane(judged_, lane, d["every"], info.units, self._rows(info.every), own, self.dt, self.faults)
             yield made, info.name, truth
 
     def _truth(self, detector, lane):
@@ -294,11 +288,10 @@ class _Truth:
                        np.zeros(len(read[BASE]))) for own in self._sources]  # fmt: skip
         truth = self._plan.truth(np.stack(columns), self._flown.dt, self._kept)
         self._drawn.add(truth[:, None])
-        own = log.ticks(f"/detectors/{lane.id}/{lane.lane}", ticks.start, ticks.stop)
-        at = np.searchsorted(log.ticks(BASE, ticks.start, ticks.stop), own)
+        own = truth[-ticks.start % lane.every :: lane.every]
         ends = self._plan.start, min(self._plan.end, self._flown.end + self._flown.dt)
         first, stop = (max(0, round((t - self._flown.t0) / step) - lane.said.ticks) for t in ends)
-        self.errors.add((rows[:, lane.at[self.output]] - truth[at])[first:stop])
+        self.errors.add((rows[:, lane.at[self.output]] - own)[first:stop])
 
     @property
     def curve(self) -> tuple[np.ndarray, float]:

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 POINTS = 2000  # of a curve; two per interval
 PEAKS = 600  # of a statistic; one per interval
-BLOCK = 1 << 16  # rows that are reduced at once
 
 
 class Thinned:
@@ -21,12 +20,11 @@ class Thinned:
 
     def add(self, rows: NDArray) -> "Thinned":
         """Take the next rows; return itself."""
-        for a in range(0, len(rows), BLOCK):
-            block = np.asarray(rows[a : a + BLOCK], float)
-            block = block if self._left is None else np.concatenate([self._left, block])
-            whole = len(block) // self._step * self._step
-            self._done.append(self._reduced(block[:whole]))
-            self._left = block[whole:]
+        block = np.asarray(rows, float)
+        block = block if self._left is None else np.concatenate([self._left, block])
+        whole = len(block) // self._step * self._step
+        self._done.append(self._reduced(block[:whole]))
+        self._left = block[whole:]
         return self
 
     def values(self) -> NDArray:

@@ -1,6 +1,7 @@
 """Write a replay beside what was logged: a log with every old topic and, under /replay, the new outputs."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,37 +33,28 @@ def append(writer: LogWriter, topics: Sequence[Topic], values: Iterable[Any], st
         writer.append(row)
 
 
-class Overlay:
-    """Write the log at `path` span after span; use as a context manager. Raises LogError for a log with gaps."""
+@contextmanager
+def overlay(log: Log, again: Sequence[str], path: str | Path) -> Iterator[Callable[[dict, dict, int, int], None]]:
+    """Give a function that writes the ticks start <= k < stop of `log` to a log at `path`: all of its topics as they
+    were read, {topic: (rows, fields)}, and those of `again` as they were replayed. Raises LogError for a log with gaps.
+    """
+    if not log.n_ticks or log.gaps:
+        raise LogError("ticks are missing, and an overlay needs every one", place=str(log.path))
+    names = [n for n in log.topics if not n.startswith("/replay/")]
+    olds = [(n, log.topics[n], log.topics[n].group) for n in names]
+    topics = stacked([*olds, *(("/replay" + n, log.topics[n], "replay") for n in again)])
+    how: dict[str, Any] = {"attachments": {n: (log.media_types[n], data) for n, data in log.attachments.items()}}
+    how["metadata"] = {n: v for n, v in log.metadata.items() if n not in RESERVED}
+    how["metadata"]["replay_of"] = {"content": (log.result or {}).get("content", "")}
+    how |= {"n_values": topics[-1].index[-1] + 1, "dt_ns": log.dt_ns, "rows_per_chunk": 500, "kept": False}
+    with LogWriter(path, topics, **how) as writer:
 
-    def __init__(self, log: Log, wired: Any, path: str | Path):
-        if len(log.spans) == 0 or log.spans[0][0] or sum(log.spans[-1]) != log.n_ticks:
-            raise LogError("ticks are missing, and an overlay needs every one", place=str(log.path))
-        self._log, self._names = log, [n for n in log.topics if not n.startswith("/replay/")]
-        olds = [(n, log.topics[n], log.topics[n].group) for n in self._names]
-        self._new = [w.topic for w in wired]
-        news = [("/replay" + topic, log.topics[topic], "replay") for topic in self._new]
-        self._topics = stacked([*olds, *news])
-        how: dict[str, Any] = {"attachments": {n: (log.media_types[n], data) for n, data in log.attachments.items()}}
-        how["metadata"] = {n: v for n, v in log.metadata.items() if n not in RESERVED}
-        how["metadata"]["replay_of"] = {"content": (log.result or {}).get("content", "")}
-        how |= {"n_values": self._topics[-1].index[-1] + 1, "dt_ns": log.dt_ns, "rows_per_chunk": 500, "kept": False}
-        self._writer = LogWriter(path, self._topics, **how)
+        def written(read, new, start, stop):
+            for topic in TOPICS:
+                for k, message in log.messages(topic, start, stop):
+                    writer.message(k, topic, message.SerializeToString())
+            append(writer, topics, [*(read[n] for n in names), *(new[n] for n in again)], start, stop)
 
-    def append(self, read: dict, new: dict, start: int, stop: int) -> None:
-        """Write the ticks start <= k < stop: {topic: (rows, fields)} as logged, and of each lane as replayed."""
-        for topic in TOPICS:
-            for k, message in self._log.messages(topic, start, stop):
-                self._writer.message(k, topic, message.SerializeToString())
-        values = [*(read[n] for n in self._names), *(new[n] for n in self._new)]
-        append(self._writer, self._topics, values, start, stop)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, kind, error, trace):
-        if kind is None:
-            result = {k: v for k, v in (self._log.result or {}).items() if k != "content"}
-            self._writer.close(result=result if self._log.complete else None)
-        else:
-            self._writer.__exit__(kind, error, trace)
+        yield written
+        result = {k: v for k, v in (log.result or {}).items() if k != "content"}
+        writer.close(result=result if log.complete else None)

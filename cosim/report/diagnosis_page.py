@@ -42,6 +42,8 @@ class Watched:
         if "map.toml" not in self.log.attachments or not names:
             remedy = "cosim replay RECORDING --map MAP -o LOG writes one"
             raise LogError("is no log of a diagnosis", place=str(path), remedy=remedy)
+        if self.log.gaps:
+            raise LogError("ticks are missing", place=str(path), remedy="cosim replay RECORDING --map MAP.toml -o LOG")
         self._arrays = {n: self.log.array(n) for n in names}
         self.dt = self.log.dt_ns / 1e9
         self.t0 = float(self.log.metadata.get("run", {}).get("start_s", 0.0))

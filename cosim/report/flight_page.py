@@ -33,7 +33,7 @@ def render(flown: LoggedFlight) -> str:
     elevators, others = flight.surfaces(flown)
     own, chips = flight.detectors(flown)
     loud, quiet = ([n.entry for n in flown.lanes if flight.is_quiet(flown, n) == q] for q in (False, True))
-    lost = [f"{d.length} bytes at {d.offset}: {d.reason}" for d in flown.log.damage]
+    lost = ["{bytes} bytes at {offset}: {reason}".format(**d) for d in flown.log.damage]
     provenance = Table("", "", "", rows=[Row((k, Cell(v, "code"))) for k, v in flown.provenance.items()], kind="",
                        heads=False)  # fmt: skip
     folded = {"title": f"{len(quiet)} lanes of healthy parts stayed quiet", "content": lanes.table(quiet, flown.cases)}
@@ -60,7 +60,8 @@ def summary(flown: LoggedFlight) -> list[tuple[str, list]]:
     lost = log_schema.of_result(flown.log, "not_run") or {}
     found = {"detectors": [lane.entry for lane in flown.lanes], "sim_time_s": flown.end, "achieved": flown.achieved,
              "not_run": lost}  # fmt: skip
-    s, status = flown.scenario, (flown.log.result or {}).get("status", "incomplete: the log ends early")
+    s, ended = flown.scenario, flown.log.result if flown.log.complete else {}
+    status = ended.get("status", "incomplete: the log ends early")
     broken = [". ".join(filter(None, line)) for line in narrator.faults(s, flown.achieved)]
     return [
         ("In short", narrator.sentences(found, s)),

@@ -10,12 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, Field, ValidationError, ValidationInfo
+from pydantic import AfterValidator, Field, ValidationInfo
 
-from actuators.constants import M_PER_FT, RAD_PER_DEG
+from actuators.constants import RAD_PER_DEG
 from actuators.registry import SHIPPED
+from actuators.technology import Key
 from cosim.errors import ScenarioError, did_you_mean
-from cosim.scenario.problem import Origin, Problems, Table, explained, within
+from cosim.scenario.problem import Origin, Problems, Table, checked, within
 from cosim.texts import read, toml
 
 FOLDER = Path(__file__).resolve().parents[2] / "aircraft"
@@ -27,11 +28,12 @@ Positive = Annotated[float, within(0.0, open_low=True)]
 
 def _rising(span: tuple[float, float]) -> tuple[float, float]:
     if not span[0] < span[1]:
-        raise ValueError(f"[{span[0]:g}, {span[1]:g}] is not [lowest, highest]")
+        raise ValueError("must be [lowest, highest]")
     return span
 
 
 Span = Annotated[tuple[float, float], Field(strict=False), AfterValidator(_rising)]
+Percent = Annotated[float, within(0.0, 100.0)]
 
 
 class Geometry(Table):
@@ -43,7 +45,7 @@ class Geometry(Table):
     tail_arm_ft: Positive  # from the CG to the tail, which meets a gust later
     downwash: Annotated[float, Field(ge=0.0, lt=1.0)]  # d epsilon / d alpha at the tail
     station_in: float  # of the CG reference in the structural frame, x aft
-    reference_pct: Annotated[float, within(0.0, 100.0)]  # CG reference, of the mean chord
+    reference_pct: Percent  # CG reference, of the mean chord
 
 
 class Gyration(Table):
@@ -59,18 +61,16 @@ class Mass(Table):
     """What may be loaded, and what the empty aircraft and its one tank weigh."""
 
     mass_t: Span
-    cg_pct: Span
+    cg_pct: Annotated[tuple[Percent, Percent], Field(strict=False), AfterValidator(_rising)]  # of the mean chord
     empty_t: Positive
     fuel_t: Positive
     gyration2_m2: Gyration
 
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check that the aircraft can be loaded."""
-        least, (fore, aft) = self.empty_t + self.fuel_t, self.cg_pct
-        if not self.mass_t[0] > least:
-            wrong.add(f"mass_t begins at {self.mass_t[0]:g} t", allowed=f"above empty_t + fuel_t = {least:g} t")
-        if not 0.0 <= fore < aft <= 100.0:
-            wrong.add(f"cg_pct = [{fore:g}, {aft:g}]", allowed="0 to 100 % of the mean chord")
+        least, low = self.empty_t + self.fuel_t, self.mass_t[0]
+        wrong.require(low > least, f"begins at {low:g} t", key="mass_t",
+                      allowed=f"above empty_t + fuel_t = {least:g} t")
 
 
 class Limits(Table):
@@ -143,19 +143,16 @@ class Aircraft(Table):
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check the elevator's segments, and the parameters of actuators."""
         segments = self.elevator.segments
-        if not segments:
-            wrong.add("elevator has no segment")
-        if len({s.short for s in segments.values()}) < len(segments):
-            wrong.add("two elevator segments have the same short name")
-        for name in (n for n in segments if n.split("_")[0] not in ("left", "right")):
-            wrong.add(f"elevator segment {name!r}: a name begins with left or right")
+        wrong.require(segments, "elevator has no segment")
+        short = {s.short for s in segments.values()}
+        wrong.require(len(short) == len(segments), "two elevator segments have the same short name")
+        for name in segments:
+            wrong.require(name.split("_")[0] in ("left", "right"), "the name of a segment begins with left or right",
+                          key=f"elevator.{name}")
         for technology in (t for t in SHIPPED if t.name in self.actuators):
-            place, nominal = f"actuators.{technology.name}", technology.parameters(())
-            for key, value in self.actuators[technology.name].items():
-                if key not in nominal:
-                    wrong.add(f"unknown parameter {place}.{key}", allowed=", ".join(nominal))
-                elif nominal[key] * value <= 0.0 < abs(nominal[key]):
-                    wrong.add(f"{place}.{key} = {value:g}", allowed=f"of the sign of {nominal[key]:g}")
+            keys = {name: _of_the_sign(name, value) for name, value in technology.parameters(()).items()}
+            wrong.numbers(self.actuators[technology.name], keys, f"{technology.article} actuator",
+                          f"actuators.{technology.name}.")
 
     @property
     def segments(self) -> tuple[str, ...]:
@@ -197,18 +194,7 @@ class Aircraft(Table):
     @property
     def travel(self) -> float:
         """Return the whole travel of the elevator [rad]."""
-        low, high = self.elevator.travel_deg
-        return (high - low) * RAD_PER_DEG
-
-    @property
-    def chord_in(self) -> float:
-        """Return the mean chord [in]."""
-        return self.geometry.chord_ft * 12.0
-
-    @property
-    def wing_area(self) -> float:
-        """Return the wing area [m2]."""
-        return self.geometry.wing_area_ft2 * M_PER_FT**2
+        return (self.elevator.travel_deg[1] - self.elevator.travel_deg[0]) * RAD_PER_DEG
 
     def own(self, technology: str) -> tuple[tuple[str, float], ...]:
         """Return ((parameter, value), ...) in which this aircraft's actuators of a technology differ from it."""
@@ -219,39 +205,26 @@ class Aircraft(Table):
         """Return the folder of designs and thresholds made for this aircraft, None for that which `fdi` brings them."""
         return None if self.folder == FOLDER / DEFAULT else self.folder
 
-    @property
-    def gusts(self) -> dict[str, float]:
-        """Return what a gust meets: span [m], tail arm [m], downwash."""
-        g = self.geometry
-        return {"span": g.span_ft * M_PER_FT, "tail_arm": g.tail_arm_ft * M_PER_FT, "downwash": g.downwash}
 
-    @property
-    def multipliers(self) -> tuple[str, ...]:
-        """Return the names of the coefficients that the JSBSim model can scale: its properties aero/mult/<name>."""
-        return _multipliers(self.folder)
-
-
-def bundled() -> list[str]:
-    """Return the names of the aircraft that ship."""
-    return sorted(p.parent.name for p in FOLDER.glob(f"*/{RECORD}"))
+def _of_the_sign(name, nominal):
+    """Return the Key of a parameter of an actuator: of the sign of its nominal value, any where that is 0."""
+    low, high = sorted((0.0, math.copysign(math.inf, nominal)))
+    return Key(name, low, high, healthy=0.0) if nominal else Key(name, -math.inf, math.inf)
 
 
 @functools.cache
-def ships(name: str) -> bool:
-    """Tell whether an aircraft of this name ships."""
-    return name.isidentifier() and os.path.isfile(FOLDER / name / RECORD)
+def bundled() -> tuple[str, ...]:
+    """Return the names of the aircraft that ship."""
+    return tuple(sorted(p.parent.name for p in FOLDER.glob(f"*/{RECORD}")))
 
 
 def stamps(folder: Path) -> tuple[tuple[str, int, int], ...]:
     """Return what changes with every change of a file of an aircraft's `folder`; () for a bundled one, which stays."""
-    if folder.parent == FOLDER:
-        return ()
-    files: list[Path] = []
-    for top, inner, names in os.walk(folder):
+    found = []
+    for top, inner, names in os.walk(folder) if folder.parent != FOLDER else ():
         inner[:] = [name for name in inner if not name.startswith(".")]  # a repository's own files, thousands of them
-        files += [Path(top, name) for name in names]
-    about = [(str(file), file.stat()) for file in sorted(files) if file.is_file()]
-    return tuple((name, found.st_mtime_ns, found.st_size) for name, found in about)
+        found += [(path, os.stat(path)) for path in (os.path.join(top, name) for name in names) if os.path.isfile(path)]
+    return tuple(sorted((path, about.st_mtime_ns, about.st_size) for path, about in found))
 
 
 def of_folder(function: Callable[..., R]) -> Callable[..., R]:
@@ -284,15 +257,14 @@ def aircraft_of(tables: dict[str, Any]) -> Aircraft:
 
 def load_record(name: str) -> Aircraft:
     """Return the record of a bundled aircraft or folder `name`, which may lack its model; raises ScenarioError."""
-    if ships(name):
-        return _read(FOLDER / name)
-    known = bundled()
-    folder = FOLDER / name if name in known else Path(os.path.expanduser(name))
+    folder = FOLDER / name if name in bundled() else Path(os.path.expanduser(name)).resolve()
     if not os.path.isfile(folder / RECORD):
         said = f"{name!r} is no aircraft" if not os.path.isdir(folder) else f"the folder has no {RECORD}"
-        where = {"place": f"flight.aircraft = {name}", "allowed": f"{', '.join(known)}, or a folder with {RECORD}"}
-        raise ScenarioError(said, **where, remedy=did_you_mean(name, known))
-    return _read(folder.resolve())
+        raise ScenarioError(
+            said, place=f"flight.aircraft = {name}", allowed=f"{', '.join(bundled())}, or a folder with {RECORD}",
+            remedy=did_you_mean(name, bundled()),
+        )  # fmt: skip
+    return _read(folder)
 
 
 def of(info: ValidationInfo) -> Aircraft:
@@ -305,14 +277,13 @@ def _read(folder: Path) -> Aircraft:
     path = folder / RECORD
     place, text = f"{folder.name}/{RECORD}", read(path, error=ScenarioError)
     table = toml(text, place=place, error=ScenarioError)
-    try:
-        return Aircraft.model_validate({**table, "name": folder.name, "folder": folder})
-    except ValidationError as error:
-        raise explained(error, table, Origin.of_toml(text, place)) from None
+    return checked(Aircraft, {**table, "name": folder.name, "folder": folder}, Origin(place, text))
 
 
 @of_folder
-def _multipliers(folder: Path) -> tuple[str, ...]:
+def multipliers(folder: Path) -> tuple[str, ...]:
+    """Return the names of the coefficients that the JSBSim model of a folder can scale: its properties
+    aero/mult/<name>."""
     import re
 
     texts = (path.read_text(encoding="utf-8", errors="replace") for path in sorted(folder.rglob("*.xml")))

@@ -3,7 +3,10 @@
 These tables are the only place where that is written: validation, `cosim list`, messages and conversion read them.
 """
 
+import functools
+import inspect
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
@@ -11,33 +14,24 @@ from typing import Any
 from actuators.constants import M_PER_FT, M_S_PER_KT, RAD_PER_DEG
 from actuators.registry import SHIPPED
 from actuators.technology import ARM_DEG, LOSS, MM, SURFACE_DEG, Key, Kind, Technology, Unit
-from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario.aircraft import load_aircraft, multipliers
 
 _TRANSPORT = load_aircraft()
 SEGMENTS = _TRANSPORT.segments  # of the default aircraft
-GROUPS = _TRANSPORT.groups
-DEFAULT_TECHNOLOGY: dict[str, Any] = _TRANSPORT.technology
 FEEDBACKS = ("measured", "iotsekf", "rtsekf", "rtsekf_flight")
+DEFAULT_TECHNOLOGY: dict[str, Any] = _TRANSPORT.technology
 SURFACES = ("aileron.left", "aileron.right", "rudder", "stabiliser")
 
 
-_deg = SURFACE_DEG
-_deg_s = Unit("deg_s", RAD_PER_DEG, "rad/s", 90.0)
-_deg_s2 = Unit("deg_s2", RAD_PER_DEG, "rad/s2", 90.0)
-_kt = Unit("kt", M_S_PER_KT, "m/s", 200.0)
-_g = Unit("g", 1.0, "g", 5.0)
-_height = (Unit("m", 1.0, "m", 5000.0), Unit("ft", M_PER_FT, "m", 15000.0))
-_climb = (Unit("m_s", 1.0, "m/s", 100.0), Unit("ft_s", M_PER_FT, "m/s", 300.0))
-
 SENSORS = {  # aircraft sensor -> units of its faults and settings; the first one is its own
-    **dict.fromkeys(("alpha", "beta", "phi", "theta", "psi", "alpha_ground"), (_deg,)),
-    **dict.fromkeys(("p", "q", "r"), (_deg_s,)),
-    **dict.fromkeys(("pdot", "qdot", "rdot"), (_deg_s2,)),
-    **dict.fromkeys(("cas", "tas"), (_kt,)),
+    **dict.fromkeys(("alpha", "beta", "phi", "theta", "psi", "alpha_ground"), (SURFACE_DEG,)),
+    **dict.fromkeys(("p", "q", "r"), (Unit("deg_s", RAD_PER_DEG, "rad/s", 90.0),)),
+    **dict.fromkeys(("pdot", "qdot", "rdot"), (Unit("deg_s2", RAD_PER_DEG, "rad/s2", 90.0),)),
+    **dict.fromkeys(("cas", "tas"), (Unit("kt", M_S_PER_KT, "m/s", 200.0),)),
     "mach": (Unit("mach", 1.0, "-", 0.5),),
-    **dict.fromkeys(("h_baro", "h_inertial"), _height),
-    **dict.fromkeys(("hdot", "v_ground"), _climb),
-    **dict.fromkeys(("n_x", "n_y", "n_z"), (_g,)),
+    **dict.fromkeys(("h_baro", "h_inertial"), (Unit("m", 1.0, "m", 5000.0), Unit("ft", M_PER_FT, "m", 15000.0))),
+    **dict.fromkeys(("hdot", "v_ground"), (Unit("m_s", 1.0, "m/s", 100.0), Unit("ft_s", M_PER_FT, "m/s", 300.0))),
+    **dict.fromkeys(("n_x", "n_y", "n_z"), (Unit("g", 1.0, "g", 5.0),)),
     **dict.fromkeys(("n1_1", "n1_2", "n1_3", "n1_4"), (Unit("pct", 1.0, "%", 100.0),)),
     "mass": (Unit("t", 1000.0, "kg", 100.0),),
     "cg": (Unit("pct", 0.01, "-", 20.0),),
@@ -115,21 +109,14 @@ ELEVATOR_KINDS: dict[str, Kind] = {}
 
 
 def register(technology: Technology) -> None:
-    """Know `technology`, its sensors and its kinds of fault; ValueError where it contradicts another. One that does not
-    ship is for the scenario that brings it along."""
-    for name, sensor in technology.sensors.items():
-        if ACTUATOR_SENSORS.get(name, sensor.units) != sensor.units:
-            raise ValueError(f"sensor {name!r} of {technology.name!r} has other units than another technology's")
+    """Know `technology`, its sensors and its kinds of fault. One that does not ship is for the scenario that brings it
+    along."""
     TECHNOLOGIES[technology.name] = technology
-    _derive()
-
-
-def _derive():
     for table in (ACTUATOR_SENSORS, LOOP_SENSOR, ELEVATOR_KINDS):
         table.clear()
     kinds = {**_COMMON}
     for t in TECHNOLOGIES.values():
-        ACTUATOR_SENSORS.update({name: s.units for name, s in t.sensors.items() if name not in ACTUATOR_SENSORS})
+        ACTUATOR_SENSORS.update({name: sensor.units for name, sensor in t.sensors.items()})
         kinds |= {name: kind for name, kind in t.kinds.items() if name not in kinds}
     LOOP_SENSOR.update({t.name: t.loop_sensor for t in TECHNOLOGIES.values() if t.loop_sensor})
     suffers = {t.name: {*_ALWAYS, *t.effects, t.loop_sensor and "jam_liquid"} for t in TECHNOLOGIES.values()}
@@ -139,6 +126,43 @@ def _derive():
 
 for _technology in SHIPPED:
     register(_technology)
+
+
+# -- numbers that a scenario may multiply, read from the aircraft and the actuators, with what they mean
+MULTIPLIED = ("aero", *(name for name, t in TECHNOLOGIES.items() if t.servo))
+COEFFICIENTS = {
+    "CL": "lift", "CD": "drag", "CY": "side force", "Cl": "rolling moment", "Cm": "pitching moment",
+    "Cn": "yawing moment", "Ch": "hinge moment of the elevator segments",
+}  # fmt: skip
+PER = {
+    "0": "at zero angle of attack", "alpha": "over angle of attack", "beta": "over sideslip",
+    "p": "over roll rate", "q": "over pitch rate", "r": "over yaw rate", "alphadot": "over rate of angle of attack",
+    "de": "over elevator", "ds": "over stabiliser", "da": "over aileron", "dr": "over rudder",
+    "delta": "over its angle",
+}  # fmt: skip
+_FIELD = re.compile(
+    r'\(\s*"(\w+)",\s*"f8"(?:,\s*"([^"]*)")?,?\s*\),\s*#\s*(.*?)\s*(?:\[([^\]]*)\])?\s*$', re.M
+)  # of a dtype: name, unit, what it is, unit where it stands behind
+
+
+@functools.cache
+def toleranced(group: str) -> tuple[str, ...]:
+    """Return the names of group "aero" or of a technology; its blocks are imported only when they are asked for."""
+    return multipliers() if group == "aero" else TECHNOLOGIES[group].tolerances
+
+
+def meanings(group: str) -> dict[str, tuple[str, str]]:
+    """Return {name: (what it is, unit)} of what `toleranced(group)` names."""
+    if group == "aero":
+        parts = {name: name.partition("_") for name in toleranced(group)}
+        return {name: (f"{COEFFICIENTS[what]} {PER[over]}", "-") for name, (what, _, over) in parts.items()}
+    actuator = TECHNOLOGIES[group].modules()[1]
+    package = actuator.__name__.rpartition(".")[0]
+    around = [m for m in vars(actuator).values() if inspect.ismodule(m) and m.__name__.startswith(package)]
+    sources = [inspect.getsource(m) for m in (*around, actuator)]
+    found = (field for source in sources for field in _FIELD.findall(source))
+    fields = {name: (text, unit or behind) for name, unit, text, behind in found}
+    return {name: fields.get(name, ("", "")) for name in toleranced(group)}
 
 
 OSCILLATIONS = ("ofc_liquid", "ofc_solid", "oscillation")

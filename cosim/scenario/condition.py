@@ -14,10 +14,9 @@ import functools
 import operator
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cosim.errors import ScenarioError, did_you_mean
+from cosim.errors import ScenarioError
 from cosim.scenario import vocabulary
 
 if TYPE_CHECKING:
@@ -29,30 +28,24 @@ LONGEST = 2000  # characters
 COMPARE: dict[type, Callable] = {ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge}
 
 
-@dataclass(frozen=True)
-class Condition:
-    """Comparisons of signals with numbers, joined by `and` and `or`, as a syntax tree."""
-
-    tree: ast.expr
-
-    def true(self, values: "Mapping[str, np.ndarray]") -> "np.ndarray":
-        """Return at which ticks it holds (ticks,), from {signal: values (ticks,)}."""
-        return self._true(self.tree, values)
-
-    def _true(self, node, values):
-        if isinstance(node, ast.BoolOp):
-            join = operator.and_ if isinstance(node.op, ast.And) else operator.or_
-            return functools.reduce(join, (self._true(part, values) for part in node.values))
-        return COMPARE[type(node.ops[0])](values[_name(node.left)], _number(node.comparators[0]))
-
-    def signals(self) -> tuple[str, ...]:
-        """Return the names of its signals."""
-        names = (_name(node.left) for node in ast.walk(self.tree) if isinstance(node, ast.Compare))
-        return tuple(dict.fromkeys(names))
+def true(tree: ast.expr, values: "Mapping[str, np.ndarray]") -> "np.ndarray":
+    """Return at which ticks a condition holds (ticks,), from {signal: values (ticks,)}."""
+    if isinstance(tree, ast.BoolOp):
+        join = operator.and_ if isinstance(tree.op, ast.And) else operator.or_
+        return functools.reduce(join, (true(part, values) for part in tree.values))
+    assert isinstance(tree, ast.Compare)
+    return COMPARE[type(tree.ops[0])](values[_name(tree.left)], _number(tree.comparators[0]))
 
 
-def condition(text: str) -> Condition:
-    """Return the condition that `text` says. Raises ScenarioError with what is wrong."""
+def signals(tree: ast.expr) -> tuple[str, ...]:
+    """Return the names of the signals of a condition."""
+    names = (_name(node.left) for node in ast.walk(tree) if isinstance(node, ast.Compare))
+    return tuple(dict.fromkeys(names))
+
+
+def condition(text: str) -> ast.expr:
+    """Return the condition that `text` says: comparisons of signals with numbers, joined by `and` and `or`, as a syntax
+    tree. Raises ScenarioError with what is wrong."""
     try:
         if len(text) > LONGEST or "#" in text:  # a comment of Python's
             raise ValueError
@@ -62,7 +55,7 @@ def condition(text: str) -> Condition:
         _check(tree)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise _wrong("is no condition") from None
-    return Condition(tree)
+    return tree
 
 
 def _name(node):
@@ -87,9 +80,8 @@ def _check(node):
         return
     try:
         signal = vocabulary.find(name)
-    except KeyError:
-        near = did_you_mean(name, [TIME, *vocabulary.words()])
-        raise _wrong(f"{name!r} is no signal", near or "`cosim list signals` has them") from None
+    except KeyError as error:
+        raise _wrong(error.args[0], "`cosim list signals` has them") from None
     if signal.technologies and "." not in name:
         raise _wrong(f"{name!r} needs a segment", f"For example left_inner.{name}")
 
@@ -107,13 +99,6 @@ def other_fault(name: str) -> int | None:
     """Return the number of the fault that a condition's signal is of, None for other signals."""
     found = OF_FAULT.fullmatch(name)
     return int(found[1]) if found else None
-
-
-def source(name: str) -> str:
-    """Return the place on the bus of a condition's signal: of a measured one its value."""
-    if name == TIME:
-        return "clock.clock.t"
-    return name if name.count(".") > 1 else vocabulary.find(name).source
 
 
 def _wrong(problem, remedy=""):

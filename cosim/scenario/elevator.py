@@ -1,14 +1,20 @@
-"""[elevator]: technology, feedback and own parameters of every segment."""
+"""[elevator]: technology, feedback and own parameters of every segment. [actuators]: technologies that a scenario
+brings along, a block in a file or an FMU (actuators/README.md)."""
 
-from typing import Any, Literal
+import functools
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo
 
+from actuators.constants import TO_SI
 from actuators.technology import Key
+from cosim.errors import ScenarioError
 from cosim.scenario import catalog as c
-from cosim.scenario import tolerance
 from cosim.scenario.aircraft import of
-from cosim.scenario.problem import MULTIPLIER, Problems, Table, choice, problem
+from cosim.scenario.problem import MULTIPLIER, Problems, Table, choice
+from cosim.scenario.user_parts import load
 
 Feedback = Literal["measured", "iotsekf", "rtsekf", "rtsekf_flight"]
 
@@ -18,6 +24,13 @@ class Settings(Table):
 
     truth: dict[str, float] = Field(default_factory=dict)
     model: dict[str, float] = Field(default_factory=dict)
+
+    @classmethod
+    def filled(cls, raw: dict[str, Any], wrong: Problems, info: ValidationInfo) -> dict[str, Any]:
+        """Put what stands beside truth and model into both."""
+        both = {name: value for name, value in raw.items() if name not in cls.model_fields}
+        parts = {part: raw.get(part, {}) for part in cls.model_fields}
+        return {part: {**both, **own} if isinstance(own, dict) else own for part, own in parts.items()}
 
 
 class Elevator(Table, extra="allow"):
@@ -38,25 +51,21 @@ class Elevator(Table, extra="allow"):
         """Add technology and feedback of every segment."""
         default, given = of(info).technology, raw.get("feedback", {})
         wrong.unknown(raw, (*default, *cls.model_fields))
-        if not isinstance(parameters := raw.get("parameters", {}), dict):
-            raise problem("must be a table", key="parameters")
         known = (*(t.name for t in c.SHIPPED), *(info.context or {}).get("actuators", ()))
         technology = {name: raw.get(name, own) for name, own in default.items()}
+        parameters = raw.get("parameters", {})
         for name, word in technology.items():
-            if isinstance(word, dict):
-                technology[name], own = _with_its_table(name, word)
+            if isinstance(word, dict) and len(word) == 1 and isinstance(parameters, dict):
+                ((technology[name], own),) = word.items()
                 parameters = {**parameters, name: own}
-            if technology[name] not in known:
-                wrong.add("is not one of the choices", key=name, allowed=", ".join(known))
+            wrong.require(technology[name] in known, "is not one of the choices", key=name, allowed=", ".join(known))
         word = given if isinstance(given, str) else "iotsekf"
         if word not in c.FEEDBACKS:
             wrong.append(choice(word, c.FEEDBACKS, "feedback", key="feedback"))
-        sources = given if isinstance(given, dict) else {}
-        wrong.unknown(sources, default, "feedback.")
-        wrong.unknown(parameters, default, "parameters.")
-        filled = {name: word if tech == "hydraulic" else "measured" for name, tech in technology.items()}
-        feedback = {**filled, **sources} if isinstance(given, str | dict) else given
-        return {**technology, **raw, **technology, "feedback": feedback, "parameters": parameters}
+        feedback = {name: word if tech == "hydraulic" else "measured" for name, tech in technology.items()}
+        if isinstance(given, dict | str):
+            given = {**feedback, **(given if isinstance(given, dict) else {})}
+        return {**technology, **raw, **technology, "feedback": given, "parameters": parameters}
 
     @property
     def ema_estimate(self) -> str:
@@ -65,18 +74,19 @@ class Elevator(Table, extra="allow"):
 
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check that filters are of hydraulic actuators, and parameters of that one and near its nominal ones."""
+        wrong.unknown(self.feedback, self.technology, "feedback.")
+        wrong.unknown(self.parameters, self.technology, "parameters.")
         for name, tech in self.technology.items():
-            if tech != "hydraulic" and self.feedback.get(name, "measured") != "measured":
-                said = f"{self.feedback[name]} is a filter of hydraulic actuators, {name} is {tech}"
-                wrong.add(said, key=f"feedback.{name}", allowed="measured")
-        for name, settings in self.parameters.items():
-            own = c.TECHNOLOGIES[self.technology[name]]
-            nominal = own.parameters(of(info).own(own.name)).items()
-            keys = {k: _near(k, v) for k, v in nominal if k not in own.fixed}
-            what = f"{own.article} actuator"
-            units = {key: unit for key, (_, unit) in tolerance.meanings(own.name).items()}
-            for part, values in settings:
-                wrong.numbers(values, keys, what, f"parameters.{name}.{part}", units)
+            said = f"{self.feedback[name]} is a filter of hydraulic actuators, {name} is {tech}"
+            fits = tech == "hydraulic" or self.feedback[name] == "measured"
+            wrong.require(fits, said, key=f"feedback.{name}", allowed="measured")
+            if name in self.parameters:
+                own = c.TECHNOLOGIES[tech]
+                nominal = own.parameters(of(info).own(tech)).items()
+                keys = {k: _near(k, v) for k, v in nominal if k not in own.fixed}
+                units = {key: unit for key, (_, unit) in c.meanings(tech).items()}
+                for part, values in self.parameters[name]:
+                    wrong.numbers(values, keys, f"{own.article} actuator", f"parameters.{name}.{part}.", units)
 
     @property
     def technology(self) -> dict[str, str]:
@@ -84,17 +94,79 @@ class Elevator(Table, extra="allow"):
         return dict(self.model_extra or {})
 
 
-def _with_its_table(name, given):
-    """Return (technology, table of its Settings) of [elevator.<segment>.<technology>]."""
-    if len(given) != 1 or not isinstance(next(iter(given.values())), dict):
-        raise problem("must be a technology with its table", key=name, allowed=f"[elevator.{name}.<technology>]")
-    ((technology, table),) = given.items()
-    both = {key: value for key, value in table.items() if key not in Settings.model_fields}
-    parts = {part: table.get(part, {}) for part in Settings.model_fields}
-    return technology, {part: {**both, **own} if isinstance(own, dict) else own for part, own in parts.items()}
-
-
 def _near(name, nominal):
     """Return the Key of a parameter that may differ from its nominal value as a multiplier may; a backlash is 0."""
     low, high = sorted((MULTIPLIER.low * nominal, MULTIPLIER.high * nominal))
     return Key(name, low, high) if nominal else Key(name, 0.0, 0.1)
+
+
+INPUTS = {  # word -> its unit
+    "command": "rad", "valve_command": "-", "hinge_0": "N m", "hinge_slope": "N m/rad", "hinge_moment": "N m",
+}  # fmt: skip
+OUTPUTS = {"surface": "rad", "rod": "m", "pressure": "-"}
+
+
+class Variable(Table):
+    """A variable of an FMU and its unit; left out: the one that the FMU declares, else SI."""
+
+    variable: Annotated[str, Field(min_length=1)]
+    unit: str = ""
+
+
+class OwnActuator(Table):
+    """A block in a file, or an FMU with its variables."""
+
+    file: str | None = None
+    fmu: str | None = None
+    sha256: str | None = None
+    servo: Literal["", "hydraulic"] = ""
+    inputs: dict[str, Variable] = Field(default_factory=dict)
+    outputs: dict[str, Variable] = Field(default_factory=dict)
+    start: dict[str, Variable] = Field(default_factory=dict)
+    parameters: dict[str, float] = Field(default_factory=dict)
+
+    def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
+        """Check that there is one of file and FMU, and an FMU's map."""
+        wrong.one_of(("file", "fmu"), {key for key, value in self if value is not None}, who="an actuator")
+        if self.fmu is None:
+            for part in ("inputs", "outputs", "start", "parameters"):
+                remedy = "Those of a block stand in its file: params()"
+                wrong.require(not getattr(self, part), "is of an FMU", key=part, remedy=remedy)
+            return
+        own, other = ("valve_command", "command") if self.servo else ("command", "valve_command")
+        inputs = {word: si for word, si in INPUTS.items() if word != other}
+        measured = ("surface", "rod", "pressure") if self.servo else ("surface",)
+        every = ("inputs", inputs, (own,)), ("outputs", OUTPUTS, measured), ("start", {"surface": "rad", **inputs}, ())
+        for part, words, needed in every:
+            given = getattr(self, part)
+            wrong.unknown(given, words, f"{part}.", of=part)
+            for word in needed:
+                allowed = "{ variable = ..., unit = ... }"
+                wrong.require(word in given, "is missing", key=f"{part}.{word}", allowed=allowed, lacks=[word])
+            for word, unit in ((word, variable.unit) for word, variable in given.items() if word in words):
+                if unit not in ("", *TO_SI[words[word]]):
+                    wrong.append(choice(unit, TO_SI[words[word]], f"unit of {word}", key=f"{part}.{word}.unit"))
+
+    @property
+    def path(self) -> Path:
+        """Return the file."""
+        return Path(os.path.expanduser(self.file or self.fmu or ""))
+
+
+class OwnActuators(Table, extra="ignore"):
+    """Of the tables of a scenario that of the actuators that it brings along, which says what the others may name."""
+
+    actuators: dict[str, OwnActuator] = Field(default_factory=dict)
+
+
+def register(actuators: dict[str, OwnActuator]) -> None:
+    """Let scenarios name these technologies; a shipped one keeps its name."""
+    from actuators import user_actuator  # it needs NumPy, and an FMU's reader takes a while to import
+
+    shipped = [technology.name for technology in c.SHIPPED]
+    for name, own in actuators.items():
+        error = functools.partial(ScenarioError, place=f"actuators.{name}")
+        if not name.isidentifier() or name in shipped:
+            allowed = f"letters, digits and underscores, but {', '.join(shipped)}"
+            raise error(f"{name!r} is no name of a user's actuator", allowed=allowed)
+        c.register(user_actuator.technology(name, own, {**INPUTS, **OUTPUTS}, load, error))

@@ -1,6 +1,7 @@
 """One fault of a scenario: parsed target, checked parameters, and the SI numbers that the loop injects."""
 
 import dataclasses
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,11 +14,11 @@ from actuators.technology import Key, Kind
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario import catalog as c
 from cosim.scenario.aircraft import Aircraft, load_aircraft, of
-from cosim.scenario.condition import condition, other_fault
+from cosim.scenario.condition import condition, other_fault, signals
 from cosim.scenario.problem import Duration, Problems, Seconds, Table, choice, problem
 
 COMMON = ("target", "kind", "start_s", "when", "lasts_s", "end_s", "ramp_s")
-NEVER_S = 36000.0  # the onset of a fault that waits for its condition
+NEVER_S = 36000.0  # the onset of a fault that waits for its condition; no flight is longer
 
 
 @dataclass(frozen=True)
@@ -60,13 +61,15 @@ class Target:
     @property
     def kinds(self) -> dict[str, Kind]:
         """Return {kind: Kind} that this place can have."""
-        if self.place == "actuator_sensor":
-            kinds = c.sensor_kinds(c.ACTUATOR_SENSORS[self.sensor])
-            closes = self.sensor in c.LOOP_SENSOR.values()
+        if self.sensor:
+            kinds = c.sensor_kinds({**c.SENSORS, **c.ACTUATOR_SENSORS}[self.sensor])
+            closes = self.place == "actuator_sensor" and self.sensor in c.LOOP_SENSOR.values()
             return kinds | ({"jam_liquid": c.ELEVATOR_KINDS["jam_liquid"]} if closes else {})
-        if self.place == "sensor":
-            return c.sensor_kinds(c.SENSORS[self.sensor])
         return {"elevator": c.ELEVATOR_KINDS, "surface": c.SURFACE_KINDS, "engine": c.ENGINE_KINDS}[self.place]
+
+    def paths(self, kind: str) -> tuple[str, ...]:
+        """Return the paths that a `kind` can have, the default first: a liquid jam is a fault of the loop."""
+        return c.PATHS.get(self.place, ())[: 1 if kind == "jam_liquid" else None]
 
 
 def targets(aircraft: Aircraft) -> dict[str, Target]:
@@ -107,70 +110,69 @@ class Fault(Table, extra="allow"):
     lasts_s: Duration | None = None  # of one with a condition, until it heals
     end_s: Seconds | None = None
     ramp_s: Seconds = 0.0
-    at: Literal["valve", "command", "sensor"] | None = None
-    path: Literal["all", "observers", "loop", "monitor"] | None = None
+    at: str | None = None
+    path: str | None = None
     shape: Literal["sine", "square", "triangle", "chirp"] | None = None
     _aircraft: Aircraft
-    _target: Target
 
     def model_post_init(self, context: Any) -> None:
-        """Remember what the target names, and whose part that is."""
+        """Remember whose part the target names."""
         self._aircraft = (context or {}).get("aircraft") or load_aircraft()
-        self._target = target_of(self.target, self._aircraft)
 
     @classmethod
     def filled(cls, raw: dict[str, Any], wrong: Problems, info: ValidationInfo) -> dict[str, Any]:
         """Add the defaults of its kind."""
-        if not all(isinstance(raw.get(k), str) for k in ("target", "kind")):
+        target, name = raw.get("target"), raw.get("kind")
+        if not isinstance(target, str) or not isinstance(name, str):
             return raw  # pydantic says what is missing or of the wrong type
-        target, name = target_of(raw["target"], of(info)), raw["kind"]
-        if name not in target.kinds:
-            raise choice(name, target.kinds, f"fault of {raw['target']}", key="kind")
-        kind, ways = target.kinds[name], {}
-        paths = c.PATHS.get(target.place, ())[: 1 if name == "jam_liquid" else None]  # that is a fault of the loop
-        for key, what, allowed in (("at", "place of entry", kind.at), ("path", "path", paths)):
-            given = raw.get(key)
-            if given is not None and given not in allowed:
-                said = f"{given!r} is no {what} of {name} on {raw['target']}"
-                raise problem(said, key=key, allowed=", ".join(allowed) or "none: leave it out")
-            ways[key] = given or next(iter(allowed), None)
+        place = target_of(target, of(info))
+        if name not in place.kinds:
+            raise choice(name, place.kinds, f"fault of {target}", key="kind")
+        kind = place.kinds[name]
         waits = {"start_s": NEVER_S} if isinstance(raw.get("when"), str) else {}
-        return kind.filled({**waits, **raw, **ways})
+        ways = {"at": kind.at[:1], "path": place.paths(name)[:1]}
+        first = {key: way[0] for key, way in ways.items() if way and raw.get(key) is None}
+        return kind.filled({**waits, **raw, **first})
 
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check the kind's own numbers, and that the keys fit together."""
-        kind, own, sweep = self.spec, self.model_extra or {}, c.SWEEP.name
-        if self.shape is not None and self.kind not in c.OSCILLATIONS:
-            wrong.add(f"{self.kind} has no shape", key="shape", allowed="no such key", remedy="Remove shape")
-        elif self.shape != "chirp" and self.kind in c.OSCILLATIONS and sweep in own:
-            wrong.add("is for a chirp", key=sweep, remedy="Say shape = 'chirp'")
-        elif self.shape == "chirp":
+        kind, own = self.spec, self.model_extra or {}
+        sweep, oscillates = c.SWEEP.name, self.kind in c.OSCILLATIONS
+        ways = ("at", "place of entry", self.at, kind.at), ("path", "path", self.path, self.parsed.paths(self.kind))
+        for key, what, given, allowed in ways:
+            wrong.require(given in (allowed or (None,)), f"{given!r} is no {what} of {self.kind} on {self.target}",
+                          key=key, allowed=", ".join(allowed) or "none: leave it out")
+        shaped = oscillates or self.shape is None
+        wrong.require(shaped, f"{self.kind} has no shape", key="shape", allowed="no such key", remedy="Remove shape")
+        swept = not oscillates or self.shape == "chirp" or sweep not in own
+        wrong.require(swept, "is for a chirp", key=sweep, remedy="Say shape = 'chirp'")
+        if self.shape == "chirp" and oscillates:
             kind = dataclasses.replace(kind, keys=(*kind.keys, c.SWEEP))
-        if self.kind.startswith("ofc_"):
+        if self.at in kind.at and self.kind.startswith("ofc_"):
             here = c.AMPLITUDES_AT[self.at or ""]
             kind = dataclasses.replace(kind, one_of=tuple(k for k in kind.one_of if k.name in here))
         where = f"{self.kind} at {self.at!r}" if self.at else self.kind
-        wrong.of_kind(kind, own, where, self._optional, COMMON)
+        wrong.of_kind(kind, own, where, COMMON, self._optional)
         self._times(wrong)
 
     def _times(self, wrong):
         """Check onset, end and ramp, and the condition in place of an onset."""
-        if self.when is not None:
-            try:
+        lasting = self.end - self.start_s
+        try:
+            if self.when is not None:
                 condition(self.when)
-            except ScenarioError as error:
-                wrong.add(error.problem, key="when", allowed=error.allowed, remedy=error.remedy)
-        elif self.lasts_s is not None:
-            wrong.add("is for a fault with a condition", key="lasts_s", remedy="Say end_s")
-        if self.waits and self.end_s is not None:
-            wrong.add("a fault that waits has no end yet", key="end_s", remedy="Say lasts_s")
-        elif self.end <= self.start_s:
-            said = f"the fault ends at {self.end:g} s, not after its start"
-            wrong.add(said, key="end_s", allowed=f"above start_s = {self.start_s:g}")
-        elif self.ramp_s > self.end - self.start_s:
-            wrong.add("the ramp is longer than the fault", key="ramp_s", allowed=f"0 to {self.end - self.start_s:g}")
-        if self.ramp_s and self.spec.switched:
-            wrong.add(f"{self.kind} does not support ramp_s", key="ramp_s", allowed="0", remedy="Remove ramp_s")
+        except ScenarioError as error:
+            wrong.add(error.problem, key="when", allowed=error.allowed, remedy=error.remedy)
+        wrong.require(self.when is not None or self.lasts_s is None, "is for a fault with a condition", key="lasts_s",
+                      remedy="Say end_s")
+        wrong.require(not self.waits or self.end_s is None, "a fault that waits has no end yet", key="end_s",
+                      remedy="Say lasts_s")
+        wrong.require(lasting > 0.0, f"the fault ends at {self.end:g} s, not after its start", key="end_s",
+                      allowed=f"above start_s = {self.start_s:g}")
+        wrong.require(self.ramp_s <= lasting or lasting <= 0.0, "the ramp is longer than the fault", key="ramp_s",
+                      allowed=f"0 to {lasting:g}")
+        wrong.require(not self.ramp_s or not self.spec.switched, f"{self.kind} does not support ramp_s", key="ramp_s",
+                      allowed="0", remedy="Remove ramp_s")
 
     @property
     def _optional(self) -> tuple[Key, ...]:
@@ -191,13 +193,13 @@ class Fault(Table, extra="allow"):
 
     def at_time(self, start_s: float) -> "Fault":
         """Return this fault with its onset at `start_s` [s]."""
-        ends = {} if self.lasts_s is None else {"end_s": start_s + self.lasts_s}
+        ends = {} if self.lasts_s is None else {"end_s": min(start_s + self.lasts_s, NEVER_S)}
         return self.model_copy(update={"start_s": start_s, **ends})
 
-    @property
+    @functools.cached_property
     def parsed(self) -> Target:
         """Return the Target."""
-        return self._target
+        return target_of(self.target, self._aircraft)
 
     @property
     def spec(self) -> Kind:
@@ -249,42 +251,38 @@ class Fault(Table, extra="allow"):
         return [Injection(place=target.place, name=n, sensor=sensor, **common) for n, sensor in sensors.items()]
 
 
-def check_together(faults: Sequence[Fault], technology: dict[str, str]) -> None:
-    """Raise for every fault that its actuator cannot have, that waits for one that there is not, or that overlaps
-    another in what it takes over; when one that waits for its condition will do so is not known yet."""
-    wrong = Problems()
+def check_together(faults: Sequence[Fault], technology: dict[str, str], wrong: Problems) -> None:
+    """Add what is wrong with every fault that its actuator cannot have, that waits for one that there is not, or that
+    overlaps another in what it takes over; when one that waits for its condition will do so is not known yet."""
     for i, fault in enumerate(faults):
-        _check_technology(i, fault, technology, wrong)
-        names = condition(fault.when).signals() if fault.when is not None else ()
-        for number in map(other_fault, names):
-            if number is not None and (number == i or number >= len(faults)):
-                said = "a fault cannot wait for itself" if number == i else f"there is no fault {number}"
-                allowed = ", ".join(f"fault.{k}" for k in range(len(faults)) if k != i)
-                wrong.add(said, key=f"faults.{i}.when", allowed=allowed)
+        _check_technology(f"faults.{i}", fault, technology, wrong)
+        names = signals(condition(fault.when)) if fault.when is not None else ()
+        for number in (number for number in map(other_fault, names) if number is not None):
+            said = "a fault cannot wait for itself" if number == i else f"there is no fault {number}"
+            allowed = ", ".join(f"fault.{k}" for k in range(len(faults)) if k != i)
+            wrong.require(i != number < len(faults), said, key=f"faults.{i}.when", allowed=allowed)
         for j, other in enumerate(faults[:i]):
-            if fault.claims & other.claims and fault.start_s < other.end and other.start_s < fault.end:
-                said = f"{fault.kind} and faults.{j} ({other.kind}) take over {fault.target} at the same time"
-                remedy = f"Set faults.{j}.end_s before this start, or remove one"
-                wrong.add(said, key=f"faults.{i}.start_s", remedy=remedy)
-    wrong.check()
+            apart = fault.start_s >= other.end or other.start_s >= fault.end or not fault.claims & other.claims
+            said = f"{fault.kind} and faults.{j} ({other.kind}) take over {fault.target} at the same time"
+            remedy = f"Set faults.{j}.end_s before this start, or remove one"
+            wrong.require(apart, said, key=f"faults.{i}.start_s", remedy=remedy)
 
 
-def _check_technology(i, fault, technology, wrong):
+def _check_technology(place, fault, technology, wrong):
     """Add why the actuator of a member of the target cannot have a fault."""
-    target, fits = fault.parsed, fault.spec.technologies
-    on_elevator = target.place in ("elevator", "actuator_sensor")
-    for name in target.names if on_elevator else ():
-        own, sensor = c.TECHNOLOGIES[technology[name]], target.sensor
-        where, key, said, allowed = f"elevator.{name} is {own.article} actuator", "", "", ""
-        if sensor and sensor not in own.own_sensors:
-            fits = [t.name for t in c.TECHNOLOGIES.values() if sensor in t.own_sensors]
-            key, said, allowed = "target", f"{where} and has no sensor {sensor!r}", ", ".join(own.own_sensors) or "none"
-        elif fits and own.name not in fits:
-            others = " or ".join(c.TECHNOLOGIES[t].article for t in fits)
-            key, said = "kind", f"{where}, {fault.kind} is a fault of {others} one"
-        elif not own.inlet and fault.at in ("valve", "sensor"):
-            key, said, allowed, fits = "at", f"{where}, which has no {fault.at}", "command", ["hydraulic"]
-        if said:
+    target, having = fault.parsed, fault.spec.technologies
+    others = " or ".join(c.TECHNOLOGIES[name].article for name in having)
+    measuring = [t.name for t in c.TECHNOLOGIES.values() if target.sensor in t.own_sensors]
+    for name in target.names if target.place in ("elevator", "actuator_sensor") else ():
+        own = c.TECHNOLOGIES[technology[name]]
+        has_none = target.sensor and target.sensor not in own.own_sensors
+        refused = (  # whether, key, why, allowed, technologies that can have it
+            (has_none, "target", f" and has no sensor {target.sensor!r}", own.own_sensors or ("none",), measuring),
+            (having and own.name not in having, "kind", f", {fault.kind} is a fault of {others} one", (), having),
+            (not own.servo and fault.at in ("valve", "sensor"), "at", f", which has no {fault.at}", ("command",),
+             ("hydraulic",)),
+        )  # fmt: skip
+        for key, why, allowed, fits in (row for is_wrong, *row in refused if is_wrong):
+            said = f"elevator.{name} is {own.article} actuator{why}"
             remedy = f'Choose another target, or set elevator.{name} = "{fits[0]}"'
-            wrong.add(said, key=f"faults.{i}.{key}", allowed=allowed, remedy=remedy)
-            return
+            wrong.add(said, key=f"{place}.{key}", allowed=", ".join(allowed), remedy=remedy)

@@ -73,10 +73,10 @@ class Flight(Table):
         """Check the order of changes, that nothing is said twice, and that no Mach number or true airspeed is beyond
         the highest calibrated one."""
         for i, (before, change) in enumerate(zip(self.air, self.air[1:]), start=1):
-            if change.start_s < before.start_s + before.ramp_s:
-                said = f"begins before air.{i - 1} is reached"
-                allowed = f"{before.start_s + before.ramp_s:g} or later: start_s + ramp_s of air.{i - 1}"
-                wrong.add(said, key=f"air.{i}.start_s", allowed=allowed, remedy="Order them by time")
+            reached = before.start_s + before.ramp_s
+            allowed = f"{reached:g} or later: start_s + ramp_s of air.{i - 1}"
+            wrong.require(change.start_s >= reached, f"begins before air.{i - 1} is reached", key=f"air.{i}.start_s",
+                          allowed=allowed, remedy="Order them by time")
         given = {key for key, value in self if value is not None}
         wrong.one_of(SPEEDS, given, who="the flight")
         for pair in PATHS:
@@ -121,20 +121,16 @@ class Flight(Table):
     @property
     def weather(self) -> str:
         """Return in words what the air does: "still air", "light turbulence, wind of 30 kt from 270 deg"."""
-        word = {"none": "no turbulence"}
-        said = [word.get(self.turbulence, f"{self.turbulence} turbulence")]
-        if said == ["no turbulence"] and not (self.wind_kt or self.shear_kt_1000ft or self.gusts):
-            said = ["still air"]
-        said += [f"{word.get(a.turbulence, a.turbulence)} from {a.start_s:g} s" for a in self.air]
-        if self.wind_kt or self.shear_kt_1000ft:
+        blows = self.wind_kt or self.shear_kt_1000ft
+        none = "no turbulence" if blows or self.gusts else "still air"
+        said = [none if self.turbulence == "none" else f"{self.turbulence} turbulence"]
+        said += [f"{a.turbulence.replace('none', 'no turbulence')} from {a.start_s:g} s" for a in self.air]
+        if blows:
             said.append(f"wind of {self.wind_kt:g} kt from {self.wind_from_deg:g} deg")
         if self.shear_kt_1000ft:
             said.append(f"shear of {self.shear_kt_1000ft:+g} kt per 1,000 ft")
-        if len(self.gusts) > 2:
-            said.append(f"{len(self.gusts)} gusts")
-        else:
-            said += [f"{g.axis} gust of {g.speed_fps:+g} ft/s at {g.start_s:g} s" for g in self.gusts]
-        return ", ".join(said)
+        gusts = [f"{g.axis} gust of {g.speed_fps:+g} ft/s at {g.start_s:g} s" for g in self.gusts]
+        return ", ".join([*said, *(gusts if len(gusts) < 3 else [f"{len(gusts)} gusts"])])
 
     @property
     def path(self) -> str:

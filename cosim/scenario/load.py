@@ -1,24 +1,35 @@
-"""Read a scenario: a built-in name or a path, overrides on top; every mistake is named, with its line and key."""
+"""Read a scenario: a built-in name or a path, overrides on top; every mistake is named, with its line and key.
 
+Overrides `--set key=value` have the keys of the file, lists by index; they are applied in order on a copy of the file's
+tables. The index after the last one appends. What excludes another key replaces it: a speed, an amplitude, a bias in
+another unit. A new `kind` of manoeuvre or fault drops the numbers that belonged to the old one.
+"""
+
+import copy
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from cosim.errors import CosimError, ScenarioError, did_you_mean, told_at_call
-from cosim.scenario import inputs
+from cosim.errors import CosimError, Mistakes, ScenarioError, did_you_mean, told_at_call
 from cosim.scenario.aircraft import aircraft_of
+from cosim.scenario.elevator import OwnActuators, register
+from cosim.scenario.flight import PATHS, SPEEDS
+from cosim.scenario.manoeuvre import KINDS, RANGES, keys_of
 from cosim.scenario.model import Scenario
-from cosim.scenario.override import applied
-from cosim.scenario.own_actuator import OwnActuators, register
 from cosim.scenario.problem import Origin, explained
 from cosim.scenario.user_parts import locate
-from cosim.texts import read, toml
+from cosim.texts import read, toml, unpaired_surrogate
 
 DEFAULT = "liquid-ofc"
+UNTITLED = {"duration_s", "seed", "rate_hz", "log_profile", "detectors"}  # no title tells of these
+LISTS = ("faults", "flight.air", "flight.gusts")
+FORM, EXAMPLE = "is not of the form key=value", "Example: --set faults.0.frequency_hz=3"
+KEPT = ("target", "kind", "start_s", "end_s", "ramp_s", "path")
+Assignment = tuple[str, Any, str]  # key, value, place in what is said of it
 
 
 def builtin_names(kind: str = "scenario") -> list[str]:
@@ -51,21 +62,12 @@ def load_scenario(name_or_path: str | os.PathLike = DEFAULT, overrides: str | It
     text, folder = text_of(place, "scenario", ScenarioError)
     overrides = [overrides] if isinstance(overrides, str) else list(overrides)
     table, wrong, said = applied(toml(text, place=place, error=ScenarioError), overrides)
-
-    def origin() -> Origin:
-        made = Origin.of_toml(text, place)
-        for key, override in said:
-            made = made.overridden(key, f"{place}: {override}")
-        return made
-
     with wrong.caught():
-        made = parse(located(table, folder, place), place=place, origin=origin)
+        origin = Origin(place, text, tuple((key, f"{place}: {override}") for key, _, override in said))
+        made = parse(locate(table, folder, place), place=place, origin=origin)
     wrong.check()
-    keys = {key.partition(".")[0] for key, _ in said}
+    keys = {key.partition(".")[0] for key, *_ in said}
     return made if "title" in keys or keys <= UNTITLED else retitled(made)
-
-
-UNTITLED = {"duration_s", "seed", "rate_hz", "log_profile", "detectors"}  # no title tells of these
 
 
 def retitled(scenario: Scenario) -> Scenario:
@@ -75,13 +77,7 @@ def retitled(scenario: Scenario) -> Scenario:
     return scenario.model_copy(update={"title": title})
 
 
-def located(table: dict[str, Any], folder: Path | None, place: str) -> dict[str, Any]:
-    """Return the tables of a scenario with the files of its user parts found, beside it (`folder`) or from here, and
-    that of its inputs read."""
-    return inputs.located(locate(table, folder, place), folder, place)
-
-
-def parse(table: dict[str, Any], *, place: str = "scenario", origin: Callable[[], Origin] | None = None) -> Scenario:
+def parse(table: dict[str, Any], *, place: str = "scenario", origin: Origin | None = None) -> Scenario:
     """Return the Scenario of nested dicts; raises ScenarioError that names every mistake with `place` or, where
     `origin` tells it, the line or override, key, value and what is allowed."""
     try:
@@ -90,7 +86,114 @@ def parse(table: dict[str, Any], *, place: str = "scenario", origin: Callable[[]
             register(own)
         return Scenario.model_validate(table, context={"aircraft": aircraft_of(table), "actuators": tuple(own)})
     except ValidationError as error:
-        raise explained(error, table, origin() if origin else Origin(place)) from None
+        raise explained(error, table, origin or Origin(place)) from None
     except ScenarioError as error:
         error.place = f"{place}: {error.place}"
         raise
+
+
+def applied(table: dict[str, Any], overrides: Iterable[str]) -> tuple[dict[str, Any], Mistakes, list[Assignment]]:
+    """Return a copy of `table` with every override that can be applied, the errors of the others, and the overrides
+    that are of the form."""
+    wrong, said = Mistakes(), []
+    for text in overrides:
+        with wrong.caught():
+            said.append(_assignment(text, f"--set {text}"))
+    return assigned(table, said, wrong), wrong, said
+
+
+def assigned(table: dict[str, Any], assignments: Iterable[Assignment], wrong: Mistakes) -> dict[str, Any]:
+    """Return a copy of `table` with the value of every assignment that can be set; the errors of the others are put to
+    the `wrong` ones."""
+    out: dict[str, Any] = copy.deepcopy(table)
+    for key, value, place in assignments:
+        with wrong.caught():
+            _set(out, key, copy.deepcopy(value), place)
+    return out
+
+
+def _assignment(text, place):
+    """Return the Assignment of "key=value"."""
+    if not isinstance(text, str) or unpaired_surrogate(text):
+        raise ScenarioError("is no text in UTF-8", place=place, remedy=EXAMPLE)
+    key, equals, value = text.partition("=")
+    if not equals:
+        raise ScenarioError(FORM, place=place, remedy=EXAMPLE)
+    return key.strip(), _value(value.strip()), place
+
+
+def _value(text):
+    """Return the value of TOML; a text that is none is a string, in brackets a list of them: words need no quotes."""
+    try:
+        parsed = toml(f"x = {text}", place="")
+    except CosimError:
+        return [word.strip("\"' ") for word in text[1:-1].split(",")] if text[:1] + text[-1:] == "[]" else text
+    return parsed["x"] if len(parsed) == 1 else text
+
+
+def _set(table, key, value, place):
+    path, node = key.split("."), table
+    if not all(path):
+        raise ScenarioError(FORM, place=place, remedy=EXAMPLE)
+    _open(table, path)
+    for i, part in enumerate(path[:-1], 1):
+        here = ".".join(path[:i])
+        node = node[_at(node, part, here, place)]
+        if not isinstance(node, dict | list):
+            raise ScenarioError(f"{here} is a value, it has no key {path[i]!r}", place=place)
+    if isinstance(node, dict):
+        for other in _replaced(node, path, value) - {path[-1]}:
+            node.pop(other, None)
+    node[_at(node, path[-1], key, place)] = value
+
+
+def _at(node, part, here, place):
+    """Return `part` as a key or index of table or list `node`, after adding a table there where it is the next one."""
+    new: list | dict = [] if here in LISTS else {}
+    if isinstance(node, dict):
+        node.setdefault(part, new)
+        return part
+    if not part.isdigit() or int(part) > len(node):
+        allowed = f"index 0 to {len(node)} ({len(node)} appends)"
+        raise ScenarioError(f"{here} is not in the list", place=place, allowed=allowed)
+    if int(part) == len(node):
+        node.append(new)
+    return int(part)
+
+
+def _open(table, path):
+    """Write as tables what the keys of `path` stand below: a manoeuvre that is left out, words of [elevator]; a new
+    technology has the default feedback."""
+    elevator = table.get("elevator") if isinstance(table.get("elevator"), dict) else {}
+    match path:
+        case ["manoeuvre", "hold_speed"]:
+            table.setdefault("manoeuvre", {"kind": "cruise"})
+        case ["elevator", "feedback", _] if isinstance(word := elevator.get("feedback"), str):
+            default = aircraft_of(table).technology
+            elevator["feedback"] = {name: word for name in default if {**default, **elevator}[name] == "hydraulic"}
+        case ["elevator", segment, technology, _, *_] if isinstance(elevator.get(segment), str):
+            elevator[segment] = {technology: {}}  # parameters of its actuator
+        case ["elevator", segment] if isinstance(elevator.get("feedback"), dict):
+            elevator["feedback"].pop(segment, None)
+
+
+def _replaced(node, path, value):
+    """Return the keys of table `node` that go where `path`, one of its keys, is set to `value`."""
+    key, stem = path[-1], path[-1].split("_")[0]
+    renamed = key == "kind" and value != node.get("kind")
+    match path:
+        case ["flight", "aircraft"] | ["law", "file"] | ["detectors" | "actuators", _, "file" | "fmu"]:
+            return {"aircraft_sha256", "sha256"}
+        case ["flight", _]:
+            return next((set(group) for group in (SPEEDS, *PATHS) if key in group), set())
+        case ["manoeuvre", "kind"] if renamed:
+            fields = keys_of(value) if isinstance(value, str) and value in KINDS else ()
+            kept = {"start_s", "duration_s", *(["hold_speed"] if node.get("hold_speed") is True else [])}
+            return set(node) - (kept & {*fields})
+        case ["manoeuvre", "file"]:
+            return set(RANGES)
+        case ["faults", _, "kind"] if renamed:
+            return set(node) - set(KEPT)
+        case ["manoeuvre", _] | ["faults", _, _] if stem in ("amplitude", "bias", "drift", "sigma", "backlash"):
+            return {k for k in node if k.split("_")[0] == stem}
+    return set()

@@ -1,35 +1,20 @@
 """The scenario: a frozen tree of tables. Feet, knots, tonnes and degrees end here; properties without a unit are SI."""
 
 import math
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from cosim.scenario import catalog as c
 from cosim.scenario import toml, user_parts
-from cosim.scenario.aircraft import Aircraft, load_aircraft, of
-from cosim.scenario.elevator import Elevator
+from cosim.scenario.aircraft import Aircraft, load_aircraft, multipliers, of
+from cosim.scenario.elevator import Elevator, OwnActuator
 from cosim.scenario.fault import Fault, check_together
 from cosim.scenario.flight import Flight
 from cosim.scenario.manoeuvre import CRUISE, AnyManoeuvre
-from cosim.scenario.own_actuator import OwnActuator
 from cosim.scenario.problem import MULTIPLIER, Duration, Problems, Table, choice, problem, within
-from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_parts import UserPart
 from fdi.registry import DEFAULT, SHIPPED, USER_DETECTORS
-
-
-@dataclass(frozen=True)
-class SensorSetting:
-    """A sensor's own deviations from its set, in its own unit; None means as in the set. `scale` is the error (0 is
-    exact)."""
-
-    sigma: float | None = None
-    bias: float | None = None
-    scale: float | None = None
-    delay: float | None = None
-    quantum: float | None = None
 
 
 class Sensors(Table, extra="allow"):
@@ -46,17 +31,16 @@ class Sensors(Table, extra="allow"):
         given = self.model_extra or {}
         wrong.unknown(given, units)
         for name in (name for name in given if name in units):
-            wrong.numbers(given[name], _sensor_keys(units[name]), f"sensor {name}", name)
+            wrong.numbers(given[name], _sensor_keys(units[name]), f"sensor {name}", f"{name}.")
 
-    def setting(self, name: str, own: Any = lambda unit: 1.0) -> SensorSetting:
-        """Return the SensorSetting of sensor `name`; `own(unit)` is what one SI `unit`, or share of a nominal value
-        ("of supply", ...), is in the sensor's own unit."""
-        table = (self.model_extra or {}).get(name, {})
+    def setting(self, name: str, own: Any = lambda unit: 1.0) -> dict[str, float]:
+        """Return {sigma, bias, scale (its error: 0 is exact), delay, quantum} of sensor `name` in its own unit, those
+        that deviate from its set; `own(unit)` is what one SI `unit`, or share of a nominal value ("of supply", ...),
+        is in the sensor's own unit."""
         keys = _sensor_keys({**c.SENSORS, **c.ACTUATOR_SENSORS}[name])
-        values = {k.split("_")[0]: v * keys[k].factor * own(keys[k].si) for k, v in table.items()}
-        if "scale" in values:
-            values["scale"] -= 1.0
-        return SensorSetting(**values)
+        given = (self.model_extra or {}).get(name, {})
+        values = {k.split("_")[0]: v * keys[k].factor * own(keys[k].si) for k, v in given.items()}
+        return values | ({"scale": values["scale"] - 1.0} if "scale" in values else {})
 
 
 def _sensor_keys(units):
@@ -80,8 +64,8 @@ class Tolerances(Table, extra="allow"):
         groups = ["aero", *(t.name for t in c.SHIPPED if t.servo)]
         wrong.unknown(raw, groups)
         for group in (group for group in groups if raw.get(group) and isinstance(raw[group], dict)):
-            known = of(info).multipliers if group == "aero" else toleranced(group)
-            wrong.numbers(raw[group], dict.fromkeys(known, MULTIPLIER), group, group)
+            known = multipliers(of(info).folder) if group == "aero" else c.toleranced(group)
+            wrong.numbers(raw[group], dict.fromkeys(known, MULTIPLIER), group, f"{group}.")
         return {**{name: {} for name in groups}, **raw}
 
 
@@ -105,11 +89,6 @@ class Law(Table, extra="allow"):
     sha256: str | None = None
     reallocate: bool = False  # what control_redundancy isolates is flown around by the effectors that are left
 
-    @property
-    def gains(self) -> dict[str, float]:
-        """Return {gain: value} as written."""
-        return dict(self.model_extra or {})
-
 
 class Detectors(Table, extra="allow"):
     """The detectors that run, and a table of parameters for each."""
@@ -120,11 +99,11 @@ class Detectors(Table, extra="allow"):
     @classmethod
     def filled(cls, raw: dict[str, Any], wrong: Problems, info: ValidationInfo) -> dict[str, Any]:
         """Enable every detector there is, those of the table's files among them, where none is chosen."""
-        named = [name for name, own in raw.items() if isinstance(own, dict) and "file" in own]
         if "enabled" not in raw:
             users = {n: part for n, part in USER_DETECTORS.items() if part.file and n not in raw}
-            own = {n: {"file": part.file, "sha256": part.sha256} for n, part in users.items()}
-            raw = {"enabled": [*DEFAULT, *dict.fromkeys((*USER_DETECTORS, *named))], **own, **raw}
+            raw = {**{n: {"file": part.file, "sha256": part.sha256} for n, part in users.items()}, **raw}
+        named = [name for name, own in raw.items() if isinstance(own, dict) and "file" in own]
+        raw = {"enabled": [*DEFAULT, *dict.fromkeys((*USER_DETECTORS, *named))], **raw}
         known = (*SHIPPED, *USER_DETECTORS)
         enabled = raw["enabled"] if isinstance(raw["enabled"], list | tuple) else ()
         for i, name in enumerate(enabled):
@@ -166,10 +145,9 @@ class Scenario(Table):
 
     def mistakes(self, wrong: Problems, info: ValidationInfo) -> None:
         """Check that there is a tick, and that the faults can be together."""
-        if not self.ticks:
-            said = f"is less than a tick at {self.rate_hz} Hz"
-            wrong.add(said, key="duration_s", allowed=f"{self.dt:g} to 36000")
-        check_together(self.faults, self.elevator.technology)
+        wrong.require(self.ticks, f"is less than a tick at {self.rate_hz} Hz", key="duration_s",
+                      allowed=f"{self.dt:g} to 36000")
+        check_together(self.faults, self.elevator.technology, wrong)
 
     @property
     def running(self) -> tuple[str, ...]:
@@ -188,8 +166,9 @@ class Scenario(Table):
 
     @property
     def user_parts(self) -> dict[str, UserPart]:
-        """Return {key: UserPart} of every file or folder of a user's that flies."""
-        return user_parts.named(self.model_dump(mode="python", exclude_none=True))
+        """Return {key: UserPart} of every file or folder of a user's that it names; a digest not known is empty."""
+        found = user_parts.places(self.model_dump(mode="python", exclude_none=True))
+        return {at.name: UserPart(at.path.name, at.table.get(at.digest, "")) for at in found}
 
     @property
     def aircraft(self) -> Aircraft:
@@ -207,22 +186,21 @@ class Scenario(Table):
         return round(self.duration_s * self.rate_hz)
 
     def __repr__(self) -> str:
-        lines = (f"  {name:<10} {said}" for name, said in self._about())
-        return "\n".join([f"Scenario: {self.title or 'without a title'}", *lines])
-
-    __str__ = __repr__
-
-    def _about(self):
-        """Return [(what, in words)] of what differs from flight to flight; `expanded_toml` has all of it."""
-        f = self.flight
-        point = f"{f.aircraft}, {f.point}, {f.weather}"
+        """Return in words what differs from flight to flight; `expanded_toml` has all of it."""
+        f, technology = self.flight, self.elevator.technology.items()
         long = f"{self.duration_s:g} s at {self.rate_hz} Hz"
-        segments = ", ".join(f"{seg} {t}" for seg, t in self.elevator.technology.items())
-        out = [("flight", f"{long}: {point}, {self.manoeuvre.kind}, seed {self.seed}"), ("elevator", segments)]
+        said = {
+            "flight": f"{long}: {f.aircraft}, {f.point}, {f.weather}, {self.manoeuvre.kind}, seed {self.seed}",
+            "elevator": ", ".join(f"{segment} {name}" for segment, name in technology),
+        }
         for i, x in enumerate(self.faults):
             own = ", ".join(f"{k} {v:g}" for k, v in (x.model_extra or {}).items())
-            out.append((f"fault {i}", f"{x.kind} on {x.target} from {x.start_s:g} s{f' ({own})' if own else ''}"))
-        return [*out, ("detectors", ", ".join(self.running) or "none")]
+            said[f"fault {i}"] = f"{x.kind} on {x.target} from {x.start_s:g} s{f' ({own})' if own else ''}"
+        said["detectors"] = ", ".join(self.running) or "none"
+        title = f"Scenario: {self.title or 'without a title'}"
+        return "\n".join([title, *(f"  {name:<10} {words}" for name, words in said.items())])
+
+    __str__ = __repr__
 
     def injections(self) -> tuple:
         """Return the faults as a flat tuple of Injection: one per fault and member of its target, SI."""
@@ -254,5 +232,9 @@ class Scenario(Table):
         (`user_parts.identified`) it says which flight it is on every machine. That of an aircraft, without which a
         scenario cannot be read, stays a path where `aircraft` is false.
         """
-        return toml.dumps(user_parts.portable(self.model_dump(mode="python", exclude_none=True), aircraft=aircraft))
+        table = self.model_dump(mode="python", exclude_none=True)
+        for at in user_parts.places(table):
+            if aircraft or at.key != "aircraft":
+                at.table[at.key] = at.path.name
+        return toml.dumps(table)
 

@@ -5,10 +5,11 @@ a range says its range. What no field can say, a table adds in its `mistakes`; `
 that a key stands in; `explained` makes one error of them.
 """
 
+import functools
 import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, model_validator
@@ -20,20 +21,23 @@ from cosim.scenario.toml import inline
 from cosim.texts import toml_lines
 
 MULTIPLIER = Key("multiplier", 0.2, 5.0)
-MISSING, NEAR = "is missing", "Did you mean"
 WORDS = {  # what pydantic calls by the names of Python
     **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "must be a table"),
     **dict.fromkeys(("tuple_type", "list_type"), "must be a list"),
     "string_type": "must be text",
     "bool_type": "must be true or false",
-    "missing": MISSING,
+    "missing": "is missing",
     **dict.fromkeys(("too_short", "string_too_short"), "must not be empty"),
 }
 
 
-def problem(text: str, *, key: str = "", allowed: str = "", remedy: str = "") -> PydanticCustomError:
-    """Return the exception a validator raises; `key` is the path below the validated table."""
-    return PydanticCustomError("cosim", "{text}", {"text": text, "key": key, "allowed": allowed, "remedy": remedy})
+def problem(
+    text: str, *, key: str = "", allowed: str = "", remedy: str = "", lacks: Sequence[str] = ()
+) -> PydanticCustomError:
+    """Return the exception a validator raises; `key` is the path below the validated table, `lacks` are the keys of
+    which one would mend it."""
+    about = {"text": text, "key": key, "allowed": allowed, "remedy": remedy, "lacks": lacks}
+    return PydanticCustomError("cosim", "{text}", about)
 
 
 def choice(value: Any, choices: Iterable[str], what: str, *, key: str = "") -> PydanticCustomError:
@@ -70,39 +74,34 @@ Duration = Annotated[float, within(0.0, 36000.0, open_low=True)]
 class Problems(list[PydanticCustomError]):
     """What is wrong with one table: a `problem` each."""
 
-    def add(self, text: str, **where: str) -> None:
+    def add(self, text: str, **where: Any) -> None:
         """Add the `problem` of these words."""
         self.append(problem(text, **where))
 
-    def number(self, value: Any, key: Key, path: str = "", unit: str = "") -> None:
-        """Add what is wrong with `value` of `key`, the path of which is its own name where none is given."""
-        try:
-            accepted(value, key, path or key.name, unit)
-        except PydanticCustomError as wrong:
-            self.append(wrong)
+    def require(self, holds: Any, text: str, **where: Any) -> None:
+        """Add the `problem` of these words unless it `holds`."""
+        if not holds:
+            self.add(text, **where)
+
+    def unknown(self, table: Iterable[str], known: Collection[str], path: str = "", *, of: str = "") -> None:
+        """Add each key of `table` that is not `known`. `path` stands before it in what is said, `of` what has no such
+        key behind it."""
+        for key in (key for key in table if key not in known):
+            said, allowed = f"unknown key{' for ' * bool(of)}{of}", ", ".join(known) or "no further key"
+            self.add(said, key=f"{path}{key}", allowed=allowed, remedy=did_you_mean(key, known))
 
     def numbers(
-        self, numbers: Mapping[str, Any], keys: Mapping[str, Key], what: str, path: str,
-        units: Mapping[str, str] | None = None,
+        self, numbers: Mapping[str, Any], keys: Mapping[str, Key], what: str, path: str = "",
+        units: Mapping[str, str] | None = None, others: Iterable[str] = (),
     ) -> None:  # fmt: skip
-        """Add what is wrong with `numbers` {name: value} of `what`, which has `keys`; `path` is put before each,
-        `units[name]` is that of a range."""
-        self.unknown(numbers, keys, f"{path}.", of=what)
+        """Add what is wrong with `numbers` {name: value} of `what`, which has `keys`, and whose table has `others`;
+        `path` is put before each, `units[name]` is that of a range."""
+        self.unknown(numbers, (*keys, *others), path, of=what)
         for name in (name for name in numbers if name in keys):
-            self.number(numbers[name], keys[name], f"{path}.{name}", (units or {}).get(name, ""))
-
-    def unknown(
-        self, table: Iterable[str], known: Collection[str], path: str = "", *, of: str = "", others: Iterable[str] = ()
-    ) -> list[str]:
-        """Add each key of `table` that is not `known`; return what they may mean, one of `known` or of the `others` of
-        the same table. `path` stands before it in what is said, `of` what has no such key behind it."""
-        meant = []
-        for key in (key for key in table if key not in known):
-            near = did_you_mean(key, [*known, *others])
-            meant += near.split("'")[1:2]
-            said = f"unknown key{' for ' * bool(of)}{of}"
-            self.add(said, key=f"{path}{key}", allowed=", ".join(known) or "no further key", remedy=near)
-        return meant
+            try:
+                accepted(numbers[name], keys[name], f"{path}{name}", (units or {}).get(name, ""))
+            except PydanticCustomError as wrong:
+                self.append(wrong)
 
     def one_of(self, names: Sequence[str], given: Iterable[str], *, who: str = "", allowed: str = "") -> None:
         """Add that more than one of `names` is in `given`, or none where `who` needs one of them."""
@@ -111,23 +110,18 @@ class Problems(list[PydanticCustomError]):
             self.add(f"{' and '.join(both)} exclude each other", key=both[1], remedy="Keep one of them")
         elif who and not both:
             said = f"{who} needs {'one of ' if len(names) > 1 else ''}{', '.join(names)}"
-            self.add(said, key=names[0], allowed=allowed)
+            self.add(said, key=names[0], allowed=allowed, lacks=names)
 
     def of_kind(
-        self, kind: Kind, numbers: Mapping[str, Any], what: str, optional: Iterable[Key] = (),
-        others: Iterable[str] = (),
-    ) -> None:  # fmt: skip
+        self, kind: Kind, numbers: Mapping[str, Any], what: str, others: Iterable[str], optional: Sequence[Key] = ()
+    ) -> None:
         """Add what is wrong with `numbers` {name: value} of a `kind`: one of its `one_of`, all of its `keys`, perhaps
         some of `optional`, no other. It is called `what`; `others` are further keys of the table."""
-        known = {k.name: k for k in (*kind.one_of, *kind.keys, *optional)}
-        meant = self.unknown(numbers, known, of=what, others=others)  # what an unknown key explains
-        names = [k.name for k in kind.one_of]
-        if names:
-            self.one_of(names, numbers.keys() & names or meant, who=what, allowed=kind.one_of[0].range)
-        for key in (k for k in kind.keys if k.name not in numbers and k.name not in meant):
-            self.add(f"{what} needs {key.name}", key=key.name, allowed=key.range)
-        for name in (name for name in numbers if name in known):
-            self.number(numbers[name], known[name])
+        for group in (kind.one_of, *((key,) for key in kind.keys)):
+            if group:
+                self.one_of([key.name for key in group], numbers, who=what, allowed=group[0].range)
+        every = {key.name: key for key in (*kind.one_of, *kind.keys, *optional)}
+        self.numbers(numbers, every, what, others=others)
 
     def check(self) -> None:
         """Raise what was found, if anything, as pydantic's error."""
@@ -138,22 +132,21 @@ class Problems(list[PydanticCustomError]):
 
 @dataclass(frozen=True)
 class Origin:
-    """Where each key of a file's tables was written: {parts of the key: "file:line" or "file: --set key=value"}."""
+    """Where the keys of a file's tables were written: in its `text`, TOML that has been read before, or elsewhere."""
 
-    place: str  # of a key that none of them tells
-    where: dict[tuple[str, ...], str] = field(default_factory=dict)
+    place: str
+    text: str = ""
+    elsewhere: tuple[tuple[str, str], ...] = ()  # (key, "file: --set key=value") of what came after the text
 
-    @classmethod
-    def of_toml(cls, text: str, place: str) -> "Origin":
-        """Return that of a file's TOML text, which has been read before; a key in quotes may have dots of its own."""
-        lines = {tuple(".".join(key).split(".")): line for key, line in toml_lines(text).items()}
-        return cls(place, {key: f"{place}:{line}" for key, line in lines.items()})
-
-    def overridden(self, key: str, where: str) -> "Origin":
-        """Return this one with `key`, and all below it, written at `where`."""
-        path = tuple(key.split("."))
-        kept = {k: v for k, v in self.where.items() if k[: len(path)] != path}
-        return Origin(self.place, {**kept, path: where})
+    @functools.cached_property
+    def where(self) -> dict[tuple[str, ...], str]:
+        """Return {parts of a key: "file:line", or where else}; a key in quotes may have dots of its own."""
+        lines = toml_lines(self.text).items()
+        out = {tuple(".".join(key).split(".")): f"{self.place}:{line}" for key, line in lines}
+        for key, where in self.elsewhere:
+            path = tuple(key.split("."))
+            out = {k: v for k, v in out.items() if k[: len(path)] != path} | {path: where}
+        return out
 
     def of(self, key: str) -> str:
         """Return where a dotted `key` was written, or the nearest table around it."""
@@ -169,36 +162,47 @@ def explained(
     mistake, in the order of the file. Of two about one key the first is told, and none that an unknown key explains."""
     found: dict[str, dict] = {}
     for one in error.errors(include_url=False):
-        ctx = _in_words(one, {}).context or {}
-        found.setdefault(".".join(map(str, (*one["loc"], *filter(None, [ctx["key"]])))), ctx)
-    near = [(key.rpartition(".")[0], ctx["remedy"]) for key, ctx in found.items() if NEAR in ctx["remedy"]]
-    slips = {".".join(filter(None, (around, remedy.split("'")[1]))) for around, remedy in near}
+        found.setdefault(".".join(map(str, (*one["loc"], *filter(None, [one["ctx"]["key"]])))), one["ctx"])
+    slips = {_beside(key, ctx["remedy"].split("'")[1]) for key, ctx in found.items() if "mean '" in ctx["remedy"]}
     order = {where: n for n, where in enumerate(origin.where.values())}
     made = []
     for key, ctx in sorted(found.items(), key=lambda one: order.get(origin.of(one[0]), -1)):
-        if ctx["text"] == MISSING and key in slips:
-            continue
-        where, value = origin.of(key), _value(table, key, ctx["text"])
-        text = where.partition("--set ")[2]
-        if text.partition("=")[0].strip() == key:  # the override of just this key says it all
-            where = where.removesuffix(f" {text}")
-            place = f"{where} {key}{value or ' = ' + text.partition('=')[2].strip()[:60]}"
-        else:
-            place = ": ".join(filter(None, (where, key + value)))
-        made.append(kind(ctx["text"], place=place, allowed=ctx["allowed"], remedy=ctx["remedy"]))
+        if slips.isdisjoint(_beside(key, name) for name in ctx["lacks"]):
+            place = _place(origin.of(key), key, table)
+            made.append(kind(ctx["text"], place=place, allowed=ctx["allowed"], remedy=ctx["remedy"]))
     return joined(made)
 
 
-def _value(table, key, said):
-    """Return " = value" of a key of the tables, "" where there is none or it is a table itself."""
-    for part in key.split("."):
-        try:
-            table = table[int(part) if isinstance(table, list) else part]
-        except (KeyError, IndexError, ValueError, TypeError):
-            return ""
-    if isinstance(table, bool) or (isinstance(table, str) and said.startswith("must be a")):
-        table = inline(table)  # as TOML spells it: what is wrong may be its quotes
-    return "" if isinstance(table, dict | list) else f" = {str(table)[:60]}"
+def checked(
+    model: type[BaseModel], table: dict[str, Any], origin: Origin, kind: type[CosimError] = ScenarioError
+) -> Any:
+    """Return the Table, of class `model`, of the tables of a file. Raises an error of `kind` that names every mistake;
+    see `explained`."""
+    try:
+        return model.model_validate(table)
+    except ValidationError as error:
+        raise explained(error, table, origin, kind) from None
+
+
+def _beside(key, name):
+    """Return the dotted key of `name` in the table of `key`."""
+    return f"{key.rpartition('.')[0]}.{name}"
+
+
+def _place(where, key, table):
+    """Return "where: key = value" of a key of the tables, of a table its key alone; an override of just this key is
+    said once."""
+    file, set_, text = where.partition("--set ")
+    exact = text.partition("=")[0].strip() == key
+    value: Any = table
+    try:
+        for part in key.split("."):
+            value = value[int(part) if isinstance(value, list) else part]
+    except (KeyError, IndexError, ValueError, TypeError):
+        said = key
+    else:
+        said = key if isinstance(value, dict) else f"{key} = {inline(value)[:60]}"
+    return f"{file}{set_}{said}" if exact else ": ".join(filter(None, (where, said)))
 
 
 class Table(BaseModel):
@@ -234,14 +238,15 @@ class Table(BaseModel):
 
 def _in_words(one, fields):
     """Return the `problem` of one error of pydantic's about a table of `fields`."""
-    ctx, wrong = one.get("ctx", {}), one["type"]
+    ctx, wrong, name = one.get("ctx", {}), one["type"], (*one["loc"], "")[0]
     if wrong == "cosim":
         return problem(**ctx)
     if wrong == "extra_forbidden":
-        return problem("unknown key", allowed=", ".join(fields), remedy=did_you_mean(one["loc"][-1], fields))
+        return problem("unknown key", allowed=", ".join(fields), remedy=did_you_mean(name, fields))
     if wrong == "literal_error":
         allowed = ctx["expected"].replace("''", '""').replace("'", "").replace(" or ", ", ")
         return problem("is not one of the choices", allowed=allowed)
     said = WORDS.get(wrong) or re.sub(r"^\w+ should", "must", one["msg"].removeprefix("Value error, "))
-    known = fields[one["loc"][0]].metadata if one["loc"] and one["loc"][0] in fields else ()
-    return problem(said, allowed="".join(each.range for each in known if isinstance(each, Key)))
+    known = fields[name].metadata if name in fields else ()
+    allowed = "".join(each.range for each in known if isinstance(each, Key))
+    return problem(said, allowed=allowed, lacks=[name] if wrong == "missing" else [])

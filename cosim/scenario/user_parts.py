@@ -15,7 +15,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, redirect_stdout
+from contextlib import redirect_stdout
 from pathlib import Path, PurePosixPath
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -24,12 +24,11 @@ from actuators.exception_text import sentence
 from cosim.errors import CosimError, LogError, Mistakes, OutputError, ScenarioError
 from cosim.files import replace
 from cosim.scenario import toml
-from cosim.scenario.aircraft import ships
+from cosim.scenario.aircraft import bundled
 from fdi.registry import USER_DETECTORS
 
 SHA256 = "sha256"
 CHANGED, AGREE = "is not the file that the scenario means: its digest differs", "Read it, then remove or renew sha256"
-_log = logging.getLogger("cosim")  # the command line prints what it hears
 _loaded: dict[Path, tuple[str, ModuleType]] = {}  # path -> its digest when it was run, its module
 
 
@@ -42,8 +41,8 @@ class UserPart(NamedTuple):
 
 @functools.cache
 def _announce(part: UserPart) -> None:
-    """Say once that the code of a part runs."""
-    _log.info("runs code: %s, sha256 %s", *part)
+    """Say once that the code of a part runs; the command line prints it."""
+    logging.getLogger("cosim").info("runs code: %s, sha256 %s", *part)
 
 
 def contents(path: str | os.PathLike) -> dict[str, Path]:
@@ -71,23 +70,22 @@ def identity(path: str | os.PathLike) -> UserPart:
     return UserPart(path.name, out.hexdigest())
 
 
-def load(path: str | os.PathLike, error: Callable[[str], Exception] | None = None) -> tuple[ModuleType, UserPart]:
+def load(path: str | os.PathLike, error: Callable[[str], Exception]) -> tuple[ModuleType, UserPart]:
     """Run a Python file, or a folder with `__init__.py`, once per content; return (its module, what it is).
 
-    Whatever it raises becomes `error(text)`, by default a ScenarioError that names it.
+    Whatever it raises becomes `error(text)`.
     """
     path = Path(os.path.realpath(os.path.expanduser(path)))
-    made = error or (lambda text: ScenarioError(text, place=str(path)))
     file = path / "__init__.py" if path.is_dir() else path
     if file.suffix != ".py" or not file.is_file():
-        raise made("is no Python code; allowed: a file that ends in .py, a folder with __init__.py")
+        raise error("is no Python code; allowed: a file that ends in .py, a folder with __init__.py")
     part = identity(path)
     if _loaded.get(path, ("",))[0] != part.sha256:
         if path in _loaded:
             from actuators.kernels import forget  # it needs NumPy
 
             forget()  # compiled code of the part as it was
-        _loaded[path] = part.sha256, _run(path, file, part, made)
+        _loaded[path] = part.sha256, _run(path, file, part, error)
     return _loaded[path][1], part
 
 
@@ -99,7 +97,7 @@ def _run(path, file, part, error):
     module, here, before = importlib.util.module_from_spec(spec), os.getcwd(), sys.dont_write_bytecode
     sys.modules[name], sys.dont_write_bytecode = module, True
     try:
-        with stdout_to_stderr():
+        with redirect_stdout(sys.stderr):  # standard output is the program's own
             exec(compile(file.read_bytes(), str(file), "exec"), vars(module))  # as it stands, whatever __pycache__ has
     except BaseException as wrong:
         sys.modules.pop(name)
@@ -110,11 +108,6 @@ def _run(path, file, part, error):
         sys.dont_write_bytecode = before
         os.chdir(here)
     return module
-
-
-def stdout_to_stderr() -> AbstractContextManager:
-    """Send what a user's code prints to standard error: standard output is the program's own."""
-    return redirect_stdout(sys.stderr)
 
 
 class Place(NamedTuple):
@@ -137,28 +130,31 @@ class Place(NamedTuple):
 
 
 def places(tables: dict[str, Any]) -> Iterator[Place]:
-    """Yield every Place of the tables of a scenario, also of one that is not checked yet."""
-    flight, law = tables.get("flight"), tables.get("law")
-    if isinstance(flight, dict) and isinstance(name := flight.get("aircraft"), str) and not ships(name):
+    """Yield every Place of the tables of a scenario, also of one that is not checked yet; that of a manoeuvre is read
+    with the scenario, which then holds its numbers."""
+    flight = tables.get("flight")
+    if isinstance(flight, dict) and isinstance(name := flight.get("aircraft"), str) and name not in bundled():
         yield Place(flight, "aircraft", "aircraft_sha256", "flight")
-    groups = [(g, tables[g]) for g in ("actuators", "detectors") if isinstance(tables.get(g), dict)]
-    for part, own in (("law", law), *((f"{g}.{n}", own) for g, table in groups for n, own in table.items())):
+    every = {part: tables.get(part) for part in ("law", "manoeuvre")}
+    for group in ("actuators", "detectors"):
+        own = tables.get(group)
+        every |= {f"{group}.{name}": table for name, table in own.items()} if isinstance(own, dict) else {}
+    for part, table in every.items():
         for key in ("file", "fmu"):
-            if isinstance(own, dict) and isinstance(own.get(key), str) and own[key]:
-                yield Place(own, key, SHA256, part)
+            if isinstance(table, dict) and isinstance(table.get(key), str) and table[key]:
+                yield Place(table, key, SHA256, part)
 
 
 def locate(tables: dict[str, Any], folder: Path | None, place: str) -> dict[str, Any]:
     """Return the tables of a scenario with every file as a path of this machine: it lies beside the scenario's own file
-    (`folder`), or where the path leads from here. Raises ScenarioError for one that is not there; what an aircraft's
-    name means `load_aircraft` says."""
-    if next(places(tables), None) is None:
-        return tables
+    (`folder`), or where the path leads from here; that of inputs is a Path, which a file or a log cannot hold. Raises
+    ScenarioError for one that is not there; what an aircraft's name means `load_aircraft` says."""
     out, wrong = copy.deepcopy(tables), Mistakes()
     for at in places(out):
         with wrong.caught():
             if at.key != "aircraft" or os.path.isdir((folder or Path()) / at.path):
-                at.table[at.key] = find(at.table[at.key], folder, f"{place}: {at.name}")
+                found = find(at.table[at.key], folder, f"{place}: {at.name}")
+                at.table[at.key] = Path(found) if at.part == "manoeuvre" else found
     wrong.check()
     return out
 
@@ -196,20 +192,6 @@ def flies(scenario: Any, at: Place) -> bool:
     return group != "detectors" or name in scenario.running
 
 
-def named(tables: dict[str, Any]) -> dict[str, UserPart]:
-    """Return {key of the scenario: UserPart} of what the tables name; a digest that is not known is empty."""
-    return {at.name: UserPart(at.path.name, str(at.table.get(at.digest, ""))) for at in places(tables)}
-
-
-def portable(tables: dict[str, Any], *, aircraft: bool = True) -> dict[str, Any]:
-    """Return the tables with names in place of paths; that of an aircraft stays a path where `aircraft` is false."""
-    out = copy.deepcopy(tables)
-    for at in places(out):
-        if aircraft or at.key != "aircraft":
-            at.table[at.key] = at.path.name
-    return out
-
-
 FOLDER = "user_files"  # of the names of attachments: user_files/law/law.py
 MOST = 16 << 20  # [byte] a larger file is known by its digest alone: a log stays one that can be sent
 _aircraft: dict[str, Any] = {}  # digest -> temporary folder of an aircraft that came with a log
@@ -230,12 +212,7 @@ def write(tables: dict[str, Any], attachments: Mapping[str, bytes], folder: Path
     of it.
     """
     files = _files(attachments)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        held = any(folder.iterdir())
-    except OSError as error:
-        raise OutputError(f"cannot be written: {error.strerror}", place=str(folder)) from None
-    if held:
+    if any(folder.glob("*")):
         raise OutputError("holds something", place=str(folder), remedy="Choose an empty folder, or a new one, with -o")
     missing = []
     for at in places(tables):
@@ -262,10 +239,7 @@ def bring_aircraft(tables: dict[str, Any], attachments: Mapping[str, bytes], pla
     sha256 = str(at.table.get(at.digest))
     if sha256 not in _aircraft:
         home = tempfile.TemporaryDirectory(prefix="cosim-aircraft-")
-        try:
-            _unpack(files, Path(home.name))
-        except OutputError as error:
-            raise LogError(f"its aircraft cannot be written out: {error.problem}", place=place) from None
+        _unpack(files, Path(home.name))
         folder = Path(home.name, "flight", at.path.name)
         if not folder.is_dir() or identity(folder).sha256 != sha256:
             raise LogError("is damaged: its aircraft is not the one that flew", place=place)
@@ -275,13 +249,11 @@ def bring_aircraft(tables: dict[str, Any], attachments: Mapping[str, bytes], pla
 
 def _files(attachments: Mapping[str, bytes]) -> dict[PurePosixPath, bytes]:
     """Return {path: bytes} of what is attached. Raises LogError for a path that leads elsewhere."""
-    out: dict[PurePosixPath, bytes] = {}
-    for name, data in attachments.items():
-        top, _, rest = name.partition("/")
-        path = PurePosixPath(rest)
-        wrong = any(_hidden(part) or set(part) & set('\\:\0') or not part.isprintable() for part in path.parts)
-        if top == FOLDER and (wrong or path.is_absolute() or len(path.parts) < 2 or path.as_posix() != rest):
+    out = {}
+    for name in (name for name in attachments if name.startswith(f"{FOLDER}/")):
+        path = PurePosixPath(name.removeprefix(f"{FOLDER}/"))
+        odd = any(_hidden(part) or set(part) & set('\\:\0') or not part.isprintable() for part in path.parts)
+        if odd or path.is_absolute() or len(path.parts) < 2 or f"{FOLDER}/{path.as_posix()}" != name:
             raise LogError(f"is damaged: attachment {name!r}", place="log")
-        if top == FOLDER:
-            out[path] = data
+        out[path] = attachments[name]
     return out

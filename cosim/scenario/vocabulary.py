@@ -145,11 +145,6 @@ def _output(name, lane):
     return Signal(source, "detector", meaning, unit, source, "", f"/detectors/{detector}/{at}", column(field), has)
 
 
-def outputs(module: Any) -> list[str]:
-    """Return the names of a detector's outputs, elements of arrays as `name[i]`."""
-    return elements(module.STATE, module.OUTPUTS)
-
-
 def elements(kind: Any, names: Sequence[str]) -> list[str]:
     """Return the elements of fields `names` of a record, in memory order; those of an array as `name[i]`."""
     own = [(name, kind[name]) for name in kind.names if name in names]
@@ -158,12 +153,12 @@ def elements(kind: Any, names: Sequence[str]) -> list[str]:
 
 def inventory() -> list[dict[str, str]]:
     """Return [{name, kind, unit, summary, topic, field}] of the vocabulary, for `cosim list signals`."""
-    out = []
-    for s in words().values():
-        summary = s.meaning + (f"; of an actuator: {', '.join(s.technologies)}" if s.technologies else "")
-        about = {"name": s.word, "kind": s.kind, "unit": s.unit, "summary": summary}
-        out.append({**about, "topic": s.topic.format(lane="<segment>"), "field": s.field})
-    return out
+    return [
+        {"name": s.word, "kind": s.kind, "unit": s.unit,
+         "summary": s.meaning + (f"; of an actuator: {', '.join(s.technologies)}" if s.technologies else ""),
+         "topic": s.topic.format(lane="<segment>"), "field": s.field}
+        for s in words().values()
+    ]  # fmt: skip
 
 
 # Where the sections of the bus stand in the log; those that are not named here are an actuator's or a detector's

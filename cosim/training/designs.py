@@ -1,11 +1,11 @@
 """Stored designs: how they are made from an aircraft, and whether they still belong to it.
 
 A design is a JSON file in `designs/` of an aircraft's folder, of the default aircraft in `fdi/`. There each holds a
-digest of the numbers it was made from, as parsed from the aircraft's XML and the actuators' parameters: a comment or a
-blank in a file changes nothing, a coefficient does. Of another aircraft `made.json` holds it for all.
+digest of its own numbers and of those it was made from, as parsed from the aircraft's XML and the actuators'
+parameters: a comment or a blank in a file changes nothing, a coefficient does. Of another aircraft `made.json` holds
+that of the aircraft's for all.
 """
 
-import functools
 import hashlib
 import json
 from collections.abc import Callable
@@ -45,7 +45,7 @@ def make(aircraft: str, progress: Callable[[str], None]) -> None:
         made = maker(lambda text, name=name: progress(f"{name}: {text}"), aircraft)
         folder = own.folder / "designs" if own.own_designs else FOLDER
         folder.mkdir(exist_ok=True)
-        replace_text(folder / f"{name}.json", compact.text({"source": source(aircraft), **made}))
+        replace_text(folder / f"{name}.json", compact.text({"source": source(aircraft, made), **made}))
 
 
 def check(aircraft: str = DEFAULT, folder: Path = FOLDER) -> dict[str, str]:
@@ -53,10 +53,13 @@ def check(aircraft: str = DEFAULT, folder: Path = FOLDER) -> dict[str, str]:
     own = load_aircraft(aircraft)
     if own.own_designs:
         return _of_detectors(own)
-    files = [folder / f"{name}.json" for name in MAKERS]
-    held = [json.loads(file.read_text(encoding="utf-8"))["source"] if file.is_file() else "" for file in files]
-    wrong = "is not there, or of another aircraft or other actuators; mend: python -m cosim.training designs"
-    return {name: "" if one == source() else wrong for name, one in zip(MAKERS, held)}
+    out = {}
+    for name in MAKERS:
+        file = folder / f"{name}.json"
+        held = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+        wrong = "is not there, spoilt, or of another aircraft or actuators; mend: python -m cosim.training designs"
+        out[name] = "" if held.pop("source", "") == source(aircraft, held) else wrong
+    return out
 
 
 def _of_detectors(own: Aircraft) -> dict[str, str]:
@@ -64,13 +67,13 @@ def _of_detectors(own: Aircraft) -> dict[str, str]:
     return {record.id: stored_designs.lacking(own, record) for record in level if not unfit(record, own)}
 
 
-@functools.cache
-def source(aircraft: str = DEFAULT) -> str:
-    """Return the digest of an aircraft's numbers and the actuators' and servos' nominal parameters."""
+def source(aircraft: str, made: dict) -> str:
+    """Return the digest of an aircraft's numbers, the actuators' and servos' nominal parameters, and what was made."""
     found = hashlib.sha256(stored_designs.digest(load_aircraft(aircraft)).encode())
     for module in (hydraulic, servo, ema, ema_servo):
         p = module.params()
         # v_run is how fast a runaway fault may be: of no healthy motion
         for value in np.concatenate([np.ravel(p[name]) for name in p.dtype.names if name != "v_run"]):
             found.update(f"{value:.6e};".encode())  # gains come from linear algebra: last digits are the processor's
+    found.update(compact.text(made).encode())
     return found.hexdigest()

@@ -20,8 +20,7 @@ from cosim.flight.loop.signals import detect, fly
 from cosim.flight.plant.point import SIX
 from cosim.scenario import Scenario, parse
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
-from cosim.scenario.catalog import SEGMENTS
-from cosim.scenario.tolerance import toleranced
+from cosim.scenario.catalog import SEGMENTS, toleranced
 from fdi import registry
 from fdi.hydraulic import iotsekf
 from fdi.rfafe import rfafe, rfafe_airframe

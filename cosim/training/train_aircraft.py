@@ -16,7 +16,7 @@ import pandas as pd
 from cosim.flight.blocks.sensors import TRANSPORT as SENSORS
 from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect
-from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
+from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft, multipliers
 from cosim.training import train_rfafe
 from cosim.training.flights import (
     AIR,
@@ -60,7 +60,7 @@ def arguments(index: int, first_seed: int = FIRST_SEED, aircraft: str = DEFAULT)
     fixed: dict[str, Any] = {
         "duration": FLIGHT_S, "manoeuvre": drawn_manoeuvre(index, first_seed), "seed": first_seed + index,
         "technology": elevators(index, own), "sensors": {"noise_scale": NOISE_SCALE}, "aircraft": aircraft,
-        "tolerances": {"aero": {n: float(1 + TOLERANCE * rng.choice((-1, 1))) for n in own.multipliers}},
+        "tolerances": {"aero": {n: float(1 + TOLERANCE * rng.choice((-1, 1))) for n in multipliers(own.folder)}},
     }  # fmt: skip
     return trimming(rng, fixed, {"turbulence": air(index)})
 

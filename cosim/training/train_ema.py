@@ -17,8 +17,7 @@ import numpy as np
 from cosim.errors import TrimError
 from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect, fly
-from cosim.scenario.catalog import SEGMENTS
-from cosim.scenario.tolerance import toleranced
+from cosim.scenario.catalog import SEGMENTS, toleranced
 from cosim.training import flights as drawn
 from cosim.training.flights import AIR, DT, FLIGHT_S, NOISE_SCALE, START_S, TOLERANCE
 from cosim.training.threshold_fit import PROBABILITY, blocks, exceeded, limit
@@ -65,13 +64,11 @@ def flights(first_seed: int = FIRST_SEED, number: int = FLIGHTS) -> list[dict[st
 
 
 def _gain_z(log: np.ndarray, p: Any) -> np.ndarray:
-    """Return by how many of its own deviations a gain exceeds its threshold, (ticks,); 0 while it is not learned."""
-    a, _, b, da, db = np.array([gains.gain_and_magnets(sums, p) for sums in log["gain_sum"]]).T
-    gain = (np.abs(a) - p["th_a"]) / np.hypot(da, log["gain_doubt"])
-    magnets = (np.abs(b) - p["th_b"]) / np.hypot(db, log["magnets_doubt"])
-    gain = np.where(log["gain_learned"] > 0.5, gain, 0.0)
-    learned = log["magnets_doubt"] < gains.MAGNETS_AT_FIRST
-    return np.maximum(np.maximum(gain, np.where(learned, magnets, 0.0)), 0.0)
+    """Return by how many of its own deviations a gain exceeds its threshold, (ticks,); 0 while it is learned."""
+    columns, least = [gains.GAIN, gains.MAGNETS], np.array([p["th_a"], p["th_b"]])
+    sd = np.hypot(log["change_sd"][:, columns], log["own_sd"][:, columns])
+    beyond = (np.abs(log["change"][:, columns]) - least) / np.maximum(sd, 1e-9)
+    return np.where(log["age"] >= gains.LEARN, np.maximum(beyond.max(axis=1), 0.0), 0.0)
 
 
 def tested(log: np.ndarray, rate: np.ndarray, p: Any) -> dict[str, list]:
@@ -98,8 +95,8 @@ def survey(recorded: Any) -> dict[str, Any]:
     """Return {test: blocks of its statistic and features, or largest} over one flight."""
     p = ema_kalman_flight.params()
     p["th_rough"] = 1e9  # a sample counts in full
-    fields = ("r_pair", "r_speed", "r_f", "w_power", "gain_doubt", "gain_learned", "magnets_doubt", "x_hat", "gain_sum",
-              "rough_power", "r_friction")  # fmt: skip
+    fields = ("r_pair", "r_speed", "r_f", "w_power", "age", "change", "change_sd", "own_sd", "x_hat", "rough_power",
+              "r_friction")  # fmt: skip
     log = detect(recorded, ema_kalman_flight, WIRES, p, fields)[:, SETTLED:]
     found: dict[str, list] = {test: [] for test in (*TESTS, *ROUGH, *NOTED)}
     z = 0.0
@@ -107,7 +104,7 @@ def survey(recorded: Any) -> dict[str, Any]:
         rate = recorded[wires["y_velocity"]].to_numpy()[SETTLED:]
         for test, (y, *features) in tested(own, rate, p[0]).items():
             found[test].append(largest_of(blocks(y, features, np.ones(len(own), bool), DT)))
-        z = max(z, float(_gain_z(own[::20], p[0]).max()))
+        z = max(z, float(_gain_z(own, p[0]).max()))
     filt = {test: np.concatenate(rows).tolist() for test, rows in found.items()}
     return filt | {GAIN: z}
 

@@ -167,7 +167,9 @@ def monitor_limits(flown: list[dict[str, Any]]) -> Limits:
     ofc = [{key: np.array(value) for key, value in f["ofc_monitor"].items()} for f in flown]
     motion = np.mean([f["motion"] for f in ofc], axis=0)
     fields, largest = _shared(np.array([f["threshold"] for f in ofc]), motion)
-    return {"position_monitor": ({"flight": decimals(position)}, {"found": {"largest_share": float(shares.max())}}),
+    ema = {"threshold": LEAST_POSITION, "share": 0.0}
+    return {"position_monitor": ({"flight": decimals(position), "flight_ema": decimals(ema)},
+                                 {"found": {"largest_share": float(shares.max())}}),
             "ofc_monitor": ({"flight": decimals(fields)}, {"found": {"largest": largest}})}  # fmt: skip
 
 

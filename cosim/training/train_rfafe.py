@@ -15,14 +15,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from actuators.block import kernel
 from cosim.scenario.aircraft import DEFAULT, load_aircraft
-from cosim.scenario.tolerance import toleranced
+from cosim.scenario.catalog import toleranced
 from cosim.training import flights as drawn
 from cosim.training.flights import FLIGHT_S, MANOEUVRES, MODULES, NOISE_SCALE, POINT, POINTS, TOLERANCE, TURBULENCE
 from cosim.training.rfafe import point_of
 from cosim.training.train_ema import EXACT
 from cosim.training.trainer import Limits, Training
 from fdi.common import bank
-from fdi.rfafe.decision import shaped
+from fdi.rfafe.decision import NF, shaped
 
 ELEVATORS = (("hydraulic",) * 4, ("hydraulic", "hydraulic", "ema", "ema"))  # in turn; the second is the default
 MARGIN = 1.25  # 1.2 times the maximum of 40 flights left 1 alarm in 300
@@ -59,19 +59,20 @@ def surveyed(**flown: Any) -> dict[str, list]:
 
 @kernel
 def _fits(log, p, out):
-    """Fill out (fits, 5) with frequency, tick, |f_hat|, |command|, right shape of every renewed fit; return n."""
+    """Fill out (fits, 5) with estimate and frequency, tick, |f_hat|, |command|, right shape of every renewed fit;
+    return n."""
     n = 0
     for i in range(log.size):
         if log[i].valid < 0.5:
             continue
         for k in range(bank.K):
-            if log[i].bank_new[k] < 0.5 or log[i].bank_seen[int(p.bank_level[k])] <= p.bank_n[k] or n >= len(out):
+            if log[i].bank_new[k] < 0.5:
                 continue
-            out[n, 0], out[n, 1] = k, i
-            out[n, 2] = math.sqrt(bank.mixed(log[i], k, 1.0, 0.0))
-            out[n, 3] = math.sqrt(bank.mixed(log[i], k, 0.0, 1.0))
-            out[n, 4] = 1.0 if shaped(log[i], p, k, 0.0) or shaped(log[i], p, k, 1.0) else 0.0
-            n += 1
+            for j in range(int(p.nf)):
+                out[n, 0], out[n, 1] = j * bank.K + k, i
+                out[n, 2], out[n, 3] = bank.amplitude(log[i], k, j), bank.amplitude(log[i], k, NF)
+                out[n, 4] = 1.0 if shaped(log[i], p, j, k, 0.0) or shaped(log[i], p, j, k, 1.0) else 0.0
+                n += 1
     return n
 
 
@@ -88,15 +89,16 @@ def survey(recorded: Any, name: str, p: Any) -> list:
     step = (p["bank_block"][0][p["bank_level"][0].astype(int)] * p["bank_stride"][0]).astype(int)
     hits = int(p["hits"][0]) - SPARE
     runs, whatever = np.zeros((len(SHARES), bank.K)), np.zeros((len(SHARES), bank.K))
-    for k in range(bank.K):
-        _, tick, f, u, passes = fits[fits[:, 0] == k].T
+    for of in range(int(p["nf"][0]) * bank.K):
+        _, tick, f, u, passes = fits[fits[:, 0] == of].T
+        k = of % bank.K
         for j, share in enumerate(SHARES):
             beyond = f - share * u
-            whatever[j, k] = beyond.max(initial=0.0)
+            whatever[j, k] = max(whatever[j, k], beyond.max(initial=0.0))
             if len(tick) >= hits:
                 lasting = sliding_window_view(np.where(passes > 0.5, beyond, 0.0), hits).min(axis=1)
                 in_a_row = tick[hits - 1 :] - tick[: 1 - hits or None] == (hits - 1) * step[k]
-                runs[j, k] = lasting[in_a_row].max(initial=0.0)
+                runs[j, k] = max(runs[j, k], lasting[in_a_row].max(initial=0.0))
     late = log[log["valid"] > 0.5]
     command = p["unit"][0] * np.abs(late["u"][:, :1])  # both sides have one command
     slow = np.abs(late["slow"][:, : int(p["nf"][0])]) - p["static_share"][0] * command
@@ -116,7 +118,7 @@ def answers(aircraft: str = DEFAULT) -> dict[str, np.ndarray]:
         frame = drawn.fly_level(duration=ONSET_S + max(8.0 / hz, 3.0), faults=[fault], technology=technology,
                                 flight=own.points[point_of(own)], aircraft=aircraft)  # fmt: skip
         last = [drawn.estimate(frame, name, p[name])[-1] for name in MODULES]
-        f, u = (np.array([math.hypot(x["bank_cos"][i, k], x["bank_sin"][i, k]) for x in last]) for i in (0, 1))
+        f, u = (np.array([math.hypot(x["bank_cos"][i, k], x["bank_sin"][i, k]) for x in last]) for i in (0, NF))
         found.append(u / np.maximum(f, 1e-12))
     return dict(zip(MODULES, np.transpose(found)))
 

@@ -1,11 +1,11 @@
 """Frequency bank: least squares of two periods on (cos, sin, 1, t, t^2), a row of frequencies, bounded cost per tick.
 
-Two signals run through it together: a residual, and a drive that scales its threshold. Each is averaged down to three
-rates by triangles (two block lengths wide, the second zero of their response lies on every alias), and a frequency is
-fitted on the slowest rate that gives it five samples a period: 40 stored samples then hold any two periods. The
-constant, slope and curvature take the manoeuvre out. Every frequency is fitted about eight times a period, in turn,
-from weights made once by `design`; nothing is accumulated for longer than two periods, so that rounding does not grow
-and a bad sample leaves.
+Several signals run through it together: residuals, and last a drive that scales their thresholds. Each is averaged down
+to three rates by triangles (two block lengths wide, the second zero of their response lies on every alias), and a
+frequency is fitted on the slowest rate that gives it five samples a period: 40 stored samples then hold any two
+periods. The constant, slope and curvature take the manoeuvre out. Every frequency is fitted about eight times a period,
+in turn, from weights made once by `design`; nothing is accumulated for longer than two periods, so that rounding does
+not grow and a bad sample leaves.
 """
 
 import math
@@ -34,21 +34,24 @@ PARAMS = [
     ("bank_angle", "f8", (K,), "rad"),  # phase from sample to sample
     ("bank_block", "f8", (LEVELS,), "-"),  # block lengths
 ]
-STATE = [
-    ("bank_ring", "f8", (2, LEVELS, N)),  # averaged samples, a ring for each signal and rate
-    ("bank_rise", "f8", (2, LEVELS)),  # rising half of the triangle that is being summed
-    ("bank_fall", "f8", (2, LEVELS)),  # falling half of the one before
-    ("bank_hold", "f8", (2, LEVELS)),  # rising half of the one before
-    ("bank_tick", "f8", (LEVELS,)),  # ticks into the block
-    ("bank_head", "f8", (LEVELS,)),  # next place in the ring
-    ("bank_seen", "f8", (LEVELS,)),  # samples since the start
-    ("bank_cos", "f8", (2, K)),  # amplitude of the fit, in phase and in quadrature at the middle of the window
-    ("bank_sin", "f8", (2, K)),
-    ("bank_new", "f8", (K,)),  # 1 where this tick renewed the fit
-]
-
 SIZES = {"bank_level": 0, "bank_n": 1, "bank_stride": 1}  # parameters that are positions and sizes: least values
 PLACES = {"bank_head": ("bank_ring", 2)}  # states that are positions: array, axis
+
+
+def state(signals: int) -> list[tuple]:
+    """Return the bank's STATE fields for so many signals."""
+    return [
+        ("bank_ring", "f8", (signals, LEVELS, N)),  # averaged samples, a ring for each signal and rate
+        ("bank_rise", "f8", (signals, LEVELS)),  # rising half of the triangle that is being summed
+        ("bank_fall", "f8", (signals, LEVELS)),  # falling half of the one before
+        ("bank_hold", "f8", (signals, LEVELS)),  # rising half of the one before
+        ("bank_tick", "f8", (LEVELS,)),  # ticks into the block
+        ("bank_head", "f8", (LEVELS,)),  # next place in the ring
+        ("bank_seen", "f8", (LEVELS,)),  # samples since the start
+        ("bank_cos", "f8", (signals, K)),  # amplitude of the fit, in phase and in quadrature at the window's middle
+        ("bank_sin", "f8", (signals, K)),
+        ("bank_new", "f8", (K,)),  # 1 where this tick renewed the fit
+    ]
 
 
 def frequencies() -> np.ndarray:
@@ -85,8 +88,8 @@ def design(dt: float) -> dict:
 
 
 @kernel
-def push(x, p, residual, drive):
-    """Take one tick of both signals; return the number of fits renewed. Neither may be NaN."""
+def push(x, p, now):
+    """Take one tick of the signals `now`, none of them NaN; return the number of fits renewed."""
     renewed = 0.0
     for k in range(K):
         x.bank_new[k] = 0.0
@@ -95,14 +98,13 @@ def push(x, p, residual, drive):
         x.bank_tick[j] += 1.0
         a = x.bank_tick[j] / (D * D)
         b = (D - x.bank_tick[j]) / (D * D)
-        for s in range(2):
-            value = residual if s == 0 else drive
-            x.bank_rise[s, j] += a * value
-            x.bank_fall[s, j] += b * value
+        for s in range(len(now)):
+            x.bank_rise[s, j] += a * now[s]
+            x.bank_fall[s, j] += b * now[s]
         if x.bank_tick[j] < D:
             continue
         head = int(x.bank_head[j])
-        for s in range(2):
+        for s in range(len(now)):
             x.bank_ring[s, j, head] = x.bank_hold[s, j] + x.bank_fall[s, j]
             x.bank_hold[s, j] = x.bank_rise[s, j]
             x.bank_rise[s, j] = 0.0
@@ -123,7 +125,7 @@ def push(x, p, residual, drive):
 def fit(x, p, k, j, head):
     """Fit frequency k on the samples of rate j that end at ring place `head`."""
     n = int(p.bank_n[k])
-    for signal in range(2):
+    for signal in range(x.bank_cos.shape[0]):
         new, old, c, s = head, (head - n + 1) % N, 0.0, 0.0
         for i in range(n // 2):
             a, b = x.bank_ring[signal, j, old], x.bank_ring[signal, j, new]
@@ -135,8 +137,8 @@ def fit(x, p, k, j, head):
 
 
 @kernel
-def character(x, p, k, a, b):
-    """Return (agreement, purity) of a residual + b drive at frequency k, over its two periods.
+def character(x, p, k, signal, b):
+    """Return (agreement, purity) of a signal + b drive at frequency k, over its two periods.
 
     Agreement is Re(A_1 A_2*) / max(|A_1|^2, |A_2|^2) of each period's own fit: 1 for a sinusoid, about 0 for a
     step or a single swing, which live in one period. Purity is the share of the window's variance that goes when the
@@ -146,14 +148,15 @@ def character(x, p, k, a, b):
     j = int(p.bank_level[k])
     i = (int(x.bank_head[j]) - n) % N
     loss = p.bank_loss[k]
-    fc = loss * (a * x.bank_cos[0, k] + b * x.bank_cos[1, k])
-    fs = loss * (a * x.bank_sin[0, k] + b * x.bank_sin[1, k])
+    drive = x.bank_cos.shape[0] - 1
+    fc = loss * (x.bank_cos[signal, k] + b * x.bank_cos[drive, k])
+    fs = loss * (x.bank_sin[signal, k] + b * x.bank_sin[drive, k])
     turn_c, turn_s = math.cos(p.bank_angle[k]), math.sin(p.bank_angle[k])
     first = -0.5 * (n - 1) * p.bank_angle[k]
     c, s = math.cos(first), math.sin(first)
     c1, s1, c2, s2, total, power, left, over = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for m in range(n):
-        y = a * x.bank_ring[0, j, i] + b * x.bank_ring[1, j, i]
+        y = x.bank_ring[signal, j, i] + b * x.bank_ring[drive, j, i]
         rest = y - fc * c - fs * s
         total += y
         power += y * y
@@ -176,8 +179,7 @@ def character(x, p, k, a, b):
 
 
 @kernel
-def mixed(x, k, a, b):
-    """Return the squared amplitude of a residual + b drive at frequency k."""
-    c = a * x.bank_cos[0, k] + b * x.bank_cos[1, k]
-    s = a * x.bank_sin[0, k] + b * x.bank_sin[1, k]
-    return c * c + s * s
+def amplitude(x, k, signal):
+    """Return the amplitude of a signal at frequency k."""
+    c, s = x.bank_cos[signal, k], x.bank_sin[signal, k]
+    return math.sqrt(c * c + s * s)

@@ -22,41 +22,27 @@ def decouple(C: np.ndarray, E: np.ndarray, F: np.ndarray) -> tuple[Any, ...]:
     unit columns of F.
     """
     n, m, q, l = C.shape[1], C.shape[0], E.shape[1], F.shape[1]
-    s_CE, s_CF = singular(unit_rows(C) @ E), singular(unit_rows(C) @ unit_columns(F))
-    if q > m or rank_of(s_CE, RANK) < q:
-        short = f"{q} unknown inputs, {m} outputs; " if q > m else ""
-        raise DesignError(
-            f"condition (i) fails: rank(CE) = {rank_of(s_CE, RANK)} < rank(E) = {q} ({short}singular "
-            f"values {_list(s_CE)}); lower the rank of E or measure more"
-        )
-    s_F = singular(unit_columns(F))
-    if rank_of(s_F) < l:
-        raise DesignError(
-            f"condition (ii) fails: F has rank {rank_of(s_F)} < {l} (singular values {_list(s_F)}); "
-            "parallel faults cannot be told apart: estimate their sum"
-        )
-    if l > m or rank_of(s_CF, RANK) < l:
-        raise DesignError(
-            f"condition (ii) fails: rank(CF) = {rank_of(s_CF, RANK)} < rank(F) = {l} (singular values "
-            f"{_list(s_CF)}, {m} outputs); a fault must move the rate of an output at once (first-order "
-            "actuator model)"
-        )
-    s_EF = singular(np.hstack([E, unit_columns(F)]))
-    if rank_of(s_EF) < q + l:
-        raise DesignError(
-            f"condition (iii) fails: rank([E F]) = {rank_of(s_EF)} < q + l = {q + l} (singular values "
-            f"{_list(s_EF)}); part of F lies in the range of E"
-        )
+    unit_C, unit_F = unit_rows(C), unit_columns(F)
+    short = f"{q} unknown inputs, {m} outputs: " if q > m else ""
+    _full("(i)", "rank(CE)", unit_C @ E, f"rank(E) = {q}", q, f"{short}lower the rank of E or measure more")
+    _full("(ii)", "rank(F)", unit_F, str(l), l, "parallel faults cannot be told apart: estimate their sum")
+    _full("(ii)", "rank(CF)", unit_C @ unit_F, f"rank(F) = {l}", l,
+          "a fault must move the rate of an output at once (first-order actuator model)")  # fmt: skip
+    _full("(iii)", "rank([E F])", np.hstack([E, unit_F]), f"q + l = {q + l}", q + l, "part of F lies in the range of E")
     CE = C @ E
     H = E @ np.linalg.pinv(CE, rcond=1e-13) if q else np.zeros((n, m))
     T = without_rounding(np.eye(n) - H @ C, np.eye(n) + np.abs(H) @ np.abs(C))
-    s_TF = singular(unit_rows(C) @ T @ unit_columns(F))
-    if rank_of(s_TF, RANK) < l:
-        raise DesignError(
-            f"condition (iii) fails seen through C: rank(C T F) = {rank_of(s_TF, RANK)} < {l} (singular "
-            f"values {_list(s_TF)}), so (16) has no solution; lower the rank of E or measure more"
-        )
+    _full("(iii)", "rank(C T F)", unit_C @ T @ unit_F, f"rank(F) = {l}", l,
+          "(16) has no solution: lower the rank of E or measure more")  # fmt: skip
     return H, T
+
+
+def _full(condition, what, X, needs, rank, remedy):
+    """Raise DesignError that `condition` fails unless X, which `what` names, has the `rank` that it `needs`."""
+    s = singular(X)
+    if rank_of(s, RANK) < rank:
+        raise DesignError(f"condition {condition} fails: {what} = {rank_of(s, RANK)} < {needs} (singular values "
+                          f"{_list(s)}); {remedy}")  # fmt: skip
 
 
 def without_rounding(X: np.ndarray, size: int) -> np.ndarray:

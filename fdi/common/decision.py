@@ -208,8 +208,7 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, slack,
     if x.sensor < 0.5 and before > 0.5:  # healed: learn anew where both stand
         x.base_rod += x.e_rod
         x.base_surface += x.e_surface
-        x.e_rod = 0.0
-        x.e_surface = 0.0
+        x.e_rod = x.e_surface = 0.0
 
 
 @kernel
@@ -254,16 +253,14 @@ def _distances(x, y_rod, rod_good, y_surface, surface_good, suspicious, p, dt):
 def _blame(x, load, suspicious, p, dt):
     """Set which sensor has left the model, and whether the surface may be loose instead."""
     x.pair_age = x.pair_age + dt if x.sensor > 0.5 else 0.0
-    if x.sensor > 0.5 and x.blame < 0.5 and x.pair_age <= p.pair_judge:
-        far, near = math.fabs(x.e_rod), math.fabs(x.e_surface)
-        x.blame = 1.0 if far > p.pair_ratio * near else (2.0 if near > p.pair_ratio * far else 0.0)
-        x.t_settling = T_DISTURBED
-    elif x.sensor < 0.5:
+    if x.sensor < 0.5:
         x.blame = 0.0
-    if x.sensor > 0.5 and x.blame < 0.5:
+        x.t_settling = max(x.t_settling, 3.0 * p.pair_confirm if suspicious else 0.0)
+    elif x.blame < 0.5:
         x.t_settling = T_DISTURBED
-    elif suspicious and x.sensor < 0.5:
-        x.t_settling = max(x.t_settling, 3.0 * p.pair_confirm)
+        if x.pair_age <= p.pair_judge:
+            far, near = math.fabs(x.e_rod), math.fabs(x.e_surface)
+            x.blame = 1.0 if far > p.pair_ratio * near else (2.0 if near > p.pair_ratio * far else 0.0)
     against = T_LOOSE < x.pair_age <= T_LOOSE + 1.5 * dt and math.fabs(load) > LOAD_LEAST and x.pair_d * load > 0.0
     if x.blame != 2.0:
         x.backlash_suspected = 1.0  # until it has been told apart

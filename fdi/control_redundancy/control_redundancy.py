@@ -292,7 +292,7 @@ def step(x, u, p, dt):
     why = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], BOX_SPEED, VALID)
     why = box(u.mach, u.mach_valid, MACH[0], MACH[1], BOX_MACH, why)
     why = box(u.alpha_ground, u.alpha_ground_valid, ALPHA[0], ALPHA[1], BOX_ALPHA, why)
-    if why == VALID and core.complete(u) < 0.5:
+    if why == VALID and not core.complete(u):
         why = LOST_SENSOR
     if why != VALID:
         _without_data(x, p, dt, why)

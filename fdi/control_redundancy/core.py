@@ -48,15 +48,17 @@ def delayed_commands(x, u, p, dt):
 
 @kernel
 def complete(u):
-    """Return 1.0 when every measurement that the rows need is usable."""
-    inertial = usable(u.n_x, u.n_x_valid) * usable(u.n_y, u.n_y_valid) * usable(u.n_z, u.n_z_valid)
-    rates = usable(u.p, u.p_valid) * usable(u.q, u.q_valid) * usable(u.r, u.r_valid)
-    angles = usable(u.theta, u.theta_valid) * usable(u.phi, u.phi_valid)
-    vanes = usable(u.alpha, u.alpha_valid) * usable(u.beta, u.beta_valid)
-    air = usable(u.cas, u.cas_valid) * usable(u.mach, u.mach_valid) * usable(u.tas, u.tas_valid)
-    engines = usable(u.n1_1, u.n1_1_valid) * usable(u.n1_2, u.n1_2_valid)
-    engines *= usable(u.n1_3, u.n1_3_valid) * usable(u.n1_4, u.n1_4_valid)
-    return inertial * rates * angles * vanes * air * engines * usable(u.mass, u.mass_valid)
+    """Return whether every measurement that the rows need is usable."""
+    for value, valid in (
+        (u.n_x, u.n_x_valid), (u.n_y, u.n_y_valid), (u.n_z, u.n_z_valid), (u.p, u.p_valid), (u.q, u.q_valid),
+        (u.r, u.r_valid), (u.theta, u.theta_valid), (u.phi, u.phi_valid), (u.alpha, u.alpha_valid),
+        (u.beta, u.beta_valid), (u.cas, u.cas_valid), (u.mach, u.mach_valid), (u.tas, u.tas_valid),
+        (u.n1_1, u.n1_1_valid), (u.n1_2, u.n1_2_valid), (u.n1_3, u.n1_3_valid), (u.n1_4, u.n1_4_valid),
+        (u.mass, u.mass_valid),
+    ):  # fmt: skip
+        if usable(value, valid) < 0.5:
+            return False
+    return True
 
 
 @kernel
@@ -128,8 +130,7 @@ def _thrust(x, u, p, pressure):
     """Fill the thrust column of x.G [N] and x.spool; return how uncertain thrust is, as a fraction."""
     idle, mil = thrust_pair(p, u.mach, pressure)
     x.spool = 0.0
-    for i in range(NR):
-        x.G[i, 3] = 0.0
+    x.G[:, 3] = 0.0
     n1, total = (u.n1_1, u.n1_2, u.n1_3, u.n1_4), 0.0
     for m in range(4):
         n = min(max((n1[m] - p.n1_idle) / (p.n1_max - p.n1_idle), 0.0), 1.0)
@@ -260,17 +261,15 @@ def evaluate_families(x, p):
             x.S[f, h] = x.G[base, h]
         for m in range(int(p.n_pivots[f])):
             k, j = int(p.pivot_row[f, m]), int(p.pivot_input[f, m])
-            if math.fabs(x.G[k, j]) < 1e-12:
-                x.S[f, 0] = math.nan  # not defined here: it takes no part in the decision
-                continue
-            ratio = x.G[base, j] / x.G[k, j]
+            # a row that hardly knows the input it serves for leaves a family that says what this row says
+            ratio = x.G[base, j] / math.copysign(max(math.fabs(x.G[k, j]), 1e-12), x.G[k, j])
             r -= ratio * x.avg[k]
             tau += math.fabs(ratio) * row_threshold(x, p, k)
             for h in range(NH):
                 x.S[f, h] -= ratio * x.G[k, h]
             x.S[f, j] = 0.0
         x.res[f], x.tau[f] = r, tau
-        x.fired[f] = 1.0 if math.fabs(r) >= tau and x.S[f, 0] == x.S[f, 0] else 0.0
+        x.fired[f] = 1.0 if math.fabs(r) >= tau else 0.0
 
 
 @kernel

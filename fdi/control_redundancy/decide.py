@@ -19,13 +19,14 @@ MAYBE = 0.25  # of the error that a row asks of its sensor: with so much by kine
 
 
 @kernel
-def _in_use(x, p):
-    """Mark the families that no declared effector moves; return the largest residual in use over its threshold."""
+def _in_use(x, p, but):
+    """Mark the families that no declared effector moves, `but` one of them; return the largest residual in use over its
+    threshold."""
     largest = 0.0
     for f in range(int(p.n_families)):
-        x.used[f] = 1.0 if x.S[f, 0] == x.S[f, 0] else 0.0
+        x.used[f] = 1.0
         for h in range(NH):
-            if x.declared[h] > 0.5 and math.fabs(x.S[f, h]) * p.limit[h] >= 0.5 * x.tau[f]:
+            if h != but and x.declared[h] > 0.5 and math.fabs(x.S[f, h]) * p.limit[h] >= 0.5 * x.tau[f]:
                 x.used[f] = 0.0
         if x.used[f] > 0.5:
             largest = max(largest, math.fabs(x.res[f]) / x.tau[f])
@@ -49,11 +50,8 @@ def _explain(x, p):
 @kernel
 def _estimate(x, p, h):
     """Return the fault of hypothesis h from the families that no other declared effector moves."""
-    was = x.declared[h]
-    x.declared[h] = 0.0
-    _in_use(x, p)
+    _in_use(x, p, h)
     value, _ = fit_hypothesis(x, p, h)
-    x.declared[h] = was
     return value
 
 
@@ -76,7 +74,7 @@ def _sensor(x, p):
 @kernel
 def decide(x, p, dt):
     """Declare the single explanation that lasts, release what has been quiet, name the class."""
-    x.r = _in_use(x, p)
+    x.r = _in_use(x, p, NH)
     count, best = _explain(x, p) if x.r >= 1.0 else (0, 0)
     x.suspicion = SUSPECTED_S if count == 1 and _sensor(x, p) else max(x.suspicion - dt, 0.0)
     if count == 1 and x.suspicion > 0.0:

@@ -1,6 +1,6 @@
 """Forces on an airframe from coefficient arrays: aerodynamics, thrust over N1, input sensitivities.
 
-    C_axis = sum over quantities (t_a(alpha, Mach, qbar) + t_m(Mach, qbar)) variable,   axes L D Y l m n
+    C_axis = sum over quantities (t_a(alpha, Mach, qbar) + t_m(Mach, qbar)) variable,   axes L D Y
     X = -D ca cb - Y ca sb + L sa,  Y = -D sb + Y cb,  Z = -D sa cb - Y sa sb - L ca     body axes
     T_i = idle(Mach, p) + (mil(Mach, p) - idle(Mach, p)) n^2,  n = (N1 - N1_idle) / (N1_max - N1_idle)
 
@@ -18,7 +18,6 @@ import numpy as np
 from actuators.block import kernel
 
 FORCES = ("lift", "drag", "side")
-AXES = (*FORCES, "roll", "pitch", "yaw")
 VARIABLES = (
     "one", "alphadot", "p", "q", "r", "beta", "beta2",  # rates as alpha' c/2V, p b/2V, q c/2V, r b/2V; angles [rad]
     "de_lo", "de_li", "de_ri", "de_ro", "da_l", "da_r", "dr", "stab",
@@ -36,9 +35,7 @@ class ForceModel:
     area: float  # [m2]
     span: float  # [m]
     chord: float  # [m]
-    cg_ref: float  # where moments are given, fraction of the chord
     stability_rates: bool  # rates p, r of the quantities are about stability axes
-    stability_moments: bool  # roll and yaw moments are about stability axes
     gyration2: tuple  # Ixx, Iyy, Izz, Ixz over mass [m2]
     alpha: np.ndarray  # breakpoints [rad]
     mach: np.ndarray
@@ -52,7 +49,7 @@ class ForceModel:
     mil: np.ndarray
     n1_idle: float  # [%]
     n1_max: float
-    engine: np.ndarray  # (4, 3): x forward of cg_ref, y right, z down [m]
+    engine: np.ndarray  # (4, 3) about the reference point: x forward, y right, z down [m]
     thrust_axis: tuple  # unit vector, body axes
 
     def structure(self, alpha: float = 0.1) -> Any:
@@ -61,12 +58,12 @@ class ForceModel:
         Wind-axis entries turned by `alpha`; what goes with sideslip is dropped, the small-angle assumption of [Mar10]
         slide 7. Left and right entries that cancel for all surfaces of an effector together count as none.
         """
-        total = np.zeros((len(AXES), 3))
+        total = np.zeros((3, 3))
         mid = (len(self.mach) // 2, len(self.qbar) // 2)
         for k, (axis, variable) in enumerate(self.quantities):
             if variable in EFFECTOR:
                 base = self.t_a[k, len(self.alpha) // 2, mid[0], 0] if k < len(self.t_a) else 0.0
-                total[AXES.index(axis), EFFECTOR[variable]] += base + self.t_m[k][mid]
+                total[FORCES.index(axis), EFFECTOR[variable]] += base + self.t_m[k][mid]
         lift, drag, side = total[:3]
         ca, sa = math.cos(alpha), math.sin(alpha)
         rows = np.vstack([lift * sa - drag * ca, side, -lift * ca - drag * sa])
@@ -88,18 +85,16 @@ SHAPES = {f[0]: f[2] for f in PARAMS if len(f) > 2}
 
 
 def fields(model: Any) -> Any:
-    """Return {PARAMS field: value} of a `ForceModel`, of its forces; ValueError when its tables do not fit."""
-    forces = [k for k, (axis, _) in enumerate(model.quantities) if axis in FORCES]
-    with_alpha = [k for k in forces if k < len(model.t_a)]
-    axes, variables = zip(*(model.quantities[k] for k in forces))
+    """Return {PARAMS field: value} of a `ForceModel`; ValueError when its tables do not fit."""
+    axes, variables = zip(*model.quantities)
     out = {n: getattr(model, n) for n in ("area", "span", "chord", "stability_rates", "n1_idle", "n1_max")}
-    out |= {"n_a": len(model.alpha), "n_m": len(model.mach), "n_q": len(model.qbar), "n_ka": len(with_alpha)}
-    out |= {"n_k": len(forces), "n_tm": len(model.thrust_mach), "n_tp": len(model.thrust_p)}
+    out |= {"n_a": len(model.alpha), "n_m": len(model.mach), "n_q": len(model.qbar), "n_ka": len(model.t_a),
+            "n_k": len(axes), "n_tm": len(model.thrust_mach), "n_tp": len(model.thrust_p)}  # fmt: skip
     tables = {
         "alpha_grid": model.alpha, "mach_grid": model.mach, "qbar_grid": model.qbar,
         "axis": [FORCES.index(axis) for axis in axes], "variable": [VARIABLES.index(v) for v in variables],
-        "effector": [EFFECTOR.get(v, 3) for v in variables], "t_a": np.moveaxis(model.t_a[with_alpha], 0, 3),
-        "t_m": np.moveaxis(model.t_m[forces], 0, 2), "thrust_mach": model.thrust_mach, "thrust_p": model.thrust_p,
+        "effector": [EFFECTOR.get(v, 3) for v in variables], "t_a": np.moveaxis(model.t_a, 0, 3),
+        "t_m": np.moveaxis(model.t_m, 0, 2), "thrust_mach": model.thrust_mach, "thrust_p": model.thrust_p,
         "idle": model.idle, "mil": model.mil, "thrust_axis": model.thrust_axis,
     }  # fmt: skip
     for name, most in SHAPES.items():
@@ -127,14 +122,20 @@ def air_data(cas, mach):
 
 
 @kernel
+def between(table, i, f, j, g):
+    """Return the bilinear value of a table at the places (i, f), (j, g) of its axes."""
+    return (
+        (1.0 - f) * (1.0 - g) * table[i, j] + (1.0 - f) * g * table[i, j + 1]
+        + f * (1.0 - g) * table[i + 1, j] + f * g * table[i + 1, j + 1]
+    )  # fmt: skip
+
+
+@kernel
 def thrust_pair(p, mach, pressure):
     """Return (idle, maximum) thrust of one engine [N]."""
     i, f = place(p.thrust_mach, p.n_tm, mach)
     j, g = place(p.thrust_p, p.n_tp, pressure)
-    a, b, c, d = (1.0 - f) * (1.0 - g), (1.0 - f) * g, f * (1.0 - g), f * g
-    idle = a * p.idle[i, j] + b * p.idle[i, j + 1] + c * p.idle[i + 1, j] + d * p.idle[i + 1, j + 1]
-    mil = a * p.mil[i, j] + b * p.mil[i, j + 1] + c * p.mil[i + 1, j] + d * p.mil[i + 1, j + 1]
-    return idle, mil
+    return between(p.idle, i, f, j, g), between(p.mil, i, f, j, g)
 
 
 @kernel

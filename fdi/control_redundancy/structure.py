@@ -16,6 +16,7 @@ without the same inputs count once.
 
 import dataclasses
 import itertools
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -40,33 +41,29 @@ class Family:
         return f"r{self.base + 1}{tail}"
 
 
-def families(structure: Any, *, most: int = 2) -> Any:
+def families(structure: Any, *, most: int = 2) -> list[Family]:
     """Return the families of a bool matrix (rows, inputs), with at most `most` replacements each.
 
     Families that no input moves (everything replaced) are left out: they test the model, not an actuator.
     """
     structure = np.asarray(structure, bool)
-    found, seen = [], set()
-    for count in range(most + 1):
-        for base in range(len(structure)):
-            for pivots in itertools.combinations(_servants(structure, base), count):
-                family = _family(structure, base, pivots)
-                if family is None:
-                    continue
-                same = (frozenset([base, *(k for k, _ in pivots)]), frozenset(j for _, j in pivots))
-                if same in seen:
-                    continue
-                seen.add(same)
-                found.append(family)
-    return found
+    found: dict = {}
+    for count, base in itertools.product(range(most + 1), range(len(structure))):
+        for pivots in itertools.combinations(_servants(structure, base), count):
+            rows, gone = [k for k, _ in pivots], [j for _, j in pivots]
+            left = structure[[base, *rows]].any(0)
+            left[gone] = False
+            own = structure[np.ix_(rows, gone)]  # each serving row contains of the replaced inputs its own alone
+            if left.any() and np.array_equal(own, np.eye(count)):
+                solved = tuple(np.flatnonzero(structure[base]).tolist())
+                family = Family(base, pivots, tuple(left.astype(int).tolist()), solved)
+                found.setdefault((frozenset([base, *rows]), frozenset(gone)), family)
+    return list(found.values())
 
 
-def signatures(structure: Any) -> Any:
+def signatures(structure: Any) -> Counter[tuple]:
     """Return {signature: number of residuals} of `families(structure)`, in order of appearance."""
-    out: dict = {}
-    for family in families(structure):
-        out[family.signature] = out.get(family.signature, 0) + len(family.solved)
-    return out
+    return Counter(family.signature for family in families(structure) for _ in family.solved)
 
 
 def combination(G: Any, family: Any) -> Any:
@@ -81,41 +78,11 @@ def combination(G: Any, family: Any) -> Any:
     return c, c @ G
 
 
-def residuals(f: Any, G: np.ndarray, u_c: Any, structure: Any = None) -> Any:
-    """Evaluate every residual r = u_hat_i - u_c_i of slides 8 to 10: f (rows,), G (rows, inputs), u_c (inputs,).
-
-    Returns [(Family, input solved for, value)], value in that input's unit. `structure` defaults to G != 0.
-    """
-    G = np.asarray(G, float)
-    out: list = []
-    for family in families(G != 0 if structure is None else structure):
-        c, _ = combination(G, family)
-        r = c @ (np.asarray(f, float) - G @ np.asarray(u_c, float))
-        out.extend((family, i, r / G[family.base, i]) for i in family.solved)
-    return out
-
-
 def _servants(structure, base):
     """Return [(row, input)] that may replace an input of `base`."""
     return [
-        (k, j)
+        (k, int(j))
         for k in range(len(structure))
         if k != base and structure[k].any() and not (structure[k] & ~structure[base]).any()
-        for j in np.flatnonzero(structure[k] & structure[base])
+        for j in np.flatnonzero(structure[k])
     ]
-
-
-def _family(structure, base, pivots):
-    rows, gone = [k for k, _ in pivots], [j for _, j in pivots]
-    if len(set(rows)) < len(rows) or len(set(gone)) < len(gone) or not structure[base].any():
-        return None
-    if any(structure[k, j] for (k, own) in pivots for j in gone if j != own):
-        return None
-    left = structure[base].copy()
-    for k in rows:
-        left |= structure[k]
-    left[gone] = False
-    if not left.any():
-        return None
-    solved = tuple(int(i) for i in np.flatnonzero(structure[base]))
-    return Family(int(base), tuple((int(k), int(j)) for k, j in pivots), tuple(int(b) for b in left), solved)

@@ -1,9 +1,9 @@
 """The current of an EMA against its demand: what this drive makes of it, the test of what is left, and its samples.
 
-    i = ((1 + gain) K_gi u - (1 + magnets) K_B w) / R_loop, limited;   d = i + age (i of the tick before - i)
-    f = y - d,   alarm: lagged power of f over what noise, rate and the doubts of gain, magnets and age make of it
+    i = K_gi u / R_loop - b_motor w;   d = i + what the drive's own gain, magnets and ages make of it, limited
+    f = y - d,   alarm: lagged power of f over what noise, rate and the doubts of these make of it
 
-The drive's own gain, magnets and age are learned (`gains`); which fault it is: `shapes`.
+What is the drive's own is learned (`gains`); which fault it is: `shapes`.
 """
 
 import math
@@ -18,7 +18,6 @@ from fdi.ema.ema_kalman import VELOCITY
 NO_CURRENT = 2.5  # of the largest: what a drive and a biased sensor together do not read
 BLIND = 2.5  # threshold of f without the velocity sensor, over that with it
 TAU_POWER, SPIKE = 0.1, 0.5  # lag of the power of f [s]; share of its threshold that one sample may fill
-NEAR = 0.93  # of the voltage limit: from there on 5 % of K_B is worth more than the stall current
 
 PARAMS = [
     ("th_f", "f8", "A"),  # rms of f, fixed part
@@ -28,8 +27,7 @@ PARAMS = [
 ]
 STATE = [
     ("f_now", "f8", "A"),  # measured current less the model's
-    ("d_now", "f8", "A"),  # the model's, of a reading without age
-    ("d_change", "f8", "A"),  # that of the tick before less this
+    ("i_now", "f8", "A"),  # that of a nominal drive
     ("f_mean", "f8", "A"),  # over 5 ms
     ("f_power", "f8", "A2"),  # its square, lagged
     ("w_power", "f8", "rad2/s2"),
@@ -44,26 +42,31 @@ STATE = [
 
 
 @kernel
-def demanded(x, u, w, p):
-    """Write what this drive makes of the demand `u` [A] at the rate `w` [rad/s]; return (that with the age of the
-    reading, what it would be at rest, near its voltage). A spike in the demand is no demand.
+def demanded(x, w, p):
+    """Write the columns of `gains` at the rate `w` [rad/s]; return the current that this drive makes of its demand and
+    what it would be at rest [A]. A spike in the demand is no demand.
     """
-    back = (1.0 + x.magnets_own) * p.K_B * w
-    i = ((1.0 + x.gain_own) * p.K_gi * clipped(u, 2.0 * p.I_max * p.R_loop / p.K_gi) - back) / p.R_loop
+    z, late, most = x.column, int(p.delay), 2.0 * p.I_max
+    per_ampere, back = p.K_gi / p.R_loop, p.b_motor * w
+    z[gains.GAIN] = clipped(per_ampere * x.u_old[late], most)
+    i = z[gains.GAIN] - back
+    z[gains.OLDER] = x.i_now - i
+    z[gains.YOUNGER] = clipped(per_ampere * x.u_old[max(late - 1, 0)], most) - z[gains.GAIN]
+    z[gains.RATE], z[gains.MAGNETS] = p.b_motor * x.turn, back
+    x.i_now = i
+    for k in range(gains.N):
+        i += x.own[k] * z[k]
     i = clipped(i, p.I_max)
-    x.d_change, x.d_now = x.d_now - i, i
-    d = i + x.age_own * x.d_change
-    return d, d + back / p.R_loop, math.fabs(p.R * i + back) > NEAR * p.V_max
+    return i, i + (1.0 - x.own[gains.MAGNETS]) * back
 
 
 @kernel
 def test(x, f, rest, w, seen, p, dt):
-    """Test the power of `f` [A] where it is `seen`, at the current `rest` [A] and the rate `w` [rad/s]; return its
-    threshold [A]."""
+    """Test the power of `f` [A] where it is `seen`, at the current `rest` [A] and the rate `w` [rad/s]."""
     h = dt / TAU_POWER
     own, magnets = gains.doubt(x)
     off = own * math.fabs(rest) + magnets * p.b_motor * math.fabs(w)
-    aged, turned = x.age_sigma * x.d_change, p.b_motor * x.turn
+    aged, turned = (x.own_sd[gains.OLDER] + gains.JITTER) * x.column[gains.OLDER], p.b_motor * x.turn
     x.off_power += h * (off * off - x.off_power)
     x.aged_power += h * (aged * aged + turned * turned - x.aged_power)
     least = math.sqrt(p.th_f * p.th_f + x.aged_power) + p.rho_f * math.sqrt(x.w_power) + math.sqrt(x.off_power)
@@ -76,22 +79,21 @@ def test(x, f, rest, w, seen, p, dt):
         x.r_f = math.sqrt(x.f_power) / least
     beyond = seen and x.r_f >= 1.0 and x.age >= p.t_start
     x.f_timer, x.hot_f = confirm(x.f_timer, x.hot_f, beyond, dt, p.t_f, p.t_release)
-    return least
 
 
 @kernel
-def watch(x, y, current, u, w, measured, gamma, p, dt):
-    """Take a tick: current `y` [A] where it is usable, demand `u` [A], rate `w`, which may be believed where it is
-    `measured`, and its innovation `gamma` [rad/s].
+def watch(x, y, current, w, measured, gamma, p, dt):
+    """Take a tick: current `y` [A] where it is usable, rate `w`, which may be believed where it is `measured`, and its
+    innovation `gamma` [rad/s].
     """
-    d, rest, limit = demanded(x, u, w, p)
-    seen = current and not limit and math.fabs(y) < NO_CURRENT * p.I_max
+    d, rest = demanded(x, w, p)
+    seen = current and x.at_limit < 0.5 and math.fabs(y) < NO_CURRENT * p.I_max
     f = y - d if seen else 0.0
     x.f_now = f
-    least = test(x, f, rest, w, seen, p, dt)
+    test(x, f, rest, w, seen, p, dt)
     plain = measured and x.f_timer <= 0.0
-    if seen and plain and math.fabs(d) < p.I_max and math.fabs(f) < 3.0 * least:
-        gains.accumulate(x, f, rest, x.d_change, w, w - gamma, p, dt)
+    if seen and plain and math.fabs(d) < p.I_max:
+        gains.accumulate(x, f, w - gamma, p, dt)
     torque.feel(x, f, gamma, current, p, dt)
     s = x.even_sum
     s[shapes.F] += f
@@ -111,14 +113,13 @@ def sample(x, plain, p, dt):
     x.even_ticks = x.even_lost = 0.0
     if whole and plain:
         gains.test(x, p, dt)
-    if x.isolated_part == VELOCITY:  # of a rate that is wrong nothing is learned
-        x.gain_timer = x.hot_gain = 0.0
-        x.gain_sum[:] = 0.0
+    if x.isolated_part == VELOCITY:
+        gains.forget(x)
     if x.hot_f < 0.5 and x.f_timer <= 0.0:
         x.f_age = x.drive_lost = 0.0
         x.drive_name, x.drive_vote[1] = NONE, 0.0
         return
-    x.f_age = x.f_age + 1.0 if whole else 0.0  # what the voltage limits says nothing
+    x.f_age = x.f_age + 1.0 if whole else 0.0
     if x.hot_f > 0.5 and x.drive_name == NONE and int(x.f_age) % shapes.EVERY == 0:
         own, magnets = gains.doubt(x)
         shapes.weigh(x, p, own, min(0.06, magnets))

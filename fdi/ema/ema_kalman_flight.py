@@ -253,7 +253,7 @@ def params(
 def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape, not engaged: the first usable position sample engages it."""
     x = np.zeros(p.shape, STATE)
-    x["gain_doubt"], x["magnets_doubt"], x["age_sigma"] = gains.GAIN, gains.MAGNETS_AT_FIRST, gains.AGE
+    x["own_sd"] = gains.PRIOR
     return x
 
 
@@ -301,7 +301,7 @@ def step(x, u, p, dt):
     believed = x.age_vel == 0.0 and x.r_speed < 0.5 and x.age_doubt > p.t_doubt
     told = x.age_vel == 0.0 and x.at_limit < 0.5
     torque.rub(x, x.x_hat[3], gamma, told and p.stop_low < x.pos_hat < p.stop_high, p, dt)
-    drive.watch(x, u.y_current, current, x.u_old[int(p.delay)], w, believed, gamma, p, dt)
+    drive.watch(x, u.y_current, current, w, believed, gamma, p, dt)
     sensor_noise.watch(x, u, gamma, current, told, p, dt)
     decide(x, p, dt)
     size(x, p)

@@ -22,6 +22,7 @@ TAU = 0.3  # lag of the power [s]
 SPIKE = 2.0  # thresholds that one sample may fill: a spike is three of them, and twelve a second are no noise
 CONFIRM = 0.1  # [s]
 STANDS = 0.8  # of the threshold: so much of it keeps the alarm
+T_AGE = 4.0  # an age of the current looks like noise until it is learned [s]
 T_SAME, SAME = 0.1, 20.0  # a reading that repeats itself for so long, and so many samples, is frozen [s]
 # of the current's: nine times what its sensor's 0.1 A make; an amplifier off its zero and pole both ways makes six
 TH_CURRENT = 9.0 * math.sqrt(6.0) * 0.1
@@ -57,7 +58,7 @@ def judge(x, k, y, e, seen, p, dt):
     for i, new in enumerate((y, e) if seen else (0.0, 0.0)):
         last[i, 1], last[i, 0] = last[i, 0], new
     r = math.sqrt(max(x.rough_power[k], 0.0)) / p.th_rough[k]
-    asked = x.age >= p.t_start if k < 3 else x.gain_learned > 1.5  # an age looks like noise until it is learned
+    asked = x.age >= (p.t_start if k < 3 else T_AGE)
     beyond = asked and r >= (STANDS if x.rough_hot[k] > 0.5 else 1.0)
     x.rough_timer[k], x.rough_hot[k] = confirm(x.rough_timer[k], x.rough_hot[k], beyond, dt, CONFIRM, p.t_release)
     return r

@@ -4,6 +4,7 @@ import math
 
 from actuators.block import kernel
 from fdi.common.decision import clipped, usable
+from fdi.ema.gains import GAIN, MAGNETS
 
 IMPACT = 0.45  # of `gate`, which the stall current does not reach in a tick
 T_IMPACT = 0.05  # [s]
@@ -15,7 +16,7 @@ def _limited(x, demand, omega, p):
     quasi-steady as in `ema`, with the gains that have been learned.
     """
     back = p.K_B * omega
-    i = ((1.0 + x.gain_own) * p.K_gi * demand - (1.0 + x.magnets_own) * back) / p.R_loop
+    i = ((1.0 + x.own[GAIN]) * p.K_gi * demand - (1.0 - x.own[MAGNETS]) * back) / p.R_loop
     g = min(max(i, -p.I_max), p.I_max)
     volts = p.R * g + back
     beyond = math.fabs(volts) > p.V_max

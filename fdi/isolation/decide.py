@@ -88,9 +88,10 @@ def longest(x):
 
 
 @kernel
-def leader(x, top):
+def leader(x):
     """Return the octave of the longest window in which one class has the lead, -1 where none has, or where a longer one
-    that shows a fault, of `top` at most, has another class or an oscillation of another octave."""
+    that shows a fault has another class or an oscillation of another octave."""
+    top = longest(x)
     for o in range(top, -1, -1):
         if x.own_ratio[o] < 1.0:
             continue
@@ -125,8 +126,7 @@ def healed(x, p, o, dt):
 @kernel
 def nominate(x):
     """Keep the class that leads, where one does that has a name, until the longest window shows another."""
-    top = longest(x)
-    c = leader(x, top)
+    c, top = leader(x), longest(x)
     if top >= 0 and x.own_class[top] != x.likely:
         x.likely = x.named
     if c < 0:

@@ -30,8 +30,6 @@ own. By how much the surface's samples are older than the rod's is learned with 
 
 import math
 
-from scipy.signal import butter
-
 from actuators.block import kernel
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import opening
@@ -116,6 +114,8 @@ NOISE = {
 
 def high_pass(dt: float) -> dict:
     """Return the PARAMS fields of the high-pass, a Butterworth filter of second order."""
+    from scipy.signal import butter  # 60 MB and half a second that a page need not wait for
+
     b, a = butter(2, min(CORNER_HZ, CORNER_MOST / dt), "highpass", fs=1.0 / dt)
     return {"high_b": b, "high_a": a[1:]}
 

@@ -9,31 +9,35 @@ table of fdi/joint/hypotheses.py,
 
     P(h | tokens) ~ P(h) prod_lanes P(token | h)
 
+with the mean of its logarithm over MEMORY in place of the product now, as lanes flicker.
+
 Lanes of one detector that the same fault moves see much the same: of the second, P(token | h) = ALIKE [it says what the
 one before it says] + (1 - ALIKE) P(token | h). A lane that does not fly, or is silent and not valid, says nothing. An
 alarm that comes while its lane is not valid is not heard, one that came before is.
 
-`joint` alarms while a lane does; a name is given when what is heard has stood for SETTLE. The part is the finest
-name that holds SURE of the probability, the verdict the class that holds SURE_CLASS of the probability of that name,
-else AMBIGUOUS, as it is while every lane says so; `p` is the probability of the isolated_part.
+`joint` alarms while a lane does; what is heard is weighed each time that it has stood for SETTLE. The part is the
+finest name that holds SURE of the probability, the verdict the class that holds SURE_CLASS of the probability of that
+name, else AMBIGUOUS, as it is while every lane says so; `p` is the probability of the isolated_part.
 """
 
-import functools
+import math
 from collections import Counter
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
 from fdi import registry
-from fdi.common.record import Detector, Site
+from fdi.common.record import Detector
 from fdi.common.verdict import AMBIGUOUS, NAMES, NONE, code
 from fdi.joint import likelihood
-from fdi.joint.hypotheses import AIRCRAFT, ISOLABLE_PARTS, LANES, LOCAL, SEGMENTS, hypotheses, segments
+from fdi.joint.hypotheses import ISOLABLE_PARTS, LANES, SEGMENTS, hypotheses, segments
 
 # chosen on the training flights, rates from one half of them and names from the other:
 SURE, SURE_CLASS = 0.85, 0.85  # probabilities from which a place and a class are named
 SETTLE = 0.5  # of what is heard, before a name is given [s]: detectors of one fault speak one after the other
+MEMORY = 2.0  # of what is heard [s]: of .5, 2, 4 and 8 chosen on the campaign `joint`, judged on `fault-space`
 ALIKE = 0.8  # how much lanes of one detector on segments that one fault moves have in common [-]
 SEVERAL = 0.1  # such a fault, of parts that have no common command, against one of a single part; assumed [-]
 # (lane, detector, output) of what tells more than a class; of one lane the first that says anything counts
@@ -50,7 +54,6 @@ PARAMS = dtype([
     ("row", "f8", (NH, NL)),  # of `p_token`
     ("twin", "f8", (NH, NL)),  # 1 + the lane of the same detector before it that the hypothesis moves, 0 for none
     ("p_token", "f8", (NR, NT)),  # P(token | row)
-    ("use", "f8", (NL,)),  # 1 where the lane is listened to
     ("token", "f8", (NL, NW, NC, NCUL)),  # of word, class code and isolated_part
     ("word", "f8", (NF, NV)),  # that a value of an output is
 ])  # fmt: skip
@@ -67,6 +70,8 @@ STATE = dtype([
     ("stood", "f8", "s"),  # time since anything new was heard
     ("heard", "f8", (NL,)),  # token of each lane, 0 silent, -1 where it says nothing
     ("named", "f8"),  # 1 while a lane that alarms names a class
+    ("times", "f8"),  # that it was weighed since the alarm rose
+    ("log_mean", "f8", (NH,)),  # of the logarithm of P(tokens | hypothesis), over MEMORY
     ("weight", "f8", (NH,)),  # of each hypothesis
     ("share", "f8", (NN,)),  # of each name
     ("class_share", "f8", (NC,)),  # of each class within the isolated_part
@@ -98,31 +103,23 @@ DETECTOR = Detector(
     sizes={"n_h": 1.0, "names": 0.0, "verdict": 0.0, "row": 0.0, "twin": 0.0, "token": 0.0, "word": 0.0},
     any_aircraft=True,
     may_lack=True,
-    options={"levels": ("both", "local", "aircraft"), "rates": ("measured", "none")},  # the first is the default
-    fit=lambda site, levels="both", rates="measured": fitted(site, levels, rates),
+    fit=lambda site: params(site.technologies or {}),
 )  # fmt: skip
 
 
-def params(
-    technology: Any = None, *, levels: str = "both", rates: str | dict = "measured", **values: Any
-) -> np.ndarray:
-    """Return PARAMS for elevator segments {segment: technology}, by default four hydraulic ones.
-
-    `levels` names whose lanes are listened to, `rates` "measured" (stored), "none", or counts as those.
-    """
-    technology = dict(technology or dict.fromkeys(SEGMENTS, "hydraulic"))
-    counted = rates if isinstance(rates, dict) else likelihood.stored() if rates == "measured" else {}
+def params(technology: Mapping[str, str] | None = None, rates: dict | None = None, **values: Any) -> np.ndarray:
+    """Return PARAMS for elevator segments {segment: technology}, by default four hydraulic ones; `rates` other than the
+    stored ones."""
+    technology = dict.fromkeys(SEGMENTS, "hydraulic") if technology is None else technology
     found, here = hypotheses(technology), segments(technology)
     p, n = record(PARAMS, n_h=len(found)), len(found)
-    row, p_token = likelihood.rows(found, here, counted)
+    row, p_token = likelihood.rows(found, here, likelihood.stored() if rates is None else rates)
     p_token, where = np.unique(p_token, axis=0, return_inverse=True)
     p["row"][0, :n], p["p_token"][0, : len(p_token), : p_token.shape[1]] = where[row.astype(int)], p_token
     p["prior"][0, :n] = _prior(found)
     p["names"][0, :n] = [[ISOLABLE_PARTS.index(name) for name in h.names] for h in found]
     p["verdict"][0, :n] = [code(h.verdict) for h in found]
-    own = {"both": (*LOCAL, *AIRCRAFT), "local": LOCAL, "aircraft": AIRCRAFT}[levels]
     for i, (detector, lane) in enumerate(LANES):
-        p["use"][0, i] = detector in own and (lane == "aircraft" or lane in here)
         isolable_parts = registry.module(detector).ISOLABLE_PARTS
         for w, told in enumerate(likelihood.words(detector)):
             said = [[likelihood.index(detector, v, c, told) for c in isolable_parts] for v in NAMES[1:]]
@@ -149,17 +146,6 @@ def _prior(found):
     return np.array(share) / sum(share)
 
 
-def fitted(site: Site, levels: str = "both", rates: str = "measured") -> np.ndarray:
-    """Return PARAMS for a loop."""
-    return of_layout(tuple((site.technologies or {}).items()), levels, rates).copy()
-
-
-@functools.cache
-def of_layout(technologies: tuple[tuple[str, str], ...], levels: str, rates: str) -> np.ndarray:
-    """Return `params` of segments ((segment, technology), ...); its tables are made once in a process."""
-    return params(dict(technologies), levels=levels, rates=rates)
-
-
 def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape: nothing heard."""
     return np.zeros(p.shape, STATE)
@@ -183,20 +169,23 @@ def _said(x, u, p, i):
 
 @kernel
 def _weigh(x, p):
-    """Fill x.weight with P(h) prod P(token | h) of every hypothesis, of sum 1."""
-    total = 0.0
+    """Fill x.weight with P(h) exp(x.log_mean) of every hypothesis, of sum 1; x.log_mean is the mean of
+    ln prod P(token | h) over MEMORY."""
+    x.times += 1.0
+    share, total = max(SETTLE / MEMORY, 1.0 / x.times), 0.0
     for h in range(int(p.n_h)):
-        w = p.prior[h]
+        w = 1.0
         for i in range(NL):
             t, j = int(x.heard[i]), int(p.twin[h, i]) - 1
-            if p.use[i] < 0.5 or t < 0:
+            if t < 0:
                 continue
             s = p.p_token[int(p.row[h, i]), t]
-            if j >= 0 and p.use[j] > 0.5 and x.heard[j] >= 0.0:
+            if j >= 0 and x.heard[j] >= 0.0:
                 s = (1.0 - ALIKE) * s + (ALIKE if t == int(x.heard[j]) else 0.0)
             w *= s
-        x.weight[h] = w
-        total += w
+        x.log_mean[h] += share * (math.log(w) - x.log_mean[h])
+        x.weight[h] = p.prior[h] * math.exp(x.log_mean[h])
+        total += x.weight[h]
     for h in range(int(p.n_h)):
         x.weight[h] = x.weight[h] / total if total > 0.0 else p.prior[h]
 
@@ -230,18 +219,17 @@ def step(x, u, p, dt):
     """Hear the lanes; where what they say has settled, weigh all hypotheses."""
     new, x.valid, x.r, x.named = False, 0.0, 0.0, 0.0
     for i in range(NL):
-        if p.use[i] > 0.5:
-            t = _said(x, u, p, i)
-            new = new or t != x.heard[i]
-            x.heard[i] = t
-            x.valid = max(x.valid, 1.0 if u.valid[i] > 0.5 else 0.0)
-            x.r += 1.0 if t > 0.0 else 0.0
-            if t > 0.0 and u.verdict[i] != NONE and u.verdict[i] != AMBIGUOUS:
-                x.named = 1.0
-    settled = not new and x.stood < SETTLE <= x.stood + dt
+        t = _said(x, u, p, i)
+        new = new or t != x.heard[i]
+        x.heard[i] = t
+        x.valid = max(x.valid, 1.0 if u.valid[i] > 0.5 else 0.0)
+        x.r += 1.0 if t > 0.0 else 0.0
+        if t > 0.0 and u.verdict[i] != NONE and u.verdict[i] != AMBIGUOUS:
+            x.named = 1.0
+    settled = not new and math.floor(x.stood / SETTLE) < math.floor((x.stood + dt) / SETTLE)
     x.stood = 0.0 if new else x.stood + dt
     if x.r == 0.0:
-        x.alarm, x.verdict, x.isolated_part, x.p = 0.0, NONE, 0.0, 0.0
+        x.alarm, x.verdict, x.isolated_part, x.p, x.times = 0.0, NONE, 0.0, 0.0, 0.0
         return
     if x.alarm < 0.5:
         x.alarm, x.verdict = 1.0, AMBIGUOUS

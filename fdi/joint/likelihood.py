@@ -22,7 +22,6 @@ from fdi.joint.hypotheses import AIRCRAFT, LANES, LOCAL, SEGMENTS, TECHNOLOGIES,
 
 Token = tuple[str, str, str]  # verdict class, part, word
 SILENT: Token = ("", "", "")
-UNDECIDED: Token = ("ambiguous", "", "")
 OUTCOMES = ("silent", "right", "open", "wrong")
 WEIGHT = 3.0  # flights that the record counts for
 UNSEEN = 0.2  # probability that a fault is unlike all that were counted: the record speaks
@@ -116,20 +115,6 @@ _CANON = {
 }
 
 
-def isolates(detector: str) -> bool:
-    """Return whether a detector is made to tell the faults of its actuator apart."""
-    return detector in LOCAL and len(registry.module(detector).ISOLABLE_PARTS) > 2
-
-
-def undecided(detector: str, rates: dict[str, Any]) -> float:
-    """Return P(ambiguous and no word | a fault that it is designed for or may see), over all of these kinds."""
-    own = rates.get(detector, {}).items()
-    cells = [cell for key, cell in own if relation(detector, _CANON[key].case)[0] != "blind"]
-    said = sum(cell.get("|".join(UNDECIDED), 0.0) for cell in cells)
-    first = FIRST * SHARES["designed"][OUTCOMES.index("open")]
-    return (first + said) / (FIRST + sum(sum(cell.values()) for cell in cells))
-
-
 def pooled(detector: str, rates: dict[str, Any]) -> dict[str, np.ndarray]:
     """Return {relation: share of each of OUTCOMES (4,)}, counted over all kinds."""
     flights = {how: FIRST * np.array(shares) for how, shares in SHARES.items()}
@@ -153,11 +138,6 @@ def likelihood(detector: str, h: Hypothesis, rates: dict[str, Any], shares: dict
         counts[every.index((verdict, turned(isolated_part, h.segments), told))] += n
     p = (WEIGHT * base + counts) / (WEIGHT + counts.sum())
     p = (1.0 - UNSEEN) * p + UNSEEN * base if counts.any() else p
-    if isolates(detector):  # what it leaves open no count of a kind decides
-        i, left_open = every.index(UNDECIDED), undecided(detector, rates)
-        left_open = min(left_open, p[i]) if relation(detector, h.case)[0] == "blind" else left_open
-        p *= (1.0 - left_open) / (1.0 - p[i])
-        p[i] = left_open
     return p
 
 

@@ -31,9 +31,18 @@ Noise and frozen readings show in the second difference of the reading alone, y_
 sigma^2, in which motion at the sampling rate is nothing. Gusts are not nothing in it: their part goes with a power of
 the speed (`GUSTY`), and with it what the noise that was learned may be.
 
-What kinematics cannot tell: a constant error of a rate from a slow one of what it is the rate of. "p or phi", "q or
-theta", "r or psi", "n_x or v_ground" is named until another row tells. When such a drift stops, and stays off, the
-alarm ends as if the rate were right again.
+A constant error of a rate and a slow one of what it is the rate of leave the same in their row: "p or phi", "q or
+theta", "r or psi", "n_x or v_ground" is named until something tells. Of q and theta the turn and the climb do; of the
+others the velocity through the air, integrated from the first row that fires, which a steady wind and a roll rate do
+not move:
+
+    v' = g (n_y cos phi + n_z sin phi) - psi' u,  level and across the heading        V' = g (n_x u + ...) / V
+
+An error b of r makes it stray by u b t, one of n_x by g b t, of roll by g times its integral; one of heading, of speed
+over the ground or of p by nothing. The sensor is named when one of the two is 100 times as likely as the other, gusts
+being the noise. When a drift that nothing told stops, and stays off, the alarm ends as if the rate were right again.
+
+Beside a sensor that is named another one is, by rows that do not read the first: the name is that of the last.
 
 Thresholds are those of the noise that is specified. A row whose readings, over the time of learning, have larger second
 differences than specified noise makes has its threshold and its jump larger by as much.
@@ -65,11 +74,16 @@ GUSTY = {**dict.fromkeys(("tas", "cas", "mach"), 1), **dict.fromkeys(("alpha", "
          **dict.fromkeys(("n_x", "n_y", "n_z"), 3)}  # fmt: skip
 POWER = np.array([GUSTY.get(name, 0) for name in SENSORS])
 # A named error is over when what it did last would be SEEN of a threshold and is not there, for SHOWN_S [s]. One of an
-# integrated reading fades from its row: it stands for OFF_S at most [s], until the reading has jumped back to BACK of
-# what it was off by. One that came without a jump, a drift or a frozen reading, ends with one
-SHOWN_S, BACK, SEEN, OFF_S = 5.0, 0.3, 0.75, 120.0
+# integrated reading fades from its row: it stands until the reading jumps back, for OFF_S at most [s] if it came with
+# a jump
+SHOWN_S, SEEN, OFF_S = 5.0, 0.75, 120.0
 LEFT = 4.0  # thresholds: from there a row is quiet within 1.4 of its time constants
 FADING, STAYING, NOISY, JUMPED_BACK = 0.0, 1.0, 2.0, 3.0
+# what else than a sensor moves the velocity through the air from its integral: noise, as 4e-4 rad of the vane
+# [m/s]; rotation of the earth, twice its rate times 200 m/s [m/s2]; gusts, times the rms that the vane has: one that is
+# here, and three quarters of one that the observer had
+STRAY_SD, STRAY_RATE, GUSTS_SD = 0.2, 0.03, 1.25
+TOLD = 4.6  # ln 100: of the likelihoods of the sensors of a pair
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
 
 PARAMS = dtype(
@@ -111,8 +125,6 @@ STATE = dtype(
         ("jumped", "f8", (NR,), "s"),  # time for which it still counts as jumped
         ("raw", "f8", (NR,)),  # residuals
         ("last", "f8", (NR,)),  # at the tick before
-        ("off", "f8", (NR,)),  # sum of the jumps of a fault
-        ("off_most", "f8", (NR,)),  # and the largest that it was
         ("seen", "f8", (NR,)),  # 1 where the tick before had one
         ("model", "f8", (NR,)),  # states of the rows that integrate
         ("rate", "f8", (NR,)),  # what they integrated last
@@ -141,7 +153,12 @@ STATE = dtype(
         ("speed", "f8", "m/s"),  # over the ground, where it was learned
         ("age", "f8", "s"),
         ("n_learn", "f8", "-"),
-        ("since", "f8", "s"),  # time since the first row fired, 0 while none has
+        ("known", "f8", (NR,)),  # 1 where a sensor that is named is read
+        ("since", "f8", "s"),  # time since the first of the others fired, 0 while none has
+        ("integral", "f8", (5,)),  # over that time: roll, heading, speed over the ground, across the heading, airspeed
+        ("strayed", "f8", (5,), "rad, m/s"),  # the readings less those
+        ("expected", "f8", (4,), "m/s"),  # by an error of the sensor NEEDED of each pair: of the last or the one before
+        ("rolled", "f8", "rad s"),  # integral of what roll has strayed
         ("noisy", "f8", "-"),  # 1 + sensor whose noise is wrong, 0 for none
         ("quiet", "f8", "s"),  # time since anything fired
         ("held", "f8", (NR,)),  # residuals that were beyond their thresholds, the last of each row
@@ -189,17 +206,13 @@ def init(p: np.ndarray) -> np.ndarray:
 
 @kernel
 def _jumps(x, p, i, dt):
-    """Note whether row i jumped, and by how much in all; return whether it did."""
+    """Note whether row i jumped; return whether it did."""
     x.jumped[i] = max(x.jumped[i] - dt, 0.0)
-    if x.jumped[i] == 0.0 and x.alarm < 0.5:
-        x.off[i] = x.off_most[i] = 0.0
     leap = x.raw[i] - x.last[i] if x.live[i] * x.seen[i] > 0.5 else 0.0
     x.last[i], x.seen[i] = x.raw[i], x.live[i]
     if math.fabs(leap) <= p.jump[i] * x.grown[i]:
         return False
     x.jumped[i] = p.t_hold
-    x.off[i] += leap
-    x.off_most[i] = max(x.off_most[i], math.fabs(x.off[i]))
     return True
 
 
@@ -211,8 +224,8 @@ def _residuals(x, p, dt):
         fades = table.FADES[int(x.isolated_part) - 1]
     for i in range(NR):
         x.fired[i] = max(x.fired[i] - dt, 0.0)
-        if _jumps(x, p, i, dt) and i == fades:
-            back = back or x.leapt < 0.5 or math.fabs(x.off[i]) < BACK * x.off_most[i]
+        jumps = _jumps(x, p, i, dt)
+        back = back or (jumps and i == fades)
         if x.live[i] < 0.5:
             x.res[i] = 0.0
         elif x.age > p.t_learn:
@@ -296,12 +309,18 @@ def _hidden(x, s, i):
 
 @kernel
 def _explains(x, s):
-    """Return whether signature s explains what fired and jumped."""
-    jumped = x.jumped[table.FIRST_ROW[s]] > 0.0
-    if (table.JUMPS[s] > 0.5 and not jumped) or (table.JUMPS[s] < -0.5 and jumped):
+    """Return whether signature s explains what fired and jumped in the rows that are not x.known: of the rows of one
+    unit its first shows it most."""
+    first = table.FIRST_ROW[s]
+    if x.known[first] > 0.5 or (table.JUMPS[s] > 0.5 and x.jumped[first] <= 0.0):
         return False
     for i in range(NR):
-        if x.fired[i] > 0.0 and table.MAY[s, i] < 0.5:
+        if x.known[i] > 0.5:
+            continue
+        if table.JUMPS[s] < -0.5 and table.INTEGRATES[i] * x.jumped[i] > 0.0:
+            return False
+        larger = table.UNIT[i] == table.UNIT[first] and math.fabs(x.held[i]) > math.fabs(x.held[first])
+        if x.fired[i] > 0.0 and (larger or table.MAY[s, i] < 0.5):
             return False
         if x.fired[i] <= 0.0 and table.MUST[s, i] > 0.5 and not _hidden(x, s, i):
             return False
@@ -317,35 +336,55 @@ def _named(x):
             count += 1
             best = table.OF[s] + 1
             both, pair = count == 2 and pair > 0 and pair == table.PAIR_OF[s], table.PAIR_OF[s]
-    return (1, float(pair)) if count == 2 and both else (count, float(best))
+    return (1, _of_pair(x, pair)) if count == 2 and both else (count, float(best))
 
 
 @kernel
-def _seek(x, p, any_row):
-    """Name the sensor when the rows that belong together are in, or say that there is none."""
-    sought = x.alarm < 0.5 or x.verdict == AMBIGUOUS
+def _of_pair(x, pair):
+    """Return the sensor of a pair that the velocity through the air tells to be wrong, or the pair: the logarithm of
+    the ratio of the likelihoods that it has strayed as expected of the one and not at all, which gusts may make it."""
+    k = pair - EITHER
+    sd = STRAY_SD + STRAY_RATE * x.since + GUSTS_SD * x.rough
+    strayed = x.strayed[4 if k == 3 else 3]
+    told = x.expected[k] * (2.0 * strayed - x.expected[k]) / (2.0 * sd * sd)
+    return float(pair if math.fabs(told) < TOLD else table.NEEDED[k] if told > 0.0 else table.OTHER[k])
+
+
+@kernel
+def _blame(x, part, shows):
+    """Name a part; of the rows that read its sensor the search for another one makes nothing."""
+    x.alarm, x.verdict, x.isolated_part, x.shows = 1.0, SENSOR, part, shows
+    if part < EITHER:
+        for i in range(NR):
+            x.known[i] = max(x.known[i], table.KNOWN[int(part), i])
+
+
+@kernel
+def _seek(x, p):
+    """Name the sensor when the rows that belong together are in, or say that there is none; beside one that is named
+    another one by rows that do not read it."""
     if x.noisy > 0.5:  # a reading tells of itself, rows of all that they read
-        x.alarm, x.verdict, x.isolated_part, x.shows = 1.0, SENSOR, x.noisy, NOISY
-    elif any_row and x.since >= p.t_collect and (sought or x.isolated_part >= EITHER):
+        _blame(x, x.noisy, NOISY)
+    elif x.since >= p.t_collect:
         count, best = _named(x)
-        if count == 1 and (sought or table.HOLDS[int(x.isolated_part), int(best)] > 0.5):
-            x.alarm, x.verdict, x.isolated_part = 1.0, SENSOR, best
+        if count == 1 and (x.isolated_part < EITHER or table.HOLDS[int(x.isolated_part), int(best)] > 0.5):
             row = table.FADES[int(best) - 1]
-            x.shows = FADING if row >= 0 else STAYING
-            x.leapt = 1.0 if row >= 0 and x.off_most[row] > 0.0 else 0.0
-        elif sought and x.since >= p.t_ambiguous:
-            x.alarm, x.verdict, x.isolated_part = 1.0, AMBIGUOUS, 0.0
+            _blame(x, best, FADING if row >= 0 and best < EITHER else STAYING)
+            x.leapt = 1.0 if row >= 0 and x.jumped[row] > 0.0 else 0.0
+        elif x.alarm < 0.5 and x.since >= p.t_ambiguous:
+            x.alarm, x.verdict = 1.0, AMBIGUOUS
 
 
 @kernel
 def _decide(x, p, dt):
     """Name what is wrong; hold the alarm for t_release, or as the error ends."""
-    any_row = False
+    any_row, unknown = False, False
     for i in range(NR):
         any_row = any_row or x.fired[i] > 0.0
+        unknown = unknown or x.fired[i] * (1.0 - x.known[i]) > 0.0
     x.quiet = 0.0 if any_row or x.noisy > 0.5 else x.quiet + dt
-    x.since = x.since + dt if any_row else 0.0
-    _seek(x, p, any_row)
+    x.since = x.since + dt if unknown else 0.0
+    _seek(x, p)
     if x.alarm < 0.5:
         x.refuted = 0.0
         return
@@ -374,25 +413,10 @@ def _would_show(x):
 @kernel
 def _clear(x):
     x.alarm, x.verdict, x.isolated_part = 0.0, NONE, 0.0
-    x.shows = x.refuted = x.leapt = 0.0
+    x.shows = x.refuted = x.leapt = x.since = x.quiet = 0.0
     x.fired[:] = 0.0
     x.held[:] = 0.0
-
-
-@kernel
-def _rest(x, p, why):
-    """Judge nothing while out of range; what integrates starts anew afterwards, learning does where it was not done."""
-    x.ticks[:] = 0.0
-    x.live[:] = 0.0
-    x.seen[:] = 0.0
-    x.res[:] = 0.0
-    x.jumped[:] = 0.0
-    if x.age <= p.t_learn:
-        x.age, x.n_learn = 0.0, 0.0
-        x.offset[:] = 0.0
-        x.level[:] = 0.0
-    x.since, x.noisy, x.quiet, x.valid, x.why, x.r = 0.0, 0.0, 0.0, 0.0, why, 0.0
-    _clear(x)
+    x.known[:] = 0.0
 
 
 @kernel
@@ -408,13 +432,16 @@ def _flies(u):
 
 @kernel
 def step(x, u, p, dt):
-    """Read, compare, decide."""
-    if not _flies(u):
-        _rest(x, p, BOX_SPEED)
-        return
-    read(x, u)
+    """Read, compare, decide. Out of range nothing is read: what integrates starts anew afterwards, and learning does
+    where it was not done."""
+    flies = _flies(u)
+    read(x, u, flies)
     compare(x, p, dt)
     x.age += dt
+    if not flies and x.age <= p.t_learn:
+        x.age, x.n_learn = 0.0, 0.0
+        x.offset[:] = 0.0
+        x.level[:] = 0.0
     if p.t_settle < x.age <= p.t_learn:
         x.n_learn += 1.0
     r = max(_residuals(x, p, dt), _noise(x, p, dt))
@@ -423,7 +450,8 @@ def step(x, u, p, dt):
     live = 0.0
     for i in range(NR):
         live += x.live[i]
-    x.why = NOT_READY if x.age <= p.t_learn else (LOST_SENSOR if live < 0.5 else VALID)
+    x.why = NOT_READY if x.age <= p.t_learn else LOST_SENSOR if live < 0.5 else VALID
+    x.why = x.why if flies else BOX_SPEED
     x.valid = 1.0 if x.why == VALID else 0.0
     x.r = r if x.valid > 0.5 else 0.0
     if x.valid > 0.5:

@@ -16,8 +16,9 @@ WORN = 1.25  # times it thresholds hold: they are trained at 1.2, and what is le
 
 
 @kernel
-def read(x, u):
-    """Copy the readings and their flags, in the order of SENSORS; one that is out repeats its last value."""
+def read(x, u, flies):
+    """Copy the readings and their flags, in the order of SENSORS; one that is out repeats its last value, as all do
+    unless the aircraft `flies`."""
     values = (
         u.p, u.q, u.r, u.phi, u.theta, u.psi, u.n_x, u.n_z, u.hdot, u.h_inertial, u.h_baro, u.tas, u.cas, u.mach,
         u.alpha_ground, u.v_ground, u.alpha, u.beta, u.n_y,
@@ -28,7 +29,7 @@ def read(x, u):
         u.alpha_ground_valid, u.v_ground_valid, u.alpha_valid, u.beta_valid, u.n_y_valid,
     )  # fmt: skip
     for i in range(NS):
-        x.ok[i] = usable(values[i], flags[i])
+        x.ok[i] = usable(values[i], flags[i]) if flies else 0.0
         x.ticks[i] = min(x.ticks[i] + 1.0, 3.0) if x.ok[i] > 0.5 else 0.0
         if x.ok[i] > 0.5:
             x.y_2[i], x.y_1[i], x.y[i] = x.y_1[i], x.y[i], values[i]
@@ -71,11 +72,43 @@ def compare(x, p, dt):
     rise = steep - v * sp * ct
     x.raw[CLIMB] = y[8] - rise
     _integrated(x, p, TURN, w, pitch * u - roll * v + G0 * (ct * cp - y[7]), path * body * ok[7], dt, 0.0)
-    along = G0 * (y[6] * u + y[18] * v - y[7] * w - rise) / max(y[15], 1.0)  # no rate of rotation moves the whole speed
-    _integrated(x, p, SPEED, y[15], along, path * ok[6] * ok[7], dt, 0.0)
+    _integrated(x, p, SPEED, y[15], _along(y, u, v, w, rise), path * ok[6] * ok[7], dt, 0.0)
     _integrated(x, p, table.HEIGHT, y[9], y[8], ok[8] * ok[9], dt, 0.0)
     _air_data(x)
     _lateral(x, p, dt, steep)
+    _through_air(x, p, dt, turning / ct)
+
+
+@kernel
+def _along(y, u, v, w, rise):
+    """Return the acceleration along a velocity of which `rise` climbs [m/s2]: no rate of rotation is in it."""
+    return G0 * (y[6] * u + y[18] * v - y[7] * w - rise) / max(math.sqrt(u * u + v * v + w * w), 1.0)
+
+
+@kernel
+def _through_air(x, p, dt, heading_rate):
+    """Fill x.strayed: how far roll, heading, speed over the ground, and of the velocity through the air what is level
+    and across the heading, and its size, are from their integrals since the first row fired; and x.expected, how far
+    the last two would be if the sensor of a pair that they need were the wrong one. A steady wind and a roll rate are
+    in neither of them."""
+    y, ok = x.y, x.ok
+    sp, cp, st, ct = math.sin(y[3]), math.cos(y[3]), math.sin(y[4]), math.cos(y[4])
+    plane = y[11] * math.cos(y[17])
+    u, v, w = plane * math.cos(y[16]), y[11] * math.sin(y[17]), plane * math.sin(y[16])
+    down = sp * v + cp * w
+    ahead = ct * u + st * down
+    across = G0 * (cp * y[18] + sp * y[7]) - heading_rate * ahead
+    values = (y[3], y[5], y[15], cp * v - sp * w, y[11])
+    rates = (x.rate[table.PHI], x.rate[table.PSI], x.rate[SPEED], across, _along(y, u, v, w, st * u - ct * down))
+    live = ok[11] * ok[16] * ok[17] * ok[18] * x.live[table.PSI] * x.live[TURN] * x.live[SPEED]
+    follow = 0.0 if x.since > 0.0 else dt / p.tau
+    for k in range(5):
+        ahead_of = x.integral[k] + dt * rates[k] if live > 0.5 else values[k]
+        e = values[k] - ahead_of
+        x.strayed[k] = math.atan2(math.sin(e), math.cos(e)) if k == 1 else e
+        x.integral[k] = ahead_of + follow * x.strayed[k]
+    x.rolled = x.rolled + dt * x.strayed[0] if live * x.since > 0.0 else 0.0
+    x.expected[1], x.expected[2], x.expected[3] = -G0 * x.rolled, -ahead * x.strayed[1], x.strayed[2]
 
 
 @kernel

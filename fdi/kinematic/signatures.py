@@ -35,6 +35,7 @@ SIGNATURES: tuple[Any, ...] = (
     ("cas", ("impact",), (), None),
     ("mach", ("sound", "impact"), (), None),
     ("alpha_ground", ("turn", "climb"), (), None),
+    ("alpha_ground", ("climb", "turn"), (), None),
     ("alpha_ground", ("climb",), ("turn",), False),
     ("v_ground", ("speed",), ("climb", "turn"), True),
     ("v_ground", ("speed",), ("climb", "turn"), False),  # slow: as an error of n_x
@@ -51,15 +52,24 @@ def _table(*columns):
 MUST, MAY = _table(1), _table(1, 2)
 JUMPS = np.array([{None: 0.0, True: 1.0, False: -1.0}[c[3]] for c in SIGNATURES])
 FIRST_ROW = np.array([ROWS.index(c[1][0]) for c in SIGNATURES])
+UNIT = np.array([0, 0, 0, 1, 1, 1, 2, 3, 4, 5])  # rows of one unit have one number
 OF = np.array([SENSORS.index(c[0]) for c in SIGNATURES])
 ISOLABLE_PARTS = ("", *SENSORS, *(" or ".join(pair) for pair in PAIRS))
 EITHER = len(SENSORS) + 1  # the first of the pairs
+# of each but the first, which the turn tells apart: the sensor that the velocity through the air needs, and the other
+NEEDED, OTHER = (
+    np.array([ISOLABLE_PARTS.index(name) for name in names])
+    for names in (("", "phi", "r", "n_x"), ("", "p", "psi", "v_ground"))
+)
 # [a, b]: b is one of a
 HOLDS = np.array([[float(b != "" and b in a.split(" or ")) for b in ISOLABLE_PARTS] for a in ISOLABLE_PARTS])
 PAIR_OF = np.array([next((k + EITHER for k, pair in enumerate(PAIRS) if c[0] in pair), 0) for c in SIGNATURES])
 # of every isolated_part the row that integrates it, from which its error fades; -1 where an error stays
 FADES = np.array(
-    [next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] == name and c[3]), -1) for name in ISOLABLE_PARTS[1:]]
+    [
+        next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] in name.split(" or ") and c[3]), -1)
+        for name in ISOLABLE_PARTS[1:]
+    ]
 )
 INTEGRATES = np.array([float(row in ("phi", "theta", "psi", "turn", "speed", "height")) for row in ROWS])
 _RATES = [name.split(" or ")[0] for name in ISOLABLE_PARTS[1:]]  # a pair's rate
@@ -71,8 +81,8 @@ CONSTANT_IN = np.array([
 ])  # fmt: skip
 # how large an error of this size in the first row is in a row whose threshold may hide it: so many times, and times so
 # many powers of the speed; a relative error of Mach number is twice that, or more, in the impact pressure
-_SHOWN = {("q", "turn"): (1.0, 1.0), ("alpha_ground", "climb"): (1.0, 0.0), ("hdot", "climb"): (0.5, 0.0),
-          ("mach", "impact"): (2.0, -1.0)}  # fmt: skip
+_SHOWN = {("q", "turn"): (1.0, 1.0), ("alpha_ground", "climb"): (1.0, 0.0), ("alpha_ground", "turn"): (1.0, 0.0),
+          ("hdot", "climb"): (0.5, 0.0), ("mach", "impact"): (2.0, -1.0)}  # fmt: skip
 SIZES, SPEED_POWERS = (
     np.array([[_SHOWN.get((c[0], row), (0.0, 0.0))[k] for row in ROWS] for c in SIGNATURES]) for k in (0, 1)
 )

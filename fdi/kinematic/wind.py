@@ -81,7 +81,7 @@ def blow(x, p, dt):
             along = (u - still * math.cos(y[16])) * ct + (w - still * math.sin(y[16])) * cp * st
             along += (x.lateral_ground - lateral) * sp * st
             _update(x, 1.0, 0.0, 0.0, along - x.wind[0], white * (ALONG * ALONG + x.rough * x.rough))
-        if ok[8] > 0.5 and x.age > p.t_settle and x.fired[CLIMB] <= 0.0:
+        if ok[8] > 0.5 and x.age > p.t_settle and x.fired[CLIMB] + x.alarm <= 0.0:
             e = y[8] - (u * st - x.lateral_ground * sp * ct - w * cp * ct) - x.wind[2]
             gust = x.rough if ok[17] > 0.5 else PRIOR  # without the vane the lateral velocity is anything
             _update(x, h0, h1, 1.0, e, white * (ACROSS * ACROSS + sp * sp * gust * gust))

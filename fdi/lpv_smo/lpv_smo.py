@@ -211,7 +211,7 @@ STATE = dtype(
         ("timer", "f8", (3,), "s"),  # confirmation: elevator, n_z, alpha
         ("held", "f8", (3,), "s"),  # for how long each has been declared
         *gyro.STATE,
-        *bank.STATE,
+        *bank.state(2),
         ("hit", "f8", (bank.K,), "-"),  # fits in a row that passed
         ("swing", "f8", "s"),  # time for which an oscillation is still held to be there
         ("A", "f8", (N, N)),  # scratch: A(rho), B(rho), trim maps, powers of rho, right side of the implicit step
@@ -341,16 +341,16 @@ def init(p: np.ndarray) -> np.ndarray:
 def _oscillates(x, p, dt):
     """Return whether the elevator's estimate oscillates and keeps its phase over two periods, as the last fits of HELD
     have it. What is left of a gust oscillates as it does: the limit grows with its amplitude at each frequency."""
-    bank.push(x, p, x.f_hat_elevator, x.gust_hat)
+    bank.push(x, p, (x.f_hat_elevator, x.gust_hat))
     x.swing = max(x.swing - dt, 0.0)
     for k in range(bank.K):
         if x.bank_new[k] < 0.5:
             continue
         limit = p.swing_limit + p.swing_away * x.apart + p.swing_gust * x.rms
-        limit += LEFT * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
-        fits = bank.mixed(x, k, 1.0, 0.0) >= limit * limit
+        limit += LEFT * bank.amplitude(x, k, 1)
+        fits = bank.amplitude(x, k, 0) >= limit
         if fits:
-            agreement, purity = bank.character(x, p, k, 1.0, 0.0)
+            agreement, purity = bank.character(x, p, k, 0, 0.0)
             fits = agreement >= p.coherence and purity >= p.purity
         x.hit[k] = x.hit[k] + 1.0 if fits else 0.0
         if x.hit[k] >= p.hits:

@@ -20,7 +20,6 @@ SAMPLE, RING = 0.02, 250  # a sample of the ring [s]: five of a period at 10 Hz;
 EVERY = 25  # samples after which the name is weighed anew
 PERIODS = 2.0  # that the window must hold
 SWINGS = 0.2  # share of the rest that the sine must leave at most
-VOTES = 2.0  # evaluations in a row that must agree
 CORRELATED = 0.1  # time by which samples of the rest are independent: half a period of the servo's pole [s]
 SURE = 3.0  # deviations of the gain
 NEAR = 0.25  # by so much it may be off 1 or 0: the valve's limit, what is not sine
@@ -31,8 +30,6 @@ STATE = [
     ("head", "f8", "-"),  # write position
     ("ring", "f8", (2, RING), "m"),
     ("since", "f8", "-"),  # samples since the first crossing of the alarm
-    ("vote", "f8", "-"),  # class that was told last
-    ("votes", "f8", "-"),  # how often in a row
     ("gain", "f8", "-"),  # of the command's own part
     ("gain_sigma", "f8", "-"),  # its deviation
     ("sine_hz", "f8", "Hz"),  # frequency of the best sine
@@ -77,23 +74,18 @@ def weigh(x, p, h):
     x.gain_sigma = math.sqrt(max(rest, 0.0) * CORRELATED / (n * h) / max(x.gain_sigma, 1e-12))
     x.residual, x.sine_hz = rest / before, best
     off = SURE * x.gain_sigma
-    if x.residual > SWINGS:
-        return AMBIGUOUS
     nearest = 1.0 if x.gain > 0.5 else 0.0
     away = math.fabs(x.gain - nearest)
-    if away > NEAR + off or away + off > 0.5:
+    if x.residual > SWINGS or away > NEAR + off or away + off > 0.5:
         return AMBIGUOUS
     return OFC_LIQUID if nearest > 0.5 else OFC_SOLID
 
 
 @kernel
 def name(x, p, dt):
-    """Weigh an oscillation while it is counted, at every EVERY-th sample; what several agree on is the verdict."""
+    """Weigh an oscillation while it is counted, at every EVERY-th sample; a class that is told is the verdict."""
     if x.timer == p.t_release and x.ticks == 0.0 and int(x.since) % EVERY == 0:
         said = weigh(x, p, p.even * dt)
-        x.votes = x.votes + 1.0 if said == x.vote else 1.0
-        x.vote = said
-        if said != AMBIGUOUS and x.votes >= VOTES:
-            x.verdict = said
+        x.verdict = x.verdict if said == AMBIGUOUS else said
     if x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID:
         x.ofc_hz = x.sine_hz

@@ -287,7 +287,7 @@ def step(x, u, p, dt):
     x.timer = p.t_release if found and x.valid > 0.5 else max(x.timer - dt, 0.0)
     x.alarm = 1.0 if x.timer > 0.0 else 0.0
     if x.alarm < 0.5:
-        x.verdict = x.vote = NONE
+        x.verdict = NONE
         x.since = LONG_AGO
     elif x.verdict == NONE:
         x.verdict = AMBIGUOUS

@@ -131,7 +131,6 @@ T_SAME, TURNS = 0.1, 0.3  # a reading that repeats itself for so long [s]; share
 NEAR, STOPPED = 0.5, 0.3  # of the threshold; a jam has come to rest so long after it was within that [s]
 AWAY = 0.25  # of the threshold: a smaller deviation is none
 SLOWS = 0.8  # of its lagged rate: a surface slower than that is about to stop or to turn back
-TRAVEL = (math.radians(-23.0), math.radians(17.0))  # of the elevator [rad]
 STOP = math.radians(0.1)  # commands end so far inside the stops
 
 
@@ -142,7 +141,7 @@ def params(
 
     "flight" is for hydraulic segments, "flight_ema" for electromechanical ones; `values` replace any field.
     """
-    ema, limits = which.endswith("_ema"), limits or TRAVEL
+    ema, limits = which.endswith("_ema"), limits or linkage.TRAVEL
     servo, per = (ema_servo.params(dt=dt)[0], 1.0) if ema else (hydraulic_servo.params(dt=dt)[0], linkage.ARM)
     own = {name: servo[name] / (per if name.endswith("_max") else 1.0) for name, _ in reference.PARAM_FIELDS}
     own |= {"late": late, "limit_low": limits[0], "limit_high": limits[1]}

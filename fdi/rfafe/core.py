@@ -16,7 +16,7 @@ import numpy as np
 
 from actuators.block import kernel
 from actuators.constants import RAD_PER_DEG
-from fdi.common.decision import held
+from fdi.common.decision import delayed, held
 from fdi.common.why import LOST_SENSOR, NOT_READY, RATE, VALID
 from fdi.rfafe import decision as rfafe_decision
 
@@ -40,7 +40,7 @@ PARAMS = [
     ("alpha", "f8", "1/s"),      # v = f_hat / alpha restarts the integral
     ("n_trim", "f8", "-"),       # samples from which the trim is learned
     ("learn", "f8", (NY,)),      # 1 where an output's trim is learned
-    ("u_delay", "f8", (NU,)),    # ticks by which u is delayed to match actuator and sensors, 0..NL-1
+    ("u_delay", "f8", (NU,)),    # ticks by which u is delayed to match actuator and sensors, 0..NL-2
     ("act_a", "f8", (NU,), "1/s"),  # lag of each actuator's model
     ("act_rate", "f8"),          # its rate limit [design units/s]
     ("ahead_max", "f8", "deg"),  # mean command beyond what the rate limit follows, above which nothing is trusted
@@ -74,15 +74,14 @@ def fill(p: Any, design: Any, entry: Any, dt: float, learn: tuple[int, ...]) -> 
     outputs marked in `learn` are learned. Raises ValueError for a delay that the block does not hold."""
     d = design.discrete
     p["ns"], p["ny"], p["nu"], p["nf"] = len(d.Phi), d.Gy0.shape[1], d.Gu.shape[1], len(d.S)
-    start = np.linalg.pinv(design.C) - design.H
     matrices = {name: getattr(d, name) for name in ("Phi", "Gu", "Gy0", "Gy1", "S", "Sy")}
-    for name, value in {**matrices, "Z0": start}.items():
+    for name, value in {**matrices, "Z0": np.linalg.pinv(design.C) - design.H}.items():
         p[name][0, : value.shape[0], : value.shape[1]] = value
     p["learn"][0, : len(learn)], p["n_trim"] = learn, max(N_TRIM, round(T_TRIM / dt))
     p["act_a"], p["act_rate"] = entry["actuator"]["a_rad_s"], entry["actuator"]["rate_deg_s"]
     late = np.round(np.broadcast_to(entry["u_delay_s"], NU) / dt)
-    if late.min() < 0 or late.max() > NL - 1:
-        raise ValueError(f"u_delay = {late} ticks; the block holds 0 to {NL - 1}")
+    if late.min() < 0 or late.max() > NL - 2:
+        raise ValueError(f"u_delay = {late} ticks; the block holds 0 to {NL - 2}")
     p["alpha"], p["unit"], p["u_delay"] = design.alpha, RAD_PER_DEG, late
     return p
 
@@ -110,7 +109,7 @@ def advance(x, p, good, dt):
         x.u[j] = min(max(asked, x.act[j] - most), x.act[j] + most)
         beyond = max(beyond, math.fabs(asked - x.u[j]))
         x.act[j] += (1.0 - math.exp(-p.act_a[j] * dt)) * (x.u[j] - x.act[j])
-        x.u_late[j] = delayed(x, p, x.u[j], j)
+        x.u_late[j] = sent(x, p, x.u[j], j)
     x.ahead += (1.0 - math.exp(-dt / TAU_AHEAD)) * (beyond - x.ahead)
     turn(x)
     estimate(x, p, good, dt)
@@ -134,20 +133,15 @@ def learned(x, p, good):
 
 
 @kernel
-def delayed(x, p, u, j):
+def sent(x, p, u, j):
     """Store input j of this tick and return the delayed one: without a delay what was held since the last sample."""
-    if x.fresh == 0.0:
-        x.line[:, j] = u
-    late = int(x.head) - 1 - int(p.u_delay[j])
-    out = x.line[late + NL if late < 0 else late, j]
-    x.line[int(x.head), j] = u
-    return out
+    return delayed(x.line, int(x.head), j, u, p.u_delay[j] + 1.0, x.fresh == 0.0)
 
 
 @kernel
 def turn(x):
     """Move the ring of inputs on by a tick."""
-    x.head, x.fresh = 0.0 if x.head >= NL - 1 else x.head + 1.0, 1.0
+    x.head, x.fresh = (x.head + 1.0) % NL, 1.0
 
 
 @kernel

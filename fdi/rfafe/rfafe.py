@@ -88,7 +88,7 @@ DETECTOR = Detector(
     finer={"segment": dict(enumerate(segments.NAMES))},
     looks_back={"u_delay": "line"},
     sizes={"ns": 0, "ny": 0, "nu": 0, "nf": 0, "n_trim": 0, **bank.SIZES},
-    places={"head": ("line", 0), **bank.PLACES, "suspect": ("energy", 0)},
+    places={"head": ("line", 0), **bank.PLACES},
     design="rfafe",
     lacks=lambda technologies, own: lacks("rfafe", technologies, own),
     fit=lambda site: params(technology=side_kinds(site.technologies), dt=site.dt, response=RESPONSE,
@@ -115,7 +115,7 @@ def params(
     if "servos" in stored:
         models = [stored["servos"][kind] for name in sides for kind in side(name)]
         p["servo"] = [servo.row(model, dt) for model in models]
-        p["n_forget"] = round(max(map(servo.memory, models)) / dt)
+        p["n_forget"] = round(max(1.0 / (m["zeta"] * m["omega_rad_s"]) + m["t_lag_s"] for m in models) / dt)
         p["gain"] = chosen["actuator"]["gain"]
     return fill(p, made, chosen, dt, (1, 1, 0, 1, 1, 1))
 

@@ -60,7 +60,7 @@ DETECTOR = Detector(
     estimates=(Estimate("elevator", "f_hat", "rad"),),
     looks_back={"u_delay": "line"},
     sizes={"ns": 0, "ny": 0, "nu": 0, "nf": 0, "n_trim": 0, **bank.SIZES},
-    places={"head": ("line", 0), **bank.PLACES, "suspect": ("energy", 0)},
+    places={"head": ("line", 0), **bank.PLACES},
     design="rfafe_airframe",
     lacks=lambda technologies, own: lacks("rfafe_airframe", technologies, own),
     fit=lambda site: params(technology=side_kinds(site.technologies), dt=site.dt, own=site.own),

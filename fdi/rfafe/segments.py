@@ -38,8 +38,7 @@ def compare(x, u, p, dt):
             x.apart[j] += (d - x.apart[j]) / max(x.seen, 1.0)
             continue
         d -= x.apart[j]
-        i = AIRFRAME + j
-        e = x.y[i] - x.y0[i] - (x.act[j] - p.gain[j] * x.u0[j])
+        e = x.y[AIRFRAME + j] - x.y0[AIRFRAME + j] - (x.act[j] - p.gain[j] * x.u0[j])
         for i in range(one, two + 1):
             own = e + (0.5 * d if i == one else -0.5 * d)
             x.part_slow[i] += a * (own - x.part_slow[i])
@@ -53,7 +52,7 @@ def name(x):
     if x.alarm < 0.5:
         x.segment = 0.0
         return
-    still = 0.0 if x.ofc_timer > 0.0 else 1.0
+    still = 0.0 if x.ofc_timer[0] + x.ofc_timer[1] > 0.0 else 1.0
     which, most, next_ = 0.0, 0.0, 0.0
     for i in range(4):
         if x.isolated_part == 3.0 or (i < 2) == (x.isolated_part < 1.5):

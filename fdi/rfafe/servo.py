@@ -49,11 +49,6 @@ def row(model: Mapping[str, Any], dt: float) -> Sequence[float]:
     return [*k.values(), *limits, model["lag_deg"], model["v_lag_deg_s"], model["t_lag_s"]]
 
 
-def memory(model: Mapping[str, Any]) -> float:
-    """Return how long a servo's stored model remembers where it began [s]: its reference, then friction."""
-    return float(1.0 / (model["zeta"] * model["omega_rad_s"]) + model["t_lag_s"])
-
-
 @kernel
 def move(r, c, u, dt):
     """Advance a segment's row `r` of `ref` by one tick under the command `u` [deg]; `c` is its row of `servo`."""
@@ -91,7 +86,7 @@ def follow(x, p, dt):
             x.act[j] = was
         share = 1.0 - math.exp(-p.act_a[j] * dt)
         u = (was + (now - was) / share) / p.gain[j]
-        late = rfafe_core.delayed(x, p, u, j)
+        late = rfafe_core.sent(x, p, u, j)
         x.act[j] += share * (p.gain[j] * late - x.act[j])
         x.rest[j] = x.act[j] / p.gain[j]
         x.u[j], x.u_late[j] = u - x.u0[j], late - x.u0[j]

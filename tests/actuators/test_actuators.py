@@ -243,7 +243,7 @@ def test_published_phi_and_g_drive_the_nozzle():
     """The paper's own matrices against the flying nozzle over one tick, from each unit state and a unit input."""
     p = ema.params("nozzle")
     for j, printed in enumerate([*jay.PHI.T, jay.G]):
-        x, u = ema.init(p), np.zeros((1, 1), ema.INPUTS)
+        x, u = ema.init_at(p), np.zeros((1, 1), ema.INPUTS)
         (x if j < 6 else u)[[*STATES, "u"][j]] = 1.0
         ema.rollout(x, u, p, DT)
         got, some = np.array([x[n][0] for n in STATES]), printed != 0

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from actuators.hydraulic import lu17
+from actuators.hydraulic import actuator, lu17
 
-P = lu17.params()[0]
+P = actuator.params()[0]
 
 
 def test_poles_of_the_linearised_actuator():

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from scipy.signal import place_poles
 
 from actuators import constants as c
-from actuators.common.ackermann import place
-from actuators.deterministic_linalg import rounded, solve
+from actuators.deterministic_linalg import place, rounded, solve
 
 
 def test_a_factor_times_its_reverse_is_one():

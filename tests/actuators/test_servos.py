@@ -212,7 +212,7 @@ def test_liquid_ofc_at_the_valve_moves_the_rod_as_the_error_poles_say():
 
 def test_error_poles_are_where_they_are_said_to_be():
     """With full state and no delay, u held: three poles at 25 rad/s (3 per cent apart by placement)."""
-    A, B = lu17.linear(lu17.params()[0])
+    A, B = lu17.linear(hydraulic.params()[0])
     c = servo.params()[0]
     drive, beta = 17.5 * 2 * 1e9 * 0.0025 / (1.4e7 * 0.001973), 52.3 / 2000
     K = np.array([[c.k_q, c.k_v - drive - (c.k_a - beta) * beta, (c.k_a - beta) * 17.5 - 0.023 * drive]]) / drive

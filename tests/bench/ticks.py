@@ -17,6 +17,7 @@ from cosim.flight.build import build
 from cosim.flight.loop.recorder import open_writer
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
+from cosim.flight.tick import order
 from cosim.scenario import load_scenario
 
 TICKS = 200  # of a turn
@@ -46,7 +47,7 @@ def measure(folder: Path, rounds: int) -> list[tuple[str, float, float, float]]:
         for name, keys, logged in CASES:
             setup = build(load_scenario("liquid-ofc", [length, *keys]))
             sinks = [logs.enter_context(open_writer(setup, folder / f"{len(calls)}.mcap"))] if logged else []
-            tape, count = setup.loop.tape(*sinks), iter(range(10**9))
+            tape, count = order(setup.loop, *sinks), iter(range(10**9))
             calls[name] = lambda tape=tape, count=count: tape.run(next(count))
         for call in calls.values():  # caches warm, kernels loaded
             timed(call)

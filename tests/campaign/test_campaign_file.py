@@ -22,7 +22,7 @@ from cosim.cli import commands as cli
 from cosim.errors import CosimError
 from cosim.scenario import builtin_names
 from cosim.scenario import catalog as c
-from cosim.scenario.tolerance import toleranced
+from cosim.scenario.catalog import toleranced
 
 SMALL = """
 base = "liquid-ofc"

@@ -17,7 +17,7 @@ from cosim.flight.simulate import simulate
 from cosim.report import write_comparison
 from cosim.report.compare_page import render
 from cosim.scenario import load_scenario, parse
-from cosim.scenario.override import applied
+from cosim.scenario.load import applied
 
 CHOSEN = "detectors.enabled=['iotsekf','position_monitor','rfafe']"
 

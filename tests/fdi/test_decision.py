@@ -8,7 +8,7 @@ from actuators.constants import RAD_PER_DEG
 from fdi.common import bank, decision, gyro, sinusoid, tuning
 
 DT = 0.005
-BANK_PARAMS, BANK_STATE = dtype(bank.PARAMS), dtype(bank.STATE)
+BANK_PARAMS, BANK_STATE = dtype(bank.PARAMS), dtype(bank.state(2))
 PAIR_PARAMS, PAIR_STATE = dtype(decision.PAIR_PARAMS), dtype([*decision.PAIR_STATE, *decision.LEVER_STATE])
 
 
@@ -24,7 +24,7 @@ def feed(residual, drive=None):
     p, x = bank_params(), np.zeros(1, BANK_STATE)
     drive = np.zeros_like(residual) if drive is None else drive
     for a, b in zip(residual, drive):
-        bank.push(x[0], p[0], a, b)
+        bank.push(x[0], p[0], (a, b))
     return x[0], p[0]
 
 
@@ -60,9 +60,9 @@ def test_amplitude_and_agreement_of_a_sinusoid(hz):
     t = np.arange(1400) * DT
     x, p = feed(0.3 * np.sin(2 * np.pi * hz * t) + 0.2 + 0.1 * t)
     k = int(np.argmin(np.abs(np.log(p.bank_hz / hz))))
-    assert np.sqrt(bank.mixed(x, k, 1.0, 0.0)) == pytest.approx(0.3, rel=0.12)  # between two frequencies
+    assert bank.amplitude(x, k, 0) == pytest.approx(0.3, rel=0.12)  # between two frequencies
     x, p = feed(0.3 * np.sin(2 * np.pi * hz * t))
-    agreement, purity = bank.character(x, p, k, 1.0, 0.0)
+    agreement, purity = bank.character(x, p, k, 0, 0.0)
     assert agreement > 0.6 and purity > 0.75
 
 
@@ -70,10 +70,10 @@ def test_a_step_is_no_oscillation():
     hits = 0
     p, x = bank_params(), np.zeros(1, BANK_STATE)
     for k in range(1600):
-        bank.push(x[0], p[0], 1.0 if k > 700 else 0.0, 0.0)
+        bank.push(x[0], p[0], (1.0 if k > 700 else 0.0, 0.0))
         for f in range(bank.K):
-            if x["bank_new"][0, f] and bank.mixed(x[0], f, 1.0, 0.0) > 0.05**2:
-                agreement, purity = bank.character(x[0], p[0], f, 1.0, 0.0)
+            if x["bank_new"][0, f] and bank.amplitude(x[0], f, 0) > 0.05:
+                agreement, purity = bank.character(x[0], p[0], f, 0, 0.0)
                 hits += agreement > 0.5 and purity > 0.3
     assert hits == 0
 

@@ -91,7 +91,7 @@ VALVE = (verdict.OFC_LIQUID, verdict.OFC_SOLID)
 @pytest.mark.parametrize(("hz", "u", "at_rest"), [(7.0, 0.0121, False), (0.5, 0.0019, True)])
 def test_an_oscillation_in_place_of_the_command_is_found_and_named(hz, u, at_rest):
     """Where nothing moves the command the servo's missing drive grows, and hides it in the residual alone."""
-    command = doublets(13 + 4.5 / hz) * (0.0 if at_rest else 1.0)
+    command = doublets(max(18, 13 + 4.5 / hz)) * (0.0 if at_rest else 1.0)
     log = run(iotsekf, [fly(command, seed=s, faults=oscillate(hz, u, 1.0)) for s in range(4)])
     assert (after(log) <= 3.0 / hz).all()
     end = log[:, -1]

@@ -7,7 +7,7 @@ import cosim
 from actuators.block import dtype, entry, kernel, record
 from cosim.campaign.inventory import inventory
 from cosim.log import open_log
-from cosim.replay.detector_replay import describe, topics, values
+from cosim.replay.detector_replay import describe, topics
 from fdi import registry
 from fdi.common import why
 from fdi.kinematic import kinematic
@@ -52,7 +52,7 @@ def flown(tmp_path_factory):
     cosim.simulate(cosim.load_scenario("liquid-ofc", changes), log=path, timed=False)
     log = open_log(path)
     lanes = {lane.id: lane for lane in describe(log)}
-    read = values(log, topics(log, lanes.values()), 0, log.n_ticks)
+    read = {name: log.array(name) for name in topics(log, lanes.values())}
     return {name: (lane, lane.inputs(log, read, 0, log.n_ticks)[1]) for name, lane in lanes.items()}
 
 

@@ -85,7 +85,7 @@ def test_block_estimates_and_alarms_on_the_right_side(published, side):
     assert t[np.argmax(log["alarm"] > 0.5)] < 1.0 + 3.0  # settling, then three periods
 
 
-def test_the_other_side_is_declared_with_the_suspect_from_the_threshold_on(published):
+def test_each_side_is_declared_from_the_threshold_on(published):
     one, other, healthy = (flight(published, 1.0, size, 2400, side) for size, side in ((1.2, 0), (0.6, 1), (0.0, 0)))
     one["surface"] += other["surface"] - healthy["surface"]
     p = params(published)

@@ -98,8 +98,8 @@ def test_the_share_and_its_variance_are_those_of_least_squares(hz):
     f = beside @ [-0.8, 1.0, 2.0, 0.3] + 0.5 * rng.standard_normal(n)
     head = 5  # of a ring: the window runs over its end
     x["bank_ring"][0, j, np.arange(head - n, head)] = f
-    x["bank_ring"][1, j, np.arange(head - n, head)] = u
+    x["bank_ring"][decision.NF, j, np.arange(head - n, head)] = u
     x["bank_head"][j], x["bank_seen"][j] = head, bank.N
     (slope, *_), (left,), *_ = np.linalg.lstsq(beside, f)
     weight = (n - 2) / (left * np.linalg.inv(beside.T @ beside)[0, 0])
-    assert decision.missing(x, p, k) == pytest.approx((-slope, weight), rel=0.1)  # over about two periods
+    assert decision.missing(x, p, 0, k) == pytest.approx((-slope, weight), rel=0.1)  # over about two periods

@@ -6,7 +6,7 @@ import pytest
 import cosim
 from cosim.errors import ScenarioError
 from cosim.flight.faults.conditions import resolved
-from cosim.scenario.condition import condition
+from cosim.scenario.condition import condition, true
 
 DOUBLET = ["manoeuvre.kind=nz_doublet", "manoeuvre.start_s=1", "manoeuvre.width_s=2", "duration_s=6"]
 JAM = ["faults.0.target=elevator.left_inner", "faults.0.kind=jam_solid"]
@@ -21,11 +21,11 @@ JAM = ["faults.0.target=elevator.left_inner", "faults.0.kind=jam_solid"]
 ])  # fmt: skip
 def test_a_condition_is_what_it_says(text, holds):
     values = {"t": np.array([0.0, 1.0, 2.0, 3.0]), "n_z": np.array([1.1, 1.2, 0.8, 1.0])}
-    assert condition(text).true(values).astype(int).tolist() == holds
+    assert true(condition(text), values).astype(int).tolist() == holds
 
 
 def test_what_is_not_valid_fulfils_nothing():
-    assert not condition("n_z < 2").true({"n_z": np.array([np.nan])}).any()
+    assert not true(condition("n_z < 2"), {"n_z": np.array([np.nan])}).any()
 
 
 @pytest.mark.parametrize(("text", "says"), [

@@ -12,7 +12,6 @@ from cosim.flight.build import build
 from cosim.log import open_log
 from cosim.parts import with_detectors
 from cosim.replay import replay
-from cosim.replay.detector_replay import describe, in_stages
 from fdi import registry
 
 OFC = "faults.0={target='elevator.left_inner', kind='ofc_liquid', amplitude_mm=5, frequency_hz=2, start_s=1.5}"
@@ -88,8 +87,6 @@ def test_replay_of_one_and_of_all_is_exact_and_what_if_goes_on_to_the_reader(cha
     deaf = replay(log, user_detectors=files, overrides={"ofc_monitor": {"threshold": 1.0}})
     changed = {d.field for d in deaf.differences}
     assert any("second/aircraft.alarm" in name for name in changed)  # recomputed from what the monitor says now
-    stages = in_stages(describe(open_log(log)))
-    assert [len(s) for s in stages] == [2, 1, 1]
 
 
 def test_a_local_one_reads_its_own_lane_and_a_new_one_reads_a_log_and_a_recording(tmp_path):
@@ -128,9 +125,10 @@ def test_a_slower_reader_steps_with_its_sources_and_a_faster_one_is_refused(tmp_
         ({"a": ("b.aircraft.r",), "b": ("a.aircraft.r",)}, "detectors wait for each other: a reads b reads a"),
         ({"a": ("a.aircraft.r",)}, "detectors wait for each other: a reads a"),
         ({"a": ("ofc_monitr.left_inner.alarm",)}, r"'ofc_monitr' is no detector.*ofc_monitor"),
-        ({"a": ("ofc_monitor.right_inner.r",)}, r"has no lane 'right_inner'.*left_outer, left_inner"),
-        ({"a": ("ofc_monitor.left_inner.alrm",)}, r"has no output 'alrm'.*e, ofc_hz, r, alarm.*Did you mean 'alarm'"),
-        ({"a": ("b.aircraft.x",), "b": ("q",)}, r"b has no output 'x'.*r, alarm"),
+        ({"a": ("ofc_monitor.right_inner.r",)}, r"no lane 'right_inner'; allowed: left_outer, left_inner"),
+        ({"a": ("ofc_monitor.left_inner.alrm",)}, r"no output 'alrm'; allowed: .*Did you mean 'alarm'"),
+        ({"a": ("ofc_monitor.left_inner.started",)}, "no output 'started'"),  # a part of its state
+        ({"a": ("b.aircraft.x",), "b": ("q",)}, "b has no output 'x'; allowed: r, alarm"),
         ({"a": ("iotsekf.left_inner.alarm",)}, r"iotsekf does not fly.*Add 'iotsekf' to detectors.enabled"),
         ({"a": ("ofc_monitor.alarm",)}, r"Name the segment: \"ofc_monitor.left_inner.alarm\""),
     ],

@@ -5,11 +5,10 @@ import math
 
 import numpy as np
 import pytest
-from flown import deg, fault, fly, scenario
+from flown import achieved, deg, fault, fly, scenario
 
 from cosim.errors import ScenarioError
 from cosim.flight.build import build
-from cosim.flight.faults.fault_free_reference import achieved
 
 RIGHT = "elevator.right_inner"
 

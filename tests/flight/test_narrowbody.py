@@ -77,7 +77,7 @@ def test_dimensions_without_an_aircraft_are_named(tmp_path, old, by, says):
     says = (
         f"numbers.toml{says}"
         if says
-        else "aircraft.toml: geometry.wing_area_ft2 = 1317.5: numbers.toml makes it 1076.39"
+        else "aircraft.toml: geometry.wing_area_ft2 = 1317.5, numbers.toml makes it 1076.39"
     )
     assert told.exit_code == 2 and says in " ".join(told.stderr.split()), told.output
     assert not (tmp_path / "mine").exists()
@@ -90,7 +90,7 @@ def short_period(model, point):
     plant.trim()
     t = plant.truth()[0]
     c = estimate.coefficients(NUMBERS, float(t.mach))
-    S, chord, mass = record.wing_area, record.geometry.chord_ft * 0.3048, point.mass
+    S, chord, mass = record.geometry.wing_area_ft2 * 0.3048**2, record.geometry.chord_ft * 0.3048, point.mass
     I = record.mass.gyration2_m2.yy * mass
     CL = mass * G0 / (t.qbar * S)
     Z = -(c["CL_alpha"] + float(estimate.drag(NUMBERS, CL, t.mach))) * t.qbar * S / mass

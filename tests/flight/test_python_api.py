@@ -75,7 +75,7 @@ def test_the_linear_model_is_of_a_scenario_a_name_or_a_point():
     assert (A == cosim.linearize("cruise").A).all() and A.shape == (10, 10)
 
 
-def test_the_linear_model_goes_to_control_and_scipy_with_its_names():
+def test_the_linear_model_goes_to_control_with_its_names():
     control = pytest.importorskip("control")
     model = cosim.linearize("cruise")
     own = model.to_control(("tas", "alpha", "q", "theta"), ("de_li",), ("nz", "q"))
@@ -83,8 +83,6 @@ def test_the_linear_model_goes_to_control_and_scipy_with_its_names():
     assert own.output_labels == ["nz", "q"] and isinstance(own, control.StateSpace)
     a, _, c, _ = model.block(("tas", "alpha", "q", "theta"), ("de_li",), ("nz", "q"))
     assert (own.A == a).all() and (own.C == c).all()
-    whole = model.to_scipy()
-    assert (whole.A == model.A).all() and (whole.B == model.B).all() and (whole.D == model.D).all()
 
 
 def test_a_name_that_a_linear_model_has_not_is_told_with_those_it_has():

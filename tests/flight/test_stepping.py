@@ -18,11 +18,11 @@ def flown(tmp_path_factory):
     seen = []
     with cosim.Flight(cosim.load_scenario("cruise", SHORT), log=path) as flight:
         assert flight.step(400) == 400
-        seen.append(flight.signals["/truth/aircraft.de_li"])
+        seen.append(flight.signals["truth.aircraft.de_li"])
         fault = flight.inject(**OFC)
         for _ in range(20):
             flight.step(20)
-            seen.append(flight.signals["/truth/aircraft.de_li"])
+            seen.append(flight.signals["truth.aircraft.de_li"])
         flight.heal(fault)
         flight.step(200)
     return path, flight, seen
@@ -54,11 +54,9 @@ def test_signals_have_one_value_under_each_name():
     flight = cosim.Flight(cosim.load_scenario("cruise", SHORT))
     assert flight.step(3) == 3 and flight.step(0) == 0
     by = flight.signals
-    assert by["n_z"] == by["/sensors/aircraft.n_z"] == by["sensors.n_z.y"]
-    assert by["left_inner.rod"] == by["/sensors/left_inner.rod"]
-    assert len(by) == len(list(by)) > 500 and "signals, such as" in repr(by)
-    for wrong in ("nz", "/truth/aircraft.nzz", "truth.aircraft.nzz"):
-        with pytest.raises(KeyError):
+    assert by["n_z"] == by["sensors.n_z.y"] and by["left_inner.rod"] == by["sensors.left_inner_rod.y"]
+    for wrong in ("nz", "rod", "truth.aircraft.nzz"):
+        with pytest.raises(ScenarioError):
             by[wrong]
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 import cosim
 from cosim.flight.build import build
+from cosim.flight.tick import order
 
 TICKS = 400
 MONITOR = 'detectors.enabled=["position_monitor"]'
@@ -30,10 +31,9 @@ def test_python_between_the_blocks_and_between_ticks_changes_nothing_by_itself()
     def in_python(loop):
         for block in (loop.law, *loop.detectors, loop.servos[0]):
             block.rollout = functools.partial(_advance, block.rollout)
-        tape = loop.tape(lambda v: seen.append(v[loop.bus.index("clock.clock.t")]))
-        return tape.run
+        return order(loop, lambda v: seen.append(v[loop.bus.index("clock.clock.t")])).run
 
-    alone = _flown(build(scenario), lambda loop: loop.tape().run)
+    alone = _flown(build(scenario), lambda loop: order(loop).run)
     np.testing.assert_array_equal(alone, _flown(build(scenario), in_python))
     np.testing.assert_array_equal(seen, np.arange(TICKS) * 0.005)
 
@@ -47,8 +47,9 @@ def test_a_block_may_step_at_a_multiple_of_the_tick():
     loop = build(cosim.load_scenario("cruise", ['detectors.enabled=["position_monitor"]'])).loop
     detector = loop.detectors[0]
     detector.every, before, moved = 3, None, []
+    tape = order(loop)
     for k in range(12):
         before = detector.x.copy()
-        loop.tape().run(k)
+        tape.run(k)
         moved.append(not np.array_equal(before, detector.x))
     assert [k for k in range(12) if moved[k]] == [0, 3, 6, 9]

@@ -124,9 +124,9 @@ def test_what_the_model_description_asks_and_the_loop_cannot_do_is_refused_by_na
         ("actuators.rig.outputs.rod={variable='rod', unit='mm'}", "its variable 'rod' is in m, not in mm"),
         ("actuators.rig.inputs.valve_command={variable='P_s'}", "'P_s' is no input but parameter"),
         ("actuators.rig.outputs.rod={variable='u', unit='m'}", "'u' is no output but input"),
-        ("actuators.rig.inputs.command={variable='u'}", "'command' is no word of inputs"),
-        ("actuators.rig.start.rod={variable='delta_0'}", "'rod' is no word of start"),
-        ("actuators.rig.servo=''", "inputs.command: is missing"),
+        ("actuators.rig.inputs.command={variable='u'}", "inputs.command: unknown key for inputs"),
+        ("actuators.rig.start.rod={variable='delta_0'}", "start.rod: unknown key for start"),
+        ("actuators.rig.servo=''", "unknown key for inputs.*mean 'command'"),
     ],
 )
 def test_a_wrong_map_is_refused(fmu, change, says):
@@ -202,6 +202,9 @@ def test_a_compiled_block_from_a_file_behind_the_shipped_servo_flies_like_itself
         (BLOCK, "x[0].delta *= float('nan') if u[0, 0].f_cmd > 0 else 1", r"at 2\.\d+ s ValueError: delta = \[nan\]"),
         (BLOCK.replace('"f_cmd", ', ""), "", r"own\.py has no INPUTS\.f_cmd"),
         ("1 / 0", "", r"own\.py: does not run: ZeroDivisionError"),
+        (BLOCK.partition("def rollout")[0] + "from actuators.block import entry, kernel\n    @kernel\n"
+         "    def step(x, u, p, dt):\n        x.delta = np.zeros(2)[0]\n"
+         "    rollout = entry(step, STATE, INPUTS, PARAMS)\n", "", r"own\.py: .* function zeros"),
     ],
 )
 def test_a_block_that_raises_or_is_none_is_told_with_its_time_and_leaves_a_readable_log(tmp_path, text, line, says):

@@ -17,7 +17,8 @@ from cosim.errors import CosimError
 from cosim.judge.row import rows
 from cosim.log import open_log
 from cosim.parts import load, with_detectors
-from cosim.parts.detector import NONSENSE, RAISED, SLOW
+from cosim.parts.detector import DROPPED as GONE
+from cosim.parts.detector import SLOW
 from cosim.replay import replay
 from cosim.report import flight_report
 
@@ -44,16 +45,16 @@ def behaved(tmp_path_factory):
 
 
 DROPPED = {
-    1: (RAISED, "ZeroDivisionError: on purpose (misbehaving.py:40)"),
-    3: (NONSENSE, "verdict 'gremlins'; allowed: none, ofc_liquid"),
-    4: (NONSENSE, "update returned 'an alarm'; allowed: a dict of"),
-    5: (RAISED, "AttributeError: can't set attribute"),
+    1: (GONE, "ZeroDivisionError: on purpose (misbehaving.py:40)"),
+    3: (GONE, "verdict 'gremlins'; allowed: none, ofc_liquid"),
+    4: (GONE, "update returned 'an alarm'; allowed: a dict of"),
+    5: (GONE, "AttributeError: can't set attribute"),
     6: (SLOW, "a step took 0."),
-    7: (RAISED, "SystemExit: 3"),
-    8: (NONSENSE, "alarm = 'perhaps' is no number"),
-    12: (RAISED, "Mute (misbehaving.py:"),
-    13: (NONSENSE, "r = ["),
-    14: (RAISED, "Muter (misbehaving.py:"),
+    7: (GONE, "SystemExit: 3"),
+    8: (GONE, "alarm = 'perhaps' is no number"),
+    12: (GONE, "Mute (misbehaving.py:"),
+    13: (GONE, "r = ["),
+    14: (GONE, "Muter (misbehaving.py:"),
 }
 
 

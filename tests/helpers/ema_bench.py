@@ -16,7 +16,7 @@ from actuators.constants import RAD_PER_DEG
 from actuators.ema import actuator as ema
 from actuators.ema import jay
 from actuators.ema import servo as ema_servo
-from actuators.numba_intrinsics import call_block
+from actuators.numba_intrinsics import call
 from fdi.ema import ema_kalman_flight as flight
 
 DT, BYTES = 0.005, flight.STATE.itemsize
@@ -76,7 +76,7 @@ def fly(entries, tick, px, ps, pf, x, s, f, ux, us, uf, reconfigure, log, surfac
     `entries` are the addresses of filter, servo and drive as they fly: compiled into this loop they would take 12 s.
     """
     drive, servo, own, command, measured, read = x[0], s[0], f[0], ux[0], us[0], uf[0]
-    lead, arm = px[0].lead, px[0].arm
+    lead, arm, nothing = px[0].lead, px[0].arm, np.zeros(2).ctypes.data
     w, y, c, delta = drive.motor_d, lead * drive.motor, drive.i, drive.delta
     last_v, last_p, last_c, last_s = w, y, c, delta
     for k in range(tick.shape[0]):
@@ -95,18 +95,18 @@ def fly(entries, tick, px, ps, pf, x, s, f, ux, us, uf, reconfigure, log, surfac
         read.y_current = last_c if t.ok_c > 0.5 else math.nan
         read.velocity_valid, read.position_valid, read.current_valid = t.ok_v, t.ok_p, t.ok_c
         read.hm0_model, read.hmd_model = t.hm0_model, t.hmd_model
-        call_block(entries[0], f.ctypes.data, uf.ctypes.data, pf.ctypes.data, DT, 1, log + k * BYTES)
+        call(entries[0], (nothing, nothing, f.ctypes.data, uf.ctypes.data, pf.ctypes.data, DT, 1, 1, log + k * BYTES))
         measured.command = t.command
         measured.pos_meas, measured.pos_valid, measured.vel_meas = read.y_position, t.ok_p, read.y_velocity
         measured.vel_valid, measured.pos_fb, measured.pos_use = t.ok_v, own.pos_hat, own.reconf if reconfigure else 0.0
-        call_block(entries[1], s.ctypes.data, us.ctypes.data, ps.ctypes.data, DT, 1, 0)
+        call(entries[1], (nothing, nothing, s.ctypes.data, us.ctypes.data, ps.ctypes.data, DT, 1, 1, 0))
         surface[k, 0], surface[k, 1] = drive.delta, lead * drive.motor / arm
         surface[k, 2], surface[k, 3] = servo.r, drive.i
         command.u, command.hm0, command.hmd = servo.u, t.hm0, t.hmd
         command.jam, command.f_i, command.s_i, command.f_u, command.s_u = t.jam, t.f_i, t.s_i, t.f_u, t.s_u
         command.loss, command.magnet_loss = t.loss, t.magnet_loss
         command.backlash_add, command.friction_add = t.backlash_add, t.friction_add
-        call_block(entries[2], x.ctypes.data, ux.ctypes.data, px.ctypes.data, DT, 1, 0)
+        call(entries[2], (nothing, nothing, x.ctypes.data, ux.ctypes.data, px.ctypes.data, DT, 1, 1, 0))
 
 
 def three_two_one_one(t: Any, *, start: float, amplitude: float = 4 * RAD_PER_DEG, unit: float = 0.5) -> Any:

@@ -29,6 +29,11 @@ def fault(i, target, kind, start, end, **numbers):
     return {f"faults__{i}__{k}": v for k, v in keys.items()}
 
 
+def achieved(s):
+    """Return how far the faults of scenario `s` move its elevators."""
+    return cosim.simulate(s, achieved=True, timed=False).extra["achieved"]
+
+
 def fly(s, *more):
     """Fly `s`; return as attributes the signals TRUTH and LAW, the last two parts of `more`, joined by "_", `t` [s],
     `status` and `setup`.

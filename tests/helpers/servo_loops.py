@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from actuators.ema import actuator as ema
+from actuators.ema import jay
 from actuators.ema import servo as ema_servo
 from actuators.hydraulic import actuator as hydraulic
 from actuators.hydraulic import servo
@@ -114,7 +115,7 @@ def ema_loop(
     """Return the Sampled model of servo and electromechanical actuator; arguments as in `hydraulic_loop`."""
     p = (ema.params() if actuator is None else actuator).copy()
     p["T_c"] = p["T_s"] = p["backlash"] = 0.0
-    p["x3_lo"], p["x3_hi"] = -ema.UNLIMITED, ema.UNLIMITED
+    p["x3_lo"], p["x3_hi"] = -jay.UNLIMITED, jay.UNLIMITED
     c = (ema_servo.params(dt=dt) if control is None else control).copy()
     c["dead"] = 0.0
     x = ema.init_at(p, delta, hm0, hmd)

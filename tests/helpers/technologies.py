@@ -7,4 +7,4 @@ def forget() -> None:
     """Forget every technology that does not ship."""
     for name in set(catalog.TECHNOLOGIES) - {t.name for t in catalog.SHIPPED}:
         del catalog.TECHNOLOGIES[name]
-    catalog._derive()
+    catalog.register(catalog.SHIPPED[0])

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from flown import achieved
 from hypothesis import given
 from hypothesis import strategies as st
 
 from actuators.constants import M_S_PER_KT
 from cosim.flight.faults import fault_free_reference
-from cosim.flight.faults.fault_free_reference import achieved
 from cosim.flight.simulate import simulate
 from cosim.judge.detection import JudgedLane
 from cosim.judge.estimation import Estimate, plan

@@ -38,7 +38,7 @@ def test_a_part_of_a_topic_has_the_bits_of_the_whole(path):
 
 def test_the_memory_of_a_page_does_not_grow_with_the_flight(tmp_path, monkeypatch):
     monkeypatch.setattr("cosim.log.reader.CACHE_BYTES", 1 << 20)
-    monkeypatch.setattr("cosim.replay.recording.TOGETHER", 4)
+    monkeypatch.setattr("cosim.replay.detector_replay.SPAN", 800)
 
     def peak(seconds):
         asked = [f"duration_s={seconds}", "detectors.enabled=['iotsekf', 'lpv_smo']", "elevator.feedback=measured"]

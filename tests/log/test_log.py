@@ -10,8 +10,7 @@ from log_samples import N_VALUES, TOPICS, expected, same_bits, vectors, write
 
 from cosim.errors import CosimError
 from cosim.files import left_by
-from cosim.log import LogError, LogWriter, Topic, open_log
-from cosim.log.overview import log_info
+from cosim.log import LogError, LogWriter, Topic, log_info, open_log
 
 
 @pytest.fixture

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from log_samples import TOPICS, expected, flight_log, same_bits, vectors
 
-from cosim.log import LogError, open_log, recover
-from cosim.log.overview import log_info
+from cosim.log import LogError, log_info, open_log, recover
 
 ROWS = 50  # of a chunk, as log_samples.write
 

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from actuators.common import linkage
-from actuators.hydraulic import lu17, servo
+from actuators.hydraulic import actuator, lu17, servo
 from cosim.papers.lu17 import bench
 from cosim.papers.lu17.transcription import A_P, P_S, PHI_N, V_M, B, E, L, M, advance, rate
 from fdi.hydraulic import iotsekf, rtsekf
@@ -29,21 +29,21 @@ def _states(draws=500):
         yield (rng.uniform(-0.1, 0.1), *rng.uniform(-0.9, 0.9, 3), rng.uniform(-0.05, 0.05), rng.uniform(-2e4, 2e4))
 
 
-@pytest.mark.parametrize("block", [lu17, servo, iotsekf, rtsekf], ids=lambda b: b.__name__.rpartition(".")[2])
+@pytest.mark.parametrize("block", [actuator, servo, iotsekf, rtsekf], ids=lambda b: b.__name__.rpartition(".")[2])
 def test_the_eight_constants_below_equation_6_are_held_as_printed(block):
     p = block.params()
     assert {name: p[name][0] for name in CONSTANTS} == CONSTANTS
 
 
 def test_servo_and_filters_integrate_equation_4():
-    p = lu17.params()[0]
+    p = actuator.params()[0]
     for x1, x2, x3, u, f, F_d in _states():
         assert lu17.rhs(x1, x2, x3, u, u, f, F_d, p) == pytest.approx(rate(x1, x2, x3, u, f, F_d), rel=1e-12, abs=1e-15)
 
 
 def test_the_valve_command_is_13_with_9_to_12_and_r_3():
     """Without the lead of half a tick that our servo gives (13), since its command is held."""
-    p, x = servo.params(u_max=1e3)[0], servo.init(servo.params())[0]
+    p, x = servo.params(u_max=1e3)[0], servo.init_at(servo.params())[0]
     for x1, x2, x3, _, nu, F_d in _states():
         f2 = (A_P * P_S * x3 - B * x2 + F_d) / M  # (9)
         k = 2 * E * V_M / (P_S * (V_M**2 - A_P**2 * x1**2))

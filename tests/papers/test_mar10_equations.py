@@ -29,7 +29,7 @@ def _tables():
     m, ends = force_model(), []
     grid = lambda axes, values: RegularGridInterpolator(axes, values, bounds_error=False, fill_value=None)  # noqa: E731
     edge = (m.qbar[0], m.qbar[-1])
-    for k, (axis, variable) in ((k, q) for k, q in enumerate(m.quantities) if q[0] in FORCES):
+    for k, (axis, variable) in enumerate(m.quantities):
         flat = grid((m.mach, m.qbar), m.t_m[k])
         bent = grid((m.alpha, m.mach, edge), m.t_a[k]) if k < len(m.t_a) else None
         ends.append((axis, variable, flat, bent))

@@ -6,8 +6,7 @@ from forged import forge
 import cosim
 from cosim.compare import compare
 from cosim.errors import CosimError
-from cosim.log import open_log
-from cosim.log.overview import log_info
+from cosim.log import log_info, open_log
 from cosim.replay import replay
 from cosim.report import flight_report
 

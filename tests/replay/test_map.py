@@ -23,7 +23,7 @@ from cosim.log import open_log
 from cosim.replay import replay
 from cosim.replay.caveats import caveats
 from cosim.replay.log_schema import ReplayError, detectors
-from cosim.replay.map import diagnose, prepare
+from cosim.replay.map import Prepared, diagnose
 from cosim.replay.map_file import load_map
 from cosim.replay.map_signals import resample, ticks
 from cosim.report.diagnosis_page import Watched
@@ -309,7 +309,7 @@ def test_a_heading_passes_north_between_two_samples(tmp_path):
     t = np.arange(0.0, 4.0, 0.04)
     pd.DataFrame({"t": t, "HDG": (355.0 + 5.0 * t) % 360.0}).to_csv(tmp_path / "turn.csv", index=False)
     (tmp_path / "map.toml").write_text(f'{POINT}[signals]\npsi = {{ channel = "HDG", unit = "deg" }}\n')
-    psi, there = prepare(tmp_path / "turn.csv", tmp_path / "map.toml").values["psi"]
+    psi, there = Prepared(tmp_path / "turn.csv", tmp_path / "map.toml", None, 0.0, ()).values["psi"]
     flown = DEG * (355.0 + 5.0 * 0.005 * np.arange(len(psi)))
     np.testing.assert_allclose(np.exp(1j * psi[there > 0]), np.exp(1j * flown[there > 0]), atol=1e-9)
 

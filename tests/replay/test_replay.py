@@ -6,7 +6,7 @@ import pytest
 import cosim
 from cosim.log import open_log
 from cosim.replay import ReplayError, replay
-from cosim.replay.write import Overlay
+from cosim.replay.write import overlay
 
 
 @pytest.fixture(scope="module")
@@ -44,8 +44,8 @@ def test_one_ulp_in_one_logged_input_is_found_and_located(flight, tmp_path):
     read = {name: np.array(log.array(name)) for name in log.topics}
     column = log.topics["/sensors/left_inner"].fields.index("rod")
     read["/sensors/left_inner"][700, column] = np.nextafter(read["/sensors/left_inner"][700, column], np.inf)
-    with Overlay(log, [], tmp_path / "ulp.mcap") as out:
-        out.append(read, {}, 0, log.n_ticks)
+    with overlay(log, [], tmp_path / "ulp.mcap") as written:
+        written(read, {}, 0, log.n_ticks)
     r = replay(tmp_path / "ulp.mcap")
     assert not r.exact
     found = {d.field.split("/")[2] for d in r.differences}  # a detector may round the ulp away

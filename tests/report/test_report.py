@@ -11,6 +11,7 @@ from report_browser import CHROMIUM, use
 from cosim.errors import LogError, OutputError
 from cosim.flight.simulate import simulate
 from cosim.judge.lanes import part
+from cosim.log import open_log
 from cosim.replay.recording import LoggedFlight, joined
 from cosim.replay.thinned import POINTS, peaks
 from cosim.report import flight_report
@@ -156,6 +157,15 @@ def test_log_that_was_cut_is_shown_as_far_as_it_goes_and_what_is_no_flight_refus
     log.write_bytes(whole[: len(whole) // 2])
     text = render(LoggedFlight(log))
     assert "incomplete: the log ends early" in text and "Parts of the log are lost" in text
+    begins = [c.offset for c in open_log(flight[0]).chunks]
+    hole = bytearray(whole)
+    hole[begins[2] + 100] ^= 1  # what is said after it would be judged at a wrong time
+    log.write_bytes(hole)
+    assert LoggedFlight(log).end == 1.995 and "incomplete: the log ends early" in render(LoggedFlight(log))
+    hole[begins[0] + 100] ^= 1
+    log.write_bytes(hole)
+    with pytest.raises(LogError, match="no tick from the start"):
+        LoggedFlight(log)
     log.write_bytes(b"nothing")
     with pytest.raises(LogError, match="not an MCAP file"):
         flight_report(log, tmp_path / "x.html")

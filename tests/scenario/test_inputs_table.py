@@ -1,11 +1,13 @@
 """Tables of a pilot's own inputs: read from a CSV or written in the scenario, refused with the row that is wrong."""
 
+import tomllib
+
 import pytest
 from flight_point import POINT
 
 from cosim.errors import ScenarioError
-from cosim.scenario import load_scenario
-from cosim.scenario.inputs import MOST
+from cosim.scenario import load_scenario, parse
+from cosim.scenario.manoeuvre import MOST
 
 SET = ["manoeuvre.kind=inputs"]
 
@@ -67,3 +69,10 @@ def test_a_file_takes_the_place_of_numbers_given_before(tmp_path):
     assert load_scenario("cruise", [*SET, *before, f"manoeuvre.file={path}"]).manoeuvre.columns == {"bank_deg": (5.0,)}
     with pytest.raises(ScenarioError, match="time_s is given beside the file"):
         load_scenario("cruise", [*SET, f"manoeuvre.file={path}", *before])
+
+
+def test_a_table_that_was_not_found_beside_a_scenario_is_not_read(tmp_path):
+    (tmp_path / "stick.csv").write_text("time_s,stick\n0,0\n")
+    table = tomllib.loads(POINT) | {"manoeuvre": {"kind": "inputs", "file": str(tmp_path / "stick.csv")}}
+    with pytest.raises(ScenarioError, match="was not read"):
+        parse(table)  # as one from a log is

@@ -49,7 +49,7 @@ def test_a_scenario_names_every_mistake_with_its_line(tmp_path):
         "--set seed: is not of the form",
         f"{path}:2: flight.mas_t = 300.0: unknown key",
         f"{path}:3: flight.cg_pct = 90.0: is out of range",
-        f"{path}:8: elevator.left_inner = emma: ",
+        f'{path}:8: elevator.left_inner = "emma": ',
         f"{path}:13: faults.0.start_s = -1.0: ",
         f'{path}:19: faults.1.bias_deg = "big"',
         f"{path}: --set duration_s = -1: is out of range",

@@ -19,11 +19,11 @@ from fdi.rfafe.store import choose, from_plain, read, side_kinds
 FORMS = {"rfafe": rfafe, "rfafe_airframe": rfafe_airframe}
 
 
-def test_a_stale_or_missing_design_is_told(tmp_path):
-    (tmp_path / "rfafe.json").write_text(json.dumps({"source": "other"}))
+def test_a_spoilt_or_missing_design_is_told(tmp_path):
+    (tmp_path / "rfafe.json").write_text((design.FOLDER / "rfafe.json").read_text().replace("0.005", "0.006", 1))
     (tmp_path / "lpv_smo.json").write_text((design.FOLDER / "lpv_smo.json").read_text())
     found = design.check(folder=tmp_path)
-    assert found["lpv_smo"] == "" and "another aircraft" in found["rfafe"] and "not there" in found["lpv_smo_boxes"]
+    assert found["lpv_smo"] == "" and "spoilt" in found["rfafe"] and "not there" in found["lpv_smo_boxes"]
 
 
 def test_what_is_stored_reads_back_also_tuples_with_words():

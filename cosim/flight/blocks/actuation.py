@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from actuators.simple import actuator as simple
-from cosim.errors import ScenarioError, did_you_mean
+from cosim.errors import among
 from cosim.flight.blocks.servo_gain import sensor_age
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
@@ -16,11 +16,7 @@ def _scaled(technology, own, multipliers):
     """Return {name: nominal times multiplier}; raises ScenarioError for a name that is no parameter."""
     nominal = technology.parameters(own)
     for name in multipliers:
-        if name not in nominal:
-            raise ScenarioError(
-                "no such parameter", place=f"tolerances.{technology.name}.{name}", allowed=", ".join(nominal),
-                remedy=did_you_mean(name, nominal),
-            )  # fmt: skip
+        among(name, nominal, "no such parameter", place=f"tolerances.{technology.name}.{name}")
     return {k: nominal[k] * v for k, v in multipliers.items()}
 
 
@@ -43,7 +39,7 @@ def blocks(scenario: Scenario, loads: dict, others: dict, dt: float) -> list[tup
     flown, aircraft, out = scenario.elevator.technology, scenario.aircraft, []
     for name, technology in TECHNOLOGIES.items():
         lanes = tuple(s for s in flown if flown[s] == name)
-        if lanes and technology.build:
+        if lanes:
             trim = np.array([loads[s] for s in lanes]).T
             own, set_ = aircraft.own(name), scenario.elevator.parameters
             scaled = _scaled(technology, own, getattr(scenario.tolerances, name, {}))

@@ -2,8 +2,8 @@
 
 `elevator.compensate`: the valve of a hydraulic segment gets u - f_hat of its own `iotsekf`, which reads what the valve
 was told, so that f_hat stays the fault's; while that detector alarms. `sensors.reconstructed`: the law flies on
-y - f_hat of `lpv_smo` for load factor and angle of attack, always from half a second after the observer's start: it
-cannot wait for an alarm, three steps at once look like a gust for seconds. `law.reallocate`: see `reallocation`.
+y - f_hat of `lpv_smo` for load factor and angle of attack, from half a second after the observer's start on: it cannot
+wait for an alarm, three steps at once look like a gust for seconds. `law.reallocate`: see `reallocation`.
 """
 
 import math
@@ -24,30 +24,26 @@ RECONSTRUCTED = {"n_z": "f_hat_n_z", "alpha": "f_hat_alpha"}
 
 def corrections(scenario: Scenario, bus: Bus) -> dict[str, list[Callable[[int], None]]]:
     """Return {stage of the tick: calls that follow its wires}, stages "law", "commands" and "actuators"."""
-    law, valves = [], []
+    out: dict[str, list] = {"law": [], "commands": [], "actuators": []}
     if scenario.sensors.reconstructed:
         pairs = [(f"law_in.law.y[{SENSORS.index(name)}]", f"lpv_smo.aircraft.{f}") for name, f in RECONSTRUCTED.items()]
-        law.append(_less(bus, pairs, "lpv_smo.aircraft.age", latched=True))
+        out["law"] = [_less(bus, *pair, "lpv_smo.aircraft.age") for pair in pairs]
     if scenario.elevator.compensate:
-        for segment, technology in scenario.elevator.technology.items():
-            if technology == "hydraulic":
-                pair = (f"hydraulic_in.{segment}.u", f"iotsekf.{segment}.f_hat")
-                valves.append(_less(bus, [pair], f"iotsekf.{segment}.alarm", limit=1.0))
-    return {"law": law, "commands": reallocation(scenario, bus, scenario.dt), "actuators": valves}
+        hydraulic = [name for name, technology in scenario.elevator.technology.items() if technology == "hydraulic"]
+        filters = [(f"hydraulic_in.{s}.u", f"iotsekf.{s}.f_hat", f"iotsekf.{s}.alarm") for s in hydraulic]
+        out["actuators"] = [_less(bus, *names, limit=1.0) for names in filters]
+    if scenario.law.reallocate:
+        out["commands"] = [reallocation(scenario, bus)]
+    return out
 
 
-def _less(bus, pairs, flag, *, latched=False, limit=math.inf):
-    """Return a call that subtracts each source from its destination while `flag` is up, or since; within +-limit."""
-    v, gate, (to, source) = bus.v, bus.index(flag), bus.wires(pairs)
-    places, since = list(zip(to.tolist(), source.tolist())), False
+def _less(bus, to, source, flag, limit=math.inf):
+    """Return a call that subtracts a source from its destination, within +-limit, while `flag` is above a half."""
+    v, (i, j, gate) = bus.v, map(bus.index, (to, source, flag))
 
     def subtract(k):
-        nonlocal since
-        since = v[gate] > 0.5 or (since and latched)
-        if since:
-            for i, j in places:
-                value = v[i] - v[j]
-                v[i] = min(max(value, -limit), limit)
+        if v[gate] > 0.5:
+            v[i] = min(max(v[i] - v[j], -limit), limit)
 
     return subtract
 
@@ -77,35 +73,32 @@ def gains(point: FlightPoint, rate: float) -> tuple[np.ndarray, np.ndarray]:
     from scipy.linalg import solve_continuous_are  # a quarter of the start of a flight that needs none
 
     model = linearize(point)
-    on, inputs = [list(model.states).index(n) for n in STATES], list(model.inputs)
-    A = np.zeros((6, 6))
-    A[:4, :4] = model.A[np.ix_(on, on)]
-    A[:4, 5] = model.B[on, inputs.index("stab")]
+    A, B = np.zeros((6, 6)), np.eye(6)[:, 5:]
+    A[:4, :4], A[:4, 5:], *_ = model.block(STATES, ("stab",))
     A[4, 3] = 1.0
-    B = np.eye(6)[:, 5:]
     Q, R = np.diag(1.0 / np.square(LARGE)), np.array([[(3.0 / rate) ** 2]])
     P = solve_continuous_are(A, B, Q, R)
-    return rounded((B.T @ P / R)[0], 7), np.asarray(model.x0)[on]
+    return rounded((B.T @ P / R)[0], 7), model.x0[[list(model.states).index(name) for name in STATES]]
 
 
-def reallocation(scenario: Scenario, bus: Bus, dt: float) -> list[Callable[[int], None]]:
-    """Return the calls that follow the law's step: none unless the scenario asks for them."""
-    if not scenario.law.reallocate:
-        return []
+def reallocation(scenario: Scenario, bus: Bus) -> Callable[[int], None]:
+    """Return the call that follows the law's step."""
     surface: Any = scenario.aircraft.surfaces.stabiliser
     low, high = scenario.aircraft.travels["stabiliser"]
     K, trim = gains(FlightPoint.of(scenario), surface.rate)
-    v, at = bus.v, bus.index
+    v, dt, at = bus.v, scenario.dt, bus.index
     y = [at(f"law_in.law.y[{SENSORS.index(name)}]") for name in READ]
     stab, throttle, h_ref = (at(f"law.law.{name}") for name in ("stab_cmd", "throttle_cmd", "h_ref"))
-    declared = [at(f"control_redundancy.aircraft.declared[{h}]") for h in (ELEVATOR, ENGINE)]
+    elevators, engine = (at(f"control_redundancy.aircraft.declared[{h}]") for h in (ELEVATOR, ENGINE))
     lost = at("control_redundancy.aircraft.f_hat_thrust")
     z, stab_0 = np.zeros(6), v[stab]
     held, share, asked, told = math.nan, 0.0, 0.0, math.nan
 
     def fly(k):
         nonlocal held, share, asked, told
-        if v[declared[0]] > 0.5:
+        if v[elevators] <= 0.5:
+            held = math.nan
+        else:
             if math.isnan(held):
                 held, z[4] = v[stab], 0.0
             z[:3] = v[y[:3]] - trim[:3]
@@ -113,16 +106,12 @@ def reallocation(scenario: Scenario, bus: Bus, dt: float) -> list[Callable[[int]
             z[4] += dt * z[3]
             z[5] = held - stab_0
             creep = min(max(-sum(a * b for a, b in zip(K, z, strict=True)), -surface.rate), surface.rate)
-            held = min(max(held + dt * creep, low), high)
-            v[stab] = held
-        else:
-            held = math.nan
+            v[stab] = held = min(max(held + dt * creep, low), high)
         if v[throttle] != told:
             asked = v[throttle]
-        gone = min(max(-v[lost], 0.0), 1.0 - LEAST) if v[declared[1]] > 0.5 else 0.0
+        gone = min(max(-v[lost], 0.0), 1.0 - LEAST) if v[engine] > 0.5 else 0.0
         share += dt / SMOOTH * (gone - share)
         if share > 1e-3:
-            told = min(asked / (1.0 - share), 1.0)
-            v[throttle] = told
+            v[throttle] = told = min(asked / (1.0 - share), 1.0)
 
-    return [fly]
+    return fly

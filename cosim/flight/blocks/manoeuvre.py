@@ -48,10 +48,8 @@ def params(
 ) -> np.ndarray:  # fmt: skip
     """Build the table from `steps`, a list of (time [s], {channel: value}), for a flight that starts at bank `phi_0`.
 
-    A channel keeps its value where a step does not name it. Raises ValueError when there are more than 15 steps.
+    A channel keeps its value where a step does not name it; there are at most 15 steps.
     """
-    if len(steps) >= N:
-        raise ValueError(f"a manoeuvre has at most {N - 1} steps, this one has {len(steps)}")
     holds = {"hold_psi": float(hold_psi), "hold_h": float(hold_h), "hold_v": float(hold_v)}
     p = record(PARAMS, **holds, rate=(nz_rate, PHI_RATE, PSI_RATE, math.inf))
     p["time"][0, :] = np.inf

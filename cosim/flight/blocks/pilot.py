@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from cosim.flight.blocks.manoeuvre import doublet, three_two_one_one
-from cosim.scenario.inputs import Inputs
+from cosim.scenario.manoeuvre import Inputs
 
 FULL_STICK_G = 2.0  # the stop of the stick is beyond every limit of the law: 2.5 g in a climb, too
 

@@ -30,7 +30,6 @@ def liquid_gain(technology: str, omega: float, dt: float, own: Own = ()) -> floa
 def _flown(technology, omega, dt, own):
     record = TECHNOLOGIES[technology]
     design, (live, smooth), rest = record.design(own), record.smooth, np.zeros((3, 1))
-    assert record.build  # what has a valve or a drive has a servo
     # sensor -> state that it reads, reading per unit, the servo's inputs for value and flag
     measured = {n: (s.state, design.gains.get(n, 1.0), *s.servo) for n, s in record.sensors.items() if s.servo}
     age = int(sensor_age(dt))

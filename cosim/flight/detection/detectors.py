@@ -18,8 +18,9 @@ import numpy as np
 
 import fdi
 from actuators.kernels import cached_array
+from actuators.python_block import PythonBlock
 from cosim import parts
-from cosim.errors import ScenarioError, did_you_mean
+from cosim.errors import ScenarioError, among, did_you_mean
 from cosim.flight.blocks.sensors import installed
 from cosim.flight.detection import stored_designs
 from cosim.flight.detection.detector_context import site
@@ -134,7 +135,9 @@ class Installed:
         table, options = scenario.detectors.table(self.id), self.record.options
         if self.id not in registry.SHIPPED:
             table = {name: value for name, value in table.items() if name not in parts.KEYS}
-        words = {n: _word(self.id, n, table.pop(n), allowed) for n, allowed in options.items() if n in table}
+        words = {n: table.pop(n) for n in options if n in table}
+        for n, word in words.items():
+            among(word, options[n], f"{word!r} is no choice", place=f"detectors.{self.id}.{n}")
         technology, own, told = scenario.elevator.technology, scenario.aircraft, scenario.elevator.parameters
         lanes = self.lanes if self.record.level == "local" else [""]
         sites = [site(dt, lane, technology, own, told[lane].model if lane in told else None) for lane in lanes]
@@ -155,24 +158,15 @@ class Installed:
         return f"elevator.{lane}" if self.record.level == "local" else "aircraft"
 
 
-def _word(detector, name, value, allowed):
-    if value not in allowed:
-        raise ScenarioError(f"{value!r} is no choice", place=f"detectors.{detector}.{name}",
-                            allowed=", ".join(allowed), remedy=did_you_mean(str(value), allowed))  # fmt: skip
-    return value
-
-
 def unfit(record: Detector, aircraft: Aircraft) -> str:
     """Return which input of a detector an aircraft lacks, or ""."""
     shipped = record.level != "local" and record.id in registry.SHIPPED
-    for word in (placed(word, aircraft) if shipped else word for word in record.inputs.values()):
-        segment, dot, _ = word.rpartition(".")
-        if vocabulary.detector_of(word):
-            continue
-        if dot and segment not in aircraft.segments:
+    words = [placed(word, aircraft) if shipped else word for word in record.inputs.values()]
+    for segment, _, name in (word.rpartition(".") for word in words if not vocabulary.detector_of(word)):
+        if segment and segment not in aircraft.segments:
             return f"no elevator segment {segment}"
-        if word.startswith("n1_") and word not in installed(aircraft):
-            return f"it reads {word}, the aircraft has {aircraft.engines} engine{'s' * (aircraft.engines > 1)}"
+        if name.startswith("n1_") and name not in installed(aircraft):
+            return f"it reads {name}, the aircraft has {aircraft.engines} engine{'s' * (aircraft.engines > 1)}"
     return ""
 
 
@@ -194,8 +188,8 @@ def chosen(scenario: Scenario) -> list[Installed]:
     """Return the Installed detectors of a scenario; one without an actuator of its technologies, or that its aircraft
     cannot have, is left out. First come those that read no other, in its order, then each after those that it reads.
 
-    Raises ScenarioError for an output that none of them has, for detectors that wait for each other, and for one that
-    steps more often than what it reads.
+    Raises ScenarioError for a detector that does not fly and is read, for detectors that wait for each other, and for
+    one that steps more often than what it reads. What a detector `may_lack` is not wired where it is not there.
     """
     technology, lost, found = scenario.elevator.technology, left_out(scenario), {}
     for name in (name for name in scenario.running if name not in lost):
@@ -206,10 +200,13 @@ def chosen(scenario: Scenario) -> list[Installed]:
         if lanes:
             read = {lane: wires(record, s, module, scenario.aircraft) for lane, s in lanes.items()}
             found[name] = Installed(record, module, read)
-    found = {name: _connected(d, found) for name, d in found.items()}
+    for name, d in found.items():
+        if d.record.may_lack:
+            kept = {lane: [w for w in own if _there(w, found)] for lane, own in d.inputs.items()}
+            found[name] = replace(d, inputs=kept)
     sorter: TopologicalSorter = TopologicalSorter(dict.fromkeys(found, ()))
     for d in found.values():
-        sorter.add(d.id, *sorted({source.split(".")[0] for _, source in d.wires()} & found.keys()))
+        sorter.add(d.id, *sorted(_read(d, found)))
     try:
         return [found[name] for name in sorter.static_order()]
     except CycleError as error:
@@ -219,34 +216,34 @@ def chosen(scenario: Scenario) -> list[Installed]:
         raise ScenarioError(said, place=f"detectors.{way[0]}", remedy=remedy) from None
 
 
-def _connected(d, others):
-    """Return detector `d` without those inputs that no other has; raises ScenarioError unless it may lack them."""
-    return replace(d, inputs={lane: [w for w in own if w.signal.kind != "detector" or _there(d, w, others)]
-                              for lane, own in d.inputs.items()})  # fmt: skip
+def _there(w, found):
+    """Tell whether a wire reads no detector, or an output that one of those that fly has."""
+    name, lane, output = w.source.split(".", 2)
+    own = found.get(name)
+    has = own is not None and lane in own.lanes and output in vocabulary.elements(own.module.STATE, own.module.OUTPUTS)
+    return has or w.signal.kind != "detector"
 
 
-def _there(d, w, others):
-    """Tell whether another detector has the output that `d` reads; raises ScenarioError unless it may lack it."""
-    name, lane, output = w.source.split(".")
-    source, every = others.get(name), d.record.every
-    wrong = functools.partial(ScenarioError, place=f"detectors.{d.id}: its input {w.source!r}")
-    if source is None:
-        known = registry.known(name)
-        said = f"{name} does not fly" if known else f"{name!r} is no detector"
-        remedy = f"Add {name!r} to detectors.enabled" if known else did_you_mean(name, others)
-        error = wrong(said, allowed=", ".join(others), remedy=remedy)
-    elif every % source.record.every:
-        said = f"{name} steps every {source.record.every} ticks, {d.id} every {every}"
-        raise wrong(said, remedy=f"every = {source.record.every} in {d.id}, or a multiple of it")
-    elif lane not in source.lanes:
-        error = wrong(f"{name} has no lane {lane!r}", allowed=", ".join(source.lanes))
-    elif output not in (has := vocabulary.outputs(source.module)):
-        error = wrong(f"{name} has no output {output!r}", allowed=", ".join(has), remedy=did_you_mean(output, has))
-    else:
-        return True
-    if d.record.may_lack:
-        return False
-    raise error
+def _read(d, found):
+    """Return the ids of the detectors that `d` reads; raises ScenarioError for one that does not fly, that lacks what
+    is read, or that steps less often."""
+    read = {}
+    for w in (w for own in d.inputs.values() for w in own if w.signal.kind == "detector"):
+        (name, lane, output), place = w.source.split(".", 2), f"detectors.{d.id}: its input {w.source!r}"
+        if name not in found:
+            known = registry.known(name)
+            remedy = f"Add {name!r} to detectors.enabled" if known else did_you_mean(name, found)
+            raise ScenarioError(f"{name} does not fly" if known else f"{name!r} is no detector", place=place,
+                                remedy=remedy)  # fmt: skip
+        read[name] = source = found[name]
+        among(lane, source.lanes, f"{name} has no lane {lane!r}", place=place)
+        outputs = vocabulary.elements(source.module.STATE, source.module.OUTPUTS)
+        among(output, outputs, f"{name} has no output {output!r}", place=place)
+        if d.record.every % source.record.every:
+            said = f"{name} steps every {source.record.every} ticks, {d.id} every {d.record.every}"
+            remedy = f"every = {source.record.every} in {d.id}, or a multiple of it"
+            raise ScenarioError(said, place=place, remedy=remedy)
+    return read
 
 
 def sources_of(record: Detector) -> list[str]:
@@ -264,21 +261,20 @@ _ESTIMATE |= dict.fromkeys(("q_use", "qd_use", "x3_use"), "valid")
 def feedback_wires(scenario: Scenario, running: Sequence[Installed]) -> list:
     """Return the wires by which servos close on a local filter's estimate: where the scenario says so, and on
     reconfiguration."""
-    pairs, flying = [], {d.id for d in running}
-    for lane, tech in scenario.elevator.technology.items():
-        source = scenario.elevator.feedback[lane]
+    pairs, flying, elevator = [], {d.id for d in running}, scenario.elevator
+    for lane, tech in elevator.technology.items():
+        source, fields = elevator.feedback[lane], _ESTIMATE
+        if tech == "hydraulic" and source == "measured" and elevator.reconfigure:
+            # `blame` is 0 while neither position sensor, or none for sure, is wrong
+            source, fields = "rtsekf_flight", {to: "blame" if f == "valid" else f for to, f in _ESTIMATE.items()}
         if tech == "hydraulic" and source != "measured":
             if source not in flying:
                 said = f"the servo of {lane} closes on {source}, which is not enabled"
                 remedy = f"Add {source!r} to detectors.enabled, or set the feedback to 'measured'"
                 raise ScenarioError(said, place="elevator.feedback", remedy=remedy)
-            pairs += [(f"servo_in.{lane}.{to}", f"{source}.{lane}.{field}") for to, field in _ESTIMATE.items()]
-        if tech == "hydraulic" and source == "measured" and scenario.elevator.reconfigure:
-            # `blame` is 0 while neither position sensor, or none for sure, is wrong
-            pairs += [(f"servo_in.{lane}.{to}", f"rtsekf_flight.{lane}.{'blame' if field == 'valid' else field}")
-                      for to, field in _ESTIMATE.items()]
-        own = scenario.elevator.ema_estimate
-        if tech == "ema" and scenario.elevator.reconfigure and own in flying:
+            pairs += [(f"servo_in.{lane}.{to}", f"{source}.{lane}.{field}") for to, field in fields.items()]
+        own = elevator.ema_estimate
+        if tech == "ema" and elevator.reconfigure and own in flying:
             pairs += [(f"ema_servo_in.{lane}.pos_fb", f"{own}.{lane}.pos_hat"),
                       (f"ema_servo_in.{lane}.pos_use", f"{own}.{lane}.reconf")]  # fmt: skip
     return pairs
@@ -303,8 +299,11 @@ def manifest(running: Sequence[Installed], parted: bool) -> list:
 
 
 def cost(block: Any, repeats: int = 200) -> float:
-    """Return the microseconds of one step of one lane of a detector's Block: the best of three times `repeats` steps,
-    on copies."""
+    """Return the microseconds of one step of one lane of a detector's Block: in Python, whose objects are the flight's
+    own, what its steps took in the loop, else the best of three times `repeats` steps on copies."""
+    own = block.rollout
+    if isinstance(own, PythonBlock):
+        return own.seconds / max(1, own.steps * len(block.x)) * 1e6
     x, u = block.x.copy(), np.repeat(block.u, repeats, axis=1)
-    best = min(timeit.repeat(lambda: block.module.rollout(x, u, block.p, block.dt), number=1, repeat=3))
+    best = min(timeit.repeat(lambda: own(x, u, block.p, block.dt), number=1, repeat=3))
     return best / repeats / len(x) * 1e6

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import did_you_mean
+from cosim.errors import among
 from cosim.flight.detection.detector_context import site
 from cosim.scenario.catalog import DEFAULT_TECHNOLOGY
 from fdi import registry
@@ -24,21 +24,19 @@ def assign(record: Any, module: Any, p: Any, name: str, value: Any, dt: float, *
     Raises `error` (a CosimError) at `place`.
     """
     base, bracket, index = name.partition("[")
-    if base not in p.dtype.names or bool(bracket) != index.endswith("]"):
-        known = [*record.options, *(n + "[i]" * bool(p.dtype[n].shape) for n in p.dtype.names)]
-        remedy = did_you_mean(base, [*record.options, *p.dtype.names])
-        raise error("no such parameter", place=place, allowed=", ".join(known), remedy=remedy)
+    asked = base if bool(bracket) == index.endswith("]") else name
+    among(asked, (*record.options, *p.dtype.names), "no such parameter", error=error, place=place)
     if option := record.belongs.get(base):
         raise error("is set with the thresholds that belong to it", place=place,
                     allowed=f"{option} = {', '.join(map(repr, record.options[option]))}",
                     remedy=f"Set detectors.{record.id}.{option} in the scenario")  # fmt: skip
-    shape = p.dtype[base].shape
     try:
         at = tuple(int(i) for i in index.rstrip("]").split(",")) if index else ()
         p[base][(slice(None), *at)] = value
     except (ValueError, IndexError) as wrong:
-        said = f"a number, elements of shape {shape}" if shape else "a number"
-        raise error(f"{value!r} cannot be set", place=place, allowed=said) from wrong
+        shape = p[base].shape[1:] if base in p.dtype.names else ()
+        allowed = f"a number, elements of shape {shape}" if shape else "a number"
+        raise error(f"{value!r} cannot be set", place=place, allowed=allowed) from wrong
     if found := beyond(p, parameter_spans(record, module, dt)):
         _, number, low, high = found
         allowed = f"a whole number from {low:g} to {high:g}"

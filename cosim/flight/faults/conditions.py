@@ -4,18 +4,12 @@ A flight repeats to the last bit, so the tick at which a condition first holds i
 scenario that flies, and that its log holds, has the onset as `start_s` beside `when`.
 """
 
-from typing import Any
-
 import numpy as np
-from pydantic import ValidationError
 
-from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.build import build
 from cosim.flight.fly import record
-from cosim.scenario import Scenario
-from cosim.scenario.condition import condition, other_fault, source
-from cosim.scenario.fault import check_together
-from cosim.scenario.problem import Origin, explained
+from cosim.scenario import Scenario, parse
+from cosim.scenario.condition import TIME, condition, other_fault, signals, true
 from cosim.scenario.user_parts import identified
 
 
@@ -30,40 +24,25 @@ def resolved(scenario: Scenario) -> Scenario:
         waiting = {i: condition(f.when or "") for i, f in enumerate(scenario.faults) if f.waits}
         begun = tuple(f for i, f in enumerate(scenario.faults) if i not in waiting)
         setup = build(scenario.model_copy(update={"faults": begun}))
-        names = list(dict.fromkeys(name for c in waiting.values() for name in c.signals()))
-        flown = [name for name in names if other_fault(name) is None]
-        for name in flown:
-            known(setup.loop.bus, source(name))
-        rows, *_ = record(setup, ["clock.clock.t", *map(source, flown)])
+        names = list(dict.fromkeys(name for c in waiting.values() for name in signals(c)))
+        flown = [name for name in names if name != TIME and other_fault(name) is None]
+        rows, *_ = record(setup, ["clock.clock.t", *flown])
         t, *columns = np.asarray(rows).T
-        values = dict(zip(flown, columns)) | {n: _of_fault(n, scenario, t) for n in names if n not in flown}
-        first = {i: np.flatnonzero(c.true(values)) for i, c in waiting.items()}
+        values = {TIME: t, **dict(zip(flown, columns))}
+        values |= {name: _of_fault(name, scenario, t) for name in names if name not in values}
+        first = {i: np.flatnonzero(true(c, values)) for i, c in waiting.items()}
         onset = {i: round((int(k[0]) + 1) * scenario.dt, 9) for i, k in first.items() if len(k)}
         next_one = min(onset, key=lambda i: onset[i], default=None)
         starts = {next_one: onset[next_one]} if next_one is not None else dict.fromkeys(waiting, scenario.duration_s)
         faults = tuple(f.at_time(starts[i]) if i in starts else f for i, f in enumerate(scenario.faults))
-        scenario = scenario.model_copy(update={"faults": faults})
-        try:  # faults of which one has just begun may not be possible together
-            check_together(scenario.faults, scenario.elevator.technology)
-        except ValidationError as wrong:
-            raise explained(wrong, {}, Origin("")) from None
+        changed = scenario.model_copy(update={"faults": faults})
+        scenario = parse(changed.model_dump(exclude_none=True), place="")  # refuses what is not possible together
     return scenario
-
-
-def known(bus: Any, name: str) -> None:
-    """Raise ScenarioError unless the bus has signal `name`, section.lane.field."""
-    section, _, rest = name.partition(".")
-    lane, _, field = rest.partition(".")
-    for asked, there in ((section, bus.lanes), (lane, bus.lanes.get(section)), (field, None)):
-        there = [n for n, _ in bus.columns(section, lane)] if there is None else list(there)
-        if asked not in there:
-            raise ScenarioError(f"no signal {name!r}", allowed=", ".join(there), remedy=did_you_mean(asked, there))
 
 
 def _of_fault(name, scenario, t):
     """Return `fault.N.active` or `fault.N.since` at the times t, not a number where fault N has not begun."""
-    number = other_fault(name)
-    fault, slack = scenario.faults[number], 0.5 * scenario.dt  # as the loop takes them, to the nearest tick
+    fault, slack = scenario.faults[other_fault(name)], 0.5 * scenario.dt  # as the loop takes them, to the nearest tick
     if fault.waits:
         return np.full_like(t, np.nan)
     begun = t > fault.start_s - slack

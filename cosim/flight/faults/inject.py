@@ -98,17 +98,17 @@ def _read_by_drive(j, name, amplitude, places, inputs, state):
     There the sensor reads (1 - s) i + f; `inputs` are the bus names of s and f. Added noise and a dropout stay on the
     measured copy: the drive filters the first and holds through the second within its 0.3 ms.
     """
-    shape, (share, added) = SENSOR_SHAPES[j.kind][0], inputs
-    if j.kind == "freeze":  # the drive reads the value of the onset
-        p = _params(j, f.RUNAWAY, 0.0)
-        return Lane(name, j.fault, p, (*places, (share, "g"), (added, "f_inj")), state)
-    if j.kind == "scale":
+    share, added = inputs
+    freezes = j.kind == "freeze"
+    drive = {
+        "freeze": ((share, "g"), (added, "f_inj")),  # the drive reads the value of the onset
         # s counts what is not seen; the lane's signal is the factor minus one, so the loop's copy takes it with the
         # other sign
-        return Lane(name, j.fault, _params(j, shape, amplitude), (*places, (share, "f_neg")))
-    if j.kind in ("bias", "drift", "oscillation"):
-        places = [*places, (added, "f_inj")]
-    return Lane(name, j.fault, _params(j, shape, amplitude), tuple(places))
+        "scale": ((share, "f_neg"),),
+        **dict.fromkeys(("bias", "drift", "oscillation"), ((added, "f_inj"),)),
+    }.get(j.kind, ())
+    p = _params(j, f.RUNAWAY, 0.0) if freezes else _params(j, SENSOR_SHAPES[j.kind][0], amplitude)
+    return Lane(name, j.fault, p, (*places, *drive), state if freezes else "")
 
 
 def own_unit(unit: str, sensor: str, technology: str | None, aircraft: Aircraft) -> float:
@@ -145,7 +145,7 @@ def _moving(j, name, technology, part, scenario):
     if kind == "runaway":
         return _runaway(j, name, technology, design, own, command, f"{technology.name}.{part}.delta")
     solid = kind == "ofc_solid"
-    share = "s_u" if j.at == "valve" and technology.inlet else "s_cmd"
+    share = "s_u" if j.at == "valve" and technology.servo else "s_cmd"
     if share == "s_u":
         to, amplitude = own, _inner_amplitude(j, technology, solid, scenario)
     else:
@@ -182,14 +182,13 @@ def _inner_amplitude(j, technology, solid, scenario):
 def _runaway(j, name, technology, design, own, command, delta):
     """Return the lane of a runaway at `magnitude` rad/s: the valve held open, or the demanded rate; to a limit, and
     with a servo that knows no rate, the commanded position runs from where the surface is (bus name `delta`)."""
-    if math.isfinite(j.limit):
-        bounds = (-math.inf, j.limit) if j.magnitude > 0 else (j.limit, math.inf)
-        p = _params(j, f.RUNAWAY, j.magnitude, *bounds)
-        return Lane(name, j.fault, p, ((f"{command}.s_cmd", "g"), (f"{command}.f_cmd", "f_inj")), delta)
-    if technology.runaway == "rate":
-        return _constant(j, name, j.magnitude, (f"{command}.s_rate", "g"), (f"{command}.f_rate", "f_inj"))
-    if j.at == "valve" and technology.runaway == "valve":
-        u = j.magnitude * design.arm / design.valve_speed
-        return _constant(j, name, u, (f"{own}.s_u", "g"), (f"{own}.f_u", "f_inj"))
-    p = _params(j, f.RUNAWAY, j.magnitude)
+    bounds: tuple = (-math.inf, j.limit) if j.magnitude > 0 else (j.limit, math.inf)
+    if not math.isfinite(j.limit):
+        bounds = ()
+        if technology.runaway == "rate":
+            return _constant(j, name, j.magnitude, (f"{command}.s_rate", "g"), (f"{command}.f_rate", "f_inj"))
+        if j.at == "valve" and technology.runaway == "valve":
+            u = j.magnitude * design.arm / design.valve_speed
+            return _constant(j, name, u, (f"{own}.s_u", "g"), (f"{own}.f_u", "f_inj"))
+    p = _params(j, f.RUNAWAY, j.magnitude, *bounds)
     return Lane(name, j.fault, p, ((f"{command}.s_cmd", "g"), (f"{command}.f_cmd", "f_inj")), delta)

@@ -7,9 +7,10 @@ the flight came to.
 """
 
 import os
+import sys
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import redirect_stdout
 from typing import Any
 
 from cosim.errors import CosimError
@@ -18,7 +19,6 @@ from cosim.flight.loop.recorder import pose, topics
 from cosim.judge.result import Result
 from cosim.scenario import Scenario
 from cosim.scenario.fault import Fault
-from cosim.scenario.user_parts import stdout_to_stderr
 
 SPEEDS = 0.01, 1000.0
 EVERY = 20  # ticks between two words of progress
@@ -71,18 +71,14 @@ def fly_live(
         return told(fault=flight.inject(**given))
 
     def heal(given):
-        fault = given.get("fault")
-        if isinstance(fault, bool) or not isinstance(fault, int | float) or fault != int(fault):
-            raise CosimError(f"fault must be an index, got {fault!r}", place="heal")
-        flight.heal(int(fault))
-        return told(fault=int(fault))
+        return told(fault=flight.heal(given.get("fault")))
 
     def pace(given):
         live.pace.change(checked_speed(given.get("value")), flight.tick)
         return told(speed=live.pace.speed)
 
-    where = pose(flight.setup.loop.bus)
-    about: dict[str, Any] = {"dt_ns": round(flight.dt * 1e9), "pose": where, "name": scenario.title or "cosim"}
+    about: dict[str, Any] = {"dt_ns": round(scenario.dt * 1e9), "pose": pose(flight.setup.loop.bus),
+                             "name": scenario.title or "cosim"}  # fmt: skip
     calls = {"inject": inject, "heal": heal, "speed": pace}
     controls = {name: Control(do, *requests(scenario)[name]) for name, do in calls.items()}
     began = time.perf_counter()
@@ -90,7 +86,7 @@ def fly_live(
         if ready:
             ready(live)
         try:
-            with stdout_to_stderr() if flight.setup.in_python else nullcontext():
+            with redirect_stdout(sys.stderr):
                 while flight.step():
                     live.append(flight.values)
                     live.serve()
@@ -101,7 +97,7 @@ def fly_live(
     if not flight.tick:
         raise KeyboardInterrupt
     wall = time.perf_counter() - began
-    result = flight.fly_again(progress=progress)
+    result = flight.result(timed=True, progress=progress)
     result.wall_time_s = wall  # that of the flight that was seen
     if ended and result.status == "completed":
         result.status, result.reason = "interrupted", f"at {flight.time:.2f} s by the user"

@@ -16,7 +16,6 @@ of `cosim run` on `flight.flown()`. Until then LOG.flown.toml holds the scenario
 """
 
 import os
-from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +25,12 @@ from cosim.errors import ScenarioError, told_at_call
 from cosim.files import LOG, claim, marked, replace_text
 from cosim.flight.build import build
 from cosim.flight.faults.conditions import resolved
-from cosim.flight.fly import CHECK_EVERY, health
-from cosim.flight.loop.recorder import topics
+from cosim.flight.fly import advance
+from cosim.flight.loop.bus import Bus
 from cosim.flight.simulate import simulate
+from cosim.flight.tick import order
 from cosim.judge.result import Result
-from cosim.scenario import Scenario, load_scenario, parse, vocabulary
+from cosim.scenario import Scenario, load_scenario, parse
 from cosim.scenario.fault import NEVER_S
 from cosim.scenario.load import retitled
 
@@ -38,35 +38,19 @@ HEAD = "# The scenario of a flight as it was changed by hand; `cosim run` flies 
 CHANGED = marked(HEAD.encode())
 
 
-class Signals(Mapping):
+class Signals:
     """The numbers of the tick flown last, by name; SI and radians.
 
-    A name is a word of `cosim list signals` ("n_z", "left_inner.rod": what is measured), a field of the log
-    ("/truth/aircraft.nz") or of the bus ("truth.aircraft.nz"). Iterating gives the fields of the log.
+    A name is a word of `cosim list signals` ("n_z", "left_inner.rod": what is measured) or of the bus
+    ("truth.aircraft.nz").
     """
 
-    def __init__(self, setup: Any, values: np.ndarray):
-        self._bus, self._values = setup.loop.bus, values
-        fields = [(f"{t.name}.{f}", int(i)) for t in topics(setup) for f, i in zip(t.fields, t.index)]
-        self._places = dict(fields)
+    def __init__(self, bus: Bus, values: np.ndarray):
+        self._bus, self._values = bus, values
 
     def __getitem__(self, name: str) -> float:
-        """Return the value of a signal; raises KeyError that says what is near."""
-        if name.startswith("/"):
-            if name not in self._places:
-                raise KeyError(f"{name}: no such field; `for name in flight.signals` has all")
-            return float(self._values[self._places[name]])
-        path = name if name.count(".") > 1 else vocabulary.find(name).source
-        return float(self._values[self._bus.index(path)])
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._places)
-
-    def __len__(self) -> int:
-        return len(self._places)
-
-    def __repr__(self) -> str:
-        return f"{len(self)} signals, such as " + ", ".join(f"{n} = {self[n]:.4g}" for n in list(self)[:4])
+        """Return the value of a signal; raises ScenarioError that says what is near."""
+        return float(self._values[self._bus.index(name)])
 
 
 class Flight:
@@ -81,50 +65,50 @@ class Flight:
 
     @told_at_call
     def __init__(self, scenario: Scenario | str | os.PathLike, *, log: str | os.PathLike | None = None):
-        self.scenario = resolved(scenario if isinstance(scenario, Scenario) else load_scenario(scenario))
-        self.log = log
+        self.log, self._changed = log, Path(f"{os.fspath(log or '')}.flown.toml")  # while there is no log
         for path, sign in ((log, LOG), (self._changed, CHANGED)) if log is not None else ():
             claim(path, sign)
+        self.scenario = resolved(scenario if isinstance(scenario, Scenario) else load_scenario(scenario))
         self.tick, self.status, self.reason = 0, "flying", ""
-        self.setup = build(self.scenario)
+        self.setup, self._tape = self._built(self.scenario)
         self.values = self.setup.loop.v.copy()
-        self._result: tuple[int, Result] | None = None
+        self._result: Result | None = None
 
     def __repr__(self) -> str:
         return f"Flight: {self.status} at {self.time:g} of {self.scenario.duration_s:g} s, {self.told()}"
 
     def told(self) -> str:
         """Return the faults of the flight in words."""
-        told = [f"{f.kind} on {f.target} from {f.start_s:g} s" for f in self.scenario.faults]
-        return ", ".join(told) or "no fault"
-
-    @property
-    def dt(self) -> float:
-        """Return the length of a tick [s]."""
-        return self.scenario.dt
+        return ", ".join(f"{f.kind} on {f.target} from {f.start_s:g} s" for f in self.scenario.faults) or "no fault"
 
     @property
     def time(self) -> float:
         """Return the time of the next tick [s]."""
-        return self.tick * self.dt
+        return self.tick * self.scenario.dt
 
     @property
     def signals(self) -> Signals:
         """Return the numbers of the tick flown last; before the first those of the trim."""
-        return Signals(self.setup, self.values)
+        return Signals(self.setup.loop.bus, self.values)
 
     def step(self, n: int = 1) -> int:
         """Fly up to `n` ticks and return how many: fewer at the scenario's end and when the aircraft departs."""
-        first = self.tick
-        while self.tick < first + n and self.status == "flying":
-            self.setup.loop.tape(self._keep).run(self.tick)
-            bad, why = health(self.setup.loop.truth) if self.tick % CHECK_EVERY == 0 else ("", "")
-            if bad:
-                self.status, self.reason = bad, f"at {self.time:.2f} s {why}"
-            self.tick += 1
-            if self.tick >= self.scenario.ticks and not bad:
-                self.status = "completed"
+        first, end = self.tick, min(self.tick + n, self.scenario.ticks)
+        if self.status != "flying" or end <= first:
+            return 0
+        self._result = None
+        self.tick, status, reason = advance(self.setup.loop, self._tape, range(first, end))
+        if status == "interrupted":
+            raise KeyboardInterrupt
+        self.status, self.reason = status or ("flying" if self.tick < self.scenario.ticks else "completed"), reason
         return self.tick - first
+
+    def _built(self, scenario):
+        """Return (a built flight of a scenario, its tape), flown to now."""
+        setup = build(scenario)
+        tape = order(setup.loop, self._keep)
+        advance(setup.loop, tape, range(self.tick))
+        return setup, tape
 
     def _keep(self, v):
         self.values = v.copy()
@@ -139,26 +123,27 @@ class Flight:
         if "when" not in fault:
             fault.setdefault("start_s", self.time)
         elif self.tick and isinstance(fault["when"], str):  # waits from now on, also for what was true before
-            fault["when"] = f"t > {(self.tick - 0.5) * self.dt:.9g} and ({fault['when']})"
+            fault["when"] = f"t > {(self.tick - 0.5) * self.scenario.dt:.9g} and ({fault['when']})"
         start = fault.get("start_s", self.time)
-        if isinstance(start, int | float) and start < self.time - 0.5 * self.dt:
+        if isinstance(start, int | float) and start < self.time - 0.5 * self.scenario.dt:
             raise ScenarioError(f"{start:g} s has passed", place="start_s", allowed=f"from {self.time:g} s on")
         faults = self._tables()
         self._refly([*faults, fault])
         return len(faults)
 
     @told_at_call
-    def heal(self, fault: int) -> None:
-        """End fault number `fault` now. Raises ScenarioError if unknown or ended."""
+    def heal(self, fault: int) -> int:
+        """End fault number `fault` now and return it. Raises ScenarioError if unknown or ended."""
         faults = self._tables()
-        if not 0 <= fault < len(faults):
+        if fault not in range(len(faults)):
             raise ScenarioError("no fault of this number", place=f"fault {fault}", allowed=f"0 to {len(faults) - 1}")
-        if faults[fault].get("end_s", np.inf) <= self.time:
-            raise ScenarioError("is healed already", place=f"fault {fault}")
-        if faults[fault].get("start_s", NEVER_S) >= self.time:
-            raise ScenarioError("has not begun", place=f"fault {fault}")
-        faults[fault]["end_s"] = self.time
+        own = faults[int(fault)]
+        begun = own.get("start_s", NEVER_S) < self.time
+        if not begun or own.get("end_s", np.inf) <= self.time:
+            raise ScenarioError("is healed already" if begun else "has not begun", place=f"fault {fault}")
+        own["end_s"] = self.time
         self._refly(faults)
+        return int(fault)
 
     def _tables(self):
         """Return the faults as tables; one whose condition has not come true yet waits on."""
@@ -173,44 +158,31 @@ class Flight:
             raise ScenarioError(f"the flight is {self.status}", place=f"at {self.time:g} s")
         table = self.scenario.model_dump(mode="json", exclude_none=True)
         changed = resolved(retitled(parse({**table, "faults": faults}, place="inject")))
-        setup = build(changed)
-        before = self.setup.loop
-        for k in range(self.tick):
-            setup.loop.tape(self._keep).run(k)
-        if setup.loop.truth.tobytes() != before.truth.tobytes():  # cannot be: a fault that is to come changes nothing
+        setup, tape = self._built(changed)
+        if setup.loop.truth.tobytes() != self.setup.loop.truth.tobytes():  # a fault to come changes nothing
             raise ScenarioError("the flight to here would be another one with this fault", place="inject")
-        self.scenario, self.setup = changed, setup
-        self._result = None
+        self.scenario, self.setup, self._tape, self._result = changed, setup, tape, None
         if self.log is not None:
             replace_text(self._changed, HEAD + changed.expanded_toml(), CHANGED)
-
-    @property
-    def _changed(self):
-        """Return where the scenario as changed stands until the log is written."""
-        return Path(f"{os.fspath(self.log or '')}.flown.toml")
 
     def flown(self) -> Scenario:
         """Return the scenario of what was flown so far: with every fault, ending now."""
         whole = self.tick >= self.scenario.ticks
         return self.scenario if whole else self.scenario.model_copy(update={"duration_s": self.time})
 
-    def result(self) -> Result:
+    def result(self, **how: Any) -> Result:
         """Return the Result of what was flown so far, and write the log of it, if there is to be one.
 
-        Costs the flight once more, and once without its faults. Raises ScenarioError before the first step.
+        Costs the flight once more, and once without its faults; `how` is for `simulate`. Raises ScenarioError before
+        the first step.
         """
         if not self.tick:
             raise ScenarioError("nothing was flown yet", remedy="Call step() first")
-        if self._result is None or self._result[0] != self.tick:
-            self._result = self.tick, self.fly_again(timed=False)
-        return self._result[1]
-
-    def fly_again(self, **how: Any) -> Result:
-        """Fly what was flown once more, write its log and return its Result; `how` is for `simulate`."""
-        result = simulate(self.flown(), log=self.log, achieved=True, **how)
-        if self.log is not None and result.status != "interrupted":
-            self._changed.unlink(missing_ok=True)
-        return result
+        if self._result is None:
+            self._result = simulate(self.flown(), log=self.log, achieved=True, **{"timed": False, **how})
+            if self.log is not None and self._result.status != "interrupted":
+                self._changed.unlink(missing_ok=True)
+        return self._result
 
     def close(self) -> None:
         """Write the log, if there is to be one."""

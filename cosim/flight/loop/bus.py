@@ -10,6 +10,23 @@ from typing import Any
 
 import numpy as np
 
+from cosim.errors import ScenarioError, among
+from cosim.scenario import vocabulary
+
+
+def place(name: str) -> str:
+    """Return `section.lane.field` of a word of `cosim list signals`, such as "n_z" or "left_inner.rod"; any other name
+    as it is. Raises ScenarioError for a word of an elevator segment without the segment."""
+    if name.count(".") > 1:  # "hinge_model.left_inner.hm0" ends in a word, and is none
+        return name
+    try:
+        found = vocabulary.find(name)
+    except KeyError:
+        return name
+    if found.technologies and "." not in name:
+        raise ScenarioError(f"{name!r} is a signal of each elevator segment", remedy=f"Name one: left_inner.{name}")
+    return found.source
+
 
 class Bus:
     """Lay sections out in one vector; give views, positions and wires by name.
@@ -24,7 +41,7 @@ class Bus:
         n = 0
         for name, kind, lanes in sections:
             if name in self.kinds:
-                raise ValueError(f"section {name!r} is declared twice")
+                raise ScenarioError("is a name of the loop's own", place=name, remedy="Choose another id")
             self.kinds[name], self.lanes[name], self._start[name] = kind, tuple(lanes), n
             n += kind.itemsize // 8 * len(lanes)
         self._positions: dict[tuple[str, str], dict[str, int]] = {}  # {(section, lane): {field: position}}
@@ -35,29 +52,24 @@ class Bus:
         kind, start = self.kinds[name], self._start[name]
         return self.v[start : start + kind.itemsize // 8 * len(self.lanes[name])].view(kind)
 
-    def index(self, path: str) -> int:
-        """Return the position of `section.lane.field`; an element of an array field is `field[3]`. KeyError names what
-        is missing."""
-        section, lane, field = path.split(".", 2)
-        positions = self._positions.get((section, lane))
-        if positions is None:
-            positions = self._positions[section, lane] = dict(self.columns(section, lane))
-        if field not in positions:
-            raise KeyError(f"{path}: no such field; there is {', '.join(positions)}")
-        return positions[field]
+    def index(self, name: str) -> int:
+        """Return the position of a signal: `section.lane.field`, an element of an array field as `field[3]`, or a word
+        (`place`). Raises ScenarioError for what is not there."""
+        section, lane, field = [*place(name).split(".", 2), "", ""][:3]
+        said = f"no signal {name!r}"
+        among(section, self.lanes, said)
+        among(lane, self.lanes[section], said)
+        if (section, lane) not in self._positions:
+            self._positions[section, lane] = dict(self.columns(section, lane))
+        among(field, self._positions[section, lane], said)
+        return self._positions[section, lane][field]
 
     def columns(self, section: str, lane: str, fields: Any = None) -> list:
         """Return [(name, position)] of a lane's elements in memory order, of `fields` only when given."""
         kind = self.kinds[section]
-        base = self._start[section] + self.lanes[section].index(lane) * (kind.itemsize // 8)
-        out = []
-        for name in kind.names or ():
-            if fields is not None and name not in fields:
-                continue
-            sub, offset = kind.fields[name][:2]  # type: ignore[index]
-            first = base + offset // 8
-            out += [(f"{name}[{i}]" if sub.shape else name, first + i) for i in range(sub.itemsize // 8)]
-        return out
+        every = vocabulary.elements(kind, kind.names or ())
+        first = self._start[section] + self.lanes[section].index(lane) * len(every)
+        return [(name, first + i) for i, name in enumerate(every) if fields is None or name.split("[")[0] in fields]
 
     def wires(self, pairs: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
         """Compile [(destination path, source path)] to two index arrays."""

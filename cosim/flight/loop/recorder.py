@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from actuators.block import unit
+from actuators.kernels import version
 from cosim.flight.blocks import faults, hinge_model, law, sensors
 from cosim.flight.detection import detectors
 from cosim.log import LogWriter, Pose, Topic, viewer_layouts
@@ -111,22 +112,22 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
     if profile:
         channels = PROFILES[profile](channels, manifest)
     blocks = [loop.sensors, loop.pilot, loop.law, loop.hinge, *loop.detectors, *loop.servos, *loop.actuators]
-    blocks = loop.detectors if profile == "replay" else blocks
     attachments = {
         "scenario.toml": ("application/toml", _portable(setup.scenario).encode()),
         "detectors.json": ("application/json", json.dumps(manifest, indent=1, sort_keys=True).encode()),
     }
-    for b in blocks:
+    for b in loop.detectors if profile == "replay" else blocks:
         attachments |= _array(f"{b.name}.params", b.p) | _array(f"{b.name}.initial", b.x)
     attachments |= user_parts.sources(setup.scenario) | ({} if profile == "replay" else viewer_layouts(channels))
     metadata = {
         "run": {
             "title": setup.scenario.title, "software": f"cosim {cosim.__version__}",
-            "rate_hz": str(setup.scenario.rate_hz), "seed": str(setup.scenario.seed), "ticks": str(setup.ticks),
+            "rate_hz": str(setup.scenario.rate_hz), "seed": str(setup.scenario.seed),
+            "ticks": str(setup.scenario.ticks),
             **({"log_profile": profile} if profile else {}),
         },
         "trim": {k: repr(v) for k, v in vars(setup.trim).items() if isinstance(v, float)},
-        "libraries": {"jsbsim": _version("jsbsim"), "numpy": np.__version__, "numba": _version("numba")},
+        "libraries": {"jsbsim": version("jsbsim"), "numpy": np.__version__, "numba": version("numba")},
     }  # fmt: skip
     writer = LogWriter(
         path, channels, n_values=len(loop.v), dt_ns=round(loop.dt * 1e9), metadata=metadata, attachments=attachments,
@@ -177,9 +178,3 @@ def _array(name, array):
         return {f"{name}.npz": ("application/zip", out.getvalue())}
     np.save(out, array, allow_pickle=False)
     return {f"{name}.npy": ("application/x-npy", out.getvalue())}
-
-
-def _version(name):
-    from importlib.metadata import version
-
-    return version(name)

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from actuators.block import unit
-from cosim.errors import ScenarioError, told_at_call
+from cosim.errors import told_at_call
 from cosim.flight.build import build
-from cosim.flight.faults.conditions import known, resolved
+from cosim.flight.faults.conditions import resolved
 from cosim.flight.fly import record
+from cosim.flight.loop.bus import place
 from cosim.log.reader import Units
 from cosim.parts import rollout_of
 from cosim.scenario import Scenario, load_scenario
-from cosim.scenario.vocabulary import find, words
+from cosim.scenario.vocabulary import elements, words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,14 +46,11 @@ def fly(
     if prepare is not None:
         prepare(setup)
     names = list(dict.fromkeys(signals))
-    sources = [_source(name) for name in names]
-    for name in sources:
-        known(setup.loop.bus, name)
-    rows, status, reason = record(setup, sources)
+    rows, status, reason = record(setup, names)
     dt = setup.loop.dt
     frame = pd.DataFrame(rows, index=pd.Index(np.arange(len(rows)) * dt, name="t"), columns=names, copy=False)
-    frame.attrs = {"units": Units(zip(names, (_unit(setup.loop.bus, n) for n in sources)))}
-    frame.attrs |= {"dt": dt, "status": status, "reason": reason}
+    units = Units(zip(names, (_unit(setup.loop.bus, place(n)) for n in names)))
+    frame.attrs = {"units": units, "dt": dt, "status": status, "reason": reason}
     return frame
 
 
@@ -61,13 +59,12 @@ def inputs(
 ) -> np.ndarray:
     """Return the INPUTS of a detector from a flown table, (lanes, ticks); `wires` as for `detect`."""
     lanes = [wires] if isinstance(wires, Mapping) else list(wires)
-    u = np.zeros((len(lanes), len(frame)), module.INPUTS)
+    fields = elements(module.INPUTS, module.INPUTS.names)
+    u = np.zeros((len(lanes), len(frame), len(fields)))
     for lane, own in zip(u, lanes):
         for field, name in own.items():
-            base, _, place = field.partition("[")
-            into = lane[base][:, int(place[:-1])] if place else lane[base]
-            into[:] = frame[name]
-    return u
+            lane[:, fields.index(field)] = frame[name]
+    return u.view(module.INPUTS)[..., 0]
 
 
 def detect(
@@ -83,8 +80,7 @@ def detect(
     """
     u = inputs(frame, module, wires)
     lanes = len(u)
-    p = module.params() if p is None else p
-    p = np.repeat(p, lanes) if len(p) == 1 else p
+    p = np.resize(module.params() if p is None else p, lanes)
     kind = [(n, "f8", module.STATE[n].shape) for n in fields] if fields is not None else module.STATE
     out = np.zeros(u.shape, kind)
     x, log = module.init(p), np.zeros((lanes, CHUNK), module.STATE)
@@ -95,19 +91,6 @@ def detect(
         for n in out.dtype.names:
             out[n][:, a:b] = log[n][:, : b - a]
     return out[0] if isinstance(wires, Mapping) else out
-
-
-def _source(name):
-    """Return the bus name of a signal: of a word of the vocabulary its place, else the name itself."""
-    if name.count(".") > 1:  # "hinge_model.left_inner.hm0" ends in a word, and is none
-        return name
-    try:
-        found = find(name)
-    except KeyError:
-        return name
-    if found.technologies and "." not in name:
-        raise ScenarioError(f"{name!r} is a signal of each elevator segment", remedy=f"Name one: left_inner.{name}")
-    return found.source
 
 
 def _unit(bus, name):

@@ -6,45 +6,44 @@ row is kept by the tape.
 """
 
 import ctypes
+import functools
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from actuators.block import Entry
-from actuators.kernels import Native
+from actuators.kernels import NOTHING, Native
 from cosim.flight.plant.jsbsim_signals import last_step
 
-CLOCK, COPY, ADD, TRUTH, TABLE, STEP, KEEP, SCATTER, GET, PUT = range(10)  # operations of rows
+CLOCK, COPY, ADD, TRUTH, TABLE, STEP, SCATTER, GET, PUT = range(9)  # operations of rows
 WIDTH = 8  # whole numbers of a row
 
 
 def _walk():
-    """Return what Numba compiles, and its types; only that imports Numba."""
-    from numba import carray, types
-
+    """Return what Numba compiles; only that imports Numba."""
     from actuators import numba_intrinsics
 
     native: Any = numba_intrinsics  # Numba gives them the context
     float64_at, int64_at, store = native.float64_at, native.int64_at, native.store_float64
 
-    def walk(table, n, bus, k):
-        """Do the `n` rows at address `table` on the bus vector at address `bus` for tick k."""
-        rows, v = carray(int64_at(table), (n, WIDTH)), float64_at(bus)
+    def walk(table, n, bus, nothing, k):
+        """Do the `n` rows at address `table` on the bus vector at address `bus` for tick k.
+
+        `nothing` is the address where a block would put its result and its exception.
+        """
+        v = float64_at(bus)
         for i in range(n):
-            row = rows[i]
+            row = int64_at(table + 8 * WIDTH * i)
             operation, a = row[0], row[1]
             if operation == STEP:
                 if k % row[7] == 0:
-                    native.call_block(a, row[2], row[3], row[4], float64_at(row[5])[0], row[6], 0)
+                    dt = float64_at(row[5])[0]
+                    native.call(a, (nothing, nothing, row[2], row[3], row[4], dt, row[6], 1, 0))
             elif operation == COPY:
                 to, source = int64_at(row[2]), int64_at(row[3])
                 for j in range(a):
                     v[to[j]] = v[source[j]]
-            elif operation == KEEP:
-                index, kept = int64_at(row[2]), float64_at(row[3] + 8 * a * (k % row[4]))
-                for j in range(a):
-                    kept[j] = v[index[j]]
             elif operation == TABLE:
                 to, held = int64_at(row[2]), float64_at(row[3] + 8 * a * (k % row[4]))
                 vector = float64_at(row[5])
@@ -59,14 +58,14 @@ def _walk():
             elif operation == GET:
                 nodes, units, out = int64_at(row[2]), float64_at(row[4]), float64_at(row[5])
                 for j in range(a):
-                    out[j] = native.call_getter(row[3], nodes[j]) * units[j]
+                    out[j] = native.call_float64(row[3], (nodes[j],)) * units[j]
             elif operation == PUT:
                 nodes, units, values = int64_at(row[2]), float64_at(row[4]), float64_at(row[5])
                 for j in range(a):
-                    native.call_setter(row[3], nodes[j], values[j] / units[j])
+                    native.call(row[3], (nodes[j], values[j] / units[j]))
             elif operation == TRUTH:
                 frame = float64_at(row[3])
-                last_step(carray(float64_at(row[2]), a), frame[0], frame[1], frame[2])
+                last_step(float64_at(row[2]), a, frame[0], frame[1], frame[2])
             elif operation == SCATTER:
                 wanted, at = int64_at(row[2]), int64_at(row[3])
                 if k % row[6] == 0:
@@ -77,10 +76,10 @@ def _walk():
             elif operation == CLOCK:
                 v[a] = k * float64_at(row[2])[0]
 
-    return walk, (types.int64,) * 4
+    return walk
 
 
-WALK = Native(f"{__name__}:WALK", (ctypes.c_int64,) * 4, _walk, last_step)
+WALK = Native(f"{__name__}:WALK", (ctypes.c_int64,) * 5, _walk, last_step)
 
 
 class Block:
@@ -109,10 +108,11 @@ class Tape:
         self._rows: list[tuple[int, ...]] = []
         self.parts: list[Callable[[int], Any]] = []  # of a tick: callables that take k
 
-    def call(self, function: Callable[..., Any]) -> None:
-        """Call `function(k)` in Python."""
-        self._cut()
-        self.parts.append(function)
+    def call(self, *functions: Callable[..., Any]) -> None:
+        """Call each `function(k)` in Python."""
+        if functions:
+            self._cut()
+        self.parts.extend(functions)
 
     def first(self, function: Callable[..., Any]) -> None:
         """Call `function(k)` in Python before anything else of a tick."""
@@ -157,11 +157,11 @@ class Tape:
         elif len(block.x):
             self._kept.append(block.rollout)
             arrays = map(self._at, (block.x, block.u, block.p, np.array([block.dt])))
-            self._row(STEP, block.rollout.address, *arrays, len(block.x), block.every)
+            self._row(STEP, block.rollout.native.address, *arrays, len(block.x), block.every)
 
     def keep(self, index: np.ndarray, rows: np.ndarray) -> None:
         """rows[k % len(rows)] = v[index]; `rows` are doubles (some ticks, n)."""
-        self._row(KEEP, len(index), self._at(index), self._at(rows), max(1, len(rows)))
+        self.scatter(index, 8 * np.arange(len(index) + 1), rows.view(np.uint8), 1)
 
     def scatter(self, index: np.ndarray, at: np.ndarray, rows: np.ndarray, every: int) -> None:
         """Every `every` ticks, store v[index] as doubles at the byte offsets at[:-1] of the row k // every % len(rows)
@@ -190,5 +190,5 @@ class Tape:
         if self._rows:
             table = np.array(self._rows, np.int64)
             self._rows = []
-            walk, rows, n, v = WALK.call, self._at(table), len(table), self._at(self.v)
-            self.parts.append(lambda k: walk(rows, n, v, k))
+            given = self._at(table), len(table), self._at(self.v), NOTHING[0]
+            self.parts.append(functools.partial(WALK.call, *given))

@@ -6,7 +6,6 @@ stays fast and ten minutes stay small.
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,8 +22,8 @@ from cosim.scenario.catalog import LOOP_SENSOR, TECHNOLOGIES
 def _rod(segment, technology, aircraft):
     """Return (bus name of the rod's or screw's position, metres per unit)."""
     name = technology.loop_sensor
-    gains = technology.design(aircraft.own(technology.name)).gains
-    return f"{technology.name}.{segment}.{technology.sensors[name].state}", gains.get(name, 1.0)
+    gain = technology.design(aircraft.own(technology.name)).gains.get(name, 1.0)
+    return f"{technology.name}.{segment}.{technology.sensors[name].state}", gain
 
 
 class Trace:
@@ -42,12 +41,12 @@ class Trace:
         def columns(name):
             return column.setdefault(name, len(column))
 
-        self._lanes = []
+        self.lanes = []
         for d, lane in ((each, lane) for each in detectors for lane in each.lanes):
             parts, outputs = d.module.ISOLABLE_PARTS, bus.kinds[d.id].names or ()
             at = {f: columns(f"{d.id}.{lane}.{f}") for f in outputs_read(parts, outputs)}
             estimate = plan(scenario, d.id, lane, columns)
-            self._lanes.append(JudgedLane(d.id, d.record.level, d.target(lane), parts, at, estimate))
+            self.lanes.append(JudgedLane(d.id, d.record.level, d.target(lane), parts, at, estimate))
         moving = []
         for seg, short in aircraft.short.items():
             own, surface = TECHNOLOGIES[technology[seg]], f"truth.aircraft.de_{short}"
@@ -66,12 +65,7 @@ class Trace:
         if not starts:
             return None
         low, high = scenario.aircraft.limits.cas_kt
-        onset = round(min(starts) / scenario.dt)
-        rows = rows[onset:]
+        rows = rows[round(min(starts) / scenario.dt) :]
         motion = {name: rows[:, column] for name, column in self.motion.items()}
         hinge = (rows[:, hm0] + rows[:, hmd] * rows[:, de] for hm0, hmd, de in self.hinge)
         return consequences(motion, hinge, scenario.dt, (low * M_S_PER_KT, high * M_S_PER_KT))
-
-    def judged_lanes(self, step_us: dict[str, float]) -> list[JudgedLane]:
-        """Return every detector lane; `step_us` maps detector -> microseconds per step and lane."""
-        return [replace(lane, step_us=step_us.get(lane.id, float("nan"))) for lane in self._lanes]

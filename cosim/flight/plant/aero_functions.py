@@ -18,14 +18,22 @@ from xml.etree import ElementTree
 import numpy as np
 
 METRICS = {"wingarea": "metrics/Sw-sqft", "wingspan": "metrics/bw-ft", "chord": "metrics/cbarw-ft"}
-_ONE = {"sin": np.sin, "cos": np.cos, "tan": np.tan, "abs": np.abs, "exp": np.exp, "sqrt": np.sqrt, "ln": np.log}
-_TWO = {"quotient": operator.truediv, "pow": operator.pow}
-_MANY: dict = {"product": operator.mul, "sum": operator.add, "difference": operator.sub, "min": np.minimum,
-               "max": np.maximum}  # fmt: skip
+
+
+def _folded(join):
+    """Return an operation of any number of operands."""
+    return lambda *parts: functools.reduce(join, parts)
+
+
+_OPERATIONS: dict = {
+    "sin": np.sin, "cos": np.cos, "tan": np.tan, "abs": np.abs, "exp": np.exp, "sqrt": np.sqrt, "ln": np.log,
+    "quotient": operator.truediv, "pow": operator.pow, "product": _folded(operator.mul), "sum": _folded(operator.add),
+    "difference": _folded(operator.sub), "min": _folded(np.minimum), "max": _folded(np.maximum),
+}  # fmt: skip
 
 
 class AeroFunctions:
-    """Hold the parsed functions of one aircraft, its axes with their frames, and all breakpoints by property."""
+    """Hold the parsed functions of one aircraft, by axis, and all breakpoints by property."""
 
     def __init__(self, folder: str | Path):
         """Parse <folder>/<name>.xml and the aerodynamics and systems files that it names."""
@@ -41,7 +49,6 @@ class AeroFunctions:
             aero = ElementTree.parse(folder / f"{aero.get('file')}.xml").getroot()
         self.functions = {f.get("name"): f for f in aero.iter("function")}
         self.axes = {axis.get("name"): list(axis.iter("function")) for axis in aero.iter("axis")}
-        self.frames = {axis.get("name"): axis.get("frame") for axis in aero.iter("axis")}
         self.breakpoints = _breakpoints(aero)
 
     def evaluate(self, axis: str, given: dict) -> float:
@@ -69,14 +76,9 @@ class AeroFunctions:
         if e.tag == "table":
             names, axes, values = _table(e)
             return _lookup(axes, values, [self._property(name, cache) for name in names])
-        parts = [self._expression(c, cache) for c in e if c.tag != "description"]
-        if e.tag in _MANY:
-            return functools.reduce(_MANY[e.tag], parts)
-        if e.tag in _TWO and len(parts) == 2:
-            return _TWO[e.tag](*parts)
-        if e.tag in _ONE and len(parts) == 1:
-            return _ONE[e.tag](parts[0])
-        raise ValueError(f"<{e.tag}> with {len(parts)} operands is not known here")
+        if e.tag not in _OPERATIONS:
+            raise ValueError(f"<{e.tag}> is not known here")
+        return _OPERATIONS[e.tag](*(self._expression(c, cache) for c in e if c.tag != "description"))
 
 
 def find(element: Any, path: str | Path) -> Any:

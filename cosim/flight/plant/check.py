@@ -2,15 +2,13 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
-from actuators.constants import FT_PER_M, G0, KT_PER_M_S
 from cosim.errors import ScenarioError, TrimError
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
-from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario.aircraft import load_aircraft, multipliers
 from cosim.scenario.catalog import TECHNOLOGIES
 
 SIGNS = (  # input, what it moves, which way, in words
@@ -43,14 +41,14 @@ def rows(name: str) -> Iterator[tuple[str, str, str]]:
         yield _row(stage, False, str(error))
         return
     said = f"alpha {math.degrees(trim.alpha):.1f} deg, stabiliser {math.degrees(trim.stabilizer):.1f} deg"
-    yield _row("trim", True, f"{_words(point)}: {said}, throttle {trim.throttle:.2f}")
+    yield _row("trim", True, f"{point.words}: {said}, throttle {trim.throttle:.2f}")
     t = plant.truth()[0]
     said = f"CG {t.cg * 100:.1f} % for {point.cg * 100:.1f} %, n_z {t.nz:.3f} in level flight"
     yield _row("loading", abs(t.cg - point.cg) < 1e-3 and abs(t.nz - 1.0) < 0.02, said)
     yield from _signs(plant, trim)
-    yield from _hinges(plant, aircraft)
+    yield from _hinges(plant, trim, aircraft)
+    yield _multipliers(plant, trim, multipliers(aircraft.folder))
     yield from _points(name, aircraft)
-    yield _multipliers(aircraft, point)
 
 
 def _row(point, good, said):
@@ -68,11 +66,6 @@ def _middle(name, aircraft):
     )
 
 
-def _words(point):
-    speed = f"Mach {point.speed:.2f}" if point.speed_kind == "mach" else f"{point.speed * KT_PER_M_S:.0f} kt"
-    return f"{point.mass / 1e3:.0f} t, CG {point.cg * 100:.0f} %, {point.altitude * FT_PER_M:,.0f} ft, {speed}"
-
-
 def _geometry(plant, aircraft):
     g, get = aircraft.geometry, plant.port.get
     of_model = {"wing_area_ft2": "metrics/Sw-sqft", "span_ft": "metrics/bw-ft", "chord_ft": "metrics/cbarw-ft",
@@ -84,28 +77,28 @@ def _geometry(plant, aircraft):
     return _row("geometry", not wrong, said)
 
 
-def _signs(plant, trim) -> Iterator[tuple[str, str, str]]:
-    def moved(names, by):
-        surfaces = trim.surfaces.copy()
-        surfaces[plant.border.column(names)] += by
-        plant.place(
-            tas=trim.tas, alpha=trim.alpha, theta=trim.theta, altitude=trim.altitude, q=trim.q, surfaces=surfaces
-        )
-        return plant.truth()[0].copy()
+def _truth(plant, trim, moved=(), by=0.0, **state):
+    """Return the truth of the trim with inputs `moved` `by` a step, and what else of its `state` is another."""
+    surfaces = trim.surfaces.copy()
+    surfaces[plant.border.column(moved)] += by
+    at = {"tas": trim.tas, "alpha": trim.alpha, "theta": trim.theta, "altitude": trim.altitude, "q": trim.q, **state}
+    plant.place(**at, surfaces=surfaces)
+    return plant.truth()[0]
 
+
+def _signs(plant, trim) -> Iterator[tuple[str, str, str]]:
     groups = {"elevator": plant.border.elevators, "throttle": plant.border.throttles}
-    base = moved((), 0.0)
+    base = _truth(plant, trim)
     for name, field, sign, words in SIGNS:
         for one in groups.get(name, (name,)):
-            change = float(moved((one,), 0.02)[field] - base[field])
+            change = float(_truth(plant, trim, (one,), 0.02)[field] - base[field])
             unit = "m/s2" if field == "udot" else "rad/s2"
             effect = f"{change / 0.02:+.3g} {unit} per {'1' if name == 'throttle' else 'rad'}"
             yield _row(f"effector {one}", change * sign > 1e-7, f"{words}: {effect}")
-    moved((), 0.0)
 
 
-def _hinges(plant, aircraft) -> Iterator[tuple[str, str, str]]:
-    t, (low, high) = plant.truth()[0], aircraft.travels["elevator"]
+def _hinges(plant, trim, aircraft) -> Iterator[tuple[str, str, str]]:
+    t, (low, high) = _truth(plant, trim), aircraft.travels["elevator"]
     for name, short in aircraft.short.items():
         hm0, hmd = float(t[f"hm0_{short}"]), float(t[f"hmd_{short}"])
         technology = TECHNOLOGIES[aircraft.technology[name]]
@@ -126,21 +119,16 @@ def _points(name, aircraft) -> Iterator[tuple[str, str, str]]:
         yield _row(f"point {label}", trim.throttle < 0.95, said)
 
 
-def _multipliers(aircraft, point):
-    """Return whether each multiplier of a coefficient changes a force, a moment or a hinge moment."""
+def _multipliers(plant, trim, names):
+    """Return whether each multiplier of a coefficient changes an acceleration or a hinge moment in some odd state."""
+    felt = [name for name in plant.border.truth.names if name.endswith("dot") or name.startswith("hm")]
+    inputs = tuple(name for name in plant.border.inputs if not name.startswith("thrust_loss"))
+    steps = np.linspace(0.03, 0.06, len(inputs))  # no two alike
 
-    def state(*doubled):
-        plant = Plant(replace(point, multipliers=dict.fromkeys(doubled, 2.0)))
-        surfaces, border = np.linspace(0.03, 0.06, len(plant.border.inputs)), plant.border  # no two alike
-        surfaces[border.column(border.throttles)] = 0.5
-        surfaces[border.column(tuple(n for n in border.inputs if n.startswith("thrust_loss")))] = 0.0
-        plant.place(tas=plant.tas, alpha=0.06, theta=0.06, altitude=point.altitude, beta=0.02, p=0.02, q=0.02, r=0.02,
-                    surfaces=surfaces)  # fmt: skip
-        t = plant.truth()[0]
-        hinges = [t[f"{k}_{s}"] / (G0 * 1e3) for k in ("hm0", "hmd") for s in aircraft.short.values()]
-        return np.array([t.udot, t.vdot, t.wdot, t.pdot, t.qdot, t.rdot, *hinges])
+    def state(name, factor):
+        plant.port.set(f"aero/mult/{name}", factor)
+        return np.array(_truth(plant, trim, inputs, steps, beta=0.02, p=0.02, r=0.02)[felt].tolist())
 
-    names, base = aircraft.multipliers, state()
-    dead = [one for one in names if not np.abs(state(one) - base).max() > 1e-9]
+    dead = [name for name in names if not np.abs(state(name, 2.0) - state(name, 1.0)).max() > 1e-9]
     said = f"{', '.join(dead)} change nothing" if dead else f"{len(names)} coefficients can be scaled"
     return _row("multipliers", bool(names) and not dead, said if names else "the model has none (aero/mult/...)")

@@ -22,12 +22,12 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from pydantic import ValidationError, create_model
+from pydantic import create_model
 
 from actuators.constants import M_PER_FT
-from cosim.errors import Mistakes, ScenarioError
+from cosim.errors import ScenarioError
 from cosim.scenario.aircraft import Aircraft
-from cosim.scenario.problem import Origin, Table, explained, within
+from cosim.scenario.problem import Origin, Table, checked, within
 from cosim.texts import read, toml
 
 ALPHA = np.radians(
@@ -75,11 +75,8 @@ def numbers(path: Path) -> SimpleNamespace:
     missing, unknown, out of BOUNDS or without its provenance."""
     text = read(path, error=ScenarioError)
     table = toml(text, place=str(path), error=ScenarioError)
-    try:
-        groups: dict[str, Any] = {name: _group(name, rows) for name, rows in BOUNDS.items()}
-        create_model("Numbers", __base__=Table, **groups).model_validate(table)
-    except ValidationError as error:
-        raise explained(error, table, Origin.of_toml(text, str(path))) from None
+    groups: dict[str, Any] = {name: _group(name, rows) for name, rows in BOUNDS.items()}
+    checked(create_model("Numbers", __base__=Table, **groups), table, Origin(str(path), text))
     values = {g: {name: number["value"] for name, number in rows.items()} for g, rows in table.items()}
     return SimpleNamespace(**{group: SimpleNamespace(**own) for group, own in values.items()})
 
@@ -223,28 +220,28 @@ def build(aircraft: Aircraft, path: Path) -> dict[str, str]:
     empty, fuel, lightest = aircraft.mass.empty_t * 1e3, aircraft.mass.fuel_t * 1e3, aircraft.mass.mass_t[0] * 1e3
     model = render("model.xml", made_by=made_by, aircraft=aircraft, engine=n.engine, empty_kg=empty, fuel_kg=fuel,
                    load_kg=lightest - empty - fuel, engine_sides=np.linspace(-1.0, 1.0, aircraft.engines))  # fmt: skip
-    segments = aircraft.short.values()
     return {
         f"{aircraft.name}.xml": model,
         "aerodynamics.xml": aero,
         "Engines/turbofan.xml": turbofan(made_by, n.engine.thrust_N, n.engine.bypass),
         "Engines/direct.xml": '<?xml version="1.0"?>\n<direct name="direct"/>\n',
         "Systems/multipliers.xml": render("multipliers.xml", made_by=made_by),
-        "Systems/surfaces.xml": render("surfaces.xml", segments=segments, travels=aircraft.travels),
+        "Systems/surfaces.xml": render("surfaces.xml", segments=aircraft.short.values(), travels=aircraft.travels),
     }
 
 
 def _same_geometry(aircraft, n, path):
     """Raise ScenarioError where the geometry of aircraft.toml is not that of the numbers, which makes coefficients."""
-    feet = {"span_ft": n.wing.span_m, "chord_ft": n.wing.chord_m, "tail_arm_ft": n.tail.arm_m}
-    made = {"wing_area_ft2": n.wing.area_m2 / M_PER_FT**2, **{key: m / M_PER_FT for key, m in feet.items()}}
-    mistakes, place = Mistakes(), path.with_name("aircraft.toml")
-    for key, value in (made | {"downwash": downwash(n)}).items():
-        own, off = getattr(aircraft.geometry, key), 0.02 if key == "downwash" else 1e-3 * value
-        if abs(own - value) > off:
-            said, remedy = f"{path.name} makes it {value:.6g}", "Change the one that is wrong"
-            mistakes.append(ScenarioError(said, place=f"{place}: geometry.{key} = {own:g}", remedy=remedy))
-    mistakes.check()
+    made = {
+        "wing_area_ft2": n.wing.area_m2 / M_PER_FT**2, "span_ft": n.wing.span_m / M_PER_FT,
+        "chord_ft": n.wing.chord_m / M_PER_FT, "tail_arm_ft": n.tail.arm_m / M_PER_FT, "downwash": downwash(n),
+    }  # fmt: skip
+    far = {key: 0.02 if key == "downwash" else 1e-3 * value for key, value in made.items()}
+    wrong = [f"geometry.{key} = {getattr(aircraft.geometry, key):g}, {path.name} makes it {value:.6g}"
+             for key, value in made.items() if abs(getattr(aircraft.geometry, key) - value) > far[key]]  # fmt: skip
+    if wrong:
+        place, remedy = str(path.with_name("aircraft.toml")), "Change what is wrong"
+        raise ScenarioError("; ".join(wrong), place=place, remedy=remedy)
 
 
 def aerodynamics(made_by: str, mach: Any, q_ref: float, tables: dict, derivatives: dict, constants: dict) -> str:

@@ -16,7 +16,7 @@ from cosim.flight.plant.aero_functions import AeroFunctions, _lookup, _table, fi
 from cosim.scenario.aircraft import RECORD, load_aircraft, of_folder
 from fdi.control_redundancy.force_model import VARIABLES, ForceModel
 
-AXES = {"lift": "LIFT", "drag": "DRAG", "side": "SIDE", "roll": "ROLL", "pitch": "PITCH", "yaw": "YAW"}
+AXES = {"lift": "LIFT", "drag": "DRAG", "side": "SIDE"}
 PROPERTY = {
     "alphadot": ("aero/alphadot-from-forces", "aero/alphadot-rad_sec"), "p": ("aero/p-rad_sec",),
     "q": ("aero/q-rad_sec",), "r": ("aero/r-rad_sec",), "beta": ("aero/beta-rad",),
@@ -48,17 +48,9 @@ def force_model(folder: Path) -> ForceModel:
         chord=aero.defaults["metrics/cbarw-ft"] * M_PER_FT, alpha=alpha, mach=mach, qbar=qbar * PA_PER_PSF,
         quantities=tuple((axis, variable) for axis, variable, _, _ in found),
         t_a=np.array([t for _, _, t, _ in found if t is not None]), t_m=np.array([t for *_, t in found]),
-        stability_rates=STABILITY["p"][0] in aero.functions, stability_moments=_frame(aero),
+        stability_rates=STABILITY["p"][0] in aero.functions,
         **_mass(aero.root), **_propulsion(aero.root, folder),
     )  # fmt: skip
-
-
-def _frame(aero):
-    """Return whether moments are given about stability axes; ValueError when the three axes differ."""
-    frames = {aero.frames.get(AXES[axis]) for axis in ("roll", "pitch", "yaw")}
-    if len(frames) != 1 or not frames <= {None, "BODY", "STABILITY"}:
-        raise ValueError(f"moment axes in the frames {frames}: one of BODY and STABILITY is expected")
-    return "STABILITY" in frames
 
 
 def _breaks(aero, name, ends):
@@ -79,7 +71,6 @@ def _elevators(folder):
 def _quantities(aero, axis, alpha, mach, qbar, elevators):
     """Return [(axis, variable, t_a or None, t_m)] of the entries that exist."""
     chord, span = aero.defaults["metrics/cbarw-ft"], aero.defaults["metrics/bw-ft"]
-    size = {"roll": span, "yaw": span, "pitch": chord}.get(axis, 1.0)
     base = {"aero/alpha-rad": alpha[:, None, None], "velocities/mach": mach[None, :, None], "aero/qbar-psf": qbar}
     properties = PROPERTY | elevators | {k: v for k, v in STABILITY.items() if v[0] in aero.functions}
     base |= {"velocities/vt-fps": SPEED, **{name: 0.0 for names in properties.values() for name in names}}
@@ -89,7 +80,7 @@ def _quantities(aero, axis, alpha, mach, qbar, elevators):
         given = dict(base) if without is None else {**base, without: 0.0}
         for variable, value in moved.items():
             given |= {name: value for name in properties[variable]}
-        force = aero.evaluate(AXES[axis], given) / (base["aero/qbar-psf"] * aero.defaults["metrics/Sw-sqft"] * size)
+        force = aero.evaluate(AXES[axis], given) / (base["aero/qbar-psf"] * aero.defaults["metrics/Sw-sqft"])
         return np.broadcast_to(force, shape)
 
     zero = coefficient()
@@ -134,7 +125,7 @@ def _mass(root):
     empty = {"KG": 1.0, "LBS": N_PER_LBF / G0}[find(balance, "emptywt").get("unit", "LBS")] * number(balance, "emptywt")
     terms = ("ixx", "iyy", "izz", "ixz")
     radii = (number(balance, k) * unit[find(balance, k).get("unit", "SLUG*FT2")] / empty for k in terms)
-    return {"gyration2": tuple(radii), "cg_ref": 0.25}
+    return {"gyration2": tuple(radii)}
 
 
 def _propulsion(root, folder):

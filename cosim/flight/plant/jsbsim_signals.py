@@ -125,16 +125,17 @@ def _border(segments: tuple[str, ...], engines: int) -> Border:
 
 
 @kernel
-def last_step(out, reference, station, chord):
+def last_step(out, size, reference, station, chord):
     """Finish the truth that is scaled to SI: n = F / (m g0) of this frame's forces, cg from a station, and the angle
     and the speed over the ground.
 
-    `reference` is the fraction of the mean chord at `station` [in], `chord` the mean chord [in].
+    `out` has `size` numbers; `reference` is the fraction of the mean chord at `station` [in], `chord` the mean chord
+    [in].
     """
     weight = out[_MASS] * G0
     for i in range(_NX, _NX + 3):
         out[i] = out[i] * 4.4482216152605 / weight
     out[_CG] = reference + (out[_CG] - station) / chord
-    u, v, w = out[_U], out[_U + 1], out[_U + 2]
-    out[_AG] = math.atan2(w, u)
-    out[_VG] = math.sqrt(u * u + v * v + w * w)
+    u, v, w = out[size + _U], out[size + _U + 1], out[size + _U + 2]
+    out[size + _AG] = math.atan2(w, u)
+    out[size + _VG] = math.sqrt(u * u + v * v + w * w)

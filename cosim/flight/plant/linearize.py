@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import CosimError, did_you_mean, told_at_call
-from cosim.files import replace
+from cosim.errors import CosimError, among, told_at_call
+from cosim.files import beside
 from cosim.flight.plant.jsbsim_signals import Border
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
@@ -42,8 +42,7 @@ LONGITUDINAL, LATERAL = ("tas", "alpha", "q", "theta"), ("beta", "p", "r", "phi"
 def _places(kind, there, names):
     """Return the positions of `names` among the states, inputs or outputs that are `there`."""
     for name in names:
-        if name not in there:
-            raise CosimError(f"unknown {kind} {name!r}", allowed=", ".join(there), remedy=did_you_mean(name, there))
+        among(name, there, f"unknown {kind} {name!r}", error=CosimError)
     return [list(there).index(name) for name in names]
 
 
@@ -99,13 +98,6 @@ class LinearModel:
         k = _places("output", self.outputs, self.outputs if outputs is None else outputs)
         return self.A[np.ix_(i, i)], self.B[np.ix_(i, j)], self.C[np.ix_(k, i)], self.D[np.ix_(k, j)]
 
-    def to_scipy(self, states: Any = None, inputs: Any = None, outputs: Any = None) -> Any:
-        """Return the scipy.signal.StateSpace of the named states, inputs and outputs (default: all), deviations from
-        the trim, SI and radians."""
-        from scipy.signal import StateSpace
-
-        return StateSpace(*self.block(self.states if states is None else states, inputs, outputs))
-
     def to_control(self, states: Any = None, inputs: Any = None, outputs: Any = None) -> Any:
         """Return the control.StateSpace (python-control) of the named states, inputs and outputs (default: all), with
         their names. Raises CosimError without python-control."""
@@ -136,37 +128,31 @@ class LinearModel:
         }  # fmt: skip
 
     def save(self, path: str | Path) -> None:
-        """Write the model to `path`, .npz or .mat by its ending; other endings raise ValueError."""
+        """Write the model to `path`, .npz or .mat by its ending: matrices, names, units, and as JSON text `summary` its
+        trim and modes. Other endings raise ValueError."""
         path = Path(path)
-        data = {k: getattr(self, k) for k in ("A", "B", "C", "D", "x0", "u0", "y0")}
-        names = {k: np.array(list(getattr(self, k))) for k in ("states", "inputs", "outputs")}
-        units = {f"{k}_units": np.array(list(getattr(self, k).values())) for k in names}
-        if path.suffix == ".npz":
-            rest = {k: v for k, v in self.to_dict().items() if k in ("trim", "modes", "phugoid_height_free")}
-            arrays: dict = {**data, **names, **units, "summary": np.array(json.dumps(rest))}
-            replace(path, lambda part: np.savez(part, **arrays), model_file)
-        elif path.suffix == ".mat":
-            from scipy.io import savemat
-
-            cells = {k: v.astype(object) for k, v in {**names, **units}.items()}
-            every = (*self.modes, self.height_free)
-            modes = {m.name: {"wn_rad_s": m.wn, "zeta": m.zeta, "eigenvalue": m.eigenvalue} for m in every}
-            whole = {**data, **cells, "modes": modes, "trim": self.to_dict()["trim"]}
-            replace(path, lambda part: savemat(part, whole), model_file)
-        else:
+        if path.suffix not in (".npz", ".mat"):
             raise ValueError(f"{path.name}: give a name that ends in .npz or .mat")
+        text = str if path.suffix == ".npz" else object  # cells of MATLAB's
+        rest = {k: v for k, v in self.to_dict().items() if k in ("trim", "modes", "phugoid_height_free")}
+        data: dict = {k: getattr(self, k) for k in ("A", "B", "C", "D", "x0", "u0", "y0")}
+        for kind, table in (("states", self.states), ("inputs", self.inputs), ("outputs", self.outputs)):
+            data |= {kind: np.array([*table], text), f"{kind}_units": np.array([*table.values()], text)}
+        with beside(path, model_file) as part:
+            if text is str:
+                np.savez(part, **data, summary=json.dumps(rest))
+            else:
+                from scipy.io import savemat
+
+                savemat(part, {**data, "summary": json.dumps(rest)})
 
 
 def model_file(path: Path) -> bool:
     """Tell whether a file is a model that `save` wrote."""
-    try:
-        if path.suffix == ".npz":
-            with np.load(path) as held:
-                names = {*held}
-        else:
-            from scipy.io import whosmat
+    from scipy.io import whosmat
 
-            names = {name for name, *_ in whosmat(path)}
+    try:
+        names = {*np.load(path)} if path.suffix == ".npz" else {name for name, *_ in whosmat(path)}
     except Exception:  # what these libraries make of other files is not told
         return False
     return {"A", "B", "C", "D", "states_units"} <= names
@@ -193,7 +179,7 @@ def linearize(flight: FlightPoint | Scenario | str) -> LinearModel:
     x0 = np.array([trim.tas, trim.alpha, trim.q, trim.theta, trim.altitude, 0.0, trim.p, trim.r, trim.phi, 0.0])
     A, C = _slopes(lambda x: _evaluate(plant, x, u0), x0, np.array(list(STEPS.values())))
     B, D = _slopes(lambda u: _evaluate(plant, x0, u), u0, np.full(len(inputs), INPUT_STEP))
-    _, y0 = _evaluate(plant, x0, u0)
+    y0 = _evaluate(plant, x0, u0)[1]
     return LinearModel(trim, STATES, inputs, OUTPUTS, A, B, C, D, x0, u0, y0, modes(A), height_free(A))
 
 

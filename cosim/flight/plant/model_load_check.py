@@ -4,7 +4,7 @@ import re
 import subprocess
 from pathlib import Path
 
-from actuators import subprocess_env
+from actuators.kernels import python
 from cosim.scenario.aircraft import of_folder
 
 _ALONE = """
@@ -20,9 +20,9 @@ sys.exit(0 if loaded and fdm.run_ic() else 1)
 @of_folder
 def fatal(folder: Path, name: str) -> str:
     """Return what JSBSim says about the model `name` of a folder that it cannot load, or ""."""
-    call, env = [*subprocess_env.command(_ALONE), str(folder.parent), name], subprocess_env.surroundings()
+    call = python(_ALONE, str(folder.parent), name)
     try:
-        done = subprocess.run(call, env=env, capture_output=True, text=True, errors="replace", timeout=60.0)
+        done = subprocess.run(**call, capture_output=True, text=True, errors="replace", timeout=60.0)
     except subprocess.TimeoutExpired:
         return "cannot be loaded: JSBSim takes longer than a minute"
     if done.returncode == 0:

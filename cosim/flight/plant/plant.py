@@ -13,6 +13,7 @@ drifts; load factors from this frame's forces, as JSBSim's own are one frame old
 """
 
 import ctypes
+import dataclasses
 import functools
 import itertools
 import math
@@ -109,7 +110,7 @@ class Plant:
         self.port = Port(self._fdm)
         self.outputs = self.port.row(self.border.read)
         self.inputs = self.port.row((name, 1.0) for name in self.border.controls.values())
-        self._frame = np.array([geometry.reference_pct / 100.0, geometry.station_in, self.aircraft.chord_in])
+        self._frame = np.array([geometry.reference_pct / 100.0, geometry.station_in, 12.0 * geometry.chord_ft])
         self._air: gusts.Gusts | None = None
         multipliers = {f"aero/mult/{name}": value for name, value in flight.multipliers.items()}
         for name, value in (loading(self.aircraft, flight.mass, flight.cg) | multipliers).items():
@@ -173,7 +174,7 @@ class Plant:
     def trim(self) -> Trim:
         """Trim the flight point and stand ready at time 0: a Trim, or TrimError."""
         found = trim(self)
-        if not self.flight.windless:
+        if dataclasses.replace(self.flight, seed=0) != self.flight.calm:
             self._into_the_air(found)
         self._fdm.suspend_integration()  # a frame without motion, after which every model has the state
         self._fdm.run()
@@ -182,10 +183,11 @@ class Plant:
 
     def _into_the_air(self, trim):
         """Let the air move, and put the trimmed aircraft into it: trim is against the air."""
-        f = self.flight
+        f, geometry = self.flight, self.aircraft.geometry
         p = gusts.params(
-            f.turbulence, self.dt, **self.aircraft.gusts, changes=f.changes, wind=f.wind, shear=f.shear,
-            altitude=f.altitude, gusts=f.gusts,
+            f.turbulence, self.dt, span=geometry.span_ft * M_PER_FT, tail_arm=geometry.tail_arm_ft * M_PER_FT,
+            downwash=geometry.downwash, changes=f.changes, wind=f.wind, shear=f.shear, altitude=f.altitude,
+            gusts=f.gusts,
         )  # fmt: skip
         self._air = gusts.Gusts(p, self.dt, f.seed)
         self._met, self._moved = self.port.row(_MET), self.port.row(MOVED)
@@ -212,8 +214,9 @@ class Plant:
     def truth(self) -> np.ndarray:
         """Return a new (1,) array of the truth, SI, of the present state."""
         out = np.zeros(1, self.border.truth)
-        self.outputs.read(out.view("f8"))
-        last_step(out.view("f8"), *self._frame)
+        numbers = out.view("f8")
+        self.outputs.read(numbers)
+        last_step(numbers, len(numbers), *self._frame)
         return out
 
     def schedule_outputs(self, tape: Any, start: int) -> None:

@@ -44,9 +44,11 @@ class FlightPoint:
         return dataclasses.replace(self, turbulence="none", changes=(), wind=none, shear=none, gusts=(), seed=0)
 
     @property
-    def windless(self) -> bool:
-        """Tell whether the air does not move."""
-        return dataclasses.replace(self, seed=0) == self.calm
+    def words(self) -> str:
+        """Return the point as a scenario says it: "200 t, CG 30 %, 20,000 ft, 290 kt"."""
+        kt = f"{self.speed / M_S_PER_KT:.0f} kt{' TAS' * (self.speed_kind == 'tas')}"
+        speed = f"Mach {self.speed:.2f}" if self.speed_kind == "mach" else kt
+        return f"{self.mass / 1e3:.0f} t, CG {self.cg * 100:.0f} %, {self.altitude / M_PER_FT:,.0f} ft, {speed}"
 
     @property
     def record(self) -> Aircraft:
@@ -103,7 +105,7 @@ def loading(aircraft: Aircraft, mass: float, cg: float) -> dict[str, float]:
     empty, fuel = allowed.empty_t * 1e3, allowed.fuel_t * 1e3
     load = mass - empty
     # centroid of the load aft of the reference [m]
-    offset = (cg - geometry.reference_pct / 100.0) * aircraft.chord_in * 0.0254 * mass / load
+    offset = (cg - geometry.reference_pct / 100.0) * (12.0 * geometry.chord_ft) * 0.0254 * mass / load
     apart = empty * load / mass * offset**2
     J = {k: load * v for k, v in allowed.gyration2_m2}
     w = (load - fuel) / 6.0

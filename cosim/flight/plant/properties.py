@@ -2,15 +2,13 @@
 
 Python's getters and setters cost half of a tick. The library of the jsbsim wheel exports what they call; only the node
 behind a Python object is needed, the last word of the object. This rests on how one wheel was built. So a process of
-its own compares both ways once for each wheel on each machine (`verify` of cosim/flight/plant/plant.py); what it found
-is kept beside the compiled kernels. Without that, after one value that differs, and with COSIM_BORDER=python, Python's
-calls are used. A process that died found nothing, and the next one tries again.
+its own compares both ways once for each wheel and version of ours (`verify` of cosim/flight/plant/plant.py); what it
+found is kept beside the compiled kernels. Without that, after one value that differs, and with COSIM_BORDER=python,
+Python's calls are used. A process that died found nothing, and the next one tries again.
 """
 
-import contextlib
 import ctypes
 import functools
-import hashlib
 import importlib.util
 import os
 import platform
@@ -20,17 +18,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from actuators import subprocess_env
-from actuators.kernels import cache
-from cosim.errors import CosimError
-from cosim.files import replace_text
+from actuators.kernels import cache, cached_array, python
 
 SYMBOLS = "_ZNK14SGPropertyNode14getDoubleValueEv", "_ZN14SGPropertyNode14setDoubleValueEd"
 WORD = 8  # [byte]
 NODE = 24, 32  # sizes that the object of a node may have: the head of every object, perhaps a reference, the node
-SAME, DIFFERS = "same", "differs"  # verdicts
 PATIENCE_S = 120.0
-VERIFY = f"from cosim.flight.plant.plant import verify; print({(DIFFERS, SAME)}[verify()])"
+VERIFY = "from cosim.flight.plant.plant import verify; print(int(verify()))"
 
 
 class Properties:
@@ -79,15 +73,15 @@ class FastAccess(NamedTuple):
 @functools.cache
 def fast_access() -> FastAccess | None:
     """Return how to get at properties by address, None where Python's calls are used."""
-    found = exported()
-    file = _verdict_file() if found else None
-    if file is None or os.environ.get("COSIM_BORDER") == "python":
+    found, library = exported(), _library()
+    if found is None or cache() is None or os.environ.get("COSIM_BORDER") == "python":
         return None
-    verdict = file.read_text("latin-1").strip() if file.is_file() else ""
-    if verdict not in (SAME, DIFFERS) and (verdict := _verified()):
-        with contextlib.suppress(CosimError):  # it is compared again where it cannot be written
-            replace_text(file, f"{verdict}\n")
-    return found if verdict == SAME else None
+    about = os.stat(library)
+    facts = library, about.st_size, about.st_mtime_ns, sys.version, platform.platform()
+    try:
+        return found if cached_array(facts, float, _verified, __file__).all() else None
+    except (OSError, ValueError, subprocess.SubprocessError):
+        return None
 
 
 def exported() -> FastAccess | None:
@@ -105,20 +99,9 @@ def _library():
     return str(spec.origin if spec else "")
 
 
-def _verdict_file():
-    """Return the file of the verdict about this wheel, None where nothing can be kept."""
-    root, about = cache(), os.stat(_library())
-    facts = _library(), about.st_size, about.st_mtime_ns, sys.version, platform.platform()
-    return root and root / f"fast-properties-{hashlib.sha256(repr(facts).encode()).hexdigest()[:16]}"
-
-
 def _verified(script=VERIFY):
-    """Return the verdict of another process, "" when it does not come to an end of its own."""
-    env = subprocess_env.surroundings(COSIM_BORDER="python")
-    how: Any = {"env": env, "capture_output": True, "text": True, "timeout": PATIENCE_S}
-    try:
-        done = subprocess.run(subprocess_env.command(script), **how)
-    except (OSError, subprocess.TimeoutExpired):
-        return ""
-    said = "".join(done.stdout.splitlines()[-1:])
-    return said if done.returncode == 0 and said in (SAME, DIFFERS) else ""
+    """Return (1,), what another process finds: 1 where all bits are the same. Raises an error where it does not come to
+    an end of its own: it may have been killed, and the next one tries again."""
+    call = python(script, COSIM_BORDER="python")
+    said = subprocess.run(**call, capture_output=True, text=True, timeout=PATIENCE_S, check=True).stdout
+    return np.array([float(said.strip().rpartition("\n")[2])])

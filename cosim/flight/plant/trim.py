@@ -104,24 +104,25 @@ def _solved(plant, x, names, gamma):
 
 def _refuse(plant, found, x, mach):
     """Raise TrimError with the reason why the aircraft cannot fly a trim of the unknowns x, if there is one."""
-    wrong, limits = functools.partial(TrimError, place=_place(plant)), plant.aircraft.limits
+    wrong, limits = functools.partial(TrimError, place=plant.flight.words), plant.aircraft.limits
     least, most = limits.mach
     if not least - 1e-6 <= mach <= most + 1e-6:  # JSBSim's own rounding of the speed
         remedy = "Fly slower or lower" if mach > most else "Fly faster or higher"
         said = f"speed: Mach {mach:.2f} is beyond the aerodynamic data"
         raise wrong(said, allowed=f"{least:g} to {most:g}", remedy=remedy)
-    beyond, level = _beyond(plant, found), len(x) == len(LEVEL)
+    level = len(x) == len(LEVEL)
+    what = "level flight" if level else _words(found.gamma, plant.flight)
+    beyond = _beyond(plant, found, what)
     if level and not beyond and found.alpha < math.radians(limits.alpha_surely_flies_deg):
         return
     needs, has, stalls = lift_margin(plant, math.cos(found.gamma) / math.cos(found.phi))
     _flown(plant, x, found.gamma)  # back from where the lift was looked for
-    what = "level flight" if level else _words(found.gamma, plant.flight)
     if found.alpha > stalls or (beyond and needs > has):  # an equilibrium while it falls, too
         said = f"stall: {what} needs a lift coefficient of {needs:.2f}, the wing gives {has:.2f}"
         raise wrong(said, remedy="Fly faster, lower or lighter" + ", or bank less" * (not level))
     if beyond:
         said, about = beyond
-        raise wrong(said.format(what), **about)
+        raise wrong(said, **about)
 
 
 def _newton(plant, x, names, gamma):
@@ -173,27 +174,21 @@ def _flown(plant, x, gamma):
     return plant.truth()[0], surfaces, (phi, turn, theta)
 
 
-def _beyond(plant, found):
+def _beyond(plant, found, what):
     """Return what a trim needs that the aircraft has not, (text, remedy or range); None where nothing is wrong."""
-    if found.throttle >= 0.999:
-        remedy = "Fly lower, lighter or at another speed" if found.level else "Climb or bank less"
-        return "thrust: the engines cannot hold {}", {"remedy": remedy}
-    if found.throttle <= 0.001:
-        remedy = "Fly faster or higher" if found.level else "Descend less"
-        return "thrust: even idle thrust is too much for {}", {"remedy": remedy}
-    for name, angle in (("stabiliser", found.stabilizer), ("aileron", found.aileron), ("rudder", found.rudder)):
-        low, high = plant.aircraft.travels[name]
-        if not low <= angle <= high:
-            allowed = f"{math.degrees(low):.0f} to {math.degrees(high):.0f} deg"
-            return f"{name}: {math.degrees(angle):.1f} deg needed for {{}}", {"allowed": allowed}
-    if not found.residual <= 1e-8:  # or no number
-        return f"no steady flight found for {{}}, residual {found.residual:.1e}", {}
-    return None
-
-
-def _place(plant):
-    f = plant.flight
-    return f"{f.mass / 1e3:.0f} t, CG {f.cg * 100:.0f} %, {f.altitude / M_PER_FT:.0f} ft, {plant.tas:.1f} m/s TAS"
+    more = "Fly lower, lighter or at another speed" if found.level else "Climb or bank less"
+    less = "Fly faster or higher" if found.level else "Descend less"
+    found_at = {"stabiliser": found.stabilizer, "aileron": found.aileron, "rudder": found.rudder}
+    degrees = {name: (math.degrees(angle), *map(math.degrees, plant.aircraft.travels[name]))
+               for name, angle in found_at.items()}  # fmt: skip
+    reasons = [
+        (found.throttle >= 0.999, f"thrust: the engines cannot hold {what}", {"remedy": more}),
+        (found.throttle <= 0.001, f"thrust: even idle thrust is too much for {what}", {"remedy": less}),
+        *((not low <= own <= high, f"{name}: {own:.1f} deg needed for {what}",
+           {"allowed": f"{low:.0f} to {high:.0f} deg"}) for name, (own, low, high) in degrees.items()),
+        (not found.residual <= 1e-8, f"no steady flight found for {what}, residual {found.residual:.1e}", {}),
+    ]  # fmt: skip
+    return next(((said, about) for wrong, said, about in reasons if wrong), None)
 
 
 def lift_margin(plant: Any, n: float = 1.0) -> tuple[Any, ...]:
@@ -203,7 +198,7 @@ def lift_margin(plant: Any, n: float = 1.0) -> tuple[Any, ...]:
     for alpha in np.radians(np.arange(2.0, 25.0, 0.5)):
         t = _flown(plant, (alpha, 0.0, 0.0), 0.0)[0]
         force = t.nz * math.cos(alpha) + t.nx * math.sin(alpha)
-        needs = t.mass * G0 / (t.qbar * plant.aircraft.wing_area)
+        needs = t.mass * G0 / (t.qbar * (plant.aircraft.geometry.wing_area_ft2 * M_PER_FT**2))
         best, most = max((best, most), (force * needs, float(alpha)))
     return n * needs, best, most
 

@@ -229,7 +229,7 @@ def fly(
     pi = iotsekf.params(**form, **(as_published | own if watch == "iotsekf" else as_published))
     pr = rtsekf.params("published", **form, **(own if watch == "rtsekf" else {}))
     c = servo.params(dt=DT, delay=0.0, u_max=1.0)
-    x = servo.init(np.repeat(c, seeds))
+    x = servo.init_at(np.repeat(c, seeds))
     us, ui, ur = (np.zeros(1, module.INPUTS) for module in (servo, iotsekf, rtsekf))
     us["q_valid"] = 1.0
     us["q_use"] = us["qd_use"] = us["x3_use"] = us["load_use"] = 0.0 if measured else 1.0

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.hydraulic import lu17
+from actuators.hydraulic import actuator, lu17
 from cosim.papers.lu17 import bench
 from fdi.hydraulic import iotsekf
 
@@ -131,5 +131,5 @@ def speeds() -> tuple[float, str]:
 
 def relative_degree() -> int:
     """Return how often the rod must be differentiated until the valve shows, by (4) linearised at rest."""
-    A, B = lu17.linear(lu17.params()[0])
+    A, B = lu17.linear(actuator.params()[0])
     return 1 + next(r for r in range(3) if (np.linalg.matrix_power(A, r) @ B)[0, 0] != 0.0)

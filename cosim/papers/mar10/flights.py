@@ -20,8 +20,8 @@ from cosim.flight.loop.signals import detect
 from cosim.flight.loop.signals import fly as fly_signals
 from cosim.flight.plant.force_model import force_model
 from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario.catalog import toleranced
 from cosim.scenario.load import load_scenario
-from cosim.scenario.tolerance import toleranced
 from fdi.control_redundancy import control_redundancy
 
 WIRES = sources("control_redundancy")

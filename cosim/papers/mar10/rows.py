@@ -44,16 +44,15 @@ def table() -> tuple[float, str]:
 def injected() -> tuple[float, str]:
     """Inject a fault of each input into the vehicle: return (entries of 27 x 4 that contradict the table, and one where
     the direct r_ij identify another size; its error)."""
-    u = np.array([0.02, -0.03, 0.01, 0.6])
-    f = VEHICLE @ u
-    wrong = sum(abs(r) > 1e-9 for _, _, r in structure.residuals(f, VEHICLE, u))
-    error = 0.0
-    for j in range(4):
-        fault = 0.05 * np.eye(4)[j]
-        for family, i, r in structure.residuals(f + VEHICLE @ fault, VEHICLE, u):
-            wrong += (abs(r) > 1e-9) != bool(family.signature[j])
-            if i == j and not family.pivots:
-                error = max(error, abs(r - 0.05))
+    u, wrong, error = np.array([0.02, -0.03, 0.01, 0.6]), 0, 0.0
+    for family in structure.families(VEHICLE != 0):
+        c, _ = structure.combination(VEHICLE, family)
+        scale = VEHICLE[family.base, list(family.solved)]
+        for j, fault in enumerate([*0.05 * np.eye(4), np.zeros(4)]):
+            r = c @ (VEHICLE @ (u + fault) - VEHICLE @ u) / scale  # of the row solved for each of its inputs
+            wrong += np.sum((np.abs(r) > 1e-9) != bool((*family.signature, 0)[j]))
+            if j in family.solved and not family.pivots:
+                error = max(error, abs(r[family.solved.index(j)] - 0.05))
     return wrong + (error > 1e-9), f"error of the fault that r_ij identifies {error:.1g}"
 
 
