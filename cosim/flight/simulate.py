@@ -36,7 +36,9 @@ def simulate(
         raise TypeError(f"{scenario!r} is no scenario: give what cosim.load_scenario returns, a name or a file")
     scenario = resolved(scenario if isinstance(scenario, Scenario) else load_scenario(scenario))
     setup = build(scenario)
-    with redirect_stdout(sys.stderr), open_writer(setup, log) if log else nullcontext() as writer:
+    # standard output is the program's own; it is that of all threads, so a flight without such steps leaves it alone
+    quiet = redirect_stdout(sys.stderr) if setup.in_python else nullcontext()
+    with quiet, open_writer(setup, log) if log else nullcontext() as writer:
         flown = time.perf_counter()
         trace, status, reason = fly(setup, writer, progress=progress)
         result = Result(

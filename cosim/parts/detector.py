@@ -83,7 +83,7 @@ class PlainDetector:
         """`cls` is a class by the contract; raises PartError where it is not."""
         self.cls, self.file, self.sha256 = cls, file, sha256
         own, self._defaults = record_of(cls), parameters(cls)
-        self.ISOLABLE_PARTS = ("", *getattr(cls, "isolable_parts", ()))
+        self.ISOLABLE_PARTS = ("", *_several(getattr(cls, "isolable_parts", ())))
         self.INPUTS = dtype([(field, "f8", vocabulary.find(word).unit) for field, word in own.inputs.items()])
         self.PARAMS = dtype([("limit_s", "f8", "s"), *((name, "f8") for name in self._defaults)])
         estimate = own.estimates[0].unit if own.estimates else "-"

@@ -29,7 +29,8 @@ def window_model(
     verdicts; the first is "none". r is the probability of anything else over `threshold`. Local with `technologies`,
     else at aircraft level.
     """
-    if not classes or classes[0] != "none":
+    inputs, classes = tuple(inputs), tuple(classes)  # those of a fitted model are an array
+    if classes[:1] != ("none",):
         raise PartError(f"classes = {classes!r}", place=id, allowed='"none" first, then classes of verdicts')
     ask = getattr(model, "predict_proba", model)
 
@@ -49,13 +50,13 @@ def window_model(
                 return None
             if not np.isfinite(self._window).all():
                 return {"valid": False}
-            x = np.asarray(features(self._window), np.float32).reshape(1, -1)
+            x = np.asarray(features(self._window.copy()), np.float32).reshape(1, -1)
             verdict = dict(zip(classes, np.ravel(ask(x)).tolist(), strict=True))
             r = (1.0 - verdict["none"]) / self._threshold
             return {"r": r, "alarm": r >= 1.0, "verdict": verdict}
 
     own: Any = WindowModel
-    own.id, own.inputs, own.designed_for = id, tuple(inputs), tuple(designed_for)
+    own.id, own.inputs, own.designed_for = id, inputs, tuple(designed_for)
     own.level, own.technologies = ("local" if technologies else "aircraft"), tuple(technologies)
     own.__module__ = sys._getframe(1).f_globals["__name__"]  # the class is that of the module that calls
     return own

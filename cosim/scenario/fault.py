@@ -18,7 +18,7 @@ from cosim.scenario.condition import condition, other_fault, signals
 from cosim.scenario.problem import Duration, Problems, Seconds, Table, choice, problem
 
 COMMON = ("target", "kind", "start_s", "when", "lasts_s", "end_s", "ramp_s")
-NEVER_S = 36000.0  # the onset of a fault that waits for its condition
+NEVER_S = 36000.0  # the onset of a fault that waits for its condition; no flight is longer
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ class Fault(Table, extra="allow"):
 
     def at_time(self, start_s: float) -> "Fault":
         """Return this fault with its onset at `start_s` [s]."""
-        ends = {} if self.lasts_s is None else {"end_s": start_s + self.lasts_s}
+        ends = {} if self.lasts_s is None else {"end_s": min(start_s + self.lasts_s, NEVER_S)}
         return self.model_copy(update={"start_s": start_s, **ends})
 
     @functools.cached_property

@@ -125,9 +125,10 @@ def test_a_slower_reader_steps_with_its_sources_and_a_faster_one_is_refused(tmp_
         ({"a": ("b.aircraft.r",), "b": ("a.aircraft.r",)}, "detectors wait for each other: a reads b reads a"),
         ({"a": ("a.aircraft.r",)}, "detectors wait for each other: a reads a"),
         ({"a": ("ofc_monitr.left_inner.alarm",)}, r"'ofc_monitr' is no detector.*ofc_monitor"),
-        ({"a": ("ofc_monitor.right_inner.r",)}, r"no signal .*; allowed: left_outer, left_inner"),
-        ({"a": ("ofc_monitor.left_inner.alrm",)}, r"no signal .*; allowed: .*Did you mean 'alarm'"),
-        ({"a": ("b.aircraft.x",), "b": ("q",)}, r"no signal 'b.aircraft.x'; allowed: r, alarm"),
+        ({"a": ("ofc_monitor.right_inner.r",)}, r"no lane 'right_inner'; allowed: left_outer, left_inner"),
+        ({"a": ("ofc_monitor.left_inner.alrm",)}, r"no output 'alrm'; allowed: .*Did you mean 'alarm'"),
+        ({"a": ("ofc_monitor.left_inner.started",)}, "no output 'started'"),  # a part of its state
+        ({"a": ("b.aircraft.x",), "b": ("q",)}, "b has no output 'x'; allowed: r, alarm"),
         ({"a": ("iotsekf.left_inner.alarm",)}, r"iotsekf does not fly.*Add 'iotsekf' to detectors.enabled"),
         ({"a": ("ofc_monitor.alarm",)}, r"Name the segment: \"ofc_monitor.left_inner.alarm\""),
     ],

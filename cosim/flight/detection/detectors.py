@@ -225,18 +225,24 @@ def _there(w, found):
 
 
 def _read(d, found):
-    """Return the ids of the detectors that `d` reads; raises ScenarioError for one that does not fly, or that steps
-    less often. That it has the lane and the output says the bus."""
-    read = {w.source.split(".")[0]: w for own in d.inputs.values() for w in own if w.signal.kind == "detector"}
-    for name, w in read.items():
-        wrong = functools.partial(ScenarioError, place=f"detectors.{d.id}: its input {w.source!r}")
+    """Return the ids of the detectors that `d` reads; raises ScenarioError for one that does not fly, that lacks what
+    is read, or that steps less often."""
+    read = {}
+    for w in (w for own in d.inputs.values() for w in own if w.signal.kind == "detector"):
+        (name, lane, output), place = w.source.split(".", 2), f"detectors.{d.id}: its input {w.source!r}"
         if name not in found:
             known = registry.known(name)
             remedy = f"Add {name!r} to detectors.enabled" if known else did_you_mean(name, found)
-            raise wrong(f"{name} does not fly" if known else f"{name!r} is no detector", remedy=remedy)
-        if d.record.every % found[name].record.every:
-            said = f"{name} steps every {found[name].record.every} ticks, {d.id} every {d.record.every}"
-            raise wrong(said, remedy=f"every = {found[name].record.every} in {d.id}, or a multiple of it")
+            raise ScenarioError(f"{name} does not fly" if known else f"{name!r} is no detector", place=place,
+                                remedy=remedy)  # fmt: skip
+        read[name] = source = found[name]
+        among(lane, source.lanes, f"{name} has no lane {lane!r}", place=place)
+        outputs = vocabulary.elements(source.module.STATE, source.module.OUTPUTS)
+        among(output, outputs, f"{name} has no output {output!r}", place=place)
+        if d.record.every % source.record.every:
+            said = f"{name} steps every {source.record.every} ticks, {d.id} every {d.record.every}"
+            remedy = f"every = {source.record.every} in {d.id}, or a multiple of it"
+            raise ScenarioError(said, place=place, remedy=remedy)
     return read
 
 
