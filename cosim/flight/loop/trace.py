@@ -71,7 +71,7 @@ class Trace:
         return consequences(motion, self._moments(rows), scenario.dt, (low * M_S_PER_KT, high * M_S_PER_KT))
 
     def _moments(self, rows):
-        """Yield the hinge moment of one segment after the other (ticks,) [N m]; no more than one's columns in memory."""
+        """Yield the hinge moment of each segment (ticks,) [N m]; the columns of one at a time are in memory."""
         for hm0, hmd, de in self.hinge:
             yield rows[:, hm0] + rows[:, hmd] * rows[:, de]
             release(rows)
