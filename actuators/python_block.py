@@ -1,6 +1,8 @@
 """A user's Python as the rollout of a block: of a detector, a control law or an actuator."""
 
+import sys
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from typing import Any
 
 import numpy as np
@@ -28,22 +30,23 @@ class PythonBlock:
     def __call__(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: np.ndarray | None = None) -> None:
         """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
         rows, given = (a.view(np.float64).reshape(*a.shape, -1) for a in (x, u))
-        for k in range(u.shape[1]):
-            t = self.steps * dt
-            for i in range(len(x)):
-                try:
-                    if len(self._lanes) == i:
-                        self._lanes.append(self._make(p[i], dt))
-                    self._lanes[i](t, rows[i], given[i, k])
-                except KeyboardInterrupt:
-                    raise
-                except BaseException as error:  # whatever user code raises
-                    self._lanes[i : i + 1] = [_quiet(self._failed(i, t, error))]
-                    self.dropped.append(i)
-                    self._lanes[i](t, rows[i], given[i, k])
-            if log is not None:
-                log[:, k] = x
-            self.steps += 1
+        with redirect_stdout(sys.stderr):  # standard output is the program's own
+            for k in range(u.shape[1]):
+                t = self.steps * dt
+                for i in range(len(x)):
+                    try:
+                        if len(self._lanes) == i:
+                            self._lanes.append(self._make(p[i], dt))
+                        self._lanes[i](t, rows[i], given[i, k])
+                    except KeyboardInterrupt:
+                        raise
+                    except BaseException as error:  # whatever user code raises
+                        self._lanes[i : i + 1] = [_quiet(self._failed(i, t, error))]
+                        self.dropped.append(i)
+                        self._lanes[i](t, rows[i], given[i, k])
+                if log is not None:
+                    log[:, k] = x
+                self.steps += 1
 
 
 def _quiet(state):

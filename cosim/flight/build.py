@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from actuators.block import dtype
-from actuators.python_block import PythonBlock
 from cosim.errors import ScenarioError
 from cosim.flight import user_law
 from cosim.flight.blocks import actuation, faults, hinge_model, manoeuvre, sensors
@@ -52,12 +51,6 @@ class Setup:
     def notes(self) -> list[str]:
         """Return a sentence per user's detector or law that was dropped, or whose answer was not used."""
         return [line for block in (self.loop.law, *self.loop.detectors) for line in getattr(block.rollout, "notes", ())]
-
-    @property
-    def in_python(self) -> bool:
-        """Tell whether a step of a user's own, which may print, is called from Python."""
-        blocks = (self.loop.law, *self.loop.detectors, *self.loop.actuators)
-        return any(isinstance(block.rollout, PythonBlock) for block in blocks)
 
     def judged_lanes(self, timed: bool = False) -> list[JudgedLane]:
         """Return the JudgedLane of every detector lane; `timed`, with the microseconds of its step."""

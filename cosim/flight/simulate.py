@@ -1,10 +1,9 @@
 """Fly one scenario: build the loop, fly it, judge the detectors."""
 
 import os
-import sys
 import time
 from collections.abc import Callable
-from contextlib import nullcontext, redirect_stdout
+from contextlib import nullcontext
 
 from cosim.errors import told_at_call
 from cosim.flight.build import build
@@ -36,9 +35,7 @@ def simulate(
         raise TypeError(f"{scenario!r} is no scenario: give what cosim.load_scenario returns, a name or a file")
     scenario = resolved(scenario if isinstance(scenario, Scenario) else load_scenario(scenario))
     setup = build(scenario)
-    # standard output is the program's own; it is that of all threads, so a flight without such steps leaves it alone
-    quiet = redirect_stdout(sys.stderr) if setup.in_python else nullcontext()
-    with quiet, open_writer(setup, log) if log else nullcontext() as writer:
+    with open_writer(setup, log) if log else nullcontext() as writer:
         flown = time.perf_counter()
         trace, status, reason = fly(setup, writer, progress=progress)
         result = Result(

@@ -97,6 +97,7 @@ def consequences(
     """
     if not len(motion["nz"]):
         return None
+    largest_moment = max(float(np.abs(moment).max()) for moment in hinge)
     bounds = {"nz": LOAD_FACTOR, "phi": (-BANK, BANK), "alpha": ALPHA, "cas": cas}
     outside = [(motion[n] < np.float64(low)) | (motion[n] > np.float64(high)) for n, (low, high) in bounds.items()]
     low, high, begin = ({n: float(of(motion[n])) for n in MOTION} for of in (np.min, np.max, lambda v: v[0]))
@@ -104,6 +105,6 @@ def consequences(
         *(low["nz"], high["nz"], begin["h"] - low["h"]),
         math.degrees(max(high["phi"] - begin["phi"], begin["phi"] - low["phi"])),
         *((begin["cas"] - low["cas"]) / M_S_PER_KT, (high["cas"] - begin["cas"]) / M_S_PER_KT),
-        *(max(float(np.abs(moment).max()) for moment in hinge), np.any(outside, axis=0).sum() * dt),
+        *(largest_moment, np.any(outside, axis=0).sum() * dt),
     )
     return {name: float(value) for name, value in zip(CONSEQUENCES, values)}

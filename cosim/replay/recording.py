@@ -6,7 +6,6 @@ A log may be hours long: it is read some chunks at a time, and of each column on
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -126,11 +125,13 @@ class LoggedFlight:
         self.toml = self.log.attachments["scenario.toml"].decode()
         if BASE not in self.log.topics:
             raise LogError("holds no truth, only what a replay reads", place=str(path), remedy="Fly the scenario again")
-        holes = (i for i, (one, (k, _)) in enumerate(pairwise([(0, 0), *self.log.spans])) if sum(one) != k)
-        spans = self.log.spans[: next(holes, None)]  # what a detector said behind a hole is not judged
-        if not spans:
+        self.dt, self.n = self.log.dt_ns / 1e9, 0
+        for first, ticks in self.log.spans:  # what a detector said behind a hole is not judged
+            if first != self.n:
+                break
+            self.n += ticks
+        if not self.n:
             raise LogError("holds no tick from the start of its flight", place=str(path), remedy="Fly it again")
-        self.dt, self.n = self.log.dt_ns / 1e9, sum(spans[-1])
         self.t0, self.end = 0.0, (self.n - 1) * self.dt
 
     def _rows(self, every):

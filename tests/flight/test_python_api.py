@@ -22,12 +22,14 @@ def test_one_override_may_be_a_text():
         cosim.load_scenario("cruise", [3])
 
 
-def test_what_is_no_scenario_is_refused_in_words():
+def test_what_is_no_scenario_is_refused_in_words(capsys):
     with pytest.raises(TypeError, match=r"3 is no scenario: give what cosim.load_scenario returns"):
         cosim.simulate(3)
     with pytest.raises(ScenarioError, match="no built-in scenario"):
         cosim.simulate("cruse")
-    assert cosim.simulate(cosim.load_scenario("cruise", "duration_s=0.1"), timed=False).status == "completed"
+    short = cosim.load_scenario("cruise", "duration_s=0.1")
+    told = cosim.simulate(short, timed=False, progress=lambda t, end: print("flown to", t))
+    assert told.status == "completed" and "flown to" in capsys.readouterr().out
 
 
 def test_a_traceback_of_ours_ends_at_the_users_line(tmp_path, monkeypatch):

@@ -160,7 +160,14 @@ def test_a_model_over_a_window_flies_from_scikit_learn_and_from_onnx(tmp_path):
     session = InferenceSession(to_onnx(made, x[:1], options={"zipmap": False}).SerializeToString())
     common = {"inputs": ("rod", "surface"), "classes": ("none", "ofc_liquid"), "technologies": ("hydraulic",),
               "window_s": 0.2, "sample_s": 0.01, "every_s": 0.05}  # fmt: skip
-    cosim.register(cosim.window_model("ours", made, **common))
+
+    def emptied(window):
+        x = window.copy()
+        window[:] = 0.0
+        return x
+
+    cosim.register(cosim.window_model("ours", made, features=emptied, **common))
+    common["classes"] = np.array(common["classes"])  # as a fitted model has them
     cosim.register(cosim.window_model("theirs", lambda x: session.run(None, {"X": x})[-1], **common))
     keys = ["duration_s=2", "detectors.enabled=['ours', 'theirs']", "elevator.feedback=measured"]
     assert cosim.simulate(cosim.load_scenario("cruise", keys), log=tmp_path / "a.mcap").extra["notes"] == []

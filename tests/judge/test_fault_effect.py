@@ -155,3 +155,11 @@ def test_runs_that_differ_in_their_fault_share_their_reference_and_other_faults_
     for hz in (1, 2):
         achieved(flight("liquid-ofc", duration_s=2, **{"faults.0.start_s": 1, "faults.0.frequency_hz": hz}))
     assert len(fault_free_reference._positions) == 1
+
+
+def test_a_reference_that_is_interrupted_is_none(monkeypatch):
+    fault_free_reference._positions.clear()
+    monkeypatch.setattr(fault_free_reference, "fly", lambda setup, keep: (np.zeros((3, 8)), "interrupted", ""))
+    with pytest.raises(KeyboardInterrupt):
+        achieved(flight("liquid-ofc", duration_s=2, **{"faults.0.start_s": 1}))
+    assert not fault_free_reference._positions

@@ -19,7 +19,7 @@ from cosim.report.figure import envelope
 from cosim.report.flight_page import render
 from cosim.scenario import load_scenario
 
-OFC = ("duration_s=9", "faults.0.start_s=4", "faults.0.amplitude_mm=8")
+OFC = ("duration_s=9", "faults.0.start_s=4", "faults.0.amplitude_mm=4")
 LOCAL = "detectors.enabled=['rfafe','iotsekf','rtsekf_flight','ema_kalman','ema_kalman_flight','position_monitor']"
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cosim.flight.build import Setup, build
 from cosim.flight.fly import fly
 from cosim.judge.fault_effect import moved
+from cosim.judge.store import release
 from cosim.scenario import Scenario
 
 KEPT = 16  # flights without faults
@@ -39,14 +40,16 @@ def displacement(setup: Setup, rows: NDArray) -> dict[str, dict]:
     for segment, faults in segments.items():
         i = 2 * list(scenario.aircraft.short).index(segment)
         own = slice(i, i + 2)
-        flown = rows[:n, trace.moving[own]] * trace.gains[own]
-        apart = flown.astype(float) - reference[:n, own]
+        apart = (rows[:n, trace.moving[own]] * trace.gains[own]).astype(float)
+        apart -= reference[:n, own] * trace.gains[own]
+        release(rows)
+        release(reference)
         out[segment] = moved(apart, faults, scenario.dt, scenario.aircraft.travel)
     return out
 
 
 def _fault_free(scenario):
-    """Return rods and surfaces (ticks, 2 segments) of a scenario without its faults [m, rad]."""
+    """Return rods and surfaces (ticks, 2 segments) of a scenario without its faults, as they stand on the bus."""
     quiet = unwatched(scenario).model_copy(update={"title": "", "faults": ()})
     key = quiet.expanded_toml()
     if key not in _positions:
@@ -54,7 +57,6 @@ def _fault_free(scenario):
         flown, status, _ = fly(setup, keep=(setup.trace.index[setup.trace.moving], np.float32))
         if status == "interrupted":  # a part of it is no reference, for this flight or a later one
             raise KeyboardInterrupt
-        flown *= setup.trace.gains
         _positions[key] = flown
         if len(_positions) > KEPT:
             del _positions[next(iter(_positions))]

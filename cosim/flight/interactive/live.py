@@ -7,10 +7,8 @@ the flight came to.
 """
 
 import os
-import sys
 import time
 from collections.abc import Callable
-from contextlib import redirect_stdout
 from typing import Any
 
 from cosim.errors import CosimError
@@ -86,12 +84,11 @@ def fly_live(
         if ready:
             ready(live)
         try:
-            with redirect_stdout(sys.stderr):
-                while flight.step():
-                    live.append(flight.values)
-                    live.serve()
-                    if progress and flight.tick % EVERY == 0:
-                        progress(flight.time, scenario.duration_s)
+            while flight.step():
+                live.append(flight.values)
+                live.serve()
+                if progress and flight.tick % EVERY == 0:
+                    progress(flight.time, scenario.duration_s)
         except KeyboardInterrupt:
             ended = True
     if not flight.tick:

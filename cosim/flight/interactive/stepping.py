@@ -45,6 +45,8 @@ class Signals:
     ("truth.aircraft.nz").
     """
 
+    __iter__ = None  # a signal is asked for by its name: Python would ask for 0, 1, 2, ...
+
     def __init__(self, bus: Bus, values: np.ndarray):
         self._bus, self._values = bus, values
 

@@ -55,7 +55,8 @@ class Bus:
     def index(self, name: str) -> int:
         """Return the position of a signal: `section.lane.field`, an element of an array field as `field[3]`, or a word
         (`place`). Raises ScenarioError for what is not there."""
-        section, lane, field = [*place(name).split(".", 2), "", ""][:3]
+        section, _, rest = place(name).partition(".")
+        lane, _, field = rest.partition(".")
         said = f"no signal {name!r}"
         among(section, self.lanes, said)
         among(lane, self.lanes[section], said)

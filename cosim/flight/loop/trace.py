@@ -15,6 +15,7 @@ from cosim.flight.loop.bus import Bus
 from cosim.judge.detection import JudgedLane, outputs_read
 from cosim.judge.estimation import plan
 from cosim.judge.fault_effect import MOTION, consequences
+from cosim.judge.store import release
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import LOOP_SENSOR, TECHNOLOGIES
 
@@ -67,5 +68,10 @@ class Trace:
         low, high = scenario.aircraft.limits.cas_kt
         rows = rows[round(min(starts) / scenario.dt) :]
         motion = {name: rows[:, column] for name, column in self.motion.items()}
-        hinge = (rows[:, hm0] + rows[:, hmd] * rows[:, de] for hm0, hmd, de in self.hinge)
-        return consequences(motion, hinge, scenario.dt, (low * M_S_PER_KT, high * M_S_PER_KT))
+        return consequences(motion, self._moments(rows), scenario.dt, (low * M_S_PER_KT, high * M_S_PER_KT))
+
+    def _moments(self, rows):
+        """Yield the hinge moment of each segment (ticks,) [N m]; the columns of one at a time are in memory."""
+        for hm0, hmd, de in self.hinge:
+            yield rows[:, hm0] + rows[:, hmd] * rows[:, de]
+            release(rows)

@@ -174,7 +174,7 @@ class Plant:
     def trim(self) -> Trim:
         """Trim the flight point and stand ready at time 0: a Trim, or TrimError."""
         found = trim(self)
-        if dataclasses.replace(self.flight, seed=0) != self.flight.calm:
+        if dataclasses.replace(self.flight, seed=0) != self.flight.calm:  # there is turbulence, wind or a gust
             self._into_the_air(found)
         self._fdm.suspend_integration()  # a frame without motion, after which every model has the state
         self._fdm.run()
