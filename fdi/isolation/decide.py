@@ -125,10 +125,13 @@ def healed(x, p, o, dt):
 
 @kernel
 def nominate(x):
-    """Keep the class that leads, where one does that has a name, until the longest window shows another."""
+    """Keep the class that leads, where one does that has a name, until the longest window shows another; its frequency
+    is that of the longest window."""
     c, top = leader(x), longest(x)
     if top >= 0 and x.own_class[top] != x.likely:
         x.likely = x.named
+    elif top >= 0:
+        x.likely_hz = x.own_hz[top]
     if c < 0:
         return
     found, hz = x.own_class[c], x.own_hz[c]
