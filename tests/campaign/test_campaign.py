@@ -43,7 +43,7 @@ def test_a_run_has_one_row_per_detector_lane_and_what_a_reader_needs(flown):
     assert mine["amplitude_mm"].between(7, 10).all()  # 8 mm by the linear loop
     assert list(mine["seed"]) == [1_000_000 + i for i in range(5)]
     row = result.frame.iloc[-1]
-    assert row["status"] == "infeasible" and "44000 ft" in row["error"] and pd.isna(row["id"])
+    assert row["status"] == "infeasible" and "44,000 ft" in row["error"] and pd.isna(row["id"])
     assert worker.run_id(flights(1)[0]) == result.frame["run"][0] != result.frame["run"].iloc[6]
     nested = {"a": {"b": 1}, "faults": [{"kind": "x"}], "e": ["p", "q"], "none": []}
     assert flatten(nested) == {"a.b": 1, "faults.0.kind": "x", "e": "p,q"}
