@@ -26,6 +26,7 @@ CALM = 0.35  # of a threshold: down to it an alarm stands
 CLEAR = 40.0  # evidence of a plain onset, at which all windows begin anew
 RELEASE_S = 1.0  # an alarm outlives its evidence by this [s]
 SURE, LEAD = 5.0, 0.05  # odds e^5, and this share of its own evidence: no model is better than that
+LEAD_SINE = 0.02  # of an oscillation of the valve: what its model errs by, added and in place have in common
 FAIR, PLAIN = 1.1, 0.08  # a hypothesis fits that leaves so many times the noise, or this share of what health leaves
 PART = 0.75  # of its period that an oscillation has lasted: before, it is a step
 SILENT_PART, SILENT_S = 0.4, 0.4  # of an oscillation's period; of any other fault [s]
@@ -96,8 +97,8 @@ def leader(x):
             continue
         if x.own_class[o] != x.own_class[top] or x.own_hz[o] > 2.0 * x.own_hz[top] > 0.0:
             return -1
-        lead = max(SURE, LEAD * x.own[o]) if x.own_class[o] != OF_LOAD else SURE
-        if x.own_fits[o] > 0.5 and x.own_lead[o] > lead:
+        share = LEAD_SINE if x.own_class[o] <= SOLID else (LEAD if x.own_class[o] != OF_LOAD else 0.0)
+        if x.own_fits[o] > 0.5 and x.own_lead[o] > max(SURE, share * x.own[o]):
             return o
     return -1
 
@@ -124,10 +125,13 @@ def healed(x, p, o, dt):
 
 @kernel
 def nominate(x):
-    """Keep the class that leads, where one does that has a name, until the longest window shows another."""
+    """Keep the class that leads, where one does that has a name, until the longest window shows another; its frequency
+    is that of the longest window."""
     c, top = leader(x), longest(x)
     if top >= 0 and x.own_class[top] != x.likely:
         x.likely = x.named
+    elif top >= 0:
+        x.likely_hz = x.own_hz[top]
     if c < 0:
         return
     found, hz = x.own_class[c], x.own_hz[c]

@@ -67,7 +67,8 @@ PARAMS = [
     ("fault_mean", "f8", (ERRORS, N)),
     ("fault_sd", "f8", (ERRORS, N)),  # 0: as in health
     ("sine_sd", "f8", (SWINGS,)),  # amplitudes expected: rod of a valve's, rod, surface [m], pressure, load [1]
-    ("slow_sd", "f8", "-"),  # of the slow part's gain where an oscillation is in its place
+    # of the slow part's gain beside an oscillation that is added, whose size changes it, and in its place
+    ("slow_sd", "f8", (2,), "-"),
     ("occam", "f8", "-"),  # what a hypothesis of noise costs
     ("memory", "f8", "s"),  # of what the flight teaches
     ("floor", "f8", (N,), "-"),  # of a learned error's standard deviation, over the tolerance's
@@ -98,7 +99,7 @@ def design() -> dict:
         for i, own in columns.items():
             prior[:, h - SWINGS, i] = own
     return {"fault_mean": prior[0], "fault_sd": prior[1], "sine_sd": (4e-4, 4e-4, 1e-3, 1e-3, 0.08, 0.05),
-            "slow_sd": 0.7, "occam": 6.0, "memory": 30.0,
+            "slow_sd": (0.3, 0.7), "occam": 6.0, "memory": 30.0,
             # an age does not change with the manoeuvre
             "floor": (0.03,) * TIMING + (0.3,) * (N - TIMING)}  # fmt: skip
 
@@ -267,9 +268,9 @@ def of_oscillations(x, p, o, E):
         per_rate = 6.2831853 * p.hz[o, LINES // 2] if PLACE[h] == 0 else 1.0  # of a flow
         for i in range(M):
             x.prior[0, i], x.prior[1, i] = 0.0, x.sd[BESIDE[i]] if i < FIRST_WAVE else p.sine_sd[h] * per_rate
-        x.prior[1, OF_GAIN] = x.sd[GAIN]
+        x.prior[1, OF_GAIN] = p.slow_sd[h] if h <= IN_PLACE else x.sd[GAIN]
         if h == IN_PLACE:
-            x.prior[0, OF_FAST], x.prior[1, OF_FAST], x.prior[1, OF_GAIN] = -1.0 - x.mu[FAST], GONE[1], p.slow_sd
+            x.prior[0, OF_FAST], x.prior[1, OF_FAST] = -1.0 - x.mu[FAST], GONE[1]
         logdet = factor(x.wave_J, x.L, x.prior[1], 0, OF_GAIN, 0.0)
         logdet += factor(x.wave_J, x.L, x.prior[1], OF_GAIN, M, BY_ITSELF)
         Q = left(x.wave_J, x.L, x.wave_b, x.prior[0], x.y, E, M)

@@ -65,7 +65,7 @@ def test_each_fault_has_its_name_at_its_end_and_no_alarm_before_it_or_after_it_h
         end = log[lane, int(HEALED / DT) - 1]
         assert (end["verdict"], iotsekf.ISOLABLE_PARTS[int(end["isolated_part"])]) == (right, isolated_part), segment
     assert not log["alarm"][:, int((HEALED + 3.0) / DT) :].any()
-    assert log["likely_hz"][SEGMENTS.index("left_outer"), int(HEALED / DT) - 1] == pytest.approx(2.0, rel=0.15)
+    assert log["likely_hz"][SEGMENTS.index("left_outer"), int(HEALED / DT) - 1] == pytest.approx(2.0, rel=0.2)
 
 
 def test_without_a_fault_it_is_silent_valid_and_learns_the_valves_gain():
