@@ -80,8 +80,8 @@ SHOWN_S, SEEN, OFF_S = 5.0, 0.75, 120.0
 LEFT = 4.0  # thresholds: from there a row is quiet within 1.4 of its time constants
 FADING, STAYING, NOISY, JUMPED_BACK = 0.0, 1.0, 2.0, 3.0
 # what else than a sensor moves the velocity through the air from its integral: noise, of which 0.03 deg of the vane at
-# 200 m/s is half [m/s]; rotation of the earth, twice its rate times 200 m/s [m/s2]; gusts, times the rms that the vane has: one that is
-# here, and three quarters of one that the observer had
+# 200 m/s is half [m/s]; rotation of the earth, twice its rate times 200 m/s [m/s2]; gusts, times the rms that the vane
+# has: one that is here, and three quarters of one that the observer had
 STRAY_SD, STRAY_RATE, GUSTS_SD = 0.2, 0.03, 1.25
 TOLD = 4.6  # ln 100: of the likelihoods of the sensors of a pair
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
