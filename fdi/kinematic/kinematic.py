@@ -79,9 +79,9 @@ POWER = np.array([GUSTY.get(name, 0) for name in SENSORS])
 SHOWN_S, SEEN, OFF_S = 5.0, 0.75, 120.0
 LEFT = 4.0  # thresholds: from there a row is quiet within 1.4 of its time constants
 FADING, STAYING, NOISY, JUMPED_BACK = 0.0, 1.0, 2.0, 3.0
-# what else than a sensor moves the velocity through the air from its integral: noise, as 4e-4 rad of the vane
-# [m/s]; rotation of the earth, twice its rate times 200 m/s [m/s2]; gusts, times the rms that the vane has: one that is
-# here, and three quarters of one that the observer had
+# what else than a sensor moves the velocity through the air from its integral: noise, of which 0.03 deg of the vane at
+# 200 m/s is half [m/s]; rotation of the earth, twice its rate times 200 m/s [m/s2]; gusts, times the rms that the vane
+# has: one that is here, and three quarters of one that the observer had
 STRAY_SD, STRAY_RATE, GUSTS_SD = 0.2, 0.03, 1.25
 TOLD = 4.6  # ln 100: of the likelihoods of the sensors of a pair
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
@@ -136,12 +136,7 @@ STATE = dtype(
         *wind.STATE,
         ("offset", "f8", (NR,)),
         ("limit", "f8", (NR,)),  # thresholds now
-        (
-            "grown",
-            "f8",
-            (NR,),
-            "-",
-        ),  # what threshold and jump grow by where its readings have more noise than specified
+        ("grown", "f8", (NR,), "-"),  # what threshold and jump grow by where readings have more noise than specified
         ("y", "f8", (NS,)),  # readings
         ("ok", "f8", (NS,)),
         ("y_1", "f8", (NS,)),  # and those of the two ticks before

@@ -124,7 +124,8 @@ def _air_data(x):
     static = math.exp(5.2558797 * math.log(kelvin_at(y[10]) / 288.15))
     if y[10] > 11000.0:
         static *= math.exp((11000.0 - y[10]) / 6341.62)
-    x.raw[table.IMPACT] = impact / (static * (math.exp(3.5 * math.log(1.0 + mach)) - 1.0)) - 1.0
+    of_mach = max(static * (math.exp(3.5 * math.log(1.0 + mach)) - 1.0), 1e-12)  # 0 until Mach is read
+    x.raw[table.IMPACT] = impact / of_mach - 1.0
     x.live[table.BARO] = ok[9] * ok[10]
     x.raw[table.BARO] = y[10] - y[9]
 

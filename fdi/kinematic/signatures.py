@@ -65,12 +65,10 @@ NEEDED, OTHER = (
 HOLDS = np.array([[float(b != "" and b in a.split(" or ")) for b in ISOLABLE_PARTS] for a in ISOLABLE_PARTS])
 PAIR_OF = np.array([next((k + EITHER for k, pair in enumerate(PAIRS) if c[0] in pair), 0) for c in SIGNATURES])
 # of every isolated_part the row that integrates it, from which its error fades; -1 where an error stays
-FADES = np.array(
-    [
-        next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] in name.split(" or ") and c[3]), -1)
-        for name in ISOLABLE_PARTS[1:]
-    ]
-)
+FADES = np.array([
+    next((ROWS.index(c[1][0]) for c in SIGNATURES if c[0] in name.split(" or ") and c[3]), -1)
+    for name in ISOLABLE_PARTS[1:]
+])
 INTEGRATES = np.array([float(row in ("phi", "theta", "psi", "turn", "speed", "height")) for row in ROWS])
 _RATES = [name.split(" or ")[0] for name in ISOLABLE_PARTS[1:]]  # a pair's rate
 # rows in which a constant error of a part stays: those that integrate nothing, and its rate's

@@ -24,7 +24,7 @@ AIRFRAME = 4  # outputs of the airframe, before those of elevators
 NS, NY, NU, NF = 12, 8, 2, 2  # largest sizes: estimator state, outputs, inputs, faults
 TAU_AHEAD = 2.0  # memory of a command beyond the rate limit: two periods of 1 Hz [s]
 N_TRIM, T_TRIM = 40.0, 0.2  # to learn the trim: samples that leave a sixth of the sensors' noise, and motion [s]
-NL = 72  # longest delay of the input [ticks]: the actuator's lag beyond first order and the sensors', at 2 kHz
+NL = 72  # of the ring of inputs [ticks]: the actuator's lag beyond first order and the sensors' at 2 kHz, 60, and more
 
 AIRFRAME_INPUTS = [
     ("tas", "f8", "m/s"), ("tas_valid", "f8", "-"),  # true airspeed

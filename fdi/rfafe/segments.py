@@ -56,7 +56,7 @@ def name(x):
     which, most, next_ = 0.0, 0.0, 0.0
     for i in range(4):
         if x.isolated_part == 3.0 or (i < 2) == (x.isolated_part < 1.5):
-            size = x.part_power[i] + still * x.part_slow[i] ** 2
+            size = x.part_power[i] + still * x.part_slow[i] * x.part_slow[i]
             if size > most:
                 which, most, next_ = 1.0 + i, size, most
             else:

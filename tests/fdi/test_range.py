@@ -102,7 +102,7 @@ def test_what_is_learned_is_learned_in_range_and_the_apron_leaves_no_trace(flown
     log = np.zeros(both.shape, module.STATE)
     module.rollout(module.init(lane.p), both, lane.p.copy(), DT, log)
     module.rollout(module.init(lane.p), u, lane.p.copy(), DT, alone)
-    assert not log["valid"][0][:n].any() and not log["alarm"].any()
+    assert not log["valid"][0][:n].any() and not log["alarm"].any() and not (log["why"] == why.NOT_FINITE).any()
     assert alone["valid"][0][-1] == 1.0
     assert log["valid"][0][n:].sum() == pytest.approx(alone["valid"][0].sum(), abs=20)
     assert log["r"][0][-1] == pytest.approx(alone["r"][0][-1], rel=0.05, abs=0.02)
