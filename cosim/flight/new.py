@@ -36,7 +36,7 @@ def texts(name: str, kind: str = "detector", numbers: Path | None = None) -> dic
     Raises PartError for an unknown kind, a name that cannot be its id, that ships, or that shadows a module: Python
     would import the user's file in place of numpy or os.
     """
-    among(kind, KINDS, "is nothing to write", error=PartError, place=f"cosim new {kind}")
+    among(kind, (*KINDS, "example"), "is nothing to write", error=PartError, place=f"cosim new {kind}")
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name):
         raise PartError("cannot be its name", place=f"{kind} {name}", allowed=ALLOWED)
     if name in TAKEN.get(kind, ()):

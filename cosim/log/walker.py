@@ -116,7 +116,7 @@ def _walk(found, file):
                 return _end(found, body, file.read())
             elif opcode != Opcode.MESSAGE_INDEX:
                 raise ValueError("it has no place here")
-        raise log_error(_CUT, found.path, found.at, _RECOVER)
+        raise log_error(_CUT, found.path, found.at, _RECOVER * bool(found.chunks))
     except BAD as error:
         said = f"damaged or foreign record: {str(error) or type(error).__name__}"
         raise log_error(said, found.path, found.at) from error
@@ -128,7 +128,7 @@ def _records(found: Contents, file: BinaryIO) -> Iterator[tuple[int, bytes]]:
         opcode, length = _RECORD.unpack(head) if len(head) == _RECORD.size else (0, found.size)
         # whatever length one claims behind the preamble, none is read that is longer than a chunk may be
         if length > min(found.size - found.at - _RECORD.size, 2 * MOST_CHUNK if found.layout else found.size):
-            raise log_error(_CUT, found.path, found.at, _RECOVER)
+            raise log_error(_CUT, found.path, found.at, _RECOVER * bool(found.chunks))
         body = file.read(length)
         yield opcode, body
         found.crc = crc32(body, crc32(head, found.crc))
