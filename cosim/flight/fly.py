@@ -55,10 +55,7 @@ def _bounds(kind):
 def record(setup: Any, names: Sequence[Any]) -> tuple[np.ndarray, str, str]:
     """Fly a built flight without a log; return (values (ticks, names) of the named bus signals, status, reason)."""
     index = np.array([setup.loop.bus.index(n) for n in names])
-    rows, status, reason = fly(setup, keep=(index, np.float64))
-    if status == "interrupted":
-        raise KeyboardInterrupt
-    return rows, status, reason
+    return fly(setup, keep=(index, np.float64))
 
 
 def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None) -> tuple:
@@ -66,6 +63,7 @@ def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None) -> tuple
 
     `logs` take the bus of each tick (cosim/flight/tick.py). The trace is an array (ticks, columns) of what the
     judgement needs (cosim/judge/store.py), or of `keep` (positions, dtype). `progress(t, end)` is called now and then.
+    Raises KeyboardInterrupt for one with `keep` that is interrupted: a part of it serves nobody.
     """
     loop, n = setup.loop, setup.scenario.ticks
     index, kind = keep or (setup.trace.index, np.float32)
@@ -77,6 +75,8 @@ def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None) -> tuple
         flown, status, reason = advance(loop, tape, range(first, min(first + SPAN, n)), progress, n)
         trace[first:flown] = rows[: flown - first]
         release(trace)
+    if keep and status == "interrupted":
+        raise KeyboardInterrupt
     return trace[:flown], status or "completed", reason
 
 

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from actuators.constants import M_S_PER_KT
+from cosim.flight.build import build
 from cosim.flight.faults import fault_free_reference
 from cosim.flight.simulate import simulate
 from cosim.judge.detection import JudgedLane
@@ -159,7 +160,8 @@ def test_runs_that_differ_in_their_fault_share_their_reference_and_other_faults_
 
 def test_a_reference_that_is_interrupted_is_none(monkeypatch):
     fault_free_reference._positions.clear()
-    monkeypatch.setattr(fault_free_reference, "fly", lambda setup, keep: (np.zeros((3, 8)), "interrupted", ""))
+    setup = build(flight("liquid-ofc", duration_s=2, **{"faults.0.start_s": 1}))
+    monkeypatch.setattr("cosim.flight.fly.advance", lambda *about: (3, "interrupted", ""))
     with pytest.raises(KeyboardInterrupt):
-        achieved(flight("liquid-ofc", duration_s=2, **{"faults.0.start_s": 1}))
+        fault_free_reference.displacement(setup, np.zeros((3, len(setup.trace.index))))
     assert not fault_free_reference._positions

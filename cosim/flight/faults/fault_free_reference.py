@@ -54,10 +54,7 @@ def _fault_free(scenario):
     key = quiet.expanded_toml()
     if key not in _positions:
         setup = build(quiet)
-        flown, status, _ = fly(setup, keep=(setup.trace.index[setup.trace.moving], np.float32))
-        if status == "interrupted":  # a part of it is no reference, for this flight or a later one
-            raise KeyboardInterrupt
-        _positions[key] = flown
+        _positions[key], *_ = fly(setup, keep=(setup.trace.index[setup.trace.moving], np.float32))
         if len(_positions) > KEPT:
             del _positions[next(iter(_positions))]
     return _positions[key]

@@ -62,11 +62,9 @@ class Trace:
 
     def consequences(self, scenario: Scenario, rows: Any) -> dict[str, float] | None:
         """Return what the faults of `scenario` did to the aircraft from `rows` (ticks, columns), None without any."""
-        starts = [f.start_s for f in scenario.faults if f.start_s is not None]
-        if not starts:
-            return None
+        begin = min((f.start_s for f in scenario.faults if f.start_s is not None), default=scenario.duration_s)
         low, high = scenario.aircraft.limits.cas_kt
-        rows = rows[round(min(starts) / scenario.dt) :]
+        rows = rows[round(begin / scenario.dt) :]
         motion = {name: rows[:, column] for name, column in self.motion.items()}
         return consequences(motion, self._moments(rows), scenario.dt, (low * M_S_PER_KT, high * M_S_PER_KT))
 
