@@ -238,8 +238,7 @@ class Table(BaseModel):
 
 def _in_words(one, fields):
     """Return the `problem` of one error of pydantic's about a table of `fields`."""
-    ctx, wrong = one.get("ctx", {}), one["type"]
-    name = one["loc"][0] if one["loc"] else ""
+    ctx, wrong, name = one.get("ctx", {}), one["type"], next(iter(one["loc"]), "")
     if wrong == "cosim":
         return problem(**ctx)
     if wrong == "extra_forbidden":
