@@ -47,8 +47,8 @@ def test_killed_flights_come_back_and_replay_exactly(kills, tmp_path):
     path, rng, lengths = tmp_path / "killed.mcap", np.random.default_rng(3), []
 
     def wait():
-        # every other one when some chunks are there, however slow it goes
-        grown(left_by(path), 1_000_000 * (len(lengths) % 2))
+        # none before the file begins, every other one when some chunks are there, however slow it goes
+        grown(left_by(path), 1_000_000 * (len(lengths) % 2) + 1)
         time.sleep(float(rng.uniform(0.0, 0.3)))
 
     with killer(LOAD, f"cosim.simulate(scenario, log={str(path)!r}, timed=False)") as kill:
