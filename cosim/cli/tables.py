@@ -68,13 +68,10 @@ def log(found: dict[str, Any]) -> Group:
     names = ("title", "status", "duration_s", "rate_hz", "ticks", "size_mb")
     about = {name: found[name] for name in names if found.get(name) not in (None, "")}
     whole_ = Cell("complete", "good") if found["complete"] else Cell("incomplete: the run did not end itself", "warn")
-    damage = {"gaps": found["gaps"] and f"{found['gaps']} ticks are missing", "problem": found.get("problem")}
+    lost = {"gaps": found["gaps"] and f"{found['gaps']} ticks are missing", "problem": found.get("problem")}
     versions = ", ".join(f"{name} {version}".replace("software ", "") for name, version in found["versions"].items())
-    about |= {"log": whole_, **{k: v for k, v in damage.items() if v}, "written by": versions}
-    lost = json.loads(found["result"].get("not_run", "{}"))
-    if isinstance(lost, list):  # of a recording: which inputs each lane lacks
-        lost = {f"{lane['id']} of {lane['target']}": f"lacks {', '.join(lane['missing'])}" for lane in lost}
-    about |= {f"{name} not run": why for name, why in lost.items()}
+    about |= {"log": whole_, **{k: v for k, v in lost.items() if v}, "written by": versions}
+    about |= {f"{name} not run": why for name, why in json.loads(found["result"].get("not_run", "{}")).items()}
     kept = [name for name in found["attachments"] if not name.endswith(ARRAYS)]
     topics: dict[str, list[str]] = {}
     for r in found["topics"]:

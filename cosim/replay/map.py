@@ -253,6 +253,8 @@ def _write(path, done, out, text, dt):
     kept: dict[str, Any] = {"metadata": metadata, "attachments": attachments, "rows_per_chunk": 500, "kept": False}
     with LogWriter(path, topics, n_values=topics[-1].index[-1] + 1, dt_ns=round(dt * 1e9), **kept) as log:
         append(log, topics, values, 0, len(values[0]))
-        told = {"detectors": out.detectors, "caveats": [out.clock, *out.caveats], "not_run": out.not_run}
+        lacks = {f"{r['id']} of {r['target']}": f"lacks {', '.join(signals_of.in_map(r['missing']))}"
+                 for r in out.not_run}  # fmt: skip
+        told = {"detectors": out.detectors, "caveats": [out.clock, *out.caveats], "not_run": lacks}
         kept = {name: json.dumps(plain(found), sort_keys=True) for name, found in told.items()}
         log.close(result={"status": "diagnosed", **kept})

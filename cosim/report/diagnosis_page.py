@@ -11,7 +11,6 @@ from cosim.errors import LogError
 from cosim.judge.lanes import SHOWN, verdicts
 from cosim.log import open_log
 from cosim.replay.detector_replay import judged_lane
-from cosim.replay.map_signals import in_map
 from cosim.replay.recording import Lane, LoggedFlight, words
 from cosim.report.figure import Figure
 from cosim.report.flight import detectors, panels, timeline
@@ -52,8 +51,7 @@ class Watched:
         told = {n: json.loads((self.log.result or {}).get(n, "[]")) for n in ("detectors", "caveats", "not_run")}
         self.verdicts = {(v["id"], v["target"]): v for v in told["detectors"]}
         self.caveats = list(map(str, told["caveats"]))
-        self.lacking = [f"{row['id']} of {words(row['target'])} lacks {', '.join(in_map(row['missing']))}"
-                        for row in told["not_run"]]  # fmt: skip
+        self.lacking = [f"{lane} {why}" for lane, why in dict(told["not_run"]).items()]
         lanes = (self._lane(n) for n in names if n.startswith(REPLAYED))
         self.lanes = sorted(lanes, key=lambda lane: lane.level != "aircraft")
 

@@ -123,7 +123,8 @@ def _assignment(text, place):
 
 
 def _value(text):
-    """Return the value of TOML; a text that is none is a string, in brackets a list of them: words need no quotes."""
+    """Return the value that `text` has as TOML. What is not TOML is a list of words if it stands in brackets, else the
+    text itself."""
     try:
         parsed = toml(f"x = {text}", place="")
     except CosimError:

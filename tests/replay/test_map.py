@@ -353,6 +353,8 @@ def test_the_page_of_a_diagnosis_shows_verdicts_and_what_was_read(bench, signals
     watched = Watched(tmp_path / "out.mcap")
     assert watched.caveats == [told.clock, *told.caveats] and all(text in unescape(page) for text in told.caveats)
     assert watched.inputs()["left_inner.rod"][0] == "m" and len(watched.lanes) == len(told.detectors)
+    held = CliRunner().invoke(cli.app, ["info", str(tmp_path / "out.mcap")])
+    assert held.exit_code == 0 and f"{told.not_run[0]['id']} of " in held.stdout, held.output
 
 
 class Stub:
