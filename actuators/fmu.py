@@ -178,7 +178,8 @@ class Slaves:
 
     def _set(self, fmu, variables, values):
         numbers = [float(values[word]) / factor for word, (_, factor) in variables.items()]
-        getattr(fmu, f"set{self._real}")([at for at, _ in variables.values()], numbers)
+        if numbers:  # an FMU may refuse to be told of none
+            getattr(fmu, f"set{self._real}")([at for at, _ in variables.values()], numbers)
 
     def _get(self, fmu, x):
         found = getattr(fmu, f"get{self._real}")([at for at, _ in self._outputs.values()])
