@@ -86,7 +86,9 @@ STATE = [
     ("h_S", "f8", (SENSORS, N)),  # signatures of this tick
     ("h_turn", "f8", (TIMING,), "m, -, -"),  # what a tick more or less of age makes of a reading
     ("h_aged", "f8", (SENSORS,)),  # what the learned ages make of it
-    ("h_rise", "f8", "-"),  # change of the pressure over the last tick
+    ("h_past", "f8", (3, N)),  # response of rod and pressure a tick ago
+    ("h_step", "f8", "m"),  # change of the rod over the last tick
+    ("h_rise", "f8", "-"),  # of the pressure
     ("h_push", "f8", "s/m"),  # change of the pressure per flow
     *LEVER_STATE,
     ("h_z", "f8", "-"),  # pressure by the model alone: what flow and force make of it, slowly drawn to the load's
@@ -136,7 +138,7 @@ def start(x, q, dp, u, p):
             x.h_V[i, c] = 0.0
     x.load_last = load_model(x, u, p)
     x.h_z = -x.load_last
-    x.load_rate2 = x.flow2 = x.h_rise = x.h_push = 0.0
+    x.load_rate2 = x.flow2 = x.h_step = x.h_rise = x.h_push = 0.0
     for j in range(SENSORS):
         x.h_lost[j] = x.h_before[j] = x.h_wild[j] = 0.0
     if x.lever_P[2] <= 0.0:
@@ -153,10 +155,11 @@ def measure(x, j, y, mu, p):
     limit = GATE * math.sqrt(s)
     e = min(max(y - x.h_aged[j] - x.h_hat[row], -limit), limit)
     x.h_lost[j] = 0.0
+    older = x.fed[OLDER if j == PRESSURE else AGE]
     for c in range(N):
-        S[c] = V[row, c]
+        S[c] = V[row, c] + older * (x.h_past[row, c] - V[row, c])
     if j == PRESSURE:
-        S[SCALE] += x.h_z  # the estimate of z has the noise of the innovations before this one
+        S[SCALE] += x.h_z + x.h_aged[j]  # the estimate of z has the noise of the innovations before this one
         S[OLDER] += x.h_turn[OLDER]
         S[YOUNGER] += x.h_turn[YOUNGER]
     else:
@@ -181,7 +184,7 @@ def measure(x, j, y, mu, p):
 def wild(x, j, y, p, dt):
     """Return whether the sample `y` of sensor `j` is so far from its prediction, so suddenly, that it is not taken."""
     row = 2 if j == PRESSURE else 0
-    e, before = (y - x.h_hat[row]) / math.sqrt(x.h_P[row, row] + p.h_r[j]), x.h_before[j]
+    e, before = (y - x.h_aged[j] - x.h_hat[row]) / math.sqrt(x.h_P[row, row] + p.h_r[j]), x.h_before[j]
     x.h_before[j] = e
     if math.fabs(e) <= WILD:
         x.h_wild[j] = max(x.h_wild[j] - p.spikes * dt, 0.0)  # a second without: a large oscillation has no such
@@ -198,7 +201,7 @@ def turn(x, v, p, dt):
     """Write what a tick more or less of age makes of the readings, with valve command `v` over the next one."""
     w, z, F = x.h_hat[1], x.h_hat[2], x.h_hat[3]
     net = p.phi_n / p.A_p * opening(v, z) * v - p.L * z - w
-    x.h_turn[AGE], x.h_turn[OLDER] = -dt * w, -x.h_rise
+    x.h_turn[AGE], x.h_turn[OLDER] = -x.h_step, -x.h_rise
     if p.delay > 0.0:  # no sample is of the future
         x.h_turn[YOUNGER] = math.ceil(dt / STEP_MOST - 1e-6) * (x.h_Phi[2, 3] * (z + F) + x.h_push * net)
     x.h_aged[ROD] = x.h_aged[SURFACE] = x.fed[AGE] * x.h_turn[AGE]
@@ -212,19 +215,18 @@ def measurement_update(x, u, v, mu, p, dt):
     for j in range(SENSORS):
         x.h_s[j] = 0.0
         x.h_lost[j] += dt
-    step = dt * x.h_hat[1]
     rod = usable(u.y_rod, u.y_rod_valid) > 0.5 and not wild(x, ROD, u.y_rod, p, dt)
     if rod:
         measure(x, ROD, u.y_rod, mu, p)
     surface, y = usable(u.y_surface, u.y_surface_valid) > 0.5, p.arm * u.y_surface
     if surface and x.lever_P[0] < RIGGING_SD * RIGGING_SD:
-        surface = not wild(x, SURFACE, y + lever_at(x, x.h_hat[0], step), p, dt)
+        surface = not wild(x, SURFACE, y + lever_at(x, x.h_hat[0], x.h_step), p, dt)
     if surface:
         if rod and x.sensor < 0.5 and math.fabs(x.pair_d) < TEACHES * x.pair_limit:
-            moves = step if math.fabs(step) > MOVES * dt else 0.0
+            moves = x.h_step if math.fabs(x.h_step) > MOVES * dt else 0.0
             learn_lever(x, u.y_rod - y, x.h_hat[0], moves, p.h_r[ROD] + p.h_r[SURFACE], dt)
         if x.lever_P[0] < RIGGING_SD * RIGGING_SD:
-            measure(x, SURFACE, y + lever_at(x, x.h_hat[0], step), mu, p)
+            measure(x, SURFACE, y + lever_at(x, x.h_hat[0], x.h_step), mu, p)
     if usable(u.y_dp, u.y_dp_valid) > 0.5 and not wild(x, PRESSURE, u.y_dp, p, dt):
         measure(x, PRESSURE, u.y_dp, mu, p)
 
@@ -251,10 +253,12 @@ def predict(x, u, v, mu, p, dt):
     for c in (AGE, OLDER, YOUNGER, SOFT, SUPPLY, FAST, GAIN):
         x.fed[c] += feed * (mu[c] - x.fed[c])
     n = max(math.ceil(dt / STEP_MOST - 1e-6), 1)
-    x.h_rise = -x.h_hat[2]
+    q, z = x.h_hat[0], x.h_hat[2]
+    for c in range(N):
+        x.h_past[0, c], x.h_past[2, c] = x.h_V[0, c], x.h_V[2, c]
     for _ in range(n):
         advance_state(x, v, fast, model, p, dt / n)
-    x.h_rise += x.h_hat[2]
+    x.h_step, x.h_rise = x.h_hat[0] - q, x.h_hat[2] - z
     x.h_clock += dt
     now = load_model(x, u, p)
     x.h_hat[3] += now - x.load_last if math.fabs(now - x.load_last) < 1.0 else 0.0
@@ -315,10 +319,6 @@ def advance(x, u, mu, p, dt):
             return False
         start(x, u.y_rod, u.y_dp if usable(u.y_dp, u.y_dp_valid) > 0.5 else 0.0, u, p)
     d = int(p.delay)
-    v = x.u_old[max(d - 1, 0)]
-    if d == 0:
-        predict(x, u, v, mu, p, dt)
-    measurement_update(x, u, v, mu, p, dt)
-    if d > 0:
-        predict(x, u, v, mu, p, dt)
+    predict(x, u, x.u_old[d], mu, p, dt)
+    measurement_update(x, u, x.u_old[max(d - 1, 0)], mu, p, dt)
     return True
