@@ -23,6 +23,7 @@ equation. An error theta of the model enters the innovations as e = S theta; its
 | FAST | flow root u, of u above CORNER | share of the fast part, noise of the servo's sensors, that passes more [1] |
 | GAIN | flow root u, of u below CORNER | share by which the valve passes more [1] |
 | APART | surface sensor, by 1 | what the lever as learned does not put rod and surface apart by [m] |
+| HINGE | load, by the change of the model's | share by which the hinge moment is larger than its model [1] |
 
 The pressure follows the noise in the valve command from tick to tick: its samples of other ticks are columns of their
 own. By how much the surface's samples are older than the rod's is learned with the lever (`fdi.common.decision`).
@@ -39,8 +40,8 @@ from fdi.hydraulic.two_stage_ekf import STEP_MOST, transition
 
 ROD, SURFACE, PRESSURE = range(3)
 SENSORS = 3
-AGE, OLDER, YOUNGER, MASS, OFFSET, SCALE, SOFT, SUPPLY, FRICTION, LEAK, FLOW, FAST, GAIN, APART = range(14)
-N = 14  # columns
+AGE, OLDER, YOUNGER, MASS, OFFSET, SCALE, SOFT, SUPPLY, FRICTION, LEAK, FLOW, FAST, GAIN, APART, HINGE = range(15)
+N = 15  # columns
 TIMING = 3  # of them
 ROWS = (0, 0, 2)  # state that each sensor reads
 CORNER_HZ, CORNER_MOST = 25.0, 0.3  # an oscillation of up to 10 Hz stays below; share of the rate
@@ -108,9 +109,9 @@ NOISE = {
     "flow_share": 0.006,
     "share": 0.03,
     # tolerances of 5 % of every parameter (uniform, some of them in one column); friction of 1 % of the stall force
-    "prior_mean": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.05, 0.0, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0),
+    "prior_mean": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.05, 0.0, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     # a tick of age; mass: and friction at rest, which holds as one of 10 to 20 % would while the rod hardly moves
-    "prior_sd": (1.0, 1.0, 1.0, 0.1, 0.012, 0.002, 0.06, 0.035, 0.006, 0.002, 0.0003, 0.05, 0.05, 1e-6),
+    "prior_sd": (1.0, 1.0, 1.0, 0.1, 0.012, 0.002, 0.06, 0.035, 0.006, 0.002, 0.0003, 0.05, 0.05, 1e-6, 0.12),
 }
 
 
@@ -250,7 +251,7 @@ def predict(x, u, v, mu, p, dt):
     rate = (model - x.load_last) / dt
     x.load_rate2 += min(dt / RATE_TAU, 1.0) * (rate * rate - x.load_rate2)
     feed = min(dt / FEED_TAU, 1.0)
-    for c in (AGE, OLDER, YOUNGER, SOFT, SUPPLY, FAST, GAIN):
+    for c in (AGE, OLDER, YOUNGER, SOFT, SUPPLY, FAST, GAIN, HINGE):
         x.fed[c] += feed * (mu[c] - x.fed[c])
     n = max(math.ceil(dt / STEP_MOST - 1e-6), 1)
     q, z = x.h_hat[0], x.h_hat[2]
@@ -261,7 +262,9 @@ def predict(x, u, v, mu, p, dt):
     x.h_step, x.h_rise = x.h_hat[0] - q, x.h_hat[2] - z
     x.h_clock += dt
     now = load_model(x, u, p)
-    x.h_hat[3] += now - x.load_last if math.fabs(now - x.load_last) < 1.0 else 0.0
+    change = now - x.load_last if math.fabs(now - x.load_last) < 1.0 else 0.0
+    x.h_hat[3] += (1.0 + x.fed[HINGE]) * change
+    x.h_V[3, HINGE] += change
     x.load_last = now
 
 
