@@ -52,6 +52,7 @@ SETTLES_S = 1.0  # the filter settles [s]
 FEED_TAU = 2.0  # slower than the filter forgets, so that a signature holds for the errors of some while ago, too [s]
 MODEL_TAU = 0.2  # within which friction and inertia of the model's pressure are forgotten [s]
 RATE_TAU = 0.1  # for so long a fast load or flow leaves the model in doubt [s]
+LEANS = 0.3  # random walk of the load while a stop takes part of it [1/s]
 ROOT_LEAST = 0.3  # of the valve's opening where it divides: the supply's column is linear there no more
 GATE = 25.0  # of an innovation: beyond so many sigma of a healthy one a sample counts for no more
 # Beyond WILD sigma the first `spikes` samples within a second are not taken: one would do for a noisy sensor. A sample
@@ -308,7 +309,8 @@ def advance_state(x, v, fast, model, p, dt):
     x.h_z += rise - min(dt / MODEL_TAU, 1.0) * (x.h_z + model)
     congruence(x.h_P, Phi, x.h_W)
     in_doubt = k * k * p.flow_share * p.flow_share * x.flow2
-    walk = (0.0, 0.0, in_doubt * RATE_TAU, p.load_share * p.load_share * x.load_rate2 * RATE_TAU)
+    load = p.load_share * p.load_share * x.load_rate2 * RATE_TAU + LEANS * x.at_stop
+    walk = (0.0, 0.0, in_doubt * RATE_TAU, load)
     for i in range(4):
         x.h_P[i, i] += (p.h_q[i] + walk[i]) * dt
 
