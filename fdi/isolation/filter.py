@@ -323,7 +323,6 @@ def advance(x, u, mu, p, dt):
         if usable(u.y_rod, u.y_rod_valid) < 0.5:
             return False
         start(x, u.y_rod, u.y_dp if usable(u.y_dp, u.y_dp_valid) > 0.5 else 0.0, u, p)
-    d = int(p.delay)
-    predict(x, u, x.u_old[d], mu, p, dt)
-    measurement_update(x, u, x.u_old[max(d - 1, 0)], mu, p, dt)
+    predict(x, u, x.u_old[int(p.delay)], mu, p, dt)
+    measurement_update(x, u, x.u_old[max(int(p.delay) - 1, 0)], mu, p, dt)
     return True
