@@ -100,8 +100,9 @@ def pair(x, u, rod, surface, p, dt):
     bulk = x.x_hat[2] / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
     known, slack = x.lever_P[2] > 0.0, 0.0  # by the filter without a fault state, where it runs
     if known:
-        x.rigging = decision.lever_at(x, x.h_hat[0], x.h_step)
-        slack = decision.lever_slack(x, x.h_hat[0], x.h_step)
+        step = x.h_step + dt * (x.x_hat[1] - x.h_hat[1])
+        x.rigging = decision.lever_at(x, x.h_hat[0], step)
+        slack = decision.lever_slack(x, x.h_hat[0], step)
     v, x3 = x.u_old[int(p.delay)], x.x_hat[2]
     motion = (1.0 + x.fed[filter.GAIN]) * p.phi_n / p.A_p * opening(v, x3) * v - p.L * x3
     y_surface = p.arm * u.y_surface + bulk
