@@ -91,8 +91,7 @@ def design(dt: float) -> dict:
 def push(x, p, now):
     """Take one tick of the signals `now`, none of them NaN; return the number of fits renewed."""
     renewed = 0.0
-    for k in range(K):
-        x.bank_new[k] = 0.0
+    x.bank_new[:] = 0.0
     for j in range(LEVELS):
         D = p.bank_block[j]
         x.bank_tick[j] += 1.0

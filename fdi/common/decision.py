@@ -87,8 +87,7 @@ def delayed(line, head, column, value, ticks, fresh):
     if not math.isfinite(value):
         value = line[(head + n - 1) % n, column]
     if fresh:
-        for i in range(n):
-            line[i, column] = value
+        line[:, column] = value
     line[head, column] = value
     return line[(head + n - int(ticks)) % n, column]
 

@@ -27,8 +27,7 @@ def trim_map(coefficients, exponents, low, high, rho, power, out):
         power[k, 0] = 1.0
         for j in range(1, power.shape[1]):
             power[k, j] = power[k, j - 1] * z
-    for i in range(out.size):
-        out[i] = 0.0
+    out[:] = 0.0
     for t in range(coefficients.shape[1]):
         term = 1.0
         for k in range(rho.size):
