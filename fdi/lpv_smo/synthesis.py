@@ -21,15 +21,13 @@ without which the pole runs to -1e7 rad/s.
 """
 
 import dataclasses
-import json
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fdi.common import compact
 from fdi.common import lmi as lmi_tools
+from fdi.common import tuning
 from fdi.lpv_smo.model import LpvModel, at, vertices
 
 Arrays = Any  # whatever numpy makes an array of
@@ -198,26 +196,22 @@ def verify(made: Design) -> dict[str, Any]:
 
 def plain(model: LpvModel, made: Design) -> dict[str, Any]:
     """Return model and design as plain data."""
-    return {name: {k: np.asarray(v).tolist() for k, v in vars(part).items()}
-            for name, part in (("model", model), ("design", made))}  # fmt: skip
+    return {"model": tuning.plain(model), "design": tuning.plain(made)}
 
 
 def pair(stored: dict[str, Any]) -> tuple[LpvModel, Design]:
     """Return the model and the design of JSON data as `plain` makes it."""
-    model: dict[str, Any] = {k: np.array(v) for k, v in stored["model"].items()}
-    made: dict[str, Any] = {k: np.array(v) if isinstance(v, list) else v for k, v in stored["design"].items()}
-    return LpvModel(**model), Design(**made)
+    return tuning.from_plain(LpvModel, stored["model"]), tuning.from_plain(Design, stored["design"])
 
 
-def load(path: Path | str | None = None) -> tuple[LpvModel, Design]:
-    """Return (LpvModel, Design) from `path`, by default the stored ones of this aircraft; errors of
-    `fdi.common.compact.read`."""
-    return pair(json.loads(Path(path).read_text(encoding="utf-8")) if path else compact.read("lpv_smo"))
+def load() -> tuple[LpvModel, Design]:
+    """Return the stored (LpvModel, Design) of the paper's box."""
+    return pair(tuning.read("lpv_smo"))
 
 
-def load_boxes(own: str | Path | None = None) -> list[tuple[LpvModel, Design]]:
-    """Return the (LpvModel, Design) of every stored box; `own` as for `fdi.common.compact.read`."""
-    return [pair(box) for box in compact.read("lpv_smo_boxes", own)["boxes"]]
+def load_boxes(own: Any = None) -> list[tuple[LpvModel, Design]]:
+    """Return the (LpvModel, Design) of every stored box; `own` as for `fdi.common.tuning.read`."""
+    return [pair(box) for box in tuning.read("lpv_smo_boxes", own)["boxes"]]
 
 
 def _stacks(A, B, C, D):
