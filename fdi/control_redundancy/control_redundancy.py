@@ -32,10 +32,21 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
 from fdi.common.decision import T_HOLD
-from fdi.common.envelope import ALPHA, FLYING, MACH, box
 from fdi.common.record import Detector, Estimate, Site
 from fdi.common.tuning import thresholds
-from fdi.common.why import BOX_ALPHA, BOX_MACH, BOX_SPEED, GUSTS, LOST_SENSOR, NOT_READY, VALID
+from fdi.common.why import (
+    ALPHA,
+    BOX_ALPHA,
+    BOX_MACH,
+    BOX_SPEED,
+    FLYING,
+    GUSTS,
+    LOST_SENSOR,
+    MACH,
+    NOT_READY,
+    VALID,
+    box,
+)  # fmt: skip
 from fdi.control_redundancy import core, force_model
 from fdi.control_redundancy import structure as redundancy_structure
 from fdi.control_redundancy.core import BLOCKS, DELAY, NC, NF, NH, NR, NX
@@ -289,9 +300,9 @@ def _without_data(x, p, dt, why):
 def step(x, u, p, dt):
     """Compare measured with computed forces at one tick, average, evaluate the residuals, decide."""
     core.delayed_commands(x, u, p, dt)
-    why = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], BOX_SPEED, VALID)
-    why = box(u.mach, u.mach_valid, MACH[0], MACH[1], BOX_MACH, why)
-    why = box(u.alpha_ground, u.alpha_ground_valid, ALPHA[0], ALPHA[1], BOX_ALPHA, why)
+    why = box(u.tas, u.tas_valid, FLYING, BOX_SPEED, VALID)
+    why = box(u.mach, u.mach_valid, MACH, BOX_MACH, why)
+    why = box(u.alpha_ground, u.alpha_ground_valid, ALPHA, BOX_ALPHA, why)
     if why == VALID and not core.complete(u):
         why = LOST_SENSOR
     if why != VALID:

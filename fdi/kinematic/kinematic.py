@@ -55,11 +55,10 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
 from fdi.common.decision import usable
-from fdi.common.envelope import FLYING, box
 from fdi.common.record import Detector
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
-from fdi.common.why import BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
+from fdi.common.why import BOX_SPEED, FLYING, LOST_SENSOR, NOT_READY, VALID, box
 from fdi.kinematic import signatures as table
 from fdi.kinematic import wind
 from fdi.kinematic.rows import compare, read, weigh
@@ -421,7 +420,7 @@ def _flies(u):
     left, out = 0.0, 0.0
     for i in range(3):
         left += usable(values[i], flags[i])
-        out += box(values[i], flags[i], FLYING[0], FLYING[1], 1.0, 0.0)
+        out += box(values[i], flags[i], FLYING, 1.0, 0.0)
     return out < 1.0 or out < min(left, 2.0)
 
 
