@@ -51,8 +51,7 @@ def _distance(x, p, k):
 @kernel
 def _choose(x, p):
     """Choose the box that holds rho best, keep it as long as it does, clamp rho to it; return 0.0 or `BOX_...`."""
-    last = min(max(int(x.box), 0), int(p.n_box) - 1)
-    x.box = last
+    x.box = last = min(max(int(x.box), 0), int(p.n_box) - 1)
     far, where = _distance(x, p, last)
     if far > STAY or x.age == 0.0:
         for k in range(int(p.n_box)):
@@ -97,12 +96,8 @@ def inputs(x, u, p, dt):
 def outputs(x, u, p, dt):
     """Filter n_z and alpha (7), linear between samples, and leave b = old s, s = new s."""
     b = int(x.box)
-    for i in range(2):
-        y = x.y2[i]
-        if i == 0 and usable(u.n_z, u.n_z_valid) > 0.5:
-            y = u.n_z
-        elif i == 1 and usable(u.alpha, u.alpha_valid) > 0.5:
-            y = u.alpha / RAD_PER_DEG
+    for i, (value, valid) in enumerate(((u.n_z, u.n_z_valid), (u.alpha / RAD_PER_DEG, u.alpha_valid))):
+        y = held(value, valid, x.y2[i])
         if x.age == 0.0:
             x.z[i] = y
         else:
@@ -115,6 +110,12 @@ def outputs(x, u, p, dt):
             p.mix[b, i, 0] * u.h + p.mix[b, i, 1] * u.theta / RAD_PER_DEG + p.mix[b, i, 2] * x.speed
             + p.mix[b, i, 3] * u.q / RAD_PER_DEG + p.mix[b, i, 4] * x.z[0] + p.mix[b, i, 5] * x.z[1]
         )  # fmt: skip
+
+
+@kernel
+def sideways(u):
+    """Return bank angle [rad], roll rate and yaw rate [rad/s]; one that is out counts as zero."""
+    return held(u.phi, u.phi_valid, 0.0), held(u.p, u.p_valid, 0.0), held(u.r, u.r_valid, 0.0)
 
 
 @kernel
@@ -132,9 +133,7 @@ def drift(x, u, p, dt):
     if x.age == 0.0:
         x.ahead, x.ahead_var = u.tas - x.v_s if air else 0.0, PRIOR
         x.across, x.across_var, x.lean, x.tilt, x.spin, x.blown = 0.0, PRIOR * PRIOR, 0.0, 0.0, 0.0, 0.0
-    phi = held(u.phi, u.phi_valid, 0.0)
-    roll = held(u.p, u.p_valid, 0.0)
-    yaw = held(u.r, u.r_valid, 0.0)
+    phi, roll, yaw = sideways(u)
     vane = air and usable(u.beta, u.beta_valid) > 0.5
     sp, cp, speed = math.sin(phi), math.cos(phi), max(x.v_s, 10.0)
     lateral = u.tas * math.sin(u.beta) if vane else 0.0
@@ -180,11 +179,9 @@ def lateral(x, u, p):
     theta' += q (cos phi - 1) - r sin phi
     Z' += V sin(alpha) cos(theta) (1 - cos phi),  V' -= g of the same,   q' += ((Izz - Ixx) p r - Ixz (p^2 - r^2)) / Iyy
 
-    An extension: [Alwi14] treats the longitudinal motion alone. Signals that are out count as zero.
+    An extension: [Alwi14] treats the longitudinal motion alone.
     """
-    phi = held(u.phi, u.phi_valid, 0.0)
-    roll = held(u.p, u.p_valid, 0.0)
-    yaw = held(u.r, u.r_valid, 0.0)
+    phi, roll, yaw = sideways(u)
     lost, alpha, speed = 1.0 - math.cos(phi), x.alpha_hat, max(x.speed, 10.0)
     tilt = math.sin(alpha) * math.cos(u.theta) * lost
     d0 = -G0 / speed * math.cos(u.theta) * math.cos(alpha) * lost / RAD_PER_DEG
@@ -318,15 +315,13 @@ def reconstruct(x, u, p, dt):
     b = int(x.box)
     E, D51 = x.B[4, 0], x.B[5, 0] / p.a_f[b, 0]
     c = 1.0 - math.exp(-dt / p.tau_f)
+    good = (1.0, usable(u.n_z, u.n_z_valid), usable(u.alpha, u.alpha_valid))
     for i in range(3):
         raw = 0.0
         for j in range(P):
             raw += p.W[b, i, j] * x.nu[j]
-        if i == 0:
-            raw /= E
-        out = (i == 1 and usable(u.n_z, u.n_z_valid) < 0.5) or (i == 2 and usable(u.alpha, u.alpha_valid) < 0.5)
-        if not out:
-            x.f[i] += c * (raw - x.f[i])
+        if good[i] > 0.5:
+            x.f[i] += c * ((raw / E if i == 0 else raw) - x.f[i])
     # a gust of angle a moves alpha's vane, n_z and the pitching moment together: (a, k_n a, k_e a)
     k_e = x.A[4, 0] / E
     k = x.A[5, 0] / p.a_f[b, 0]

@@ -359,11 +359,6 @@ def _oscillates(x, p, dt):
 
 
 @kernel
-def _above(seconds):
-    return 1.0 if seconds > 0.0 else 0.0
-
-
-@kernel
 def _decide(x, p, dt):
     """Declare each fault by its own estimate; of those declared the summary names the one that has been so longest."""
     oscillates = _oscillates(x, p, dt)
@@ -373,13 +368,13 @@ def _decide(x, p, dt):
         score = math.fabs(estimates[i]) / (p.limit[i] + p.limit_away[i] * x.apart + p.limit_gust[i] * x.rms)
         # an oscillation is beyond its threshold for less than the confirmation time at once
         beyond = score >= (RELEASED_AT if x.held[i] > 0.0 else 1.0) or (i == 0 and oscillates)
-        x.timer[i], on = confirm(x.timer[i], _above(x.held[i]), beyond, dt, p.t_confirm, p.t_release)
+        x.timer[i], on = confirm(x.timer[i], float(x.held[i] > 0.0), beyond, dt, p.t_confirm, p.t_release)
         x.held[i] = x.held[i] + dt if on > 0.5 else 0.0
         x.r = max(x.r, score)
         if x.held[i] > longest:
             longest, x.isolated_part = x.held[i], i + 1.0
-    x.alarm_elevator, x.alarm_n_z, x.alarm_alpha = _above(x.held[0]), _above(x.held[1]), _above(x.held[2])
-    x.alarm = _above(longest)
+    x.alarm_elevator, x.alarm_n_z = float(x.held[0] > 0.0), float(x.held[1] > 0.0)
+    x.alarm_alpha, x.alarm = float(x.held[2] > 0.0), float(longest > 0.0)
     x.verdict = NONE if x.alarm < 0.5 else SENSOR if x.isolated_part > 1.5 else OFC_LIQUID if oscillates else AMBIGUOUS
     if x.alarm > 0.5 and x.gyro_off > 0.0:  # all three estimates take q for true
         x.verdict, x.isolated_part = AMBIGUOUS, 0.0
@@ -392,10 +387,7 @@ def _withhold(x, why):
     x.valid, x.why = 0.0, why
     x.r, x.alarm, x.verdict, x.isolated_part, x.swing = 0.0, 0.0, NONE, 0.0, 0.0
     x.alarm_elevator, x.alarm_n_z, x.alarm_alpha = 0.0, 0.0, 0.0
-    x.held[:] = 0.0
-    x.timer[:] = 0.0
-    x.bank_seen[:] = 0.0
-    x.hit[:] = 0.0
+    x.held[:] = x.timer[:] = x.bank_seen[:] = x.hit[:] = 0.0
 
 
 @kernel

@@ -3,7 +3,7 @@
 | symbol | here |
 |---|---|
 | S(rho) = S_0 + rho_1 S_1 + ... + rho_nr S_nr, (27) | a stack of shape (1 + nr, rows, cols), `at(stack, rho)` |
-| X of (29), columns [1 rho_1 .. rho_nr] | `_regressor`, in normalised rho for conditioning |
+| X of (29), columns [1 rho_1 .. rho_nr] | X of `fit`, in normalised rho for conditioning |
 | min ||S - A X||_2, (31) | `fit`, insignificant and invariant entries fixed at their mean in S_0 |
 | trim maps x, u, y over rho | `fit_trim`, polynomials; an LPV observer works on deviations from them |
 
@@ -76,7 +76,7 @@ def fit(rho: Any, S: Any, *, box: Any, tolerance: Any = 0.02, scale: Any = None,
     determine nr + 1 coefficients.
     """
     rho, S = np.asarray(rho, float), np.asarray(S, float)
-    X = _regressor(rho, box)
+    X = np.column_stack([np.ones(len(rho)), normalise(rho, box)])
     if np.linalg.matrix_rank(X) < X.shape[1]:
         raise ValueError(f"{len(rho)} grid points leave the {X.shape[1]} coefficients of an affine model undetermined")
     k, rows, cols = S.shape
@@ -102,15 +102,9 @@ def fit_trim(rho: Any, values: Any, *, box: Any, degree: int = TRIM_DEGREE) -> A
     return np.linalg.lstsq(basis, np.asarray(values, float), rcond=1e-9)[0].T
 
 
-def _regressor(rho, box):
-    return np.column_stack([np.ones(len(rho)), normalise(rho, box)])
-
-
 def _raw(theta, box):
     """Turn coefficients in normalised rho into coefficients in rho itself."""
     low, high = np.asarray(box, float).T
     slope = 2 / (high - low)
-    raw = theta.copy()
-    raw[1:] = slope[:, None, None] * theta[1:]
-    raw[0] = theta[0] - np.tensordot(low * slope + 1, theta[1:], axes=1)
-    return raw
+    mean = theta[0] - np.tensordot(low * slope + 1, theta[1:], axes=1)
+    return np.concatenate([mean[None], slope[:, None, None] * theta[1:]])
