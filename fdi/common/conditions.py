@@ -79,29 +79,22 @@ def fixed_modes(A1: np.ndarray, C: np.ndarray, TF: np.ndarray) -> Any:
     return unobservable_modes(A1 - TF @ np.linalg.pinv(C @ TF) @ C @ A1, C)
 
 
-def unobservable_modes(A: np.ndarray, C: np.ndarray) -> Any:
-    """Return the eigenvalues of A on the largest A-invariant subspace in null(C): V <- V intersected with A^-1 V."""
-    from scipy.linalg import null_space  # a tenth of a second that a start need not wait for
+def shows(A: np.ndarray, C: np.ndarray, mode: complex) -> np.ndarray:
+    """Return [(mode I - A) / |A|; C], C with unit rows: it loses rank where a mode of A does not show in C (Popov,
+    Belevitch, Hautus)."""
+    return np.vstack([(mode * np.eye(len(A)) - A) / max(np.linalg.norm(A, 2), 1e-12), unit_rows(C)])
 
-    Z = null_space(C, rcond=RANK)
-    for _ in range(A.shape[0]):
-        if Z.shape[1] == 0:
-            return np.zeros(0, complex)
-        outside = A @ Z - Z @ (Z.T @ A @ Z)
-        _, s, Vt = np.linalg.svd(outside)
-        keep = Vt[rank_of(s, RANK * max(1.0, np.linalg.norm(A))) :].T
-        if keep.shape[1] == Z.shape[1]:
-            break
-        Z = Z @ keep
-    return np.linalg.eigvals(Z.T @ A @ Z)
+
+def unobservable_modes(A: np.ndarray, C: np.ndarray) -> Any:
+    """Return the eigenvalues of A that do not show in C."""
+    return np.array([mode for mode in np.linalg.eigvals(A) if singular(shows(A, C, mode))[-1] <= RANK])
 
 
 def detectable(A1: np.ndarray, C: np.ndarray) -> None:
     """Raise DesignError where a mode of A1 that is not stable does not show in C, condition (iv); it names the mode."""
-    n, size, unit = A1.shape[0], max(np.linalg.norm(A1, 2), 1e-12), unit_rows(C)
-    for value in unobservable_modes(A1, unit):
-        if value.real >= -1e-9 * size:
-            _, values, Vt = np.linalg.svd(np.vstack([(value * np.eye(n) - A1) / size, unit]))
+    for value in unobservable_modes(A1, C):
+        if value.real >= -1e-9 * np.linalg.norm(A1, 2):
+            _, values, Vt = np.linalg.svd(shows(A1, C, value))
             raise DesignError(
                 f"condition (iv) fails: the mode {value:.4g} 1/s of A1 = (I - HC) A is not stable and does not show "
                 f"in C (smallest singular value {values[-1]:.1e}, mostly state {np.argmax(abs(Vt[-1]))}); measure it "
