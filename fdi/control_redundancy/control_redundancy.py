@@ -32,7 +32,7 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
 from fdi.common.decision import T_HOLD
-from fdi.common.record import Detector, Estimate, Site
+from fdi.common.record import LEARN_S, TICK, Detector, Estimate, Site
 from fdi.common.tuning import thresholds
 from fdi.common.why import (
     ALPHA,
@@ -54,14 +54,9 @@ from fdi.control_redundancy.decide import decide, withdraw
 
 EFFECTORS = ("elevator", "aileron", "rudder", "engine")
 ISOLABLE_PARTS = ("", *EFFECTORS)
-LEARN_S = 8.0  # in flight, as the other observers of the aircraft [s]
-STRIDE = 0.005  # [s] from one command kept to the next, at least
-SERVO_LAG = (
-    0.06,
-    0.06,
-    0.09,
-    0.0,
-)  # [s]: servos near 30 rad/s, the rudder's 20 rad/s, damping 0.9; the stabiliser creeps
+# elevator, aileron, rudder, stabiliser: how many commands each has, and its lag [s]: servos near 30 rad/s, the rudder's
+# 20 rad/s, damping 0.9; the stabiliser creeps
+COMMANDS, SERVO_LAG = (4, 2, 1, 1), (0.06, 0.06, 0.09, 0.0)
 
 PARAMS = dtype(
     [
@@ -231,7 +226,7 @@ DETECTOR = Detector(
 
 
 def params(
-    which: str = "flight", *, model: force_model.ForceModel, dt: float = 0.005, delay: float = 2,
+    which: str = "flight", *, model: force_model.ForceModel, dt: float = TICK, delay: float = 2,
     lag: Sequence[float] = SERVO_LAG, rate: Sequence[float] = (0.0, 0.0, 0.0, 0.0), t_mean: float = 0.5,
     t_learn: float = 20.0, own: Any = None,
 ) -> np.ndarray:  # fmt: skip
@@ -239,13 +234,13 @@ def params(
 
     Commands are delayed by `delay` ticks as the measurements are [Mar10] slide 11, and by `lag` [s], what a healthy
     actuator takes on average (2 zeta / omega of a second-order one): elevator, aileron, rudder, stabiliser. They move
-    at `rate` [rad/s] at most, in the same order, 0 for no limit. Of shorter ticks than 5 ms every `stride`-th is kept.
+    at `rate` [rad/s] at most, in the same order, 0 for no limit. Of shorter ticks than TICK every `stride`-th is kept.
     Families come from the structure of the model's rows. Raises ValueError for a mean beyond 0.5 s, a delay beyond the
     buffer, too many families.
     """
     tables = force_model.fields(model)
-    stride = max(1.0, math.floor(STRIDE / dt + 1e-9))
-    late = delay + np.round(_each(*lag) / dt)
+    stride = max(1.0, math.floor(TICK / dt + 1e-9))
+    late = delay + np.round(np.repeat(lag, COMMANDS) / dt)
     late = np.round((late - (stride - 1.0) / 2.0) / stride)  # the newest that is kept is half a stride old on average
     found = redundancy_structure.families(model.structure())
     for wrong, message in (
@@ -257,7 +252,7 @@ def params(
         if wrong:
             raise ValueError(message)
     p = record(
-        PARAMS, **tables, n_families=len(found), late=late, stride=stride, rate=_each(*rate),
+        PARAMS, **tables, n_families=len(found), late=late, stride=stride, rate=np.repeat(rate, COMMANDS),
         t_mean=t_mean, t_learn=t_learn, limit=[0.8, 0.8, 0.8, 1.2], **thresholds("control_redundancy", which, own),
     )  # fmt: skip
     for i, family in enumerate(found):
@@ -265,10 +260,6 @@ def params(
         for m, (row, replaced) in enumerate(family.pivots):
             p["pivot_row"][0, i, m], p["pivot_input"][0, i, m] = row, replaced
     return p
-
-
-def _each(elevator, aileron, rudder, stabiliser):
-    return np.array([*[elevator] * 4, aileron, aileron, rudder, stabiliser])
 
 
 def fitted(site: Site) -> np.ndarray:

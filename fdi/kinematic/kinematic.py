@@ -55,7 +55,7 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
 from fdi.common.decision import usable
-from fdi.common.record import Detector
+from fdi.common.record import LEARN_S, TICK, Detector
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
 from fdi.common.why import BOX_SPEED, FLYING, LOST_SENSOR, NOT_READY, VALID, box
@@ -66,7 +66,6 @@ from fdi.kinematic.signatures import CLIMB, EITHER, NR, NS, SENSORS
 
 ISOLABLE_PARTS = table.ISOLABLE_PARTS
 SPEEDS = ("tas", "cas", "v_ground")
-TICK = 0.005  # of the training flights [s]
 # a gust changes by sigma sqrt(2 V dt / L) from tick to tick [Dryden]: the variance of airspeed goes with V, that of a
 # vane's angle with 1 / V, that of a load factor, V times that angle, with V^3
 GUSTY = {**dict.fromkeys(("tas", "cas", "mach"), 1), **dict.fromkeys(("alpha", "beta"), 2),
@@ -179,7 +178,7 @@ DETECTOR = Detector(
 )
 
 
-def params(which: str = "flight", *, dt: float = TICK, t_learn: float = 8.0, own: Any = None) -> np.ndarray:
+def params(which: str = "flight", *, dt: float = TICK, t_learn: float = LEARN_S, own: Any = None) -> np.ndarray:
     """Return PARAMS with the threshold set `which`, trained at ticks of TICK, for those of `dt` seconds; offsets and
     noise are learned over the first `t_learn` seconds.
 
@@ -408,9 +407,7 @@ def _would_show(x):
 def _clear(x):
     x.alarm, x.verdict, x.isolated_part = 0.0, NONE, 0.0
     x.shows = x.refuted = x.leapt = x.since = x.quiet = 0.0
-    x.fired[:] = 0.0
-    x.held[:] = 0.0
-    x.known[:] = 0.0
+    x.fired[:] = x.held[:] = x.known[:] = 0.0
 
 
 @kernel
@@ -434,8 +431,7 @@ def step(x, u, p, dt):
     x.age += dt
     if not flies and x.age <= p.t_learn:
         x.age, x.n_learn = 0.0, 0.0
-        x.offset[:] = 0.0
-        x.level[:] = 0.0
+        x.offset[:] = x.level[:] = 0.0
     if p.t_settle < x.age <= p.t_learn:
         x.n_learn += 1.0
     r = max(_residuals(x, p, dt), _noise(x, p, dt))

@@ -54,7 +54,7 @@ from actuators.block import dtype, entry, kernel, record
 from actuators.constants import M_S_PER_KT, RAD_PER_DEG
 from fdi.common import bank, gyro
 from fdi.common.decision import confirm, usable
-from fdi.common.record import Detector, Estimate, Site
+from fdi.common.record import LEARN_S, TICK, Detector, Estimate, Site
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, SENSOR
 from fdi.common.why import BOX_ALPHA, BOX_MACH, LOST_SENSOR, NOT_READY, VALID
@@ -62,7 +62,6 @@ from fdi.lpv_smo.core import DELAY, NB, M, N, P, R, T, drift, gust, inputs, late
 from fdi.lpv_smo.model import LpvModel, powers
 from fdi.lpv_smo.synthesis import Design, load, load_boxes
 
-LEARN_S = 8.0  # in flight: the paper's faults come at 10 s [s]
 GRADIENT = 0.6  # of the damping in pitch: what a gust that grows along the body does, by training flights
 ISOLABLE_PARTS = ("", "elevator", "n_z", "alpha")
 RELEASED_AT = 0.7  # of its threshold: above it a fault that is declared has not ended
@@ -270,7 +269,7 @@ DETECTOR = Detector(
 
 def params(
     which: str = "flight", *, model: LpvModel | None = None, made: Design | None = None,
-    designs: list[tuple[LpvModel, Design]] | None = None, dt: float = 0.005, own: Any = None, **values: Any,
+    designs: list[tuple[LpvModel, Design]] | None = None, dt: float = TICK, own: Any = None, **values: Any,
 ) -> np.ndarray:  # fmt: skip
     """Return PARAMS of an `LpvModel` and its `Design`, by default the paper's box, stored for this aircraft.
 
@@ -368,13 +367,15 @@ def _decide(x, p, dt):
         score = math.fabs(estimates[i]) / (p.limit[i] + p.limit_away[i] * x.apart + p.limit_gust[i] * x.rms)
         # an oscillation is beyond its threshold for less than the confirmation time at once
         beyond = score >= (RELEASED_AT if x.held[i] > 0.0 else 1.0) or (i == 0 and oscillates)
-        x.timer[i], on = confirm(x.timer[i], float(x.held[i] > 0.0), beyond, dt, p.t_confirm, p.t_release)
+        x.timer[i], on = confirm(x.timer[i], 1.0 if x.held[i] > 0.0 else 0.0, beyond, dt, p.t_confirm, p.t_release)
         x.held[i] = x.held[i] + dt if on > 0.5 else 0.0
         x.r = max(x.r, score)
         if x.held[i] > longest:
             longest, x.isolated_part = x.held[i], i + 1.0
-    x.alarm_elevator, x.alarm_n_z = float(x.held[0] > 0.0), float(x.held[1] > 0.0)
-    x.alarm_alpha, x.alarm = float(x.held[2] > 0.0), float(longest > 0.0)
+    x.alarm_elevator = 1.0 if x.held[0] > 0.0 else 0.0
+    x.alarm_n_z = 1.0 if x.held[1] > 0.0 else 0.0
+    x.alarm_alpha = 1.0 if x.held[2] > 0.0 else 0.0
+    x.alarm = 1.0 if longest > 0.0 else 0.0
     x.verdict = NONE if x.alarm < 0.5 else SENSOR if x.isolated_part > 1.5 else OFC_LIQUID if oscillates else AMBIGUOUS
     if x.alarm > 0.5 and x.gyro_off > 0.0:  # all three estimates take q for true
         x.verdict, x.isolated_part = AMBIGUOUS, 0.0

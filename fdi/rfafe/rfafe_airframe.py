@@ -20,14 +20,13 @@ from actuators.block import dtype, entry, kernel, record
 from actuators.constants import RAD_PER_DEG
 from fdi.common import bank
 from fdi.common.decision import held, usable
-from fdi.common.record import Detector, Estimate
+from fdi.common.record import TICK, Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.rfafe import core as rfafe_core
 from fdi.rfafe.core import advance, fill, read_airframe
 from fdi.rfafe.store import choose, lacks, read, side_kinds
 
 ISOLABLE_PARTS = ("", "elevator")
-DT = 0.005  # base tick [s]
 
 PARAMS = dtype(rfafe_core.PARAMS)
 INPUTS = dtype([
@@ -68,7 +67,7 @@ DETECTOR = Detector(
 
 
 def params(
-    which: str = "flight", *, stored: Any = None, technology: str = "hydraulic", dt: float = DT, own: Any = None
+    which: str = "flight", *, stored: Any = None, technology: str = "hydraulic", dt: float = TICK, own: Any = None
 ) -> np.ndarray:
     """Return PARAMS from the stored design and threshold set `which`; arguments as in `fdi.rfafe.rfafe.params`."""
     design, chosen = choose(read("rfafe_airframe", own) if stored is None else stored, technology, dt)
