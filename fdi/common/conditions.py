@@ -4,7 +4,6 @@ Rank decisions are taken on matrices with unit rows of C and unit columns of E a
 units.
 """
 
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ class DesignError(ValueError):
     """A condition for the estimator to exist fails; the message says which and by how much."""
 
 
-def decouple(C: np.ndarray, E: np.ndarray, F: np.ndarray) -> tuple[Any, ...]:
+def decouple(C: np.ndarray, E: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return H = E (CE)^+ (12) and T = I - HC (6); raise DesignError that says which of conditions (i)-(iii) fails.
 
     E (n, q) has full column rank, C (m, n), F (n, l). Singular values are those of matrices with unit rows of C and
@@ -71,7 +70,7 @@ def separate(E: np.ndarray, F: np.ndarray, C: np.ndarray, *, min_ratio: float = 
     return np.zeros((E.shape[0], 0))
 
 
-def fixed_modes(A1: np.ndarray, C: np.ndarray, TF: np.ndarray) -> Any:
+def fixed_modes(A1: np.ndarray, C: np.ndarray, TF: np.ndarray) -> np.ndarray:
     """Return the invariant zeros of (A1, TF, C): eigenvalues that stay in N under (16) for every K1.
 
     They are the unobservable eigenvalues of (C, A2), A2 = (I - TF (C TF)^+ C) A1, among them those of (C, A1) itself.
@@ -85,7 +84,7 @@ def shows(A: np.ndarray, C: np.ndarray, mode: complex) -> np.ndarray:
     return np.vstack([(mode * np.eye(len(A)) - A) / max(np.linalg.norm(A, 2), 1e-12), unit_rows(C)])
 
 
-def unobservable_modes(A: np.ndarray, C: np.ndarray) -> Any:
+def unobservable_modes(A: np.ndarray, C: np.ndarray) -> np.ndarray:
     """Return the eigenvalues of A that do not show in C."""
     return np.array([mode for mode in np.linalg.eigvals(A) if singular(shows(A, C, mode))[-1] <= RANK])
 
@@ -102,7 +101,7 @@ def detectable(A1: np.ndarray, C: np.ndarray) -> None:
             )
 
 
-def balance(A: np.ndarray, C: np.ndarray, F: np.ndarray, sigma: float | None = None) -> Any:
+def balance(A: np.ndarray, C: np.ndarray, F: np.ndarray, sigma: float | None = None) -> np.ndarray:
     """Return state scales s, x = s * x_balanced: Osborne's balance of [A F; C 0] with unit rows of C, columns of F.
 
     With `sigma` (m,), the outputs' noise, a state that shows in an output is scaled to that noise: P near the
@@ -142,23 +141,23 @@ def angle_deg(E: np.ndarray, F: np.ndarray) -> float:
     return 90.0 if E.shape[1] == 0 else float(np.degrees(np.min(subspace_angles(E, F))))
 
 
-def unit_columns(X: np.ndarray) -> Any:
+def unit_columns(X: np.ndarray) -> np.ndarray:
     """Return X with its columns scaled to length one; zero columns stay."""
     size = np.linalg.norm(X, axis=0)
     return X / np.where(size > 0.0, size, 1.0)
 
 
-def unit_rows(X: np.ndarray) -> Any:
+def unit_rows(X: np.ndarray) -> np.ndarray:
     """Return X with its rows scaled to length one; zero rows stay."""
     return unit_columns(X.T).T
 
 
-def singular(X: np.ndarray) -> Any:
+def singular(X: np.ndarray) -> np.ndarray:
     """Return the singular values of X, none for an empty matrix."""
     return np.linalg.svd(X, compute_uv=False) if X.size else np.zeros(0)
 
 
-def rank_of(s: Any, tolerance: float | None = None) -> int:
+def rank_of(s: np.ndarray, tolerance: float | None = None) -> int:
     """Return how many singular values exceed `tolerance`, or RANK times the largest."""
     return int(np.sum(s > (RANK * (s[0] if len(s) else 0.0) if tolerance is None else tolerance)))
 

@@ -17,13 +17,11 @@ from typing import Any
 import numpy as np
 
 WIDTH = 120  # of a line
+Folder = str | Path | None  # of an aircraft with thresholds and designs of its own; None: those of the aircraft of fdi
 
 
-def thresholds(detector: str, which: str = "flight", own: Any = None) -> dict:
-    """Return {PARAMS field: number or row, SI} of set `which`; an unknown set or a bad value raises ValueError.
-
-    `own` is the folder of an aircraft with thresholds of its own, None: those of the aircraft of `fdi`.
-    """
+def thresholds(detector: str, which: str = "flight", own: Folder = None) -> dict:
+    """Return {PARAMS field: number or row, SI} of set `which`; an unknown set or a bad value raises ValueError."""
     text = resources.files("fdi").joinpath("thresholds", f"{detector}.json").read_text(encoding="utf-8")
     sets = {k: v for k, v in json.loads(text).items() if k != "training"}
     if which not in sets:
@@ -40,11 +38,8 @@ def thresholds(detector: str, which: str = "flight", own: Any = None) -> dict:
     return found
 
 
-def read(name: str, own: str | Path | None = None) -> dict[str, Any]:
-    """Return what the design `name` holds, of the aircraft with designs of its own in folder `own`, None: of `fdi`.
-
-    Raises FileNotFoundError when there is none.
-    """
+def read(name: str, own: Folder = None) -> dict[str, Any]:
+    """Return what the design `name` holds. Raises FileNotFoundError when there is none."""
     file = (Path(own) if own else resources.files("fdi")).joinpath("designs", f"{name}.json")
     if not file.is_file():
         raise FileNotFoundError(f"there is no stored design {name!r}; make it with `python -m cosim.training designs`")

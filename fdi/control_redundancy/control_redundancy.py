@@ -26,14 +26,13 @@ moves the elevators against it) are still named as the effector that acts alike.
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record, zero_state
 from fdi.common.decision import T_HOLD
 from fdi.common.record import LEARN_S, TICK, Detector, Estimate, Site
-from fdi.common.tuning import thresholds
+from fdi.common.tuning import Folder, thresholds
 from fdi.common.why import (
     ALPHA,
     BOX_ALPHA,
@@ -228,7 +227,7 @@ DETECTOR = Detector(
 def params(
     which: str = "flight", *, model: force_model.ForceModel, dt: float = TICK, delay: float = 2,
     lag: Sequence[float] = SERVO_LAG, rate: Sequence[float] = (0.0, 0.0, 0.0, 0.0), t_mean: float = 0.5,
-    t_learn: float = 20.0, own: Any = None,
+    t_learn: float = 20.0, own: Folder = None,
 ) -> np.ndarray:  # fmt: skip
     """Return PARAMS for a `ForceModel`; `t_mean`, `t_learn` 0 switch the aids off.
 
@@ -269,9 +268,7 @@ def fitted(site: Site) -> np.ndarray:
                   lag=about.delays, rate=about.rates)  # fmt: skip
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return STATE of p's shape: nothing learned, averages empty."""
-    return np.zeros(p.shape, STATE)
+init = zero_state(STATE)  # nothing learned, averages empty
 
 
 @kernel

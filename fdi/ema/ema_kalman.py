@@ -16,7 +16,6 @@ The test is hierarchical: R1 and R2 count only while the innovation says that th
 """
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -103,9 +102,9 @@ def params(
     *,
     dt: float = jay.PERIOD,
     R: float = 0.0025,
-    engage: Any = None,
+    engage: bool | None = None,
     delay: float | None = None,
-    **overrides: Any,
+    **overrides: float,
 ) -> np.ndarray:
     """Return PARAMS of the exactly discretised model `kind` with the paper's covariances and thresholds.
 

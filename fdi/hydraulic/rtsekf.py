@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record, zero_state
 from actuators.common import linkage
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import rk4
@@ -147,9 +147,7 @@ def params(
     return record(PARAMS, **{**fields, **thresholds("rtsekf", which or f"flight_load{load:g}"), **values})
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return STATE of p's shape, not started: the filter begins at the first usable rod sample."""
-    return np.zeros(p.shape, STATE)
+init = zero_state(STATE)  # not started: the filter begins at the first usable rod sample
 
 
 @kernel

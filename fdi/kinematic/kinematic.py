@@ -49,14 +49,13 @@ differences than specified noise makes has its threshold and its jump larger by 
 """
 
 import math
-from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record, zero_state
 from fdi.common.decision import usable
 from fdi.common.record import LEARN_S, TICK, Detector
-from fdi.common.tuning import thresholds
+from fdi.common.tuning import Folder, thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
 from fdi.common.why import BOX_SPEED, FLYING, LOST_SENSOR, NOT_READY, VALID, box
 from fdi.kinematic import signatures as table
@@ -178,7 +177,7 @@ DETECTOR = Detector(
 )
 
 
-def params(which: str = "flight", *, dt: float = TICK, t_learn: float = LEARN_S, own: Any = None) -> np.ndarray:
+def params(which: str = "flight", *, dt: float = TICK, t_learn: float = LEARN_S, own: Folder = None) -> np.ndarray:
     """Return PARAMS with the threshold set `which`, trained at ticks of TICK, for those of `dt` seconds; offsets and
     noise are learned over the first `t_learn` seconds.
 
@@ -192,9 +191,7 @@ def params(which: str = "flight", *, dt: float = TICK, t_learn: float = LEARN_S,
     return record(PARAMS, t_learn=t_learn, **limits)
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return STATE of p's shape: nothing learned."""
-    return np.zeros(p.shape, STATE)
+init = zero_state(STATE)  # nothing learned
 
 
 @kernel

@@ -50,7 +50,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record, zero_state
 from actuators.constants import M_S_PER_KT, RAD_PER_DEG
 from fdi.common import bank, gyro
 from fdi.common.decision import confirm, usable
@@ -331,9 +331,7 @@ def fitted(site: Site, paper: bool = False) -> np.ndarray:
     )  # fmt: skip
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return STATE of p's shape, not yet started: the observer starts at the first complete set of measurements."""
-    return np.zeros(p.shape, STATE)
+init = zero_state(STATE)  # not yet started: the observer starts at the first complete set of measurements
 
 
 @kernel
