@@ -38,7 +38,7 @@ def decouple(C: np.ndarray, E: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, n
 
 def _full(condition, what, X, needs, rank, remedy):
     """Raise DesignError that `condition` fails unless X, which `what` names, has the `rank` that it `needs`."""
-    s = singular(X)
+    s = np.linalg.svdvals(X)
     if rank_of(s, RANK) < rank:
         raise DesignError(f"condition {condition} fails: {what} = {rank_of(s, RANK)} < {needs} (singular values "
                           f"{_list(s)}); {remedy}")  # fmt: skip
@@ -86,7 +86,7 @@ def shows(A: np.ndarray, C: np.ndarray, mode: complex) -> np.ndarray:
 
 def unobservable_modes(A: np.ndarray, C: np.ndarray) -> np.ndarray:
     """Return the eigenvalues of A that do not show in C."""
-    return np.array([mode for mode in np.linalg.eigvals(A) if singular(shows(A, C, mode))[-1] <= RANK])
+    return np.array([mode for mode in np.linalg.eigvals(A) if np.linalg.svdvals(shows(A, C, mode))[-1] <= RANK])
 
 
 def detectable(A1: np.ndarray, C: np.ndarray) -> None:
@@ -150,11 +150,6 @@ def unit_columns(X: np.ndarray) -> np.ndarray:
 def unit_rows(X: np.ndarray) -> np.ndarray:
     """Return X with its rows scaled to length one; zero rows stay."""
     return unit_columns(X.T).T
-
-
-def singular(X: np.ndarray) -> np.ndarray:
-    """Return the singular values of X, none for an empty matrix."""
-    return np.linalg.svd(X, compute_uv=False) if X.size else np.zeros(0)
 
 
 def rank_of(s: np.ndarray, tolerance: float | None = None) -> int:

@@ -50,7 +50,7 @@ def families(structure: np.ndarray, *, most: int = 2) -> list[Family]:
     for count, base in itertools.product(range(most + 1), range(len(structure))):
         for pivots in itertools.combinations(_servants(structure, base), count):
             rows, gone = [k for k, _ in pivots], [j for _, j in pivots]
-            left = structure[[base, *rows]].any(0)
+            left = np.any(structure[[base, *rows]], axis=0)
             left[gone] = False
             own = structure[np.ix_(rows, gone)]  # each serving row contains of the replaced inputs its own alone
             if left.any() and np.array_equal(own, np.eye(count)):

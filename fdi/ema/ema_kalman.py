@@ -216,14 +216,11 @@ def step(x, u, p, dt):
         predict(x, demand, p)
     x.u_last = u.u if math.isfinite(u.u) else x.u_last
     if ok:
-        eta = correct(x, u.y_velocity, p)
-        head = int(x.head)
+        x.eta = x.window[int(x.head)] = correct(x, u.y_velocity, p)
+        x.head = (x.head + 1.0) % N
         x.eta_bar = 0.0
-        x.window[head] = eta
-        x.head = float((head + 1) % N)
         for i in range(N):
             x.eta_bar += x.window[i] / N
-        x.eta = eta
     x.pos_hat = p.lead * x.x_hat[2]
     x.pos_sigma = p.lead * math.sqrt(max(x.P[2, 2], 0.0))
     if see_position:

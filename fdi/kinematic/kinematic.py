@@ -368,11 +368,10 @@ def _seek(x, p):
 @kernel
 def _decide(x, p, dt):
     """Name what is wrong; hold the alarm for t_release, or as the error ends."""
-    any_row, unknown = False, False
+    unknown = False
     for i in range(NR):
-        any_row = any_row or x.fired[i] > 0.0
         unknown = unknown or x.fired[i] * (1.0 - x.known[i]) > 0.0
-    x.quiet = 0.0 if any_row or x.noisy > 0.5 else x.quiet + dt
+    x.quiet = 0.0 if x.fired.any() or x.noisy > 0.5 else x.quiet + dt
     x.since = x.since + dt if unknown else 0.0
     _seek(x, p)
     if x.alarm < 0.5:
@@ -434,10 +433,7 @@ def step(x, u, p, dt):
     r = max(_residuals(x, p, dt), _noise(x, p, dt))
     if x.age <= p.t_learn:
         weigh(x)
-    live = 0.0
-    for i in range(NR):
-        live += x.live[i]
-    x.why = NOT_READY if x.age <= p.t_learn else LOST_SENSOR if live < 0.5 else VALID
+    x.why = NOT_READY if x.age <= p.t_learn else VALID if x.live.any() else LOST_SENSOR
     x.why = x.why if flies else BOX_SPEED
     x.valid = 1.0 if x.why == VALID else 0.0
     x.r = r if x.valid > 0.5 else 0.0

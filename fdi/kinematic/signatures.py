@@ -1,6 +1,8 @@
 """Signatures of the sensors in the kinematic rows: which rows an error moves, and whether the first of them jumps."""
 
 
+from typing import Any
+
 import numpy as np
 
 SENSORS = (
@@ -12,7 +14,7 @@ NS, NR = len(SENSORS), len(ROWS)
 PHI, THETA, PSI, CLIMB, TURN, SPEED, HEIGHT, SOUND, IMPACT, BARO = range(NR)
 # what an error of a sensor does: sensor, rows that it must move, rows that it may move too, whether the first one jumps
 # (None: either)
-SIGNATURES: tuple[tuple[str, tuple[str, ...], tuple[str, ...], bool | None], ...] = (
+SIGNATURES: tuple[Any, ...] = (
     ("p", ("phi",), ("turn",), False),
     ("phi", ("phi",), ("climb", "turn"), True),
     ("phi", ("phi",), ("climb", "turn"), False),  # slow: an error of its rate, as one of p is; so of theta, psi

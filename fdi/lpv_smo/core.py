@@ -9,7 +9,6 @@ from actuators.constants import G0, M_S_PER_KT, RAD_PER_DEG
 from fdi.common.decision import delayed, held, usable
 from fdi.common.why import BOX_MASS, LOST_SENSOR, VALID
 from fdi.kinematic.wind import ACROSS, ALONG, DEVIATIONS, GUST_S, PRIOR, WIND_WALK
-from fdi.lpv_smo.kernels import affine, held_first_order, trim_map, unit_vector_step
 
 N, P, M, R, T = 7, 6, 2, 4, 35  # states, outputs, inputs, scheduling parameters, terms of a cubic trim map
 NB = 32  # most boxes
@@ -19,6 +18,18 @@ STAY = 1.25  # so far a box is kept though another one fits better
 BLOWN_S = 4.0  # for which a change of the wind across that only the vane tells is remembered [s]
 DELAY = 12  # of the commands: beyond 5 ms at 2 kHz [ticks]
 SIGMA_Q = 0.02 * RAD_PER_DEG  # noise of q per sample, sensor set `transport` [rad/s]
+TAU_GYRO, TAU_LAG = 0.5, 0.15  # time constant of the observer of theta, lag of the error of q that it finds [s]
+# twelve sigma of that error: 0.02 deg of theta and 0.02 deg/s of q and r in samples of 5 ms make 0.008 deg/s
+GYRO_OFF = 0.1 * RAD_PER_DEG
+T_GYRO = 2.0  # an error is held to be there for so long after it was last found: what it disturbed rings on [s]
+
+GYRO_STATE = [
+    ("gyro_theta", "f8", "rad"),  # model of theta
+    ("gyro_rate", "f8", "rad/s"),  # its rate by the gyros at the last tick
+    ("gyro_live", "f8", "-"),  # 1 once it has started
+    ("gyro_error", "f8", "rad/s"),  # of q by theta
+    ("gyro_off", "f8", "s"),  # for so long still q is held to be wrong, or theta
+]
 
 
 @kernel
@@ -355,3 +366,106 @@ def reconstruct(x, u, p, dt):
     x.f_hat_alpha = (f_a - o_a) * RAD_PER_DEG
     # white noise of q through a difference and the lag: variance (c / h)^2 (1 + c / (2 - c)) sigma^2
     x.f_sigma = SIGMA_Q * c / dt * math.sqrt(1.0 + c / (2.0 - c)) / math.fabs(E)
+
+
+@kernel
+def compare_gyro(x, u, dt):
+    """Advance x.gyro_error and x.gyro_off by theta' = q cos phi - r sin phi; without one of these readings start anew.
+
+    A first-order observer of theta has, for an error b of q, the innovation -TAU_GYRO b cos phi. Who takes q for true
+    takes b for an error of n_z, V b / g of it, or of the angle of attack: while it stands none of these is blamed.
+    """
+    x.gyro_off = max(x.gyro_off - dt, 0.0)
+    good = usable(u.theta, u.theta_valid) * usable(u.phi, u.phi_valid) * usable(u.q, u.q_valid)
+    if good * usable(u.r, u.r_valid) < 0.5:
+        x.gyro_live = 0.0
+        return
+    rate = u.q * math.cos(u.phi) - u.r * math.sin(u.phi)
+    if x.gyro_live < 0.5:
+        x.gyro_live, x.gyro_theta, x.gyro_error = 1.0, u.theta, 0.0
+    else:
+        ahead = x.gyro_theta + 0.5 * dt * (rate + x.gyro_rate)
+        e = u.theta - ahead
+        x.gyro_theta = ahead + dt / TAU_GYRO * e
+        x.gyro_error += (1.0 - math.exp(-dt / TAU_LAG)) * (-e / TAU_GYRO - x.gyro_error)
+    x.gyro_rate = rate
+    if math.fabs(x.gyro_error) > GYRO_OFF:
+        x.gyro_off = T_GYRO
+
+
+@kernel
+def affine(stack, rho, out):
+    """Fill `out` (rows, cols) with stack[0] + sum rho_i stack[i] [Alwi14] (27)."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            value = stack[0, i, j]
+            for k in range(rho.size):
+                value += rho[k] * stack[k + 1, i, j]
+            out[i, j] = value
+
+
+@kernel
+def trim_map(coefficients, exponents, low, high, rho, power, out):
+    """Fill `out` with polynomials of normalised rho: out_i = sum_t coefficients[i, t] prod_k z_k^exponents[t, k].
+
+    `power` (n_rho, 4) is scratch for the powers of z = 2 (rho - low) / (high - low) - 1.
+    """
+    for k in range(rho.size):
+        z = 2.0 * (rho[k] - low[k]) / (high[k] - low[k]) - 1.0
+        power[k, 0] = 1.0
+        for j in range(1, power.shape[1]):
+            power[k, j] = power[k, j - 1] * z
+    out[:] = 0.0
+    for t in range(coefficients.shape[1]):
+        term = 1.0
+        for k in range(rho.size):
+            term *= power[k, int(exponents[t, k])]
+        for i in range(out.size):
+            out[i] += coefficients[i, t] * term
+
+
+@kernel
+def unit_vector_step(e, b, a22, gain, delta, dt):
+    """Advance e' = A22s e - K P_o e / (|P_o e| + delta) + ... by backward Euler, in place.
+
+    A22s = diag(a22) < 0 and P_o = -A22s^-1 / 2 [Alwi14] (16). With b = e + h (everything else) and m = |P_o e|,
+
+        e_i = b_i / (1 - h a_i + h K P_i / (m + delta)),
+
+    one scalar equation in m, solved by Newton from above its root, where the right side's norm is increasing and
+    concave. Stops when m moves by less than 1e-12.
+    """
+    m = 0.0
+    for i in range(e.size):
+        v = -0.5 / a22[i] * b[i]
+        m += v * v
+    m = math.sqrt(m)
+    for _ in range(60):
+        total, slope = 0.0, 0.0
+        for i in range(e.size):
+            k = -0.5 * dt * gain / a22[i]
+            full = (1.0 - dt * a22[i]) * (m + delta) + k
+            v = -0.5 / a22[i] * b[i] / full
+            total += v * v * (m + delta) * (m + delta)
+            slope += v * v * (m + delta) * k / full
+        if total == 0.0:
+            m = 0.0
+            break
+        root = math.sqrt(total)
+        move = (root - m) / (1.0 - slope / root)
+        m = max(m + move, 0.0)
+        if math.fabs(move) < 1e-12:
+            break
+    for i in range(e.size):
+        e[i] = b[i] / (1.0 - dt * a22[i] - 0.5 * dt * gain / a22[i] / (m + delta))
+
+
+@kernel
+def held_first_order(a, dt):
+    """Return (e^(a h), c0, c1): x+ = e^(a h) x + c0 g_0 + c1 g_1 is exact for x' = a x + g, g linear in time."""
+    z = a * dt
+    if math.fabs(z) < 1e-4:  # series: the closed form loses digits as z -> 0
+        return 1.0 + z * (1.0 + 0.5 * z), dt * (0.5 + z / 3.0), dt * (0.5 + z / 6.0)
+    f = math.expm1(z)
+    c1 = (f - z) / (z * a)
+    return 1.0 + f, f / a - c1, c1

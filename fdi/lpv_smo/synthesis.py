@@ -174,10 +174,10 @@ def verify(made: Design) -> dict[str, Any]:
     n1 = made.L.shape[0]
     F_2 = np.vstack([np.zeros((made.W.shape[1] - len(made.F_o), len(made.F_o))), made.F_o])
     worst, found = -np.inf, []
-    weighted = _weighted(made.M, made.y_from, made.delta_1, made.delta_2)
+    X, S = _weighted(made.M, made.y_from, made.delta_1, made.delta_2)
     for r in vertices(made.box):
         a = at(made.A, r)
-        lmi = _lemma(np, a, *weighted, made.P1, made.P2, made.P1 @ made.L, made.W, made.a_f, made.gamma, made.storage)
+        lmi = _lemma(np, a, X, S, made.P1, made.P2, made.P1 @ made.L, made.W, made.a_f, made.gamma, made.storage)
         worst = max(worst, lmi_tools.violation(lmi))
         found.append(np.linalg.eigvals(a[:n1, :n1] + made.L @ a[n1:, :n1]).real)
     rates = np.array(found)
