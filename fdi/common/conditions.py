@@ -40,8 +40,9 @@ def _full(condition, what, X, needs, rank, remedy):
     """Raise DesignError that `condition` fails unless X, which `what` names, has the `rank` that it `needs`."""
     s = np.linalg.svdvals(X)
     if rank_of(s, RANK) < rank:
+        values = ", ".join(f"{x:.2e}" for x in s)
         raise DesignError(f"condition {condition} fails: {what} = {rank_of(s, RANK)} < {needs} (singular values "
-                          f"{_list(s)}); {remedy}")  # fmt: skip
+                          f"{values}); {remedy}")  # fmt: skip
 
 
 def without_rounding(X: np.ndarray, size: int) -> np.ndarray:
@@ -155,7 +156,3 @@ def unit_rows(X: np.ndarray) -> np.ndarray:
 def rank_of(s: np.ndarray, tolerance: float | None = None) -> int:
     """Return how many singular values exceed `tolerance`, or RANK times the largest."""
     return int(np.sum(s > (RANK * (s[0] if len(s) else 0.0) if tolerance is None else tolerance)))
-
-
-def _list(s):
-    return ", ".join(f"{x:.2e}" for x in s)

@@ -143,9 +143,7 @@ def nominate(x):
 def judge(x, p, o, dt):
     """Take the evaluation of octave `o`; return whether all windows are to begin anew."""
     compare(x, p, o)
-    x.evidence = 0.0
-    for i in range(OCTAVES):
-        x.evidence = max(x.evidence, x.own_ratio[i])
+    x.evidence = x.own_ratio.max()
     stands = x.evidence_timer > 0.0
     if x.own_ratio[o] >= CALM:
         x.since = 0.0

@@ -409,11 +409,10 @@ def _clear(x):
 @kernel
 def _flies(u):
     """Return whether fewer than two of the three speeds, or than all that are left, lie outside of what flies."""
-    values, flags = (u.tas, u.cas, u.v_ground), (u.tas_valid, u.cas_valid, u.v_ground_valid)
     left, out = 0.0, 0.0
-    for i in range(3):
-        left += usable(values[i], flags[i])
-        out += box(values[i], flags[i], FLYING, 1.0, 0.0)
+    for value, valid in ((u.tas, u.tas_valid), (u.cas, u.cas_valid), (u.v_ground, u.v_ground_valid)):
+        left += usable(value, valid)
+        out += box(value, valid, FLYING, 1.0, 0.0)
     return out < 1.0 or out < min(left, 2.0)
 
 
@@ -433,8 +432,8 @@ def step(x, u, p, dt):
     r = max(_residuals(x, p, dt), _noise(x, p, dt))
     if x.age <= p.t_learn:
         weigh(x)
-    x.why = NOT_READY if x.age <= p.t_learn else VALID if x.live.any() else LOST_SENSOR
-    x.why = x.why if flies else BOX_SPEED
+    ready = VALID if x.live.any() else LOST_SENSOR
+    x.why = BOX_SPEED if not flies else NOT_READY if x.age <= p.t_learn else ready
     x.valid = 1.0 if x.why == VALID else 0.0
     x.r = r if x.valid > 0.5 else 0.0
     if x.valid > 0.5:

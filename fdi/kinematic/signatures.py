@@ -1,6 +1,5 @@
 """Signatures of the sensors in the kinematic rows: which rows an error moves, and whether the first of them jumps."""
 
-
 from typing import Any
 
 import numpy as np

@@ -37,11 +37,12 @@ def _schedule(x, u, p, dt):
     """Advance rho, held where invalid; return VALID, or the reason why no box holds it."""
     fresh = x.age == 0.0
     b = 1.0 if fresh or p.tau_rho <= 0.0 else 1.0 - math.exp(-dt / p.tau_rho)
-    values = (u.mass * 1e-3, u.cg * 100.0, u.cas / M_S_PER_KT, u.mach)
-    flags = (u.mass_valid, u.cg_valid, u.cas_valid, u.mach_valid)
-    for i in range(R):
-        if usable(values[i], flags[i]) > 0.5:
-            x.rho[i] += b * (values[i] - x.rho[i])
+    for i, (value, valid) in enumerate((
+        (u.mass * 1e-3, u.mass_valid), (u.cg * 100.0, u.cg_valid), (u.cas / M_S_PER_KT, u.cas_valid),
+        (u.mach, u.mach_valid),
+    )):  # fmt: skip
+        if usable(value, valid) > 0.5:
+            x.rho[i] += b * (value - x.rho[i])
         elif fresh:
             x.rho[i] = 0.5 * (p.low[0, i] + p.high[0, i])
             return LOST_SENSOR

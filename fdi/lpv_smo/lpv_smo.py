@@ -316,17 +316,14 @@ def _box(model, made):
         raise ValueError(f"the block observes 5 states, 6 outputs, 2 inputs, 1 + 2 faults; got A {made.A.shape}")
     n, m = model.B.shape[1:]
     x_eq, u_eq, y_eq = np.split(np.asarray(model.trim, float), [n, n + m])
+    unused = ((0, R - nr), (0, 0), (0, 0))  # scheduling parameters
     eq = np.vstack([made.x_from @ np.vstack([x_eq, y_eq[-2:]]), u_eq])
     return {
-        "A": _pad(made.A), "B": _pad(made.B), "mix": made.y_from, "L": made.L[0], "W": made.W, "a22": made.A22s,
-        "a_f": made.A_f, "low": np.r_[model.box[:, 0], np.zeros(R - nr)],
+        "A": np.pad(made.A, unused), "B": np.pad(made.B, unused), "mix": made.y_from, "L": made.L[0], "W": made.W,
+        "a22": made.A22s, "a_f": made.A_f, "low": np.r_[model.box[:, 0], np.zeros(R - nr)],
         "high": np.r_[model.box[:, 1], np.ones(R - nr)],
         "eq": np.hstack([eq, np.zeros((N + M, T - eq.shape[1]))]), "to_x": made.x_from[:, :5],
     }  # fmt: skip
-
-
-def _pad(stack):
-    return np.concatenate([stack, np.zeros((R + 1 - len(stack), *stack.shape[1:]))])
 
 
 def fitted(site: Site, paper: bool = False) -> np.ndarray:
