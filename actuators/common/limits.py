@@ -24,11 +24,7 @@ def share(v):
 @kernel
 def sign(v):
     """Return -1, 0 or 1; sign(0) = 0."""
-    if v > 0.0:
-        return 1.0
-    if v < 0.0:
-        return -1.0
-    return 0.0
+    return 1.0 if v > 0.0 else -1.0 if v < 0.0 else 0.0
 
 
 @kernel
