@@ -143,7 +143,9 @@ def nominate(x):
 def judge(x, p, o, dt):
     """Take the evaluation of octave `o`; return whether all windows are to begin anew."""
     compare(x, p, o)
-    x.evidence = x.own_ratio.max()
+    x.evidence = 0.0
+    for i in range(OCTAVES):
+        x.evidence = max(x.evidence, x.own_ratio[i])
     stands = x.evidence_timer > 0.0
     if x.own_ratio[o] >= CALM:
         x.since = 0.0
