@@ -197,13 +197,11 @@ init = zero_state(STATE)  # nothing learned
 @kernel
 def _jumps(x, p, i, dt):
     """Note whether row i jumped; return whether it did."""
-    x.jumped[i] = max(x.jumped[i] - dt, 0.0)
     leap = x.raw[i] - x.last[i] if x.live[i] * x.seen[i] > 0.5 else 0.0
+    jumps = math.fabs(leap) > p.jump[i] * x.grown[i]
+    x.jumped[i] = p.t_hold if jumps else max(x.jumped[i] - dt, 0.0)
     x.last[i], x.seen[i] = x.raw[i], x.live[i]
-    if math.fabs(leap) <= p.jump[i] * x.grown[i]:
-        return False
-    x.jumped[i] = p.t_hold
-    return True
+    return jumps
 
 
 @kernel

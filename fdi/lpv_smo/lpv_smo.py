@@ -419,10 +419,9 @@ def _from_trim(x, p, dt):
 def _weigh(x, p, dt):
     """Advance what limits grow with (the distance from where offsets were learned, the rms of gusts), and the time for
     which the model has held."""
-    x.apart = math.fabs(x.away)
-    if x.learned > 0.5:
-        # in a dive the angle of attack may be that of slower level flight: it does not tell how far the model is off
-        x.apart = math.fabs(x.trim - x.trim_0) + math.fabs(x.path - x.trim - (x.alpha_0 - x.trim_0))
+    # in a dive the angle of attack may be that of slower level flight: it does not tell how far the model is off
+    since = math.fabs(x.trim - x.trim_0) + math.fabs(x.path - x.trim - (x.alpha_0 - x.trim_0))
+    x.apart = since if x.learned > 0.5 else math.fabs(x.away)
     if x.age > p.t_settle:  # also while nothing is judged: what comes after is judged by it
         # gust_hat is not one of the three estimates, so that no fault of a sensor passes for weather
         more = min(math.fabs(x.gust_hat), p.gust_max)
