@@ -35,7 +35,7 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage
-from actuators.common.limits import clip, finite, share, sign
+from actuators.common.limits import clip, finite, share, sign, stopped
 from actuators.ema import jay
 from actuators.ema.motion import move, spring, steady
 
@@ -247,11 +247,8 @@ def _substep(x, off, hm0, hmd, h, p):
             x2 = 0.0
         if p3 <= part and p3 < 1.0:
             x4 = 0.0
-        if x3 > p.x3_hi:
-            x3, x4 = p.x3_hi, min(x4, 0.0)
-        elif x3 < p.x3_lo:
-            x3, x4 = p.x3_lo, max(x4, 0.0)
-        x.delta, x.delta_d, x.motor, x.motor_d, x.i, x.comp = x1, x2, x3, x4, i, x6
+        x.motor, x.motor_d = stopped(x3, x4, p.x3_lo, p.x3_hi)
+        x.delta, x.delta_d, x.i, x.comp = x1, x2, i, x6
         if part <= 0.0 or part >= 1.0:
             break
         left -= part * left
