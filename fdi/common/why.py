@@ -8,8 +8,7 @@ the thresholds come (training `aircraft`), all manoeuvres, protections and gusts
 tables of the force model.
 """
 
-from actuators import block
-from actuators.constants import M_S_PER_KT, RAD_PER_DEG
+from actuators import block, constants
 from fdi.common.decision import usable
 
 VALID = 0.0
@@ -43,9 +42,9 @@ WORDS = (
 # True airspeed of an airframe that flies [m/s]: from the least at which a flight may start (`cas_kt` of the aircraft's
 # records; on the apron or in the take-off roll no relation between forces, attitude and motion holds that is used here)
 # to the speed of sound at sea level, beyond every aerodynamic table.
-FLYING = (100.0 * M_S_PER_KT, 340.0)
+FLYING = (100.0 * constants.M_S_PER_KT, 340.0)
 MACH = (0.19, 0.95)
-ALPHA = (-6.0 * RAD_PER_DEG, 20.0 * RAD_PER_DEG)  # angle of attack [rad]
+ALPHA = (-6.0 * constants.RAD_PER_DEG, 20.0 * constants.RAD_PER_DEG)  # angle of attack [rad]
 
 
 @block.kernel
