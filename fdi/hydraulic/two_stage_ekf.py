@@ -257,8 +257,9 @@ def measurement_update(x, u, p, dt):
     x.age_rod = 0.0 if rod else x.age_rod + dt
     if rod or spare:
         y = u.y_rod if rod else p.arm * u.y_surface + x.rigging
-        step = x.h_step + dt * (x.x_hat[1] - x.h_hat[1])  # of the last tick, by a filter that knows the fault
-        gamma, s, used = measure(x, 0, y + x.fed[0] * step, p.r_rod if rod else p.r_spare, p.gate_rod, p)
+        step = x.h_step + dt * (x.x_hat[1] - x.h_hat[1])  # of the last tick, with the fault known
+        y += x.fed[0] * step  # AGE of `fdi.isolation.filter`
+        gamma, s, used = measure(x, 0, y, p.r_rod if rod else p.r_spare, p.gate_rod, p)
         x.gamma_rod, x.nis_rod = gamma, gamma * gamma / s
         x.skip_rod = 0.0 if used > 0.5 else x.skip_rod + 1.0
         if x.skip_rod > p.spikes:  # several agree: it is the estimate that is wrong, in position before anything else
