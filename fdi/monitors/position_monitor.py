@@ -112,33 +112,16 @@ DETECTOR = Detector(
         **dict.fromkeys(("*.free_float", "*.bias@command"), ("ambiguous",)),
     },
     may_see={
-        **dict.fromkeys(
-            (
-                "*.ofc_*",
-                "*.loss_of_effectiveness*",
-                "*.supply_pressure_drop",
-                "*.internal_leakage",
-                "*.air_in_oil",
-                "*.friction",
-                "*.backlash",
-                "*.magnet_loss",
-                "*.winding_resistance",
-                "*.rod",
-                "*.position",
-                "*.velocity",
-            ),
-            ("ambiguous",),
-        ),
+        **dict.fromkeys((
+            "*.ofc_*", "*.loss_of_effectiveness*", "*.supply_pressure_drop", "*.internal_leakage", "*.air_in_oil",
+            "*.friction", "*.backlash", "*.magnet_loss", "*.winding_resistance", "*.rod", "*.position", "*.velocity",
+        ), ("ambiguous",)),
         "*.surface": ("sensor", "ambiguous"),
     },
     blind="compares one elevator segment with its command: other effectors, aircraft sensors and monitor-only "
     "sensors move neither",
-    fit=lambda site: params(
-        "flight_ema" if site.technology == "ema" else "flight",
-        limits=site.travel,
-        dt=site.dt,
-        late=site.delay("surface"),
-    ),
+    fit=lambda site: params("flight_ema" if site.technology == "ema" else "flight", limits=site.travel, dt=site.dt,
+                            late=site.delay("surface")),
 )
 
 
