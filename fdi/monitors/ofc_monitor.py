@@ -9,8 +9,8 @@ A swing is a sub-band's e beyond its limit. Swings of alternating sign are count
 periods of the sub-band's lowest frequency; an alarm needs `half_periods` of them.
 
 The rest of its response depends on tolerances and, by the hinge load's stiffness, on airspeed: the share of the motion
-that it may miss. Whether an oscillation adds to the command or has taken its place
-is told by fdi/monitors/liquid_or_solid.py.
+that it may miss. Whether an oscillation adds to the command or has taken its place is told by
+fdi/monitors/liquid_or_solid.py.
 """
 
 import math
