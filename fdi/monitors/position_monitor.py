@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record, zero_state
 from actuators.common import linkage, reference
 from actuators.ema import servo as ema_servo
 from actuators.hydraulic import servo as hydraulic_servo
@@ -149,9 +149,7 @@ def params(
     return record(PARAMS, **{**own, **thresholds("position_monitor", which), **values})
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return STATE of p's shape, not yet started: the model starts at the first command."""
-    return np.zeros(p.shape, STATE)
+init = zero_state(STATE)  # not yet started: the model starts at the first command
 
 
 @kernel
