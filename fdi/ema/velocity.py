@@ -4,7 +4,7 @@ import math
 
 from actuators.block import kernel
 from fdi.common.decision import clipped, usable
-from fdi.ema.gains import GAIN, MAGNETS
+from fdi.ema.gains import GAIN, MAGNETS, RATE
 
 IMPACT = 0.45  # of `gate`, which the stall current does not reach in a tick
 T_IMPACT = 0.05  # [s]
@@ -54,7 +54,7 @@ def correct(x, u, p, dt):
     gamma = 0.0
     seen = usable(u.y_velocity, u.velocity_valid) > 0.5
     if seen:
-        gamma = u.y_velocity - x.x_hat[3]
+        gamma = u.y_velocity - x.own[RATE] * x.turn - x.x_hat[3]  # as old as it has been learned to be
         # a spike is far from the model and from the sample before it
         seen = math.fabs(gamma) < p.gate or math.fabs(u.y_velocity - x.raw_last) < p.gate
         x.impact = T_IMPACT if math.fabs(u.y_velocity - x.raw_last) >= IMPACT * p.gate else max(x.impact - dt, 0.0)
