@@ -72,6 +72,5 @@ def correct(x, u, p, dt):
     w = u.y_velocity if x.age_vel == 0.0 else x.x_hat[3]
     mean = 0.5 * (w + x.w_last)
     x.w_last = w
-    x.w_slow += dt / p.t_hold * (w - x.w_slow)
     x.eta = gamma / p.S_root
     return w, mean, gamma

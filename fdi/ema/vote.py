@@ -16,6 +16,7 @@ from fdi.ema.positions import T_AGAINST, WASH_FAULT
 from fdi.ema.sensor_noise import SURFACE
 
 ISOLABLE_PARTS = (*PUBLISHED, "surface")
+WINDUP = 3.5  # loads that are not explained, from one side to the stall moment: a jammed drive moves by what they wind up
 JAMMED = 1.5  # of the load that nothing explains: less may be friction
 
 
@@ -51,7 +52,8 @@ def _name(x, who, load, p):
         x.verdict, x.isolated_part, x.reconf = SENSOR, who, 1.0 if who == POSITION else 0.0
     elif x.sensor < 0.5 and x.r_speed < 0.7 and x.alarm_age >= p.t_name and x.age_vel == 0.0:
         x.verdict, x.isolated_part = _drive(x, p)
-    still = math.fabs(x.w_slow) < 0.1 * p.gate and x.hot_f < 0.5 and x.hot_speed < 0.5 and x.blame < 0.5
+    held = x.load_travel < WINDUP * p.th_load / p.spring * p.arm
+    still = held and x.hot_f < 0.5 and x.hot_speed < 0.5 and x.blame < 0.5
     if x.verdict == AMBIGUOUS and x.hot_load > 0.5 and load >= JAMMED and still:
         x.verdict = JAM_SOLID
 
@@ -60,6 +62,9 @@ def _name(x, who, load, p):
 def decide(x, p, dt):
     """Raise the alarm where a test shows a fault, name it, and withdraw it."""
     load = math.fabs(x.x_hat[5]) / p.th_load
+    if load < 1.0:
+        x.load_at, x.load_travel = x.pos_hat, 0.0
+    x.load_travel = max(x.load_travel, math.fabs(x.pos_hat - x.load_at))
     heavy = x.age >= p.t_start and load >= 1.0 and p.stop_low < x.pos_hat < p.stop_high
     x.timer_load, x.hot_load = confirm(x.timer_load, x.hot_load, heavy, dt, p.t_load, p.t_release)
     x.r = max(max(max(x.r_pair, x.r_speed), max(x.r_f, x.r_gain)), max(max(x.r_friction, x.r_rough), load))
