@@ -16,7 +16,9 @@ from fdi.ema.positions import T_AGAINST, WASH_FAULT
 from fdi.ema.sensor_noise import SURFACE
 
 ISOLABLE_PARTS = (*PUBLISHED, "surface")
-WINDUP = 3.5  # loads that are not explained, from one side to the stall moment: a jammed drive moves by what they wind up
+# of the load that nothing explains: from there on one side to the stall moment on the other (0.4 to 1 of it). By what
+# this winds up a jammed drive moves; one that goes further drives on, and its current sensor may be off in its loop
+WINDUP = 3.5
 JAMMED = 1.5  # of the load that nothing explains: less may be friction
 
 
