@@ -28,7 +28,7 @@ NF = 2  # estimates at most; the command is the bank's signal behind them
 # Share of the command midway between a liquid OFC, 0, and a solid one of one segment of two, 1/2; what windows that
 # overlap and residues that are no noise make of the variance of their mean; how many of its deviations are beyond
 # doubt; what the bank's sine leaves of an oscillation of another frequency or shape, over its amplitude
-CENTRE, ALIKE, SURE, UNLIKE = 0.25, 8.0, 2.0, 0.05
+CENTRE, TAU, SURE, UNLIKE, FULL = 0.25, 0.5, 2.0, 0.05, 12.0
 BELOW = 0.99  # r of a fit beyond its threshold that is no oscillation
 
 PARAMS = [
@@ -54,6 +54,7 @@ STATE = [
     ("r_ofc", "f8", "-"),  # the largest of them
     ("ofc_timer", "f8", (NF,), "s"),  # time for which an oscillation is still held to be there
     ("ofc_class", "f8", "-"),  # its class
+    ("moments", "f8", (NF, 6)),
     ("lost_weight", "f8", "-"),  # sum of the weights of the windows so far
     ("lost_share", "f8", "-"),  # share of the command that does not come through, their mean
     ("timer", "f8", "s"),  # confirmation of the slow test
@@ -139,7 +140,8 @@ def _oscillation(x, p, i):
     if found < 0:
         return
     if x.ofc_timer[0] + x.ofc_timer[1] == 0.0:
-        x.lost_weight = 0.0
+        x.moments[:] = 0.0
+        x.ofc_class = AMBIGUOUS
     x.ofc_timer[i] = p.t_release
     _name(x, p, i, found)
 
@@ -147,29 +149,40 @@ def _oscillation(x, p, i):
 @kernel
 def _name(x, p, i, k):
     """Name the class of the oscillation at frequency k by the share of the command that does not come through."""
-    share, weight = missing(x, p, i, k)
-    x.lost_weight = max(x.lost_weight + weight, 1e-12)  # nothing is known of the share where the command rests
-    x.lost_share += (share - x.lost_share) * weight / x.lost_weight
+    if x.hit[i, k] < FULL:
+        return
+    gather(x, p, i, k)
+    share, weight = 0.0, 1e-12
+    for j in range(int(p.nf)):
+        m = x.moments[j]
+        if m[0] <= 0.0:
+            continue
+        uu, fu, ff = m[5] - m[2] * m[2] / m[0], m[4] - m[1] * m[2] / m[0], m[3] - m[1] * m[1] / m[0]
+        if uu <= 0.0:
+            continue
+        unlike = UNLIKE * bank.amplitude(x, k, j)
+        w = uu / (TAU * (max(ff - fu * fu / uu, 0.0) / m[0] + unlike * unlike))
+        share += -fu / uu * w
+        weight += w
+    x.lost_weight, x.lost_share = weight, share / weight
     apart = x.lost_share - CENTRE
     x.ofc_class = OFC_SOLID if apart > 0.0 else OFC_LIQUID
-    if math.fabs(apart) < p.margin + SURE * math.sqrt(ALIKE / x.lost_weight):
+    if math.fabs(apart) < p.margin + SURE / math.sqrt(weight):
         x.ofc_class = AMBIGUOUS
 
 
 @kernel
-def missing(x, p, i, k):
-    """Return (share of the command that does not come through, 1 / its variance) of estimate i, by the full window of
-    frequency k."""
+def gather(x, p, i, k):
+    """Add the full window of frequency k, less its sine, to the moments of estimate i and the command."""
     n, j = int(p.bank_n[k]), int(p.bank_level[k])
     first = (int(x.bank_head[j]) + bank.N - n) % bank.N
-    f, u = x.bank_ring[i, j], x.bank_ring[NF, j]
-    f1, u1 = 0.0, 0.0
-    for m in range(first, first + n):
-        f1 += f[m % bank.N] / n
-        u1 += u[m % bank.N] / n
+    f, u, m = x.bank_ring[i, j], x.bank_ring[NF, j], x.moments[i]
+    w = p.bank_stride[k] * p.bank_block[j] * 0.005
     ff, fu, uu = beside(f, u, first, n, p.bank_angle[k])
-    ff, fu, uu = ff - n * f1 * f1, fu - n * f1 * u1, uu - n * u1 * u1  # of two periods the mean is beside the sine
-    if uu <= 0.0:
-        return 0.0, 0.0
-    unlike = UNLIKE * bank.amplitude(x, k, i)
-    return -fu / uu, uu / (max(ff - fu * fu / uu, 0.0) / (n - 2.0) + unlike * unlike)
+    for s in range(first, first + n):
+        m[1] += w * f[s % bank.N] / n
+        m[2] += w * u[s % bank.N] / n
+    m[0] += w
+    m[3] += w * ff / n
+    m[4] += w * fu / n
+    m[5] += w * uu / n
