@@ -17,10 +17,12 @@ def put(ring, sums, count, head):
 
 
 @kernel
-def beside(F, D, first, n, angle):
-    """Return (ff, fd, dd): sums of products over `n` samples of F and D, less what a sine explains of each; of 0 none.
+def beside(F, D, first, n, angle, f0, d0, c0):
+    """Return (ff, fd, dd): sums of products over `n` samples of F - f0 and D - d0, less what a sine explains of each; of
+    0 none.
 
-    F, D: rings of one length; `first`: place of the oldest sample; `angle`: the sine's phase per sample [rad]. Its
+    With the means of F, D and the sine's cosine (`mean_cosine`) as f0, d0, c0 a constant is explained, too; else they
+    are 0. F, D: rings of one length; `first`: place of the oldest sample; `angle`: the sine's phase per sample [rad]. Its
     cosine c and sine s are taken about the middle of the samples, where the two are nearly orthogonal; they turn by a
     rotation, one multiplication in place of a cosine a sample.
     """
@@ -30,10 +32,10 @@ def beside(F, D, first, n, angle):
     ff, fd, dd, fc, fs, dc, ds, cc, cs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     i = first
     for _ in range(n):
-        f, d = F[i], D[i]
+        f, d, a = F[i] - f0, D[i] - d0, c - c0
         ff, fd, dd = ff + f * f, fd + f * d, dd + d * d
-        fc, fs, dc, ds = fc + f * c, fs + f * s, dc + d * c, ds + d * s
-        cc, cs, ss = cc + c * c, cs + c * s, ss + s * s
+        fc, fs, dc, ds = fc + f * a, fs + f * s, dc + d * a, ds + d * s
+        cc, cs, ss = cc + a * a, cs + a * s, ss + s * s
         i = 0 if i == F.size - 1 else i + 1
         c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
     det = cc * ss - cs * cs

@@ -56,14 +56,14 @@ def weigh(x, p, h):
     n = int(min(x.since, float(RING)))
     first = (int(x.head) - n) % RING
     Y, M = x.ring[0], x.ring[1]
-    ff, fd, dd = beside(Y, M, first, n, 0.0)
+    ff, fd, dd = beside(Y, M, first, n, 0.0, 0.0, 0.0, 0.0)
     before = ff - fd * fd / max(dd, 1e-12)
     rest, best, apart = before, 0.0, 0.5 / (n * h)
     hz = PERIODS / (n * h)
     most = min(p.f_high, 0.4 / h)
     for _ in range(3):  # half a line apart, then about the best
         while hz <= most:
-            ff, fd, dd = beside(Y, M, first, n, 6.283185307179586 * hz * h)
+            ff, fd, dd = beside(Y, M, first, n, 6.283185307179586 * hz * h, 0.0, 0.0, 0.0)
             if ff - fd * fd / max(dd, 1e-12) < rest:
                 rest, best = ff - fd * fd / max(dd, 1e-12), hz
                 x.gain, x.gain_sigma = fd / max(dd, 1e-12), dd

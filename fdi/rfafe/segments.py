@@ -1,67 +1,180 @@
-"""Which segment alone does not follow its command, from the position sensors of its side.
+"""Which sides and which segment oscillate, and whether beside the command or in its place.
 
     e_outer = e + d / 2,  e_inner = e - d / 2,  d = outer - inner - (m_outer - m_inner) - d_0
+    e = A cos w t + B sin w t - share m + const
 
-e is the side's position less that of the servos' model (fdi/rfafe/servo.py), d the difference of its two segments less
-that of their models and its mean d_0 while the trim was learned. Of the segments of the sides declared the two largest
-mean squares are compared, of what oscillates while an oscillation is declared, otherwise of all: below ONE^2 of the
-first the second is healthy, from BOTH^2 on both are moved, between the two the last answer stands.
+e is the side's position less that of its model m (fdi/rfafe/rfafe.py), d the difference of its two segments less that
+of their models and its mean d_0 while the trim was learned. The last RING samples since the alarm are fitted, w about
+what the bank found where the worst segment is fitted best, then all four. A segment of less than ONE of the largest
+swing is healthy, one from BOTH on oscillates, too, as do the segments of a side that the bank declares: limits of a
+single side are as high as what a manoeuvre leaves in it, a swing in step with another is not of the manoeuvre. Of those
+that oscillate share is 0 (liquid) or 1 (solid); its deviation follows from the rest and from how far the command has
+moved. The class is told when one of the two fits and is exp(EVIDENCE) times likelier than the other, while no side is
+between ONE and BOTH; once told it stands until the other is told.
+
+`segment` is the one that does not follow while the second largest is below ONE of it; without an oscillation sizes are
+mean squares.
 """
 
 import math
 
 from actuators.block import kernel
 from actuators.constants import RAD_PER_DEG
+from fdi.common.sinusoid import beside, put
+from fdi.common.verdict import AMBIGUOUS, OFC_LIQUID, OFC_SOLID
 from fdi.rfafe.core import AIRFRAME
 from fdi.rfafe.servo import D, R
 
-ONE, BOTH = 0.3, 0.45  # amplitude of one segment over that of the other
+SAMPLE, RING = 0.02, 250  # a sample of the ring [s]: five of a period at 10 Hz; 2.5 periods at 0.5 Hz
+BEFORE, EVERY = 12.0, 12  # samples that are taken from before the alarm, and after which the fit is renewed
+PERIODS, NEXT = 1.5, 1.15  # that the window must hold; how far from the bank's frequency the sine may be, a ratio
+ONE, BOTH = 0.2, 0.3  # amplitude of one segment over that of the largest
+CORRELATED, MODEL = 0.3, 0.15  # time by which samples of the rest are independent [s]; error of the model in the share
+EVIDENCE, FITS = 8.0, 3.0  # logarithm of a ratio of likelihoods; deviations
 NAMES = ("", "elevator_left_outer", "elevator_left_inner", "elevator_right_inner", "elevator_right_outer")
 
 STATE = [
     ("apart", "f8", (2,), "deg"),  # d_0 of each side
-    ("part_slow", "f8", (4,), "deg"),  # slow part of each segment's residual
-    ("part_power", "f8", (4,), "deg2"),  # mean square of the rest
+    ("part_ring", "f8", (6, RING), "deg"),  # residual of each segment, position of each side's model
+    ("part_sums", "f8", (6,), "deg"),  # of the open sample
+    ("part_ticks", "f8", "-"),  # in it
+    ("part_head", "f8", "-"),  # next place in the ring
+    ("part_since", "f8", "-"),  # samples since the alarm, some before it included
+    ("part_size", "f8", (4,), "deg2"),  # mean square of each segment's residual
+    ("swing", "f8", (4,), "deg2"),  # of it what the sine explains
+    ("share", "f8", "-"),  # of the command that does not come through where it oscillates
+    ("share_sigma", "f8", "-"),
+    ("ofc_class", "f8", "-"),  # told by it
     ("segment", "f8", "-"),  # that alone does not follow, index into NAMES; 0: several, or open
 ]
 
 
 @kernel
 def compare(x, u, p, dt):
-    """Learn d_0 with the trim, then take the residuals of this sample; x.y holds positions, trim included."""
-    a, b = 1.0 - math.exp(-dt / p.tau_slow), 1.0 - math.exp(-dt / p.tau_energy)
+    """Learn d_0 with the trim, then take the residuals of this sample; x.y holds deviations once the trim is known."""
+    now = x.part_sums
     for j in range(2):
         one, two = 2 * j, 2 * j + 1
         d = (u.surface[one] - u.surface[two]) / RAD_PER_DEG
         d -= x.ref[one, R] - x.ref[one, D] - x.ref[two, R] + x.ref[two, D]
-        if x.seen < p.n_trim:
-            x.apart[j] += (d - x.apart[j]) / max(x.seen, 1.0)
+        if x.started < 0.5:
+            x.apart[j] += (d - x.apart[j]) / max(x.seen, 1.0) if x.seen < p.n_trim else 0.0
             continue
         d -= x.apart[j]
-        e = x.y[AIRFRAME + j] - x.y0[AIRFRAME + j] - (x.act[j] - p.gain[j] * x.u0[j])
+        m = x.act[j] - p.gain[j] * x.u0[j]
+        e = x.y[AIRFRAME + j] - m
+        now[4 + j] += m
         for i in range(one, two + 1):
             own = e + (0.5 * d if i == one else -0.5 * d)
-            x.part_slow[i] += a * (own - x.part_slow[i])
-            own -= x.part_slow[i]
-            x.part_power[i] += b * (own * own - x.part_power[i])
+            now[i] += own
+            x.part_size[i] += (1.0 - math.exp(-dt / p.tau_energy)) * (own * own - x.part_size[i])
+    x.part_ticks += 1.0
 
 
 @kernel
-def name(x):
-    """Set the segment of the sides declared."""
-    if x.alarm < 0.5:
-        x.segment = 0.0
-        return
-    still = 0.0 if x.ofc_timer[0] + x.ofc_timer[1] > 0.0 else 1.0
+def name(x, p, dt):
+    """Set class, sides and segment of what is declared."""
+    swings = x.ofc_timer[0] + x.ofc_timer[1] > 0.0
+    if not swings:
+        x.ofc_class, x.swing[:] = AMBIGUOUS, 0.0
+    if x.part_ticks * dt > SAMPLE - 0.5 * dt:
+        x.part_head = put(x.part_ring, x.part_sums, x.part_ticks, x.part_head)
+        x.part_ticks = 0.0
+        x.part_since = min(x.part_since + 1.0, 1e6 if swings else BEFORE)
+        if swings and int(x.part_since) % EVERY == 0:
+            _fit(x)
+    if swings:
+        _sides(x)
+    sizes = x.swing if largest(x.swing) > 0.0 else x.part_size
     which, most, next_ = 0.0, 0.0, 0.0
     for i in range(4):
         if x.isolated_part == 3.0 or (i < 2) == (x.isolated_part < 1.5):
-            size = x.part_power[i] + still * x.part_slow[i] * x.part_slow[i]
-            if size > most:
-                which, most, next_ = 1.0 + i, size, most
+            if sizes[i] > most:
+                which, most, next_ = 1.0 + i, sizes[i], most
             else:
-                next_ = max(next_, size)
-    if next_ >= BOTH * BOTH * most:
-        x.segment = 0.0
-    elif next_ < ONE * ONE * most:
-        x.segment = which
+                next_ = max(next_, sizes[i])
+    x.segment = which if x.alarm > 0.5 and next_ < ONE * ONE * most else 0.0
+
+
+@kernel
+def largest(v):
+    """Return the largest of v."""
+    most = v[0]
+    for i in range(1, v.size):
+        most = max(most, v[i])
+    return most
+
+
+@kernel
+def _sides(x):
+    """Add the side that swings with the one declared, and give the class unless that is open."""
+    most = largest(x.swing)
+    x.verdict = x.ofc_class
+    for j in range(2):
+        size = max(x.swing[2 * j], x.swing[2 * j + 1])
+        if x.ofc_timer[j] > 0.0 or size < ONE * ONE * most or most == 0.0:
+            continue
+        if size >= BOTH * BOTH * most:
+            x.isolated_part = 3.0
+        else:
+            x.verdict = AMBIGUOUS
+
+
+@kernel
+def _fit(x):
+    """Fit the sine and the command's share to the segments' residuals since the alarm."""
+    worst = 0
+    for i in range(4):
+        if x.ofc_timer[i // 2] > 0.0 and (x.ofc_timer[worst // 2] == 0.0 or x.part_size[i] > x.part_size[worst]):
+            worst = i
+    n, hz = int(min(x.part_since, RING)), x.ofc_hz[worst // 2]
+    if n * SAMPLE * hz < PERIODS:
+        return
+    first = (int(x.part_head) - n) % RING
+    hz = _frequency(x, worst, first, n, hz)
+    share, weight, most = 0.0, 0.0, 0.0
+    for i in range(4):
+        ff, fd, dd = _rest(x, i, first, n, 0.0)
+        x.swing[i] = ff
+        ff, fd, dd = _rest(x, i, first, n, hz)
+        x.swing[i] = (x.swing[i] - ff) / n
+    for i in range(4):
+        if x.swing[i] >= BOTH * BOTH * largest(x.swing):
+            ff, fd, dd = _rest(x, i, first, n, hz)
+            rest = max(ff - fd * fd / max(dd, 1e-12), 1e-12)
+            w = dd * n * SAMPLE / (rest * CORRELATED)
+            share += w * -fd / max(dd, 1e-12)
+            weight += w
+    x.share, x.share_sigma = share / max(weight, 1e-12), math.sqrt(1.0 / max(weight, 1e-12))
+    variance = x.share_sigma * x.share_sigma + MODEL * MODEL
+    near = 1.0 if x.share > 0.5 else 0.0
+    away = math.fabs(x.share - near)
+    if 0.5 - away >= EVIDENCE * variance and away * away <= FITS * FITS * variance:
+        x.ofc_class = OFC_SOLID if near > 0.5 else OFC_LIQUID
+
+
+@kernel
+def _frequency(x, i, first, n, about):
+    """Return the frequency [Hz] about that of the bank at which a sine and the command explain residual i best."""
+    hz, most, apart = about / NEXT, about * NEXT, 0.5 / (n * SAMPLE)
+    best, least = about, math.inf
+    for _ in range(2):
+        while hz <= most:
+            ff, fd, dd = _rest(x, i, first, n, hz)
+            if ff - fd * fd / max(dd, 1e-12) < least:
+                least, best = ff - fd * fd / max(dd, 1e-12), hz
+            hz += apart
+        hz, most, apart = best - 0.75 * apart, best + 0.8 * apart, 0.25 * apart
+    return best
+
+
+@kernel
+def _rest(x, i, first, n, hz):
+    """Return the sums of products of residual i and its side's model over n samples, less constant and sine of `hz`."""
+    Y, M, y0, m0 = x.part_ring[i], x.part_ring[4 + i // 2], 0.0, 0.0
+    for k in range(first, first + n):
+        y0 += Y[k % RING] / n
+        m0 += M[k % RING] / n
+    half = math.pi * hz * SAMPLE
+    c0 = math.sin(n * half) / (n * math.sin(half)) if hz > 0.0 else 1.0
+    return beside(Y, M, first, n, 2.0 * half, y0, m0, c0)
