@@ -26,9 +26,9 @@ from fdi.rfafe.core import AIRFRAME
 from fdi.rfafe.servo import D, R
 
 SAMPLE, RING = 0.02, 250  # a sample of the ring [s]: five of a period at 10 Hz; 2.5 periods at 0.5 Hz
-BEFORE, EVERY = 12.0, 12  # samples that are taken from before the alarm, and after which the fit is renewed
+EVERY = 12  # samples after which the fit is renewed
 PERIODS, NEXT = 1.5, 1.15  # that the window must hold; how far from the bank's frequency the sine may be, a ratio
-ONE, BOTH = 0.2, 0.3  # amplitude of one segment over that of the largest
+ALONE, MOVED = 0.3, 0.25  # amplitude of one segment over that of the largest
 CORRELATED, MODEL = 0.3, 0.15  # time by which samples of the rest are independent [s]; error of the model in the share
 EVIDENCE, FITS = 8.0, 3.0  # logarithm of a ratio of likelihoods; deviations
 NAMES = ("", "elevator_left_outer", "elevator_left_inner", "elevator_right_inner", "elevator_right_outer")
@@ -39,9 +39,12 @@ STATE = [
     ("part_sums", "f8", (6,), "deg"),  # of the open sample
     ("part_ticks", "f8", "-"),  # in it
     ("part_head", "f8", "-"),  # next place in the ring
-    ("part_since", "f8", "-"),  # samples since the alarm, some before it included
+    ("part_count", "f8", "-"),  # samples since the start
+    ("part_onset", "f8", "-"),  # of them before the alarm
+    ("part_held", "f8", "-"),  # samples for which the class is still known
     ("part_size", "f8", (4,), "deg2"),  # mean square of each segment's residual
     ("swing", "f8", (4,), "deg2"),  # of it what the sine explains
+    ("noise", "f8", (4,), "deg2"),  # what sine and command leave
     ("share", "f8", "-"),  # of the command that does not come through where it oscillates
     ("share_sigma", "f8", "-"),
     ("ofc_class", "f8", "-"),  # told by it
@@ -76,12 +79,15 @@ def name(x, p, dt):
     """Set class, sides and segment of what is declared."""
     swings = x.ofc_timer[0] + x.ofc_timer[1] > 0.0
     if not swings:
-        x.ofc_class, x.swing[:] = AMBIGUOUS, 0.0
+        x.part_onset, x.swing[:] = x.part_count, 0.0
     if x.part_ticks * dt > SAMPLE - 0.5 * dt:
         x.part_head = put(x.part_ring, x.part_sums, x.part_ticks, x.part_head)
         x.part_ticks = 0.0
-        x.part_since = min(x.part_since + 1.0, 1e6 if swings else BEFORE)
-        if swings and int(x.part_since) % EVERY == 0:
+        x.part_count += 1.0
+        x.part_held = RING if swings else max(x.part_held - 1.0, 0.0)
+        if x.part_held == 0.0:
+            x.ofc_class = AMBIGUOUS
+        if swings and int(x.part_count - x.part_onset) % EVERY == 1:
             _fit(x)
     if swings:
         _sides(x)
@@ -93,7 +99,7 @@ def name(x, p, dt):
                 which, most, next_ = 1.0 + i, sizes[i], most
             else:
                 next_ = max(next_, sizes[i])
-    x.segment = which if x.alarm > 0.5 and next_ < ONE * ONE * most else 0.0
+    x.segment = which if x.alarm > 0.5 and next_ < ALONE * ALONE * most else 0.0
 
 
 @kernel
@@ -108,13 +114,13 @@ def largest(v):
 @kernel
 def _sides(x):
     """Add the side that swings with the one declared, and give the class unless that is open."""
-    most = largest(x.swing)
+    least = MOVED * MOVED * largest(x.swing)
     x.verdict = x.ofc_class
     for j in range(2):
-        size = max(x.swing[2 * j], x.swing[2 * j + 1])
-        if x.ofc_timer[j] > 0.0 or size < ONE * ONE * most or most == 0.0:
+        i = 2 * j if x.swing[2 * j] > x.swing[2 * j + 1] else 2 * j + 1
+        if x.ofc_timer[j] > 0.0 or x.swing[i] < least:
             continue
-        if size >= BOTH * BOTH * most:
+        if x.swing[i] - x.noise[i] > least:
             x.isolated_part = 3.0
         else:
             x.verdict = AMBIGUOUS
@@ -127,7 +133,8 @@ def _fit(x):
     for i in range(4):
         if x.ofc_timer[i // 2] > 0.0 and (x.ofc_timer[worst // 2] == 0.0 or x.part_size[i] > x.part_size[worst]):
             worst = i
-    n, hz = int(min(x.part_since, RING)), x.ofc_hz[worst // 2]
+    hz = x.ofc_hz[worst // 2]
+    n = int(min(x.part_count - x.part_onset + 1.0 / (hz * SAMPLE), min(x.part_count, RING)))
     if n * SAMPLE * hz < PERIODS:
         return
     first = (int(x.part_head) - n) % RING
@@ -138,8 +145,9 @@ def _fit(x):
         x.swing[i] = ff
         ff, fd, dd = _rest(x, i, first, n, hz)
         x.swing[i] = (x.swing[i] - ff) / n
+        x.noise[i] = (ff - fd * fd / max(dd, 1e-12)) / n
     for i in range(4):
-        if x.swing[i] >= BOTH * BOTH * largest(x.swing):
+        if x.swing[i] >= MOVED * MOVED * largest(x.swing):
             ff, fd, dd = _rest(x, i, first, n, hz)
             rest = max(ff - fd * fd / max(dd, 1e-12), 1e-12)
             w = dd * n * SAMPLE / (rest * CORRELATED)
