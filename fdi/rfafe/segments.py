@@ -79,19 +79,19 @@ def name(x, p, dt):
     """Set class, sides and segment of what is declared."""
     swings = x.ofc_timer[0] + x.ofc_timer[1] > 0.0
     if not swings:
-        x.part_onset, x.swing[:] = x.part_count, 0.0
+        x.part_onset = x.part_count
     if x.part_ticks * dt > SAMPLE - 0.5 * dt:
         x.part_head = put(x.part_ring, x.part_sums, x.part_ticks, x.part_head)
         x.part_ticks = 0.0
         x.part_count += 1.0
         x.part_held = RING if swings else max(x.part_held - 1.0, 0.0)
         if x.part_held == 0.0:
-            x.ofc_class = AMBIGUOUS
+            x.ofc_class, x.swing[:] = AMBIGUOUS, 0.0
         if swings and int(x.part_count - x.part_onset) % EVERY == 1:
             _fit(x)
     if swings:
         _sides(x)
-    sizes = x.swing if largest(x.swing) > 0.0 else x.part_size
+    sizes = x.swing if swings and largest(x.swing) > 0.0 else x.part_size
     which, most, next_ = 0.0, 0.0, 0.0
     for i in range(4):
         if x.isolated_part == 3.0 or (i < 2) == (x.isolated_part < 1.5):
