@@ -20,13 +20,13 @@ import math
 
 from actuators.block import kernel
 from actuators.constants import RAD_PER_DEG
-from fdi.common.sinusoid import beside, put
+from fdi.common.sinusoid import beside, best_sine, put
 from fdi.common.verdict import AMBIGUOUS, OFC_LIQUID, OFC_SOLID
 from fdi.rfafe.core import AIRFRAME
 from fdi.rfafe.servo import D, R
 
-SAMPLE, RING = 0.02, 250  # a sample of the ring [s]: five of a period at 10 Hz; 2.5 periods at 0.5 Hz
-EVERY = 12  # samples after which the fit is renewed
+SAMPLE, RING = 0.04, 125  # a sample of the ring [s]: five of a period at 10 Hz; 2.5 periods at 0.5 Hz
+EVERY = 6  # samples after which the fit is renewed
 PERIODS, NEXT = 1.5, 1.15  # that the window must hold; how far from the bank's frequency the sine may be, a ratio
 ALONE, MOVED = 0.3, 0.25  # amplitude of one segment over that of the largest
 CORRELATED, MODEL = 0.3, 0.15  # time by which samples of the rest are independent [s]; error of the model in the share
@@ -44,6 +44,7 @@ STATE = [
     ("part_held", "f8", "-"),  # samples for which the class is still known
     ("part_size", "f8", (4,), "deg2"),  # mean square of each segment's residual
     ("swing", "f8", (4,), "deg2"),  # of it what the sine explains
+    ("most", "f8", "deg2"),  # the largest of them
     ("noise", "f8", (4,), "deg2"),  # what sine and command leave
     ("share", "f8", "-"),  # of the command that does not come through where it oscillates
     ("share_sigma", "f8", "-"),
@@ -86,12 +87,12 @@ def name(x, p, dt):
         x.part_count += 1.0
         x.part_held = RING if swings else max(x.part_held - 1.0, 0.0)
         if x.part_held == 0.0:
-            x.ofc_class, x.swing[:] = AMBIGUOUS, 0.0
+            x.ofc_class, x.most = AMBIGUOUS, 0.0
         if swings and int(x.part_count - x.part_onset) % EVERY == 1:
             _fit(x)
     if swings:
         _sides(x)
-    sizes = x.swing if swings and largest(x.swing) > 0.0 else x.part_size
+    sizes = x.swing if swings and x.most > 0.0 else x.part_size
     which, most, next_ = 0.0, 0.0, 0.0
     for i in range(4):
         if x.isolated_part == 3.0 or (i < 2) == (x.isolated_part < 1.5):
@@ -103,22 +104,13 @@ def name(x, p, dt):
 
 
 @kernel
-def largest(v):
-    """Return the largest of v."""
-    most = v[0]
-    for i in range(1, v.size):
-        most = max(most, v[i])
-    return most
-
-
-@kernel
 def _sides(x):
     """Add the side that swings with the one declared, and give the class unless that is open."""
-    least = MOVED * MOVED * largest(x.swing)
+    least = MOVED * MOVED * x.most
     x.verdict = x.ofc_class
     for j in range(2):
         i = 2 * j if x.swing[2 * j] > x.swing[2 * j + 1] else 2 * j + 1
-        if x.ofc_timer[j] > 0.0 or x.swing[i] < least:
+        if x.ofc_timer[j] > 0.0 or x.most == 0.0 or x.swing[i] < least:
             continue
         if x.swing[i] - x.noise[i] > least:
             x.isolated_part = 3.0
@@ -137,52 +129,18 @@ def _fit(x):
     n = int(min(x.part_count - x.part_onset + 1.0 / (hz * SAMPLE), min(x.part_count, RING)))
     if n * SAMPLE * hz < PERIODS:
         return
-    first = (int(x.part_head) - n) % RING
-    hz = _frequency(x, worst, first, n, hz)
-    share, weight, most = 0.0, 0.0, 0.0
+    first, x.most = (int(x.part_head) - n) % RING, 0.0
+    Y, M = x.part_ring[worst], x.part_ring[4 + worst // 2]
+    hz, rest, gain, dd, _ = best_sine(Y, M, first, n, SAMPLE, hz / NEXT, hz * NEXT, 1.0)
     for i in range(4):
-        ff, fd, dd = _rest(x, i, first, n, 0.0)
-        x.swing[i] = ff
-        ff, fd, dd = _rest(x, i, first, n, hz)
-        x.swing[i] = (x.swing[i] - ff) / n
-        x.noise[i] = (ff - fd * fd / max(dd, 1e-12)) / n
-    for i in range(4):
-        if x.swing[i] >= MOVED * MOVED * largest(x.swing):
-            ff, fd, dd = _rest(x, i, first, n, hz)
-            rest = max(ff - fd * fd / max(dd, 1e-12), 1e-12)
-            w = dd * n * SAMPLE / (rest * CORRELATED)
-            share += w * -fd / max(dd, 1e-12)
-            weight += w
-    x.share, x.share_sigma = share / max(weight, 1e-12), math.sqrt(1.0 / max(weight, 1e-12))
+        Y, M = x.part_ring[i], x.part_ring[4 + i // 2]
+        ff, fd, dm = beside(Y, M, first, n, 2.0 * math.pi * hz * SAMPLE, 1.0)
+        x.swing[i] = (beside(Y, M, first, n, 0.0, 1.0)[0] - ff) / n
+        x.noise[i] = (ff - fd * fd / max(dm, 1e-12)) / n
+        x.most = max(x.most, x.swing[i])
+    x.share, x.share_sigma = -gain, math.sqrt(rest * CORRELATED / (n * SAMPLE) / max(dd, 1e-12))
     variance = x.share_sigma * x.share_sigma + MODEL * MODEL
     near = 1.0 if x.share > 0.5 else 0.0
     away = math.fabs(x.share - near)
     if 0.5 - away >= EVIDENCE * variance and away * away <= FITS * FITS * variance:
         x.ofc_class = OFC_SOLID if near > 0.5 else OFC_LIQUID
-
-
-@kernel
-def _frequency(x, i, first, n, about):
-    """Return the frequency [Hz] about that of the bank at which a sine and the command explain residual i best."""
-    hz, most, apart = about / NEXT, about * NEXT, 0.5 / (n * SAMPLE)
-    best, least = about, math.inf
-    for _ in range(2):
-        while hz <= most:
-            ff, fd, dd = _rest(x, i, first, n, hz)
-            if ff - fd * fd / max(dd, 1e-12) < least:
-                least, best = ff - fd * fd / max(dd, 1e-12), hz
-            hz += apart
-        hz, most, apart = best - 0.75 * apart, best + 0.8 * apart, 0.25 * apart
-    return best
-
-
-@kernel
-def _rest(x, i, first, n, hz):
-    """Return the sums of products of residual i and its side's model over n samples, less constant and sine of `hz`."""
-    Y, M, y0, m0 = x.part_ring[i], x.part_ring[4 + i // 2], 0.0, 0.0
-    for k in range(first, first + n):
-        y0 += Y[k % RING] / n
-        m0 += M[k % RING] / n
-    half = math.pi * hz * SAMPLE
-    c0 = math.sin(n * half) / (n * math.sin(half)) if hz > 0.0 else 1.0
-    return beside(Y, M, first, n, 2.0 * half, y0, m0, c0)
