@@ -29,8 +29,8 @@ SAMPLE, RING = 0.04, 125  # a sample of the ring [s]: five of a period at 10 Hz;
 EVERY = 6  # samples after which the fit is renewed
 PERIODS, NEXT = 1.5, 1.15  # that the window must hold; how far from the bank's frequency the sine may be, a ratio
 ALONE, MOVED = 0.3, 0.25  # amplitude of one segment over that of the largest
-CORRELATED, MODEL = 0.3, 0.15  # time by which samples of the rest are independent [s]; error of the model in the share
-EVIDENCE, FITS = 8.0, 3.0  # logarithm of a ratio of likelihoods; deviations
+CORRELATED, MODEL = 0.5, 0.15  # time by which samples of the rest are independent [s]; error of the model in the share
+EVIDENCE = 8.0  # logarithm of a ratio of likelihoods
 NAMES = ("", "elevator_left_outer", "elevator_left_inner", "elevator_right_inner", "elevator_right_outer")
 
 STATE = [
@@ -139,8 +139,9 @@ def _fit(x):
         x.noise[i] = (ff - fd * fd / max(dm, 1e-12)) / n
         x.most = max(x.most, x.swing[i])
     x.share, x.share_sigma = -gain, math.sqrt(rest * CORRELATED / (n * SAMPLE) / max(dd, 1e-12))
-    variance = x.share_sigma * x.share_sigma + MODEL * MODEL
-    near = 1.0 if x.share > 0.5 else 0.0
-    away = math.fabs(x.share - near)
-    if 0.5 - away >= EVIDENCE * variance and away * away <= FITS * FITS * variance:
-        x.ofc_class = OFC_SOLID if near > 0.5 else OFC_LIQUID
+    near, likelier = (1.0, OFC_SOLID) if x.share > 0.5 else (0.0, OFC_LIQUID)
+    evidence = (0.5 - math.fabs(x.share - near)) / (x.share_sigma * x.share_sigma + MODEL * MODEL)
+    if evidence >= EVIDENCE:
+        x.ofc_class = likelier
+    elif evidence > 0.0 and likelier != x.ofc_class:
+        x.ofc_class = AMBIGUOUS
