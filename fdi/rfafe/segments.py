@@ -29,7 +29,7 @@ SAMPLE, RING = 0.04, 125  # a sample of the ring [s]: five of a period at 10 Hz;
 EVERY = 6  # samples after which the fit is renewed
 PERIODS, NEXT = 1.5, 1.15  # that the window must hold; how far from the bank's frequency the sine may be, a ratio
 ALONE, MOVED = 0.3, 0.25  # amplitude of one segment over that of the largest
-CORRELATED, MODEL = 0.5, 0.15  # time by which samples of the rest are independent [s]; error of the model in the share
+CORRELATED, MODEL = 0.3, 0.15  # time by which samples of the rest are independent [s]; error of the model in the share
 EVIDENCE = 8.0  # logarithm of a ratio of likelihoods
 NAMES = ("", "elevator_left_outer", "elevator_left_inner", "elevator_right_inner", "elevator_right_outer")
 
