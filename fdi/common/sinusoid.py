@@ -51,7 +51,7 @@ def beside(F, D, first, n, angle, constant):
 
 
 @kernel
-def best_sine(F, D, first, n, h, low, high, constant):
+def fit_sine(F, D, first, n, h, low, high, constant):
     """Return (hz, rest, gain, dd, before) of F = gain D + sine + rest at the frequency in [low, high] [Hz] that leaves
     least: sums of squares of the rest, of D beside the sine, and of the rest without one; hz 0 where no sine explains
     anything. `h`: time of a sample [s]; other arguments as of `beside`."""

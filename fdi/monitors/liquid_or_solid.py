@@ -13,7 +13,7 @@ well, with the command or with the gusts.
 import math
 
 from actuators.block import kernel
-from fdi.common.sinusoid import best_sine, put
+from fdi.common.sinusoid import fit_sine, put
 from fdi.common.verdict import AMBIGUOUS, OFC_LIQUID, OFC_SOLID
 
 SAMPLE, RING = 0.02, 250  # a sample of the ring [s]: five of a period at 10 Hz; 2.5 periods at 0.5 Hz
@@ -56,7 +56,7 @@ def weigh(x, p, h):
     n = int(min(x.since, float(RING)))
     first = (int(x.head) - n) % RING
     Y, M = x.ring[0], x.ring[1]
-    best, rest, gain, dd, before = best_sine(Y, M, first, n, h, PERIODS / (n * h), min(p.f_high, 0.4 / h), 0.0)
+    best, rest, gain, dd, before = fit_sine(Y, M, first, n, h, PERIODS / (n * h), min(p.f_high, 0.4 / h), 0.0)
     if best == 0.0:
         return AMBIGUOUS
     x.gain, x.gain_sigma = gain, math.sqrt(max(rest, 0.0) * CORRELATED / (n * h) / max(dd, 1e-12))

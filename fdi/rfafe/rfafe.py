@@ -164,8 +164,6 @@ def step(x, u, p, dt):
             estimate(x, p, good, dt)  # its model holds beyond the rate limit, too
     if good > 0.5:
         segments.compare(x, u, p, dt)
-    else:
-        x.part_count = x.part_onset = 0.0
     x.f_hat_left = _evened(x, p, 0)
     x.f_hat_right = _evened(x, p, 1)
     x.f_hat = x.f_hat_left if math.fabs(x.f_hat_left) >= math.fabs(x.f_hat_right) else x.f_hat_right

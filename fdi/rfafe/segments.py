@@ -20,7 +20,7 @@ import math
 
 from actuators.block import kernel
 from actuators.constants import RAD_PER_DEG
-from fdi.common.sinusoid import beside, best_sine, put
+from fdi.common.sinusoid import beside, fit_sine, put
 from fdi.common.verdict import AMBIGUOUS, OFC_LIQUID, OFC_SOLID
 from fdi.rfafe.core import AIRFRAME
 from fdi.rfafe.servo import D, R
@@ -34,19 +34,16 @@ EVIDENCE = 8.0  # logarithm of a ratio of likelihoods
 NAMES = ("", "elevator_left_outer", "elevator_left_inner", "elevator_right_inner", "elevator_right_outer")
 
 STATE = [
-    ("apart", "f8", (2,), "deg"),  # d_0 of each side
+    ("apart", "f8", (4,), "deg"),  # d_0 of each segment
     ("part_ring", "f8", (6, RING), "deg"),  # residual of each segment, position of each side's model
     ("part_sums", "f8", (6,), "deg"),  # of the open sample
     ("part_ticks", "f8", "-"),  # in it
     ("part_head", "f8", "-"),  # next place in the ring
-    ("part_count", "f8", "-"),  # samples since the start
-    ("part_onset", "f8", "-"),  # of them before the alarm
-    ("part_held", "f8", "-"),  # samples for which the class is still known
+    ("part_since", "f8", "-"),  # samples since the alarm; without one the negative of those since its end
     ("part_size", "f8", (4,), "deg2"),  # mean square of each segment's residual
     ("swing", "f8", (4,), "deg2"),  # of it what the sine explains
-    ("most", "f8", "deg2"),  # the largest of them
     ("noise", "f8", (4,), "deg2"),  # what sine and command leave
-    ("share", "f8", "-"),  # of the command that does not come through where it oscillates
+    ("share", "f8", "-"),  # of the command that does not come through where most oscillates
     ("share_sigma", "f8", "-"),
     ("ofc_class", "f8", "-"),  # told by it
     ("segment", "f8", "-"),  # that alone does not follow, index into NAMES; 0: several, or open
@@ -56,43 +53,47 @@ STATE = [
 @kernel
 def compare(x, u, p, dt):
     """Learn d_0 with the trim, then take the residuals of this sample; x.y holds deviations once the trim is known."""
-    now = x.part_sums
-    for j in range(2):
-        one, two = 2 * j, 2 * j + 1
-        d = (u.surface[one] - u.surface[two]) / RAD_PER_DEG
-        d -= x.ref[one, R] - x.ref[one, D] - x.ref[two, R] + x.ref[two, D]
+    for i in range(4):
+        j, k = i // 2, i + 1 - 2 * (i % 2)  # side, other segment of it
+        d = 0.5 * ((u.surface[i] - u.surface[k]) / RAD_PER_DEG - x.ref[i, R] + x.ref[i, D] + x.ref[k, R] - x.ref[k, D])
         if x.started < 0.5:
-            x.apart[j] += (d - x.apart[j]) / max(x.seen, 1.0) if x.seen < p.n_trim else 0.0
+            x.apart[i] += (d - x.apart[i]) / max(x.seen, 1.0) if x.seen < p.n_trim else 0.0
             continue
-        d -= x.apart[j]
         m = x.act[j] - p.gain[j] * x.u0[j]
-        e = x.y[AIRFRAME + j] - m
-        now[4 + j] += m
-        for i in range(one, two + 1):
-            own = e + (0.5 * d if i == one else -0.5 * d)
-            now[i] += own
-            x.part_size[i] += (1.0 - math.exp(-dt / p.tau_energy)) * (own * own - x.part_size[i])
-    x.part_ticks += 1.0
+        e = x.y[AIRFRAME + j] - m + d - x.apart[i]
+        x.part_sums[i] += e
+        x.part_sums[4 + j] += 0.5 * m
+        x.part_size[i] += (1.0 - math.exp(-dt / p.tau_energy)) * (e * e - x.part_size[i])
+    x.part_ticks += x.started
 
 
 @kernel
 def name(x, p, dt):
     """Set class, sides and segment of what is declared."""
     swings = x.ofc_timer[0] + x.ofc_timer[1] > 0.0
-    if not swings:
-        x.part_onset = x.part_count
     if x.part_ticks * dt > SAMPLE - 0.5 * dt:
         x.part_head = put(x.part_ring, x.part_sums, x.part_ticks, x.part_head)
         x.part_ticks = 0.0
-        x.part_count += 1.0
-        x.part_held = RING if swings else max(x.part_held - 1.0, 0.0)
-        if x.part_held == 0.0:
-            x.ofc_class, x.most = AMBIGUOUS, 0.0
-        if swings and int(x.part_count - x.part_onset) % EVERY == 1:
+        x.part_since = max(x.part_since, 0.0) + 1.0 if swings else min(x.part_since, 0.0) - 1.0
+        if x.part_since < -RING:
+            x.ofc_class, x.swing[:] = AMBIGUOUS, 0.0
+        if swings and int(x.part_since) % EVERY == 1:
             _fit(x)
+    most = max(max(x.swing[0], x.swing[1]), max(x.swing[2], x.swing[3]))
     if swings:
-        _sides(x)
-    sizes = x.swing if swings and x.most > 0.0 else x.part_size
+        x.verdict = x.ofc_class
+        for i in range(4):
+            if x.ofc_timer[i // 2] == 0.0 and x.swing[i] > MOVED * MOVED * most:
+                if x.swing[i] - x.noise[i] > MOVED * MOVED * most:
+                    x.isolated_part = 3.0
+                else:
+                    x.verdict = AMBIGUOUS
+    _alone(x, x.swing if swings and most > 0.0 else x.part_size)
+
+
+@kernel
+def _alone(x, sizes):
+    """Set the segment of the sides declared whose size the second largest is far below."""
     which, most, next_ = 0.0, 0.0, 0.0
     for i in range(4):
         if x.isolated_part == 3.0 or (i < 2) == (x.isolated_part < 1.5):
@@ -104,40 +105,25 @@ def name(x, p, dt):
 
 
 @kernel
-def _sides(x):
-    """Add the side that swings with the one declared, and give the class unless that is open."""
-    least = MOVED * MOVED * x.most
-    x.verdict = x.ofc_class
-    for j in range(2):
-        i = 2 * j if x.swing[2 * j] > x.swing[2 * j + 1] else 2 * j + 1
-        if x.ofc_timer[j] > 0.0 or x.most == 0.0 or x.swing[i] < least:
-            continue
-        if x.swing[i] - x.noise[i] > least:
-            x.isolated_part = 3.0
-        else:
-            x.verdict = AMBIGUOUS
-
-
-@kernel
 def _fit(x):
-    """Fit the sine and the command's share to the segments' residuals since the alarm."""
+    """Fit the sine and the command's share to the segments' residuals since the alarm, of the worst of those declared
+    first."""
     worst = 0
     for i in range(4):
         if x.ofc_timer[i // 2] > 0.0 and (x.ofc_timer[worst // 2] == 0.0 or x.part_size[i] > x.part_size[worst]):
             worst = i
     hz = x.ofc_hz[worst // 2]
-    n = int(min(x.part_count - x.part_onset + 1.0 / (hz * SAMPLE), min(x.part_count, RING)))
+    n = int(min(x.part_since + 1.0 / (hz * SAMPLE), RING))
     if n * SAMPLE * hz < PERIODS:
         return
-    first, x.most = (int(x.part_head) - n) % RING, 0.0
+    first = (int(x.part_head) - n) % RING
     Y, M = x.part_ring[worst], x.part_ring[4 + worst // 2]
-    hz, rest, gain, dd, _ = best_sine(Y, M, first, n, SAMPLE, hz / NEXT, hz * NEXT, 1.0)
+    hz, rest, gain, dd, _ = fit_sine(Y, M, first, n, SAMPLE, hz / NEXT, hz * NEXT, 1.0)
     for i in range(4):
         Y, M = x.part_ring[i], x.part_ring[4 + i // 2]
-        ff, fd, dm = beside(Y, M, first, n, 2.0 * math.pi * hz * SAMPLE, 1.0)
+        ff, fd, mm = beside(Y, M, first, n, 2.0 * math.pi * hz * SAMPLE, 1.0)
         x.swing[i] = (beside(Y, M, first, n, 0.0, 1.0)[0] - ff) / n
-        x.noise[i] = (ff - fd * fd / max(dm, 1e-12)) / n
-        x.most = max(x.most, x.swing[i])
+        x.noise[i] = (ff - fd * fd / max(mm, 1e-12)) / n
     x.share, x.share_sigma = -gain, math.sqrt(rest * CORRELATED / (n * SAMPLE) / max(dd, 1e-12))
     near, likelier = (1.0, OFC_SOLID) if x.share > 0.5 else (0.0, OFC_LIQUID)
     evidence = (0.5 - math.fabs(x.share - near)) / (x.share_sigma * x.share_sigma + MODEL * MODEL)
