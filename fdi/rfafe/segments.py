@@ -88,30 +88,28 @@ def name(x, p, dt):
                     x.isolated_part = 3.0
                 else:
                     x.verdict = AMBIGUOUS
-    _alone(x, x.swing if swings and most > 0.0 else x.part_size)
+    which, most, next_ = _largest(x, x.swing if swings and most > 0.0 else x.part_size)
+    x.segment = 1.0 + which if x.alarm > 0.5 and next_ < ALONE * ALONE * most else 0.0
 
 
 @kernel
-def _alone(x, sizes):
-    """Set the segment of the sides declared whose size the second largest is far below."""
-    which, most, next_ = 0.0, 0.0, 0.0
+def _largest(x, sizes):
+    """Return (segment from 0, size, size of the next) of the largest of the sides declared."""
+    which, most, next_ = 0, -1.0, 0.0
     for i in range(4):
         if x.isolated_part == 3.0 or (i < 2) == (x.isolated_part < 1.5):
             if sizes[i] > most:
-                which, most, next_ = 1.0 + i, sizes[i], most
+                which, most, next_ = i, sizes[i], most
             else:
                 next_ = max(next_, sizes[i])
-    x.segment = which if x.alarm > 0.5 and next_ < ALONE * ALONE * most else 0.0
+    return which, most, next_
 
 
 @kernel
 def _fit(x):
     """Fit the sine and the command's share to the segments' residuals since the alarm, of the worst of those declared
     first."""
-    worst = 0
-    for i in range(4):
-        if x.ofc_timer[i // 2] > 0.0 and (x.ofc_timer[worst // 2] == 0.0 or x.part_size[i] > x.part_size[worst]):
-            worst = i
+    worst, _, _ = _largest(x, x.part_size)
     hz = x.ofc_hz[worst // 2]
     n = int(min(x.part_since + 1.0 / (hz * SAMPLE), RING))
     if n * SAMPLE * hz < PERIODS:
