@@ -111,18 +111,15 @@ def _fit(x):
     first."""
     worst, _, _ = _largest(x, x.part_size)
     hz = x.ofc_hz[worst // 2]
-    n = int(min(x.part_since + 1.0 / (hz * SAMPLE), RING))
-    if n * SAMPLE * hz < PERIODS:
-        return
-    first = (int(x.part_head) - n) % RING
-    Y, M = x.part_ring[worst], x.part_ring[4 + worst // 2]
-    hz, rest, gain, dd, _ = fit_sine(Y, M, first, n, SAMPLE, hz / NEXT, hz * NEXT, 1.0)
+    n = int(min(x.part_since + PERIODS / (hz * SAMPLE), RING))
+    first, m = (int(x.part_head) - n) % RING, x.part_ring[4 + worst // 2]
+    hz, rest, gain, mm, _ = fit_sine(x.part_ring[worst], m, first, n, SAMPLE, hz / NEXT, hz * NEXT, 1.0)
+    x.share, x.share_sigma = -gain, math.sqrt(rest * CORRELATED / (n * SAMPLE) / max(mm, 1e-12))
     for i in range(4):
-        Y, M = x.part_ring[i], x.part_ring[4 + i // 2]
-        ff, fd, mm = beside(Y, M, first, n, 2.0 * math.pi * hz * SAMPLE, 1.0)
-        x.swing[i] = (beside(Y, M, first, n, 0.0, 1.0)[0] - ff) / n
-        x.noise[i] = (ff - fd * fd / max(mm, 1e-12)) / n
-    x.share, x.share_sigma = -gain, math.sqrt(rest * CORRELATED / (n * SAMPLE) / max(dd, 1e-12))
+        e, m = x.part_ring[i], x.part_ring[4 + i // 2]
+        ee, em, mm = beside(e, m, first, n, 2.0 * math.pi * hz * SAMPLE, 1.0)
+        x.swing[i] = (beside(e, m, first, n, 0.0, 1.0)[0] - ee) / n
+        x.noise[i] = (ee - em * em / max(mm, 1e-12)) / n
     near, likelier = (1.0, OFC_SOLID) if x.share > 0.5 else (0.0, OFC_LIQUID)
     evidence = (0.5 - math.fabs(x.share - near)) / (x.share_sigma * x.share_sigma + MODEL * MODEL)
     if evidence >= EVIDENCE:
