@@ -86,22 +86,22 @@ def test_the_segment_that_alone_does_not_follow_is_named(who, kind):
 
 
 @pytest.mark.parametrize("hz", [1.1, 3.1, 8.9])
-@pytest.mark.parametrize(("share", "kind"), [(0.0, "ofc_liquid"), (1.0, "ofc_solid"), (0.5, "ambiguous")])
+@pytest.mark.parametrize(("share", "kind"), [(0.0, "ofc_liquid"), (1.0, "ofc_solid"), (0.5, "none")])
 def test_the_share_and_its_deviation_are_those_of_least_squares(hz, share, kind):
-    """e = -share m + noise + a sine and a constant, from the second segment of two sides: slope of e over m beside them,
-    its standard error by the time between samples that are independent."""
+    """e = -share m + noise + a sine and a constant, of the second segment: slope of e over m beside them, its
+    standard error by the number of samples that are independent."""
     x, n, head = np.zeros(1, rfafe.STATE)[0], segments.RING, 5  # of a ring: the samples run over its end
     rng, t = np.random.default_rng(7), segments.SAMPLE * (np.arange(n) - 0.5 * (n - 1))
     columns = np.stack([rng.standard_normal(n), np.cos(2 * np.pi * hz * t), np.sin(2 * np.pi * hz * t), np.ones(n)], 1)
     e = columns @ [-share, 1.0, 2.0, 0.3] + 0.5 * rng.standard_normal(n)
     at = np.arange(head - n, head)
     x["part_ring"][1, at], x["part_ring"][4, at], x["part_head"] = e, columns[:, 0], head
-    x["part_size"][1], x["part_since"], x["isolated_part"], x["ofc_class"] = 1.0, n, 1.0, verdict.AMBIGUOUS
+    x["part_size"][1], x["part_since"], x["isolated_part"] = 1.0, n, 1.0
     x["ofc_hz"][0] = bank.frequencies()[np.argmin(np.abs(bank.frequencies() - hz))]
     segments._fit(x)
     (slope, *_), (left,), *_ = np.linalg.lstsq(columns, e)
-    independent = segments.CORRELATED / segments.SAMPLE
-    sigma = np.sqrt(independent * left / n * np.linalg.inv(columns.T @ columns)[0, 0])
+    independent = n * segments.SAMPLE / segments.CORRELATED
+    sigma = np.sqrt(left / (independent - 1.0) * np.linalg.inv(columns.T @ columns)[0, 0])
     assert x["share"] == pytest.approx(-slope, abs=0.2 * sigma) and x["share_sigma"] == pytest.approx(sigma, rel=0.1)
     assert verdict.class_name(x["ofc_class"]) == kind
     assert np.sqrt(2.0 * x["swing"][:2]) == pytest.approx([0.0, np.sqrt(5.0)], abs=0.2)
