@@ -28,7 +28,7 @@ from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, OFC_SOLID
 from fdi.rfafe.core import AIRFRAME
 from fdi.rfafe.servo import D, R
 
-SAMPLE, RING = 0.04, 125  # a sample of the ring [s]: 2.5 of a period at 10 Hz; 2.5 periods at 0.5 Hz
+SAMPLE, RING = 0.04, 250  # a sample of the ring [s]: 2.5 of a period at 10 Hz; ten seconds, five periods at 0.5 Hz
 EVERY = 6  # samples after which the fit is renewed: a quarter of a second
 PERIODS = 1.5  # that an oscillation has lasted when the bank declares it: its windows have two and must agree
 NEXT = 1.15  # ratio by which it may be off the bank's frequency: half a step of the bank is 1.13
