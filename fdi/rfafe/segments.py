@@ -12,7 +12,7 @@ command rests. It is told from an EVIDENCE on, the logarithm of the likelihood o
 until the other is likelier; an oscillation that comes back within the ring's length keeps it.
 
 Sides. The limit of a side is as high as what a manoeuvre leaves in it; what swings at the frequency of another side, by
-more than MOVED of it, is not of a manoeuvre. Such a side is declared, too, if its swing stands out of the rest, else
+more than MOVED of it and more than standing still explains, is not of a manoeuvre. Such a side is declared, too, if its swing stands out of the rest, else
 the class stays AMBIGUOUS.
 
 Segment. The largest of the declared sides if no other of them reaches ALONE of it: of what oscillates the swings, else
@@ -48,7 +48,7 @@ STATE = [
     ("part_head", "f8", "-"),  # next place in the ring
     ("part_since", "f8", "-"),  # samples since the alarm; without one the negative of those since its end
     ("part_size", "f8", (4,), "deg2"),  # mean square of each segment's residual
-    ("swing", "f8", (4,), "deg2"),  # of it what the sine explains
+    ("swing", "f8", (4,), "deg2"),  # what the sine explains of it, and a part that does not move at all does not
     ("noise", "f8", (4,), "deg2"),  # what sine and command leave
     ("share", "f8", "-"),  # of the command that does not come through where most oscillates
     ("share_sigma", "f8", "-"),
@@ -126,7 +126,9 @@ def _fit(x):
     for i in range(4):
         e, m = x.part_ring[i], x.part_ring[4 + i // 2]
         ee, em, mm = beside(e, m, first, n, 2.0 * math.pi * hz * SAMPLE, 1.0)
-        x.swing[i] = (beside(e, m, first, n, 0.0, 1.0)[0] - ee) / n
+        whole, along, square = beside(e, m, first, n, 0.0, 1.0)
+        lost = min(max(-along / max(square, 1e-12), 0.0), 1.0)
+        x.swing[i] = min(whole - ee, whole + lost * (2.0 * along + lost * square)) / n
         x.noise[i] = (ee - em * em / max(mm, 1e-12)) / n
     near, likelier = (1.0, OFC_SOLID) if x.share > 0.5 else (0.0, OFC_LIQUID)
     evidence = (0.5 - math.fabs(x.share - near)) / (x.share_sigma * x.share_sigma + MODEL * MODEL)
