@@ -48,7 +48,7 @@ STATE = [
     ("part_head", "f8", "-"),  # next place in the ring
     ("part_since", "f8", "-"),  # samples since the alarm; without one the negative of those since its end
     ("part_size", "f8", (4,), "deg2"),  # mean square of each segment's residual
-    ("swing", "f8", (4,), "deg2"),  # what the sine explains of it, and a part that does not move at all does not
+    ("swing", "f8", (4,), "deg2"),  # of it what the sine explains; of a side not declared what standing still does not
     ("noise", "f8", (4,), "deg2"),  # what sine and command leave
     ("share", "f8", "-"),  # of the command that does not come through where most oscillates
     ("share_sigma", "f8", "-"),
@@ -127,7 +127,7 @@ def _fit(x):
         e, m = x.part_ring[i], x.part_ring[4 + i // 2]
         ee, em, mm = beside(e, m, first, n, 2.0 * math.pi * hz * SAMPLE, 1.0)
         whole, along, square = beside(e, m, first, n, 0.0, 1.0)
-        lost = min(max(-along / max(square, 1e-12), 0.0), 1.0)
+        lost = 0.0 if x.ofc_timer[i // 2] > 0.0 else min(max(-along / max(square, 1e-12), 0.0), 1.0)
         x.swing[i] = min(whole - ee, whole + lost * (2.0 * along + lost * square)) / n
         x.noise[i] = (ee - em * em / max(mm, 1e-12)) / n
     near, likelier = (1.0, OFC_SOLID) if x.share > 0.5 else (0.0, OFC_LIQUID)
