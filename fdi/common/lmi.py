@@ -27,8 +27,7 @@ def cvxpy() -> Any:
 
 def negative(expression: Any, margin: float) -> Any:
     """Return the constraint `sym(expression) <= -margin I` for a square cvxpy expression, strict when margin > 0."""
-    size = expression.shape[0]
-    return (expression + expression.T) / 2 << -margin * np.eye(size)
+    return (expression + expression.T) / 2 << -margin * np.eye(expression.shape[0])
 
 
 def solve(problem: Any, *, tolerance: float = 1e-9) -> None:
@@ -50,7 +49,6 @@ def solve(problem: Any, *, tolerance: float = 1e-9) -> None:
 
 def violation(matrix: Any) -> float:
     """Return lambda_max(sym(matrix)) / |matrix|_2: negative when `matrix < 0` holds, relative to its own size."""
-    symmetric = (matrix + matrix.T) / 2
-    eigenvalues = np.linalg.eigvalsh(symmetric)
+    eigenvalues = np.linalg.eigvalsh((matrix + matrix.T) / 2)
     size = max(abs(eigenvalues[0]), abs(eigenvalues[-1]))
     return float(eigenvalues[-1] / size) if size > 0.0 else 0.0

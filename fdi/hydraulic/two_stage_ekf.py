@@ -115,8 +115,7 @@ def force(x, u, p):
 def start(x, q, dp, u, p):
     """Begin at the measurement, at rest, in equilibrium with the load."""
     diagonal(x.P_bar, p.P0)
-    for i in range(4):
-        x.x_bar[i] = x.U[i] = x.V[i] = 0.0
+    x.x_bar[:] = x.U[:] = x.V[:] = 0.0
     x.x_bar[0] = x.x_hat[0] = q
     if p.load == 2.0:
         x.x_bar[2], x.x_bar[3] = dp, -dp
@@ -258,6 +257,8 @@ def measurement_update(x, u, p, dt):
     x.age_rod = 0.0 if rod else x.age_rod + dt
     if rod or spare:
         y = u.y_rod if rod else p.arm * u.y_surface + x.rigging
+        step = x.h_step + dt * (x.x_hat[1] - x.h_hat[1])  # of the last tick, with the fault known
+        y += x.fed[0] * step  # AGE of `fdi.isolation.filter`
         gamma, s, used = measure(x, 0, y, p.r_rod if rod else p.r_spare, p.gate_rod, p)
         x.gamma_rod, x.nis_rod = gamma, gamma * gamma / s
         x.skip_rod = 0.0 if used > 0.5 else x.skip_rod + 1.0
@@ -267,7 +268,7 @@ def measurement_update(x, u, p, dt):
     if p.load == 2.0:
         x.age_dp += dt
         if usable(u.y_dp, u.y_dp_valid) > 0.5 and x.dp_out < 0.5:
-            gamma, s, used = measure(x, 2, u.y_dp, p.r_dp, p.gate_rod, p)
+            gamma, s, used = measure(x, 2, u.y_dp - x.h_aged[2], p.r_dp, p.gate_rod, p)
             x.gamma_dp, x.nis_dp = gamma, gamma * gamma / s
             x.age_dp *= 1.0 - used
             x.skip_dp = 0.0 if used > 0.5 else x.skip_dp + 1.0
@@ -297,12 +298,9 @@ def sane(x):
 def clear(x):
     """Forget estimate and covariance: the filter begins again at the next usable rod sample."""
     for v in (x.x_bar, x.x_hat, x.G, x.U, x.V, x.K, x.eta):
-        for i in range(4):
-            v[i] = 0.0
+        v[:] = 0.0
     for A in (x.P_bar, x.Phi, x.W):
-        for i in range(4):
-            for j in range(4):
-                A[i, j] = 0.0
+        A[:] = 0.0
     x.started = x.f_hat = x.f_sigma = x.P_f = x.q_now = x.v_now = x.x3_now = 0.0
     x.gamma_rod = x.gamma_dp = x.nis_rod = x.nis_dp = 0.0
 
@@ -327,8 +325,8 @@ def predict_now(x, f, F, p, dt):
 
 @kernel
 def estimate(x, u, p, dt):
-    """Run the filter for one tick: [Lu17] (14)-(36) on measurements that are `delay` ticks old."""
-    remember(x, u)
+    """Run the filter for one tick, after `remember`: [Lu17] (14)-(36) on measurements that are `delay` ticks old, less
+    what learned ages (`fdi.isolation`) make of them."""
     if x.started < 0.5:
         if usable(u.y_rod, u.y_rod_valid) < 0.5:
             x.age += dt
