@@ -31,6 +31,7 @@ from fdi.isolation.filter import (
     TIMING,
     N,
 )  # fmt: skip
+from fdi.isolation.response import FLOWS
 from fdi.isolation.sums import BESIDE, ENERGY, LINES, NEXT, NUMBER, OCTAVES, PAIRS, WAVES, B, gather
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
@@ -215,7 +216,9 @@ def of_noise(x, p, Q0, logdet0):
 @kernel
 def columns(x, p, o, place):
     """Write the sums of an oscillation's columns at `place`, and of those beside it."""
-    J, b = x.wave_J, x.wave_b
+    J, b, level = x.wave_J, x.wave_b, 0
+    for k in range(1, len(FLOWS)):
+        level += 1 if x.flow2 > 0.5 * FLOWS[k] * FLOWS[k] else 0
     for k in range(len(BESIDE)):
         i, a = k if k < FIRST_WAVE else OF_GAIN, BESIDE[k]
         b[i] = x.total[B + a]
@@ -228,7 +231,7 @@ def columns(x, p, o, place):
     for j in range(SENSORS):
         unit = 1.0 / math.sqrt(x.noise[j])
         m = unit * unit * x.total[NUMBER + j] / x.window_age[o]  # ticks of a block, in units of the noise
-        D, G, response = x.window_D[o, :, j], x.window_G[o], p.response[int(x.heard), place, o, :, j]
+        D, G, response = x.window_D[o, :, j], x.window_G[o], p.response[int(x.heard), level, place, o, :, j]
         for w in range(WAVES if m > 0.0 else 0):
             i, line = FIRST_WAVE + w, w // 2 * 2
             c, s = response[w, 0], response[w, 1]
