@@ -17,16 +17,15 @@ from fdi.isolation import sums
 from fdi.isolation.filter import N
 from fdi.isolation.sums import OCTAVES
 
-LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, GAP, FREE_FLOAT, DRIVEN = range(1, 12)
+OF_VALVE, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, GAP, FREE_FLOAT, DRIVEN = range(1, 11)
 CLASS_OF = (  # of the hypotheses of `evidence`, in their order
-    LIQUID, SOLID, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, WEAK, WEAK, WEAK, WEAK, OF_LOAD, OPENED, FREE_FLOAT, GAP,
+    OF_VALVE, OF_VALVE, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, WEAK, WEAK, WEAK, WEAK, OF_LOAD, OPENED, FREE_FLOAT, GAP,
     OF_PRESSURE, OF_PRESSURE, DRIVEN, OF_ROD, OF_SURFACE, OF_PRESSURE,
 )  # fmt: skip
 CALM = 0.35  # of a threshold: down to it an alarm stands
 CLEAR = 40.0  # evidence of a plain onset, at which all windows begin anew
 RELEASE_S = 1.0  # an alarm outlives its evidence by this [s]
 SURE, LEAD = 5.0, 0.05  # odds e^5, and this share of its own evidence: no model is better than that
-LEAD_SINE = 0.02  # of an oscillation of the valve: what its model errs by, added and in place have in common
 FAIR, PLAIN = 1.1, 0.08  # a hypothesis fits that leaves so many times the noise, or this share of what health leaves
 PART = 0.75  # of its period that an oscillation has lasted: before, it is a step
 SILENT_PART, SILENT_S = 0.4, 0.4  # of an oscillation's period; of any other fault [s]
@@ -67,6 +66,8 @@ def compare(x, p, o):
     x.own[o], x.own_ratio[o], x.own_class[o], x.own_fault[o] = x.ev[best], ratio, CLASS_OF[best], best
     x.own_lead[o], x.own_hz[o] = x.ev[best] - other, x.ev_hz[best] if best < ev.SWINGS else 0.0
     n, Q, Q0 = x.ev_n, x.ev_Q[best], x.ev_Q[ev.HYPOTHESES]
+    if best <= ev.IN_PLACE:
+        Q0 = x.total[sums.ENERGY] + x.total[sums.ENERGY + 1] + x.total[sums.ENERGY + 2]
     fits = Q < FAIR * n + ev.BELOW * math.sqrt(2.0 * n) or Q - n < PLAIN * (Q0 - n)
     x.own_fits[o] = 1.0 if fits else 0.0
 
@@ -92,12 +93,14 @@ def leader(x):
     """Return the octave of the longest window in which one class has the lead, -1 where none has, or where a longer one
     that shows a fault has another class or an oscillation of another octave."""
     top = longest(x)
+    while top >= 0 and (x.own_ratio[top] < 1.0 or x.own_fits[top] < 0.5):
+        top -= 1
     for o in range(top, -1, -1):
         if x.own_ratio[o] < 1.0:
             continue
         if x.own_class[o] != x.own_class[top] or x.own_hz[o] > 2.0 * x.own_hz[top] > 0.0:
             return -1
-        share = LEAD_SINE if x.own_class[o] <= SOLID else (LEAD if x.own_class[o] != OF_LOAD else 0.0)
+        share = LEAD if x.own_class[o] != OF_LOAD else 0.0
         if x.own_fits[o] > 0.5 and x.own_lead[o] > max(SURE, share * x.own[o]):
             return o
     return -1

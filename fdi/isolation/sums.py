@@ -53,6 +53,10 @@ STATE = [
     ("window_D", "f8", (OCTAVES, SIGNALS, SENSORS, WAVES)),
     ("window_G", "f8", (OCTAVES, WAVES, WAVES)),  # sums of the waves' products
     ("e_last", "f8", (SENSORS,)),  # whitened innovations of the tick before
+    # of the pressure's innovation and of the signature of FAST the samples before, and the sums of their second
+    # differences: of signature squared, of both, of innovation squared, number
+    ("before", "f8", (2, 2)),
+    ("passing", "f8", (4,)),
     ("total", "f8", (SUMS,)),  # sums of the window at hand
 ]
 
@@ -90,6 +94,8 @@ def begin_all(x):
     """Let all windows and the block begin anew."""
     for o in range(OCTAVES):
         begin(x, o)
+    for i in range(4):
+        x.passing[i] = 0.0
     clear_block(x)
 
 
@@ -121,12 +127,25 @@ def add_tick(x):
         x.block_w[0, j] += e
         for k in range(len(BESIDE)):
             x.block_w[1 + k, j] += w[j, BESIDE[k]]
+    passes(x, x.e_last[SENSORS - 1], w[SENSORS - 1, FAST])
     i = 0
     for a in range(N):
         for b in range(a + 1):
             sums[i] += w[0, a] * w[0, b] + w[1, a] * w[1, b] + w[2, a] * w[2, b]
             i += 1
     x.block_tick += 1.0
+
+
+@kernel
+def passes(x, e, w):
+    """Add the second differences of innovation `e` and of signature `w` of FAST, in which no oscillation is left."""
+    old = x.before
+    d, g = e - 2.0 * old[0, 0] + old[0, 1], w - 2.0 * old[1, 0] + old[1, 1]
+    old[0, 1], old[1, 1], old[0, 0], old[1, 0] = old[0, 0], old[1, 0], e, w
+    x.passing[0] += g * g
+    x.passing[1] += g * d
+    x.passing[2] += d * d
+    x.passing[3] += 1.0
 
 
 @kernel
