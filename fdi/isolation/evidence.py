@@ -274,18 +274,15 @@ def of_oscillations(x, p, o, E):
         x.prior[1, OF_GAIN] = p.slow_sd[h] if h <= IN_PLACE else x.sd[GAIN]
         if h == IN_PLACE:
             x.prior[0, OF_FAST], x.prior[1, OF_FAST] = -1.0 - x.mu[FAST], GONE[1]
-        for _ in range(2):  # of a large one the amplitude expected is its own
-            logdet = factor(x.wave_J, x.L, x.prior[1], 0, OF_GAIN, 0.0)
-            logdet += factor(x.wave_J, x.L, x.prior[1], OF_GAIN, M, BY_ITSELF)
-            Q = left(x.wave_J, x.L, x.wave_b, x.prior[0], x.y, E, M)
-            back(x.L, x.y, x.theta, M)
-            total, weighed = 1e-300, 0.0
-            for w in range(WAVES):
-                amplitude = x.theta[FIRST_WAVE + w]
-                total += amplitude * amplitude
-                weighed += amplitude * amplitude * p.hz[o, w // 2]
-            for i in range(FIRST_WAVE, OF_GAIN):
-                x.prior[1, i] = max(x.prior[1, i], math.sqrt(total / WAVES))
+        logdet = factor(x.wave_J, x.L, x.prior[1], 0, OF_GAIN, 0.0)
+        logdet += factor(x.wave_J, x.L, x.prior[1], OF_GAIN, M, BY_ITSELF)
+        Q = left(x.wave_J, x.L, x.wave_b, x.prior[0], x.y, E, M)
+        back(x.L, x.y, x.theta, M)
+        total, weighed = 1e-300, 0.0
+        for w in range(WAVES):
+            amplitude = x.theta[FIRST_WAVE + w]
+            total += amplitude * amplitude
+            weighed += amplitude * amplitude * p.hz[o, w // 2]
         swing(x, o, h, Q, logdet, weighed / total)
 
 

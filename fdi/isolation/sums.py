@@ -19,7 +19,7 @@ from actuators.block import kernel
 from fdi.isolation.filter import FAST, GAIN, SENSORS, TIMING, N
 
 BLOCK_S = 0.02  # [s]
-OCTAVES, LINES = 5, 3
+OCTAVES, LINES = 5, 2
 WAVES = 2 * LINES  # cosines and sines
 TOP_HZ = 8.0  # middle of the fastest octave
 PERIODS = 2.0
