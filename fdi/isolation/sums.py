@@ -30,6 +30,7 @@ PAIRS = N * (N + 1) // 2
 # Places in the vector of sums: of S'S, packed, of S'e; by sensor of e^2, 1, and of e with that of the tick before
 B, ENERGY = PAIRS, PAIRS + N
 NUMBER, NEXT, SUMS = (ENERGY + i * SENSORS for i in range(1, 4))
+LATELY = 400.0  # samples after which the sums of what passes are forgotten
 SOLVE_BLOCKS = 50  # so often the lesson is solved for
 FIRST = 3 * SOLVE_BLOCKS  # until then little is known of the actuator [blocks]
 
@@ -94,8 +95,6 @@ def begin_all(x):
     """Let all windows and the block begin anew."""
     for o in range(OCTAVES):
         begin(x, o)
-    for i in range(4):
-        x.passing[i] = 0.0
     clear_block(x)
 
 
@@ -142,10 +141,9 @@ def passes(x, e, w):
     old = x.before
     d, g = e - 2.0 * old[0, 0] + old[0, 1], w - 2.0 * old[1, 0] + old[1, 1]
     old[0, 1], old[1, 1], old[0, 0], old[1, 0] = old[0, 0], old[1, 0], e, w
-    x.passing[0] += g * g
-    x.passing[1] += g * d
-    x.passing[2] += d * d
-    x.passing[3] += 1.0
+    add = (g * g, g * d, d * d, 1.0)
+    for i in range(4):
+        x.passing[i] += add[i] - x.passing[i] / LATELY
 
 
 @kernel
