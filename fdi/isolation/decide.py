@@ -19,7 +19,7 @@ from fdi.isolation.sums import OCTAVES
 
 OF_VALVE, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, GAP, FREE_FLOAT, DRIVEN = range(1, 11)
 CLASS_OF = (  # of the hypotheses of `evidence`, in their order
-    OF_VALVE, OF_VALVE, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, WEAK, WEAK, WEAK, WEAK, OF_LOAD, OPENED, FREE_FLOAT, GAP,
+    OF_VALVE, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, WEAK, WEAK, WEAK, WEAK, OF_LOAD, OPENED, FREE_FLOAT, GAP,
     OF_PRESSURE, OF_PRESSURE, DRIVEN, OF_ROD, OF_SURFACE, OF_PRESSURE,
 )  # fmt: skip
 CALM = 0.35  # of a threshold: down to it an alarm stands
@@ -66,7 +66,7 @@ def compare(x, p, o):
     x.own[o], x.own_ratio[o], x.own_class[o], x.own_fault[o] = x.ev[best], ratio, CLASS_OF[best], best
     x.own_lead[o], x.own_hz[o] = x.ev[best] - other, x.ev_hz[best] if best < ev.SWINGS else 0.0
     n, Q, Q0 = x.ev_n, x.ev_Q[best], x.ev_Q[ev.HYPOTHESES]
-    if best <= ev.IN_PLACE:
+    if best == ev.SWING_VALVE:
         Q0 = x.total[sums.ENERGY] + x.total[sums.ENERGY + 1] + x.total[sums.ENERGY + 2]
     fits = Q < FAIR * n + ev.BELOW * math.sqrt(2.0 * n) or Q - n < PLAIN * (Q0 - n)
     x.own_fits[o] = 1.0 if fits else 0.0
