@@ -237,13 +237,9 @@ def by_plain_tests(x, moved):
 def by_command(x):
     """Return the verdict of a valve that oscillates: whether the fast part of the command passes or not."""
     J, b, E, n = x.passing[0], x.passing[1], x.passing[2], x.passing[3]
-    if J <= 0.0:
+    if math.fabs(b + 0.5 * J) <= PASSES * J + SIGMAS * math.sqrt(E * J / max(n, 1.0)):
         return AMBIGUOUS
-    lost = -b / J
-    sd = math.sqrt(max(E - b * b / J, 0.0) / (n * J))
-    if math.fabs(lost - 0.5) < PASSES + SIGMAS * sd:
-        return AMBIGUOUS
-    return OFC_LIQUID if lost < 0.5 else OFC_SOLID
+    return OFC_LIQUID if b > -0.5 * J else OFC_SOLID
 
 
 @kernel
@@ -292,7 +288,7 @@ def conclude(x, dt):
     alarmed(x)
     if x.alarm < 0.5:
         x.verdict, x.isolated_part, x.kind, x.next_s, x.dp_out = NONE, 0.0, 0.0, 0.0, 0.0
-        x.alarm_s = x.likely = x.named = x.likely_hz = x.emptied = 0.0
+        x.alarm_s = x.likely = x.named = x.likely_hz = x.named_hz = x.emptied = 0.0
         for i in range(4):
             x.passing[i] = 0.0
         return
@@ -303,7 +299,8 @@ def conclude(x, dt):
     sure = max(x.frozen, max(x.sensor, x.misread)) > 0.5 or x.stands_open != 0.0  # has been confirmed
     slow = x.likely == by_evidence.WEAK or (x.likely == by_evidence.OF_PRESSURE and x.likely_hz == 0.0)
     if sure or x.next_s >= (HOLD_SLOW_S if slow else HOLD_S):
-        x.verdict, x.isolated_part, x.named = verdict, isolated_part, x.likely
+        x.verdict, x.isolated_part = verdict, isolated_part
+        x.named, x.named_fault, x.named_hz = x.likely, x.likely_fault, x.likely_hz
     elif x.verdict == NONE:
         x.verdict = AMBIGUOUS
     x.dp_out = 1.0 if x.verdict == SENSOR and x.isolated_part == 3.0 else 0.0

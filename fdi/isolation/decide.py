@@ -50,6 +50,8 @@ STATE = [
     ("named", "f8", "-"),  # class of the verdict that stands
     ("likely_fault", "f8"),  # hypothesis
     ("likely_hz", "f8", "Hz"),
+    ("named_fault", "f8"),
+    ("named_hz", "f8", "Hz"),
 ]
 
 
@@ -81,27 +83,9 @@ def forget(x):
 
 @kernel
 def longest(x):
-    """Return the octave of the longest window that shows a fault, -1 where none does."""
+    """Return the octave of the longest window that shows a fault and has a hypothesis that fits, -1 where none has."""
     for o in range(OCTAVES - 1, -1, -1):
-        if x.own_ratio[o] >= 1.0:
-            return o
-    return -1
-
-
-@kernel
-def leader(x):
-    """Return the octave of the longest window in which one class has the lead, -1 where none has, or where a longer one
-    that shows a fault has another class or an oscillation of another octave."""
-    top = longest(x)
-    while top >= 0 and (x.own_ratio[top] < 1.0 or x.own_fits[top] < 0.5):
-        top -= 1
-    for o in range(top, -1, -1):
-        if x.own_ratio[o] < 1.0:
-            continue
-        if x.own_class[o] != x.own_class[top] or x.own_hz[o] > 2.0 * x.own_hz[top] > 0.0:
-            return -1
-        share = LEAD if x.own_class[o] != OF_LOAD else 0.0
-        if x.own_fits[o] > 0.5 and x.own_lead[o] > max(SURE, share * x.own[o]):
+        if x.own_ratio[o] >= 1.0 and x.own_fits[o] > 0.5:
             return o
     return -1
 
@@ -128,19 +112,23 @@ def healed(x, p, o, dt):
 
 @kernel
 def nominate(x):
-    """Keep the class that leads, where one does that has a name, until the longest window shows another; its frequency
-    is that of the longest window."""
-    c, top = leader(x), longest(x)
+    """Keep the class that leads in the longest window, or in a shorter one where no longer one has another class or an
+    oscillation of a lower octave, until the longest shows another; its frequency is that of the longest window."""
+    top = longest(x)
     if top >= 0 and x.own_class[top] != x.likely:
-        x.likely = x.named
+        x.likely, x.likely_fault, x.likely_hz = x.named, x.named_fault, x.named_hz
     elif top >= 0:
         x.likely_hz = x.own_hz[top]
-    if c < 0:
-        return
-    found, hz = x.own_class[c], x.own_hz[c]
-    begins = hz > 0.0 and found != OF_LOAD and x.alarm_s < PART / hz
-    if not (begins or found == OPENED or found == GAP or found == DRIVEN):
-        x.likely, x.likely_fault, x.likely_hz = found, x.own_fault[c], hz
+    for o in range(top, -1, -1):
+        found, hz, lead = x.own_class[o], x.own_hz[o], 0.0 if x.own_class[o] == OF_LOAD else LEAD * x.own[o]
+        shows = x.own_ratio[o] >= 1.0
+        if shows and (found != x.own_class[top] or hz > 2.0 * x.own_hz[top] > 0.0):
+            return
+        if shows and x.own_fits[o] > 0.5 and x.own_lead[o] > max(SURE, lead):
+            begins = hz > 0.0 and found != OF_LOAD and x.alarm_s < PART / hz
+            if not (begins or found == OPENED or found == GAP or found == DRIVEN):
+                x.likely, x.likely_fault, x.likely_hz = found, x.own_fault[o], hz
+            return
 
 
 @kernel
