@@ -138,7 +138,7 @@ NOISE = {
 SUSPICIOUS = 0.7  # of a threshold, from which on all evidence is asked for
 HOLD_S = 0.3  # for which a name has stood before it is given [s]
 HOLD_SLOW_S = 0.7  # of a loss, whose command may be gone
-PASSES, SIGMAS = 0.1, 4.0  # so far from half of the fast command passes all of it, or none; deviations
+PASSES, SIGMAS = 0.1, 4.0  # beyond half the fast command and so much, and so many deviations, all or none passes
 STILL = 0.5e-3  # rod travel of a jam: noise of its sensor [m]
 RUBS_MOST, HOLDS_S = 0.6, 2.0  # friction holds no more of the stall force, seldom a rod for longer [s]
 LASTS_S = 1.0  # a jam that has lasted outranks the pressure sensor [s]
@@ -234,15 +234,6 @@ def by_plain_tests(x, moved):
 
 
 @kernel
-def by_command(x):
-    """Return the verdict of a valve that oscillates: whether the fast part of the command passes or not."""
-    J, b, E, n = x.passing[0], x.passing[1], x.passing[2], x.passing[3]
-    if math.fabs(b + 0.5 * J) <= PASSES * J + SIGMAS * math.sqrt(E * J / max(n, 1.0)):
-        return AMBIGUOUS
-    return OFC_LIQUID if b > -0.5 * J else OFC_SOLID
-
-
-@kernel
 def name(x):
     """Return (verdict, isolated_part) of what stands: first what can be nothing else, then what it may be taken for."""
     moved, likely = x.rod_high - x.rod_low >= STILL, x.likely
@@ -263,8 +254,8 @@ def name(x):
         return SENSOR, likely - by_evidence.OF_ROD + 1.0
     if likely == by_evidence.WEAK or likely == by_evidence.OF_LOAD:
         return EFFECTIVENESS, 0.0
-    if likely == by_evidence.OF_VALVE:
-        return by_command(x), 0.0
+    if likely == by_evidence.OF_VALVE and math.fabs(x.lost - 0.5) > PASSES + SIGMAS * x.lost_sd:
+        return (OFC_LIQUID if x.lost < 0.5 else OFC_SOLID), 0.0
     return AMBIGUOUS, 0.0
 
 
@@ -289,8 +280,6 @@ def conclude(x, dt):
     if x.alarm < 0.5:
         x.verdict, x.isolated_part, x.kind, x.next_s, x.dp_out = NONE, 0.0, 0.0, 0.0, 0.0
         x.alarm_s = x.likely = x.named = x.likely_hz = x.named_hz = x.emptied = 0.0
-        for i in range(4):
-            x.passing[i] = 0.0
         return
     x.alarm_s += dt
     verdict, isolated_part = name(x)

@@ -67,11 +67,8 @@ def compare(x, p, o):
         other = max(other, x.ev[h] if CLASS_OF[h] != CLASS_OF[best] else 0.0)
     x.own[o], x.own_ratio[o], x.own_class[o], x.own_fault[o] = x.ev[best], ratio, CLASS_OF[best], best
     x.own_lead[o], x.own_hz[o] = x.ev[best] - other, x.ev_hz[best] if best < ev.SWINGS else 0.0
-    n, Q, Q0 = x.ev_n, x.ev_Q[best], x.ev_Q[ev.HYPOTHESES]
-    if best == ev.SWING_VALVE:
-        Q0 = x.total[sums.ENERGY] + x.total[sums.ENERGY + 1] + x.total[sums.ENERGY + 2]
-    fits = Q < FAIR * n + ev.BELOW * math.sqrt(2.0 * n) or Q - n < PLAIN * (Q0 - n)
-    x.own_fits[o] = 1.0 if fits else 0.0
+    n, Q, Q0 = x.ev_n, x.ev_Q[best], x.ev_E if best == ev.SWING_VALVE else x.ev_Q[ev.HYPOTHESES]
+    x.own_fits[o] = 1.0 if Q < FAIR * n + ev.BELOW * math.sqrt(2.0 * n) or Q - n < PLAIN * (Q0 - n) else 0.0
 
 
 @kernel
@@ -79,15 +76,6 @@ def forget(x):
     """Forget what windows showed: they begin anew."""
     for o in range(OCTAVES):
         x.own[o] = x.own_ratio[o] = x.own_class[o] = x.own_fits[o] = x.loud[o] = 0.0
-
-
-@kernel
-def longest(x):
-    """Return the octave of the longest window that shows a fault and has a hypothesis that fits, -1 where none has."""
-    for o in range(OCTAVES - 1, -1, -1):
-        if x.own_ratio[o] >= 1.0 and x.own_fits[o] > 0.5:
-            return o
-    return -1
 
 
 @kernel
@@ -106,15 +94,16 @@ def healed(x, p, o, dt):
     loss = x.likely == WEAK or x.likely == FREE_FLOAT  # shows only while the valve has a command
     if x.own_ratio[o] >= CALM or x.loud[o] < 1.0 or (loss and x.ev[int(x.likely_fault)] > AGAINST):
         return False
-    least = SILENT_PART / x.likely_hz if x.likely_hz > 0.0 else SILENT_S
-    return x.window_age[o] * p.block * dt > least
+    return x.window_age[o] * p.block * dt > (SILENT_PART / x.likely_hz if x.likely_hz > 0.0 else SILENT_S)
 
 
 @kernel
 def nominate(x):
     """Keep the class that leads in the longest window, or in a shorter one where no longer one has another class or an
     oscillation of a lower octave, until the longest shows another; its frequency is that of the longest window."""
-    top = longest(x)
+    top = -1
+    for o in range(OCTAVES):
+        top = o if x.own_ratio[o] >= 1.0 and x.own_fits[o] > 0.5 else top
     if top >= 0 and x.own_class[top] != x.likely:
         x.likely, x.likely_fault, x.likely_hz = x.named, x.named_fault, x.named_hz
     elif top >= 0:

@@ -31,7 +31,7 @@ from fdi.isolation.filter import (
     TIMING,
     N,
 )  # fmt: skip
-from fdi.isolation.response import FLOWS
+from fdi.isolation.response import FLOWS2
 from fdi.isolation.sums import BESIDE, ENERGY, LINES, NEXT, NUMBER, OCTAVES, PAIRS, WAVES, B, gather
 
 SWING_VALVE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(5)  # oscillations, as PLACES of `response`
@@ -49,8 +49,8 @@ OF_FAST, OF_GAIN = FIRST_WAVE - 1, M - 1  # and the gain's
 # (mean, deviation) of the columns that a fault has others of than health
 BYPASS = 1.0  # leakage of an actuator that lets go, as in actuators/hydraulic [m/s]
 GONE = (-1.0, 0.03)  # of the valve's gain, where nothing comes through
-# beside an oscillation of the valve the fast part of the command passes, or not; of the slow part some or all
-FAST_BESIDE, SLOW_BESIDE = (-0.5, 0.5), 0.7
+# the gain's beside an oscillation of the valve: a large one changes it; beyond, where the command does not pass
+SLOW_SD, SLOW_LOST = 0.3, 0.4
 FAULTS = {
     LOSS: {FAST: (-0.45, 0.18), GAIN: (-0.45, 0.18)},  # 10 to 80 % within two sigma: beyond, it is as good as gone
     LEAKAGE: {LEAK: (0.3, 0.3)},
@@ -82,6 +82,7 @@ STATE = [
     ("wave_b", "f8", (M,)),  # with the innovations
     ("ev_octave", "f8"),  # last evaluated octave, -1 for none at this tick
     ("ev_n", "f8"),
+    ("ev_E", "f8"),  # squared innovations
     ("ev_Q", "f8", (HYPOTHESES + 1,)),  # what each leaves; the last: health
     ("ev", "f8", (HYPOTHESES,)),  # evidence against health
     ("ev_base", "f8"),  # logarithm of the likelihood of health
@@ -215,9 +216,8 @@ def of_noise(x, p, Q0, logdet0):
 @kernel
 def columns(x, p, o, place):
     """Write the sums of an oscillation's columns at `place`, and of those beside it."""
-    J, b, level = x.wave_J, x.wave_b, 0
-    for k in range(1, len(FLOWS)):
-        level += 1 if x.flow2 > 0.5 * FLOWS[k] * FLOWS[k] else 0
+    J, b, level = x.wave_J, x.wave_b, math.log(max(x.flow2, FLOWS2[1] / 4.0) / FLOWS2[1]) / math.log(4.0) + 1.5
+    table = p.response[int(x.heard), int(min(level, len(FLOWS2) - 1.0)), place, o]
     for k in range(len(BESIDE)):
         i, a = k if k < FIRST_WAVE else OF_GAIN, BESIDE[k]
         b[i] = x.total[B + a]
@@ -230,7 +230,7 @@ def columns(x, p, o, place):
     for j in range(SENSORS):
         unit = 1.0 / math.sqrt(x.noise[j])
         m = unit * unit * x.total[NUMBER + j] / x.window_age[o]  # ticks of a block, in units of the noise
-        D, G, response = x.window_D[o, :, j], x.window_G[o], p.response[int(x.heard), level, place, o, :, j]
+        D, G, response = x.window_D[o, :, j], x.window_G[o], table[:, j]
         for w in range(WAVES if m > 0.0 else 0):
             i, line = FIRST_WAVE + w, w // 2 * 2
             c, s = response[w, 0], response[w, 1]
@@ -268,9 +268,10 @@ def of_oscillations(x, p, o, E):
         per_rate = 6.2831853 * p.hz[o, LINES // 2] if h == SWING_VALVE else 1.0  # of a flow
         for i in range(M):
             x.prior[0, i], x.prior[1, i] = 0.0, x.sd[BESIDE[i]] if i < FIRST_WAVE else p.sine_sd[h] * per_rate
-        x.prior[1, OF_GAIN] = x.sd[GAIN] if h > SWING_VALVE else SLOW_BESIDE
+        x.prior[1, OF_GAIN] = x.sd[GAIN]
         if h == SWING_VALVE:
-            x.prior[0, OF_FAST], x.prior[1, OF_FAST] = FAST_BESIDE[0] - x.mu[FAST], FAST_BESIDE[1]
+            x.prior[0, OF_FAST], x.prior[1, OF_GAIN] = -x.alarm * x.lost, SLOW_SD + SLOW_LOST * x.alarm * x.lost
+            x.prior[1, OF_FAST] = max(x.sd[FAST], x.alarm * min(x.lost_sd, 0.5))
         logdet = factor(x.wave_J, x.L, x.prior[1], 0, OF_GAIN, 0.0)
         logdet += factor(x.wave_J, x.L, x.prior[1], OF_GAIN, M, BY_ITSELF)
         Q = left(x.wave_J, x.L, x.wave_b, x.prior[0], x.y, E, M)
@@ -287,17 +288,17 @@ def of_oscillations(x, p, o, E):
 def evaluate(x, p, o):
     """Write the evidence of every hypothesis over the window of octave `o`, and over its parts."""
     gather(x, o)
-    x.ev_octave, x.ev_n, E = o, 0.0, 0.0
+    x.ev_octave, x.ev_n, x.ev_E = o, 0.0, 0.0
     for j in range(SENSORS):
         x.ev_n += x.total[NUMBER + j]
-        E += x.total[ENERGY + j]
+        x.ev_E += x.total[ENERGY + j]
     x.sd[APART] = math.sqrt(lever_variance(x, x.h_hat[0], 0.0))
     for i in range(N):
         x.prior[0, i], x.prior[1, i] = 0.0, x.sd[i]
     J = x.total[:PAIRS]
     logdet0 = factor(J, x.L, x.prior[1], 0, N, 0.0)
-    Q0 = left(J, x.L, x.total[B:ENERGY], x.prior[0], x.y, E, N)
+    Q0 = left(J, x.L, x.total[B:ENERGY], x.prior[0], x.y, x.ev_E, N)
     x.ev_Q[HYPOTHESES], x.ev_base = Q0, logarithm(x.ev_n, Q0, logdet0)
-    of_errors(x, p, E, Q0, logdet0)
+    of_errors(x, p, x.ev_E, Q0, logdet0)
     of_noise(x, p, Q0, logdet0)
-    of_oscillations(x, p, o, E)
+    of_oscillations(x, p, o, x.ev_E)

@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from actuators.block import kernel
-from fdi.isolation.filter import FAST, GAIN, SENSORS, TIMING, N
+from fdi.isolation.filter import FAST, GAIN, GATE, PRESSURE, SENSORS, TIMING, N
 
 BLOCK_S = 0.02  # [s]
 OCTAVES, LINES = 5, 2
@@ -30,7 +30,7 @@ PAIRS = N * (N + 1) // 2
 # Places in the vector of sums: of S'S, packed, of S'e; by sensor of e^2, 1, and of e with that of the tick before
 B, ENERGY = PAIRS, PAIRS + N
 NUMBER, NEXT, SUMS = (ENERGY + i * SENSORS for i in range(1, 4))
-LATELY = 400.0  # samples after which the sums of what passes are forgotten
+LATELY = 400.0  # samples after which what has passed is forgotten
 SOLVE_BLOCKS = 50  # so often the lesson is solved for
 FIRST = 3 * SOLVE_BLOCKS  # until then little is known of the actuator [blocks]
 
@@ -54,10 +54,12 @@ STATE = [
     ("window_D", "f8", (OCTAVES, SIGNALS, SENSORS, WAVES)),
     ("window_G", "f8", (OCTAVES, WAVES, WAVES)),  # sums of the waves' products
     ("e_last", "f8", (SENSORS,)),  # whitened innovations of the tick before
-    # of the pressure's innovation and of the signature of FAST the samples before, and the sums of their second
-    # differences: of signature squared, of both, of innovation squared, number
-    ("before", "f8", (2, 2)),
+    ("before", "f8", (2, 2)),  # the pressure's innovation and the signature of FAST, one and two ticks before
+    # since the alarm, lately: sums of the squared signature's second differences, of both, of the innovation's, number
     ("passing", "f8", (4,)),
+    ("in_a_row", "f8"),  # ticks whose innovation of the pressure is whole
+    ("lost", "f8", "-"),  # share of the fast command that does not pass the valve,
+    ("lost_sd", "f8", "-"),  # its standard deviation
     ("total", "f8", (SUMS,)),  # sums of the window at hand
 ]
 
@@ -126,24 +128,22 @@ def add_tick(x):
         x.block_w[0, j] += e
         for k in range(len(BESIDE)):
             x.block_w[1 + k, j] += w[j, BESIDE[k]]
-    passes(x, x.e_last[SENSORS - 1], w[SENSORS - 1, FAST])
+    # second differences of the pressure's innovation and of the signature of FAST: no oscillation is left in them
+    old, e, fast = x.before, x.e_last[PRESSURE], w[PRESSURE, FAST]
+    d, g = e - 2.0 * old[0, 0] + old[0, 1], fast - 2.0 * old[1, 0] + old[1, 1]
+    old[0, 1], old[1, 1], old[0, 0], old[1, 0] = old[0, 0], old[1, 0], e, fast
+    x.in_a_row = x.in_a_row + 1.0 if x.h_s[PRESSURE] > 0.0 and math.fabs(x.h_before[PRESSURE]) < GATE else 0.0
+    add, much, keep = (g * g, g * d, d * d, 1.0), 1.0 if x.in_a_row > 2.0 else 0.0, (1.0 - 1.0 / LATELY) * x.alarm
+    for i in range(4):
+        x.passing[i] = keep * x.passing[i] + much * add[i]
+    J, n = max(x.passing[0], 1e-9), max(x.passing[3], 1e-9)
+    x.lost, x.lost_sd = min(max(-x.passing[1] / J, 0.0), 1.0), math.sqrt((1.0 + x.passing[2]) / (n * J))
     i = 0
     for a in range(N):
         for b in range(a + 1):
             sums[i] += w[0, a] * w[0, b] + w[1, a] * w[1, b] + w[2, a] * w[2, b]
             i += 1
     x.block_tick += 1.0
-
-
-@kernel
-def passes(x, e, w):
-    """Add the second differences of innovation `e` and of signature `w` of FAST, in which no oscillation is left."""
-    old = x.before
-    d, g = e - 2.0 * old[0, 0] + old[0, 1], w - 2.0 * old[1, 0] + old[1, 1]
-    old[0, 1], old[1, 1], old[0, 0], old[1, 0] = old[0, 0], old[1, 0], e, w
-    add = (g * g, g * d, d * d, 1.0)
-    for i in range(4):
-        x.passing[i] += add[i] - x.passing[i] / LATELY
 
 
 @kernel
