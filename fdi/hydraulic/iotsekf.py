@@ -288,8 +288,8 @@ def conclude(x, dt):
     sure = max(x.frozen, max(x.sensor, x.misread)) > 0.5 or x.stands_open != 0.0  # has been confirmed
     slow = x.likely == by_evidence.WEAK or (x.likely == by_evidence.OF_PRESSURE and x.likely_hz == 0.0)
     if sure or x.next_s >= (HOLD_SLOW_S if slow else HOLD_S):
-        x.verdict, x.isolated_part = verdict, isolated_part
-        x.named, x.named_fault, x.named_hz = x.likely, x.likely_fault, x.likely_hz
+        x.verdict, x.isolated_part, x.named = verdict, isolated_part, x.likely
+        x.named_fault, x.named_hz = x.likely_fault, x.likely_hz
     elif x.verdict == NONE:
         x.verdict = AMBIGUOUS
     x.dp_out = 1.0 if x.verdict == SENSOR and x.isolated_part == 3.0 else 0.0

@@ -1,10 +1,13 @@
 """The decision: alarm where the evidence of a fault passes its threshold, name what leads in the longest window.
 
     threshold   evidence beyond its limit in any window is an alarm, which stands down to CALM of it and RELEASE_S more
-    longest     of the windows that show a fault the longest has the most degrees of freedom: only its best hypothesis
-                may have a name, as in a short window much explains everything
+    longest     of the windows that show a fault and have a hypothesis that fits the longest has the most degrees of
+                freedom: only its best one may have a name, as in a short window much explains everything
     lead        there, or in a shorter window of the same class and frequency, it leads every other class by SURE, and
-                leaves what noise does or a small share of what health leaves
+                leaves what noise does or a small share of what health leaves; an oscillation of the valve, beside which
+                health is open to much, of all there is
+    passes      of an oscillation of the valve: it is added where the fast part of the command goes on passing, in place
+                of the command where none does (`sums`)
     hold        a lead that the longest window does not bear out before a name is given counts for nothing
     end         a window that showed the fault is silent: all begin anew, and the alarm runs out
 """
@@ -17,7 +20,8 @@ from fdi.isolation import sums
 from fdi.isolation.filter import N
 from fdi.isolation.sums import OCTAVES
 
-OF_VALVE, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, GAP, FREE_FLOAT, DRIVEN = range(1, 11)
+# from OPENED on they have no name here
+OF_VALVE, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, FREE_FLOAT, OPENED, GAP, DRIVEN = range(1, 11)
 CLASS_OF = (  # of the hypotheses of `evidence`, in their order
     OF_VALVE, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, WEAK, WEAK, WEAK, WEAK, OF_LOAD, OPENED, FREE_FLOAT, GAP,
     OF_PRESSURE, OF_PRESSURE, DRIVEN, OF_ROD, OF_SURFACE, OF_PRESSURE,
@@ -114,8 +118,7 @@ def nominate(x):
         if shows and (found != x.own_class[top] or hz > 2.0 * x.own_hz[top] > 0.0):
             return
         if shows and x.own_fits[o] > 0.5 and x.own_lead[o] > max(SURE, lead):
-            begins = hz > 0.0 and found != OF_LOAD and x.alarm_s < PART / hz
-            if not (begins or found == OPENED or found == GAP or found == DRIVEN):
+            if found < OPENED and (found == OF_LOAD or hz == 0.0 or x.alarm_s * hz >= PART):
                 x.likely, x.likely_fault, x.likely_hz = found, x.own_fault[o], hz
             return
 

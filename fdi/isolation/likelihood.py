@@ -163,8 +163,7 @@ def listen(x, u, p, suspicious, dt):
     heard = 0.0 if rod and surface else (1.0 if rod else 2.0)
     lost = x.h_lost[filter.PRESSURE] > LOST_S or not (rod or surface)
     if stop or x.at_stop > 0.5 or lost or heard != x.heard:  # the model ends there, or is another
-        x.heard = heard
-        x.at_stop = 1.0 if stop else 0.0
+        x.heard, x.at_stop = heard, 1.0 if stop else 0.0
         restart(x)
     else:
         sums.add_tick(x)
