@@ -11,7 +11,7 @@ fault state (`fdi.isolation`) raise the alarm; `name` says which of them names i
 | rod against surface; a pressure whose flow is missing | SENSOR |
 | load beyond the hinge-moment model at rest, for a second or where no pressure sensor explains it | JAM_SOLID |
 | nonlinear models of soft oil and joined chambers | EFFECTIVENESS |
-| hypothesis that leads in the longest window | SENSOR, OFC_LIQUID, OFC_SOLID, EFFECTIVENESS |
+| hypothesis that leads in the longest window; whether the command passes | SENSOR, OFC_LIQUID, OFC_SOLID, EFFECTIVENESS |
 
 Load forms: 0 ignored, as published; 1 a hinge-moment model; 2 the pressure is measured and the load is a random walk
 (default). While its pressure sensor is left out, form 2 runs on the hinge-moment model, `valid` speaks for the rod
@@ -138,7 +138,7 @@ NOISE = {
 SUSPICIOUS = 0.7  # of a threshold, from which on all evidence is asked for
 HOLD_S = 0.3  # for which a name has stood before it is given [s]
 HOLD_SLOW_S = 0.7  # of a loss, whose command may be gone
-PASSES, SIGMAS = 0.1, 4.0  # beyond half the fast command and so much, and so many deviations, all or none passes
+PASSES = 0.2  # so far from half of the fast command it is known to pass or not: its model errs by as much
 STILL = 0.5e-3  # rod travel of a jam: noise of its sensor [m]
 RUBS_MOST, HOLDS_S = 0.6, 2.0  # friction holds no more of the stall force, seldom a rod for longer [s]
 LASTS_S = 1.0  # a jam that has lasted outranks the pressure sensor [s]
@@ -254,7 +254,7 @@ def name(x):
         return SENSOR, likely - by_evidence.OF_ROD + 1.0
     if likely == by_evidence.WEAK or likely == by_evidence.OF_LOAD:
         return EFFECTIVENESS, 0.0
-    if likely == by_evidence.OF_VALVE and math.fabs(x.lost - 0.5) > PASSES + SIGMAS * x.lost_sd:
+    if likely == by_evidence.OF_VALVE and math.fabs(x.lost - 0.5) > PASSES + by_evidence.SURE * x.lost_sd * x.lost_sd:
         return (OFC_LIQUID if x.lost < 0.5 else OFC_SOLID), 0.0
     return AMBIGUOUS, 0.0
 

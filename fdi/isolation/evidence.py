@@ -270,7 +270,7 @@ def of_oscillations(x, p, o, E):
             x.prior[0, i], x.prior[1, i] = 0.0, x.sd[BESIDE[i]] if i < FIRST_WAVE else p.sine_sd[h] * per_rate
         x.prior[1, OF_GAIN] = x.sd[GAIN]
         if h == SWING_VALVE:
-            x.prior[0, OF_FAST], x.prior[1, OF_GAIN] = -x.alarm * x.lost, SLOW_SD + SLOW_LOST * x.alarm * x.lost
+            x.prior[0, OF_FAST], x.prior[1, OF_GAIN] = -x.lost, SLOW_SD + SLOW_LOST * x.lost
             x.prior[1, OF_FAST] = max(x.sd[FAST], x.alarm * min(x.lost_sd, 0.5))
         logdet = factor(x.wave_J, x.L, x.prior[1], 0, OF_GAIN, 0.0)
         logdet += factor(x.wave_J, x.L, x.prior[1], OF_GAIN, M, BY_ITSELF)
