@@ -5,8 +5,8 @@ A block is a module with
     PARAMS, INPUTS, STATE   structured dtypes made by `dtype`, every element f8 (arrays too), unit beside each field
     OUTPUTS                 names of the STATE fields that are logged at every tick; the others are hidden state
     params(...) -> PARAMS   one record, ordinary NumPy/SciPy; design happens here
-    init(p) -> STATE        records of the same shape as `p`, the state before the first tick; of what moves a surface
-                            init_at(p, where, load ...), at rest
+    init(p) -> STATE        records of the same shape as `p`, the state before the first tick, `zero_state(STATE)` where
+                            all of it is zero; of what moves a surface init_at(p, where, load ...), at rest
     step(x, u, p, dt)       kernel: advances one record `x` in place from inputs `u`
     rollout = entry(step, STATE, INPUTS, PARAMS)
                             every lane through every tick: rollout(x, u, p, dt, log), see `Entry`
@@ -65,6 +65,11 @@ def record(kind: Any, **values: Any) -> np.ndarray:
     for name, value in values.items():
         out[name][0] = value
     return out
+
+
+def zero_state(kind: Any) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the `init` of a block whose state is zero before the first tick; `kind` is its STATE."""
+    return lambda p: np.zeros(p.shape, kind)
 
 
 class Kernel:

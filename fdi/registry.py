@@ -4,7 +4,6 @@ A record is read from its module when it is first asked for. A user detector (co
 with the same names; of one that only a log tells about there is the record alone.
 """
 
-import functools
 import importlib
 from typing import Any
 
@@ -31,14 +30,9 @@ USER_DETECTORS: dict[str, Any] = {}  # id -> module, or an object with the same 
 _TOLD: dict[str, Detector] = {}  # id -> record of a user detector whose code is not here
 
 
-@functools.cache
-def _shipped(name):
-    return importlib.import_module(SHIPPED[name])
-
-
 def module(name: str) -> Any:
     """Return the module of detector `name`. KeyError for an unknown one."""
-    return USER_DETECTORS[name] if name in USER_DETECTORS else _shipped(name)
+    return USER_DETECTORS[name] if name in USER_DETECTORS else importlib.import_module(SHIPPED[name])
 
 
 def record(name: str) -> Detector:

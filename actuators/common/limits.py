@@ -16,6 +16,12 @@ def within(v, limit):
 
 
 @kernel
+def stopped(q, v, lo, hi):
+    """Return position and velocity between inelastic stops at lo and hi."""
+    return clip(q, lo, hi), min(v, 0.0) if q > hi else max(v, 0.0) if q < lo else v
+
+
+@kernel
 def share(v):
     """Return v within 0..1."""
     return min(max(v, 0.0), 1.0)
@@ -24,11 +30,7 @@ def share(v):
 @kernel
 def sign(v):
     """Return -1, 0 or 1; sign(0) = 0."""
-    if v > 0.0:
-        return 1.0
-    if v < 0.0:
-        return -1.0
-    return 0.0
+    return 1.0 if v > 0.0 else -1.0 if v < 0.0 else 0.0
 
 
 @kernel

@@ -35,7 +35,7 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage
-from actuators.common.limits import clip, finite, share, sign
+from actuators.common.limits import clip, finite, share, sign, stopped
 from actuators.ema import jay
 from actuators.ema.motion import move, spring, steady
 
@@ -204,9 +204,8 @@ def _slides_motor(x, p):
     if x.motor_d != 0.0:
         return sign(x.motor_d)
     net = x.K_now * p.K_T * steady(0.0, x.comp, x.R_g, x, p) - p.lead * spring(x.delta, x.motor, x, p)
-    if abs(net) <= p.T_s + x.T_add or (net > 0.0 and x.motor >= p.x3_hi) or (net < 0.0 and x.motor <= p.x3_lo):
-        return 0.0
-    return sign(net)
+    held = abs(net) <= p.T_s + x.T_add or (net > 0.0 and x.motor >= p.x3_hi) or (net < 0.0 and x.motor <= p.x3_lo)
+    return 0.0 if held else sign(net)
 
 
 @kernel
@@ -221,9 +220,8 @@ def _slides_surface(x, hm0, hmd, p):
 @kernel
 def _until(v, v_end, d, braked):
     """Return the share of a step after which a velocity that moves in direction d reaches zero; 1 if it does not."""
-    if not braked or d == 0.0 or v_end * d >= 0.0 or v == v_end:
-        return 1.0
-    return v / (v - v_end)
+    stops = braked and d != 0.0 and v_end * d < 0.0 and v != v_end
+    return v / (v - v_end) if stops else 1.0
 
 
 @kernel
@@ -249,11 +247,8 @@ def _substep(x, off, hm0, hmd, h, p):
             x2 = 0.0
         if p3 <= part and p3 < 1.0:
             x4 = 0.0
-        if x3 > p.x3_hi:
-            x3, x4 = p.x3_hi, min(x4, 0.0)
-        elif x3 < p.x3_lo:
-            x3, x4 = p.x3_lo, max(x4, 0.0)
-        x.delta, x.delta_d, x.motor, x.motor_d, x.i, x.comp = x1, x2, x3, x4, i, x6
+        x.motor, x.motor_d = stopped(x3, x4, p.x3_lo, p.x3_hi)
+        x.delta, x.delta_d, x.i, x.comp = x1, x2, i, x6
         if part <= 0.0 or part >= 1.0:
             break
         left -= part * left

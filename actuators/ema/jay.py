@@ -102,8 +102,7 @@ def values(kind: str = "elevator", **overrides: Any) -> dict:
     if kind not in sets:
         raise ValueError(f"unknown set {kind!r}: one of {', '.join(sets)}")
     out = sets[kind]()
-    unknown = set(overrides) - set(out)
-    if unknown:
+    if unknown := overrides.keys() - out.keys():
         raise ValueError(f"unknown symbol {sorted(unknown)}: one of {', '.join(out)}")
     return {**out, **overrides}
 

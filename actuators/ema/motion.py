@@ -23,6 +23,7 @@ current is slow: r = 1 / tau, and x4 stands for y in g_r.)
 import math
 
 from actuators.block import kernel
+from actuators.common.limits import within
 
 
 @kernel
@@ -49,11 +50,7 @@ def steady(w, x6, R, x, p):
 def spring(x1, x3, x, p):
     """Return the force of the screw on the surface [N], none inside the backlash."""
     s = p.lead * x3 - p.arm * x1
-    if s > x.gap:
-        return p.K_s * (s - x.gap)
-    if s < -x.gap:
-        return p.K_s * (s + x.gap)
-    return 0.0
+    return p.K_s * (s - within(s, x.gap))
 
 
 @kernel

@@ -142,8 +142,7 @@ def init_at(p: np.ndarray, position: Any = 0.0, i: Any = 0.0) -> np.ndarray:
 def _sense(x, u, p, dt):
     """Write angle and rate of now from measurements that are `delay` ticks old, or from what remains valid."""
     rate = u.vel_meas / p.ratio
-    if not (u.vel_valid > 0.5 and abs(rate) < 1e6):
-        rate = x.rd
+    rate = rate if u.vel_valid > 0.5 and abs(rate) < 1e6 else x.rd
     y = u.pos_meas
     good = u.pos_valid > 0.5 and abs(y) < 1e6
     if u.pos_use > 0.5 and abs(u.pos_fb) < 1e6:

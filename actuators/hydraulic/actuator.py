@@ -35,7 +35,7 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage
-from actuators.common.limits import clip, finite, share, sign
+from actuators.common.limits import clip, finite, share, sign, stopped
 from actuators.hydraulic import lu17
 
 PARAMS = dtype([
@@ -202,11 +202,8 @@ def _substep(q, v, z, gap, hm0, hmd, brake, h, x, p):
             left -= part
         else:
             v1, left = 0.0, 0.0
-        q, v, z = q1, v1, z1
-        if q > p.q_hi:
-            q, v = p.q_hi, min(v, 0.0)
-        elif q < p.q_lo:
-            q, v = p.q_lo, max(v, 0.0)
+        q, v = stopped(q1, v1, p.q_lo, p.q_hi)
+        z = z1
         if left <= 0.0:
             break
     return q, v, z

@@ -95,9 +95,7 @@ def jacobian(x1, x2, x3, v, u, f, p):
     net = gain * root * (u + f) - p.L * x3 - x2
     volume2 = max(p.V_m * p.V_m - p.A_p * p.A_p * x1 * x1, VOLUME_FLOOR * p.V_m * p.V_m)
     a31 = k * 2.0 * p.A_p * p.A_p * x1 / volume2 * net
-    slope = 0.0
-    if root > 0.0:
-        slope = -0.5 * s / max(root, ROOT_FLOOR)
+    slope = -0.5 * s / max(root, ROOT_FLOOR) if root > 0.0 else 0.0
     a33 = k * (gain * slope * (u + f) - p.L)
     return -p.B / p.M, p.A_p * p.P_s / p.M, a31, -k, a33, k * gain * root, 1.0 / p.M
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage
-from actuators.common.limits import clip, flush
+from actuators.common.limits import clip, flush, stopped
 
 PARAMS = dtype([
     ("k1", "f8"),  # position error to rate [1/s]
@@ -84,10 +84,7 @@ def move(x, a, p, dt):
     """Integrate the acceleration `a` [rad/s2], held over the tick, up to the stops."""
     x.delta += dt * (x.delta_d + 0.5 * dt * a)
     x.delta_d += dt * a
-    if x.delta > p.hi:
-        x.delta, x.delta_d = p.hi, min(x.delta_d, 0.0)
-    elif x.delta < p.lo:
-        x.delta, x.delta_d = p.lo, max(x.delta_d, 0.0)
+    x.delta, x.delta_d = stopped(x.delta, x.delta_d, p.lo, p.hi)
 
 
 @kernel

@@ -74,7 +74,7 @@ def run_many(
     with store.opened(out):
         flies = {"title": title, **fingerprint(), "signals": wanted and [list(wanted.words), rate_hz],
                  "user_files": user_parts, "user_detectors": _told(packed)}  # fmt: skip
-        found = store.flown_before(out, flies, runs, resume)
+        found = store.flown_before(out, flies, runs, packed, resume)
         done = found[~found["status"].isin(store.AGAIN)].drop_duplicates("run")
         if wanted:
             done = done.loc[[s == "infeasible" or _signals_of(out, run).is_file() for run, s in done.to_numpy()]]
@@ -128,8 +128,8 @@ def rerun(
     parts.loaded(user_detectors)
     runs = {run_id(s): s for s in _with(load_campaign(campaign).scenarios()[0], user_detectors)}
     if run not in runs:
-        near = did_you_mean(run, runs)
-        raise CampaignError("no run of this campaign has this id", place=f"--rerun {run}", remedy=near)
+        raise CampaignError("no run of this campaign has this id", place=f"--rerun {run}",
+                            remedy=did_you_mean(run, runs))  # fmt: skip
     home, scenario = Path(out or folder(campaign)), runs[run]
     log = home / "logs" / f"{run}.mcap"
     log.parent.mkdir(parents=True, exist_ok=True)
@@ -175,7 +175,6 @@ def _with(scenarios, user_detectors):
 
 def _told(scenarios):
     """Return what is to be told of a user's detectors, so that they are judged without their code."""
-    from cosim import parts
     from fdi import registry
 
     told: dict[str, dict] = {}

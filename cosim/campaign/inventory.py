@@ -4,7 +4,7 @@ import ast
 from importlib import resources
 from typing import Any
 
-from cosim.errors import CosimError, did_you_mean
+from cosim.errors import CosimError, among
 from cosim.flight import user_law as law
 from cosim.scenario import catalog as c
 from cosim.scenario import vocabulary
@@ -74,10 +74,7 @@ def examples() -> dict[str, str]:
 def example(name: str) -> str:
     """Return the source of example `name`. Raises CosimError for a name that there is not."""
     known = examples()
-    if name not in known:
-        raise CosimError(
-            "no example of this name", place=name, allowed=", ".join(known), remedy=did_you_mean(name, known)
-        )
+    among(name, known, "no example of this name", error=CosimError, place=name)
     return EXAMPLES.joinpath(f"{name}.py").read_text(encoding="utf-8")
 
 
@@ -93,9 +90,10 @@ def _fault(place, target, name, kind):
             dict.fromkeys(k if k == "scale" else k.split("_")[0] + "_<unit>" + "_s" * (name == "drift") for k in one_of)
         )
     only = list(kind.technologies) if set(kind.technologies) != set(c.TECHNOLOGIES) else []
-    about = {"place": place, "target": target, "kind": name, "summary": kind.summary}
-    shapes = list(c.SHAPES) if name in c.OSCILLATIONS else []
-    return {**about, "one_of": one_of, "keys": keys, "at": list(kind.at), "shape": shapes, "only": only}
+    return {
+        "place": place, "target": target, "kind": name, "summary": kind.summary, "one_of": one_of, "keys": keys,
+        "at": list(kind.at), "shape": list(c.SHAPES) if name in c.OSCILLATIONS else [], "only": only,
+    }  # fmt: skip
 
 
 def _range(record: Any) -> str:

@@ -16,7 +16,7 @@ import hashlib
 import json
 import time
 import uuid
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -28,12 +28,12 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from actuators.kernels import FLYING
-from cosim.campaign.worker import FAILED, Flown
-from cosim.errors import CampaignError, OutputError
+from cosim.campaign.worker import FAILED, Flown, Packed
+from cosim.errors import CampaignError, OutputError, few
 from cosim.files import FULL, SPACE, beside, replace_text
 from cosim.judge.row import FIELDS, Field
 from cosim.scenario import Scenario
-from cosim.texts import from_json, read
+from cosim.texts import from_json, read, toml
 
 ROOT = Path(__file__).resolve().parents[2]
 ABOUT = "campaign.json"
@@ -182,23 +182,34 @@ def manifest(out: Path) -> dict:
     return told if isinstance(told, dict) and "digest" in told else {}
 
 
-def flown_before(out: Path, flies: dict, runs: Iterable[str], resume: bool) -> pd.DataFrame:
+def flown_before(out: Path, flies: dict, runs: Sequence[str], scenarios: Packed, resume: bool) -> pd.DataFrame:
     """Return run and status of every row in a folder. Raises CampaignError where they do not belong to what `flies`,
-    which are `runs`."""
+    which are `runs` of `scenarios`."""
     told, found = manifest(out), rows_of(out, "runs").select(["run", "status"]).to_pandas()
     if found.empty:
         return found
     if not resume:
         remedy = "Add --resume, or choose another place with -o"
         raise CampaignError(f"holds {found['run'].nunique()} runs already", place=str(out), remedy=remedy)
+    gone = set(found["run"]) - set(runs)
     differ = {
         "other code, designs or libraries": any(told.get(k) != v for k, v in fingerprint().items()),
         "other --signals or --rate": told.get("signals") not in (None, flies["signals"]),
-        "another campaign, or an earlier version of it": not set(found["run"]) <= set(runs),
+        "another campaign, or an earlier version of it" + (_edited(out, gone, scenarios) if gone else ""): gone,
     }
     for word in (word for word, differs in differ.items() if differs):
         raise CampaignError(f"its rows are of {word}", place=str(out), remedy="Choose another place with -o")
     return found
+
+
+def _edited(out, gone, scenarios):
+    """Return in which keys the first of the runs of a folder that are `gone` differs from that of its number in
+    `scenarios`, or the last."""
+    told = _read([out / "scenarios.parquet"]).to_pandas()
+    run = told[told["run"].isin(gone)].iloc[0]
+    now = scenarios[min(run["order"], len(scenarios) - 1)].portable_toml(aircraft=False)
+    was, now = (flatten(toml(text, place=str(out))) for text in (run["toml"], now))
+    return f": run {run['order']} had another {few(', '.join(k for k in was | now if was.get(k) != now.get(k)))}"
 
 
 @contextmanager

@@ -189,9 +189,9 @@ def reserve(
     """
     if path is None:
         return
+    claim(path, sign)
     if endings and path.suffix not in endings:
         raise CosimError("its ending says no known format", place=str(path), allowed=", ".join(endings))
-    claim(path, sign)
     if source and source.exists() and path.exists() and path.samefile(source):
         remedy = "Choose another -o"
         raise OutputError("is the log itself, it would be overwritten", place=str(path), remedy=remedy)

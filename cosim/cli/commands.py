@@ -51,7 +51,7 @@ def run(
     flown = loaded(scenario, set_ or (), detector or ())
     variant = [*(set_ or ()), *(f"detector={file.stem}" for file in detector or ())]
     path = output or Path("logs") / f"{log_name(scenario, variant)}.mcap"
-    reserve(path, LOG, log=True)
+    reserve(path, LOG, log=True, endings=(".mcap",))
     page, layout = path.with_suffix(".html"), path.with_suffix(".foxglove.json")
     reserve(page if report else None, PAGE)
     reserve(layout if live else None, LAYOUT)
@@ -191,7 +191,7 @@ def report(
     It opens offline. Of a recording: what `cosim replay --map -o` made of it. Of a folder: its logs, compared.
     """
     path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
-    reserve(path, PAGE)
+    reserve(path, PAGE, endings=(".html",))
     from cosim import report as pages  # each brings what it needs: that of a flight neither pandas nor SciPy
 
     if log.is_dir():
@@ -239,7 +239,7 @@ def replay(
     from cosim.replay import replay as work
     from cosim.replay.log_schema import overrides
 
-    reserve(output, LOG, log=True, source=log)
+    reserve(output, LOG, log=True, source=log, endings=(".mcap",))
     overwritten = {"overwritten": output is not None and output.is_file()}
     chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
     how: dict[str, Any] = {"detectors": chosen, "overrides": overrides(set_ or ()), "start_s": start,
@@ -274,7 +274,7 @@ def recover(
         remedy = f"`cosim run {changed} -o {log}` flies it again"
         raise CosimError("the flight was killed before it wrote its log", place=str(log), remedy=remedy)
     path = output or (log.parent / f"{log.stem}.recovered{log.suffix}" if log.exists() else log)
-    reserve(path, LOG, source=log)
+    reserve(path, LOG, source=log, endings=(".mcap",) * (output is not None))
     found = work(source, path)
     if source == part and found["cut"]:  # all but its open end is in the new log
         part.unlink()
@@ -375,7 +375,7 @@ def map_(
 
     By the columns' names: what they do not say, a unit or a sign, stands as a comment and does not fly.
     """
-    from cosim.replay.map_draft import draft
+    from cosim.replay.map_draft import NONE, draft
 
     reserve(output, edited, endings=(".toml",))
     text = draft(recording, aircraft=aircraft)
@@ -383,7 +383,8 @@ def map_(
         replace_text(output, text, edited)
     if not (output or json_):
         return print(text, end="")  # for a file, too: no line of it may be folded
-    told = f"wrote  {output}\nnext   cosim replay {word(recording)} --map {word(output)}"
+    flies = "edit it: no signal flies yet" if NONE in text else f"cosim replay {word(recording)} --map {word(output)}"
+    told = f"wrote  {output}\nnext   {flies}"
     answer(json_, {"map": str(output) if output else None, "toml": text}, lambda _: whole(told))
 
 

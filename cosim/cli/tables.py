@@ -294,11 +294,11 @@ def compared(found: dict) -> Group:
     from cosim.compare.tables import detectors, pairs, predictive
 
     lost = f"; {found['failed']} could not be flown" if found["failed"] else ""
-    parts: list[Any] = [Text(f"{found['runs']} flights, {found['source']}{lost}")]
-    parts += [pairs(found["pairs"])] if found["pairs"] else []
-    parts += [detectors(found["detectors"]), Text(found["headline"])]
-    parts += [predictive(found["predictive"])] if found["predictive"] else []
-    return Group(*parts, *files(found, "report", "table"))
+    return Group(
+        Text(f"{found['runs']} flights, {found['source']}{lost}"), *([pairs(found["pairs"])] if found["pairs"] else ()),
+        detectors(found["detectors"]), Text(found["headline"]),
+        *([predictive(found["predictive"])] if found["predictive"] else ()), *files(found, "report", "table"),
+    )  # fmt: skip
 
 
 def reproduced(rows: list[Any], found: dict[str, Any]) -> Group:

@@ -81,11 +81,10 @@ class Comparison:
         for a rate that is not positive and finite."""
         for rate in (rate for rate in fault_rates if not 0.0 < rate < math.inf):
             raise CosimError(f"{rate:g} faults per flight hour", place="fault_rates", allowed="above 0")
-        out = []
-        for d, rate in ((d, rate) for d in self.detectors for rate in fault_rates):
-            share = metrics.predictive_value(d["detected"], d["designed"], d["false_alarms"], d["hours"], rate)
-            out.append({"id": d["id"], "fault_rate": rate, **share._asdict()})
-        return out
+        value = metrics.predictive_value
+        return [{"id": d["id"], "fault_rate": rate,
+                 **value(d["detected"], d["designed"], d["false_alarms"], d["hours"], rate)._asdict()}
+                for d in self.detectors for rate in fault_rates]  # fmt: skip
 
     def roc(self, detectors: Sequence[str] = ()) -> pd.DataFrame:
         """Return the operating points of `detectors` (default: all), a row per threshold on the largest |r| of each
@@ -145,9 +144,9 @@ def compare(
                                remedy="Fly the campaign with --detector")  # fmt: skip
         rows, timing, runs, failed, title, _ = compare_rows.of_campaign(paths[0])
         return Comparison(rows, compare_stats.detectors(rows, timing), runs, failed, str(paths[0]), title=title)
-    frame, tomls, again = compare_rows.of_logs(logs, progress, loaded(user_detectors))
+    frame, tomls, notes = compare_rows.of_logs(logs, progress, loaded(user_detectors))
     source = f"{len(logs)} log{'s' * (len(logs) != 1)}"
-    source += f"; the same flight again, counted once: {', '.join(again)}" if again else ""
+    source += "".join(f"; {said}: {', '.join(names)}" for said, names in notes.items() if names)
     rows = compare_rows.tidy(frame, tomls, source)
     return Comparison(rows, compare_stats.detectors(rows), frame["run"].nunique(), 0, source)
 

@@ -46,6 +46,7 @@ FAMILIES = (
     *("jam or runaway", "other actuator fault", "actuator's sensor", "aircraft's sensor", "engine or other surface"),
 )
 LANE, KEY = ["run", "id"], ["run", "id", "fault"]
+AGAIN, CUT = "the same flight again, counted once", "ends early, judged up to there"
 NO_FAULT = -1  # as a number of a fault while rows are made: pandas groups by no null
 OF_FIRST = {  # column of the lane that noticed first -> what stands there where none did
     **dict.fromkeys(("isolated_class", "first_verdict", "withdrawn", "delay_s", "delay_periods", "time_to_right_s",
@@ -171,14 +172,14 @@ def _faults(flights):
 
 def of_logs(
     paths: Sequence[str | Path], progress: Callable[[int, int], None] | None = None, user_detectors: Iterable = ()
-) -> tuple[pd.DataFrame, dict[str, str], list[str]]:
-    """Return (rows per lane with the columns of a campaign, {run: TOML}, repetitions) of logs written by `cosim run`.
+) -> tuple[pd.DataFrame, dict[str, str], dict[str, list[str]]]:
+    """Return (rows per lane with the columns of a campaign, {run: TOML}, notes) of logs written by `cosim run`.
 
     A flight that several logs hold, whatever detectors flew in it, is one run, and each detector in it counts once, by
-    the first of its logs; `repetitions` names the others. The judgement is made again from what the detectors put
-    out; achieved amplitudes need the flight flown again, with and without its faults, where one acts on an elevator,
-    without the detectors; where user files flew they are what the log says. `user_detectors` are made ones, run on each
-    flight. Raises LogError.
+    the first of its logs; `notes` {sentence: names} tell of the others, and of logs that end before their flight. The
+    judgement is made again from what the detectors put out; achieved amplitudes need the flight flown again, with and
+    without its faults, where one acts on an elevator, without the detectors; where user files flew they are what the
+    log says. `user_detectors` are made ones, run on each flight. Raises LogError.
     """
     from cosim.flight.faults.fault_free_reference import faulted, unwatched
     from cosim.flight.simulate import simulate
@@ -187,24 +188,26 @@ def of_logs(
     rows: list[dict] = []
     tomls: dict[str, str] = {}
     first: dict[str, tuple[str, str, set]] = {}  # flight -> (run, its first log, detectors that are counted)
-    again: list[str] = []
+    notes: dict[str, list[str]] = {AGAIN: [], CUT: []}
     for i, path in enumerate(paths):
         flown = LoggedFlight(path, user_detectors)
         run, name, counted = first.setdefault(flight(flown.toml), (run_id(flown.scenario), Path(path).name, set()))
-        again += [f"{Path(path).name} of {name}"] if run in tomls else []
+        notes[AGAIN] += [f"{Path(path).name} of {name}"] if run in tomls else []
+        status = (flown.log.result or {}).get("status", "cut")
+        notes[CUT] += [Path(path).name] * (status in ("cut", "interrupted") or flown.n < flown.log.n_ticks)
         tomls.setdefault(run, flown.toml)
         if all(key.startswith("detectors.") for key in flown.scenario.user_parts):  # a log never has any code run
             bare = unwatched(flown.scenario)  # detectors move nothing
             flown.achieved = simulate(bare, achieved=True).extra["achieved"] if faulted(bare) else None
         new = [lane.entry for lane in flown.lanes if lane.id not in counted]
         rows += judged.rows(run, {
-            "status": (flown.log.result or {}).get("status", "cut"), "reason": "", "achieved": flown.achieved,
+            "status": status, "reason": "", "achieved": flown.achieved,
             "sim_time_s": flown.end - flown.t0 + flown.dt, "detectors": new,
         })  # fmt: skip
         counted |= {lane.id for lane in flown.lanes}
         if progress:
             progress(i + 1, len(paths))
-    return pd.DataFrame(rows), tomls, again
+    return pd.DataFrame(rows), tomls, notes
 
 
 def of_campaign(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame, int, int, str, dict[str, str]]:

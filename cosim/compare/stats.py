@@ -143,8 +143,8 @@ def pair(rows: pd.DataFrame, a: str, b: str) -> list[dict]:
     seen = use.pivot(index=["run", "fault"], columns="id", values="detected").reindex(columns=[a, b]).dropna()
     more = seen[a].astype(float) - seen[b].astype(float)
     n, only_a, only_b = len(more), int((more > 0).sum()), int((more < 0).sum())
-    about: dict = {"a": a, "b": b, "n": n, "only_a": only_a, "only_b": only_b}
-    about |= dict.fromkeys(("p", "difference", "low", "high"))
+    about: dict = {"a": a, "b": b, "n": n, "only_a": only_a, "only_b": only_b, "p": None, "difference": None,
+                   "low": None, "high": None}  # fmt: skip
     if n >= LEAST:
         low, high = bootstrap(more.to_numpy())
         p = float(binomtest(only_a, only_a + only_b).pvalue) if only_a + only_b else 1.0

@@ -107,20 +107,19 @@ def replay(
                 written(read, made, ticks.start, ticks.stop)
             if progress:
                 progress(ticks.stop * log.dt_ns / 1e9, log.n_ticks * log.dt_ns / 1e9)
-    result = Replay(str(path), dt_s=tick_of(log), changed=overrides or {}, output=str(output) if output else None)
-    result.rows, result.values = sum(m.rows for m in members), sum(m.values for m in members)
-    result.skipped = sum(m.skipped for m in members)
-    result.notes = [line for d in entries if (line := lanes.code_that_flew(d))]
-    result.notes += dict.fromkeys(line for lane in every for line in lane.notes)
-    if not result.values and not new:
-        remedy = "Fly the scenario with detectors.enabled set"
-        said = "there is nothing to compare: the log holds no detector outputs"
-        raise ReplayError(said, place=str(path), remedy=remedy)
-    result.differences = sorted((d for m in members for d in m.differences.values()), key=lambda d: d.first_tick)
+    rows, values, skipped = (sum(getattr(m, name) for m in members) for name in ("rows", "values", "skipped"))
+    if not values and not new:
+        raise ReplayError("there is nothing to compare: the log holds no detector outputs", place=str(path),
+                          remedy="Fly the scenario with detectors.enabled set")  # fmt: skip
+    notes = [line for d in entries if (line := lanes.code_that_flew(d))]
     for d in entries:
         lanes.tell(d)
-    result.detectors = [m.judge() for m in members]
-    return result
+    return Replay(
+        str(path), rows, values, skipped, tick_of(log), overrides or {}, output=str(output) if output else None,
+        differences=sorted((d for m in members for d in m.differences.values()), key=lambda d: d.first_tick),
+        detectors=[m.judge() for m in members],
+        notes=[*notes, *dict.fromkeys(line for lane in every for line in lane.notes)],
+    )  # fmt: skip
 
 
 def _begin(log, flown, tick):

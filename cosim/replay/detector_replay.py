@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from actuators.block import unit
-from cosim.errors import LogError, did_you_mean
+from cosim.errors import LogError, among
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import wires
 from cosim.judge.detection import JudgedLane
@@ -122,9 +122,7 @@ def describe(log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None =
     if chosen is not None and not chosen:
         raise schema.ReplayError("no detector is named", place="--detectors", allowed=", ".join(known))
     for name in [*(chosen or ()), *(overrides or {})]:
-        if name not in known:
-            allowed, remedy = ", ".join(known) or "none", did_you_mean(name, known)
-            raise schema.ReplayError(f"the log has no detector {name!r}", place=place, allowed=allowed, remedy=remedy)
+        among(name, known, f"the log has no detector {name!r}", error=schema.ReplayError, place=place)
     schema.chosen_overrides(chosen, overrides)
     gone = next((d for d in found if d["id"] in (overrides or {}) and not registry.known(d["id"])), None)
     if gone:

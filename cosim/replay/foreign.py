@@ -6,11 +6,11 @@ that reads it can write Parquet.
 
 import contextlib
 import csv
+import itertools
 import warnings
 from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -142,12 +142,32 @@ def _text(path: Path, used: Sequence[str] | None, rows: int | None = None) -> An
     spaces = sep not in row
     header = head.split() if spaces else next(csv.reader(lines, delimiter=sep, skipinitialspace=True))
     header = [n.strip() for n in header]
+    _check_rows(path, header, " " if spaces else sep, rows)
     at = sorted(range(len(header)) if used is None else [header.index(n) for n in used])
     how: dict[str, Any] = {"sep": r"\s+" if spaces else sep, "encoding": "utf-8-sig", "skipinitialspace": True, **exact}
     with warnings.catch_warnings(action="ignore", category=pd.errors.DtypeWarning):  # numbers with a text among them
         frame = pd.read_csv(path, usecols=at, index_col=False, nrows=rows, **how)
     frame.columns = pd.Index([header[k] for k in at])
+    for name, cells in frame.select_dtypes(exclude="number").astype(str).items():
+        for cell in cells[cells.str.fullmatch(r"[-+]?\d+,\d+([eE][-+]?\d+)?")]:
+            said = f"column {name!r} holds {cell!r}: a comma is no decimal point here"
+            raise LogError(said, place=str(path), remedy="Write numbers with a point")
     return frame
+
+
+def _check_rows(path: Path, header: list[str], sep: str, rows: int | None) -> None:
+    """Raise LogError for one of the first `rows` of a text that has other cells than its header, but for a separator
+    at the end of either; a last line without its end may be cut."""
+    least = len(header) - (not header[-1])
+    with contextlib.suppress(csv.Error), path.open(encoding="utf-8-sig", newline="") as file:  # pandas says it better
+        lines = csv.reader(file, delimiter=sep, skipinitialspace=True)
+        odd = ((lines.line_num, len(row)) for row in itertools.islice(lines, None if rows is None else rows + 2)
+               if any(row) and not least <= len(row) <= len(header) + (not row[-1]))  # fmt: skip
+        for line, n in itertools.islice(odd, 1):
+            if next(lines, None) is not None or _ended(path):
+                raise LogError(f"has {n} cell{'s' * (n > 1)}", place=f"{path}, line {line}",
+                               allowed=f"{least}, as in the header",
+                               remedy="A lost sample is an empty cell")  # fmt: skip
 
 
 def _ended(path: Path) -> bool:
@@ -247,7 +267,7 @@ def _lacks(path: Path, name: str, unread: dict[str, str], cut: bool) -> LogError
 def _one_sender(senders: NDArray, stamps: NDArray, place: str) -> None:
     """Raise LogError where channels of one topic overlap in time: two sources are two signals."""
     spans = sorted((stamps[senders == s].min(), stamps[senders == s].max()) for s in np.unique(senders))
-    if any(begin <= end for (_, end), (begin, _) in pairwise(spans)):
+    if any(begin <= end for (_, end), (begin, _) in itertools.pairwise(spans)):
         said = f"{len(spans)} channels share the topic and overlap in time"
         raise LogError(said, place=place, allowed="one source at a time",
                        remedy="Record each source on a topic of its own")  # fmt: skip

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import CosimError, LogError, did_you_mean
+from cosim.errors import CosimError, LogError, among
 from cosim.flight.detection.parameters import assign, beyond, parameter_spans, state_spans
 from cosim.log import Log
 from cosim.scenario import Scenario, parse, user_parts
@@ -72,8 +72,8 @@ def attached(log: Log, name: str, kind: Any, lanes: int) -> np.ndarray:
     Raises LogError for another layout, or none."""
     data = next((log.attachments[n] for n in (f"{name}.npy", f"{name}.npz") if n in log.attachments), None)
     if data is None:
-        cut = "recovered" in log.metadata and "The original was cut or damaged there: fly the scenario again"
-        remedy = cut or "`cosim run` did not write it; see `cosim replay --map`"
+        remedy = ("The original was cut or damaged there: fly the scenario again" if "recovered" in log.metadata
+                  else "`cosim run` did not write it; see `cosim replay --map`")  # fmt: skip
         raise LogError(f"the log lacks {name}", place=str(log.path), remedy=remedy)
     try:
         found = np.load(io.BytesIO(data))
@@ -103,10 +103,8 @@ def check_start(start_s: float) -> None:
 def chosen_overrides(chosen: Any, changes: Any) -> None:
     """Raise ReplayError for parameters {detector: ...} of a detector that is not among the `chosen` (None: all)."""
     for name in changes or () if chosen else ():
-        if name not in chosen:
-            said, allowed = f"{name} is not among the detectors that run, its parameters would change nothing", chosen
-            near = did_you_mean(name, chosen)
-            raise ReplayError(said, place="--set", allowed=", ".join(allowed), remedy=near)
+        said = f"{name} is not among the detectors that run, its parameters would change nothing"
+        among(name, chosen, said, error=ReplayError, place="--set")
 
 
 def overrides(texts: Any) -> Any:

@@ -72,7 +72,8 @@ class Prepared:
         self.wires = {(d.id, lane): d.inputs[lane] for d in self.found for lane in d.lanes}
         mapped = [s for s in self.map.signals.values() if s.channel]
         if not mapped:
-            raise ReplayError("no signal has a channel", place=str(map_path))
+            raise ReplayError("no signal has a channel", place=str(map_path),
+                              remedy="Take the # from a line of [signals], or write one")  # fmt: skip
         names = dict.fromkeys(name for s in mapped for name in (s.channel, s.valid) if name)
         read = read_recording(path, tuple(names), m.time)
         self.notes = list(read.notes)
@@ -135,17 +136,16 @@ def diagnose(
     """
     chosen_overrides(detectors, overrides)
     made = Prepared(path, map_path, detectors, start_s, user_detectors)
-    m, n = made.map, len(made.at)
-    about = str(path), str(map_path), made.clock, m.rate_hz, float(made.at[0]), n * made.dt
-    out = Diagnosis(*about, output=str(output) if output else None)
+    m = made.map
+    out = Diagnosis(str(path), str(map_path), made.clock, m.rate_hz, float(made.at[0]), len(made.at) * made.dt,
+                    output=str(output) if output else None)  # fmt: skip
     for name, (_, valid) in made.values.items():
         s, share = m.signals[name], 100.0 * float(valid.mean())
         unit = s.unit or signals_of.readable(made.scenario.aircraft)[name].unit
         out.signals.append({"name": name, "channel": s.channel, "unit": unit, "valid_pct": share})
     done, out.not_run = run_all(made, overrides or {})
     if not done:
-        remedy = _nearest(out.not_run)
-        raise ReplayError("no detector has all its inputs", place=str(map_path), remedy=remedy)
+        raise ReplayError("no detector has all its inputs", place=str(map_path), remedy=_nearest(out.not_run))
     out.detectors = [_verdict(d, lane, again, made) for d, lane, _, again in done]
     out.caveats = [*made.notes, *made.unsure.values(), *caveats(made, done)]
     if output:

@@ -40,6 +40,7 @@ BOTH = {"li": "left inner", "lo": "left outer", "ri": "right inner", "ro": "righ
         "lib": "left inner", "lob": "left outer", "rib": "right inner", "rob": "right outer"}  # fmt: skip
 BARE = ("mach", "n_x", "n_y", "n_z")  # have no unit that a name would say
 SHORT = {"pct": "%", "degs": "deg/s", "mps": "m/s", "kn": "kt"}  # of units at the end of a name
+NONE = """# none flies yet: take the # from a line, or write one: alpha = { channel = "NAME", unit = "deg" }"""
 POINT = {"mass_t": 200.0, "cg_pct": 30.0, "altitude_ft": 20000.0, "cas_kt": 290.0}
 
 
@@ -72,7 +73,8 @@ def draft(path: str | Path, *, aircraft: str | None = None) -> str:
             taken[guess.signal] = _line(channel, guess)
         elif channel.isprintable():
             texts.append(channel)
-    lines += ["", "[signals]", *taken.values(), "", *(f"# not used: {inline(c)}" for c in texts if c != time)]
+    lines += ["", "[signals]", *[NONE] * all(line.startswith("#") for line in taken.values()), *taken.values()]
+    lines += ["", *(f"# not used: {inline(c)}" for c in texts if c != time)]
     return "\n".join(lines).rstrip() + "\n"
 
 

@@ -197,8 +197,8 @@ def _of_its_kind(raw: Any, info: ValidationInfo) -> Any:
     """Return the manoeuvre of a table, of the class that its kind names."""
     kind = str(raw.get("kind", "")) if isinstance(raw, dict) else "cruise"  # which refuses what is no table
     if kind not in KINDS:
-        said = "is no manoeuvre" if kind else "is missing"
-        raise problem(said, key="kind", allowed=", ".join(KINDS), remedy=did_you_mean(kind, KINDS))
+        raise problem("is no manoeuvre" if kind else "is missing", key="kind", allowed=", ".join(KINDS),
+                      remedy=did_you_mean(kind, KINDS))  # fmt: skip
     return (Inputs if kind == "inputs" else Manoeuvre).model_validate(raw, context=info.context)
 
 

@@ -108,7 +108,8 @@ class Detectors(Table, extra="allow"):
         enabled = raw["enabled"] if isinstance(raw["enabled"], list | tuple) else ()
         for i, name in enumerate(enabled):
             if isinstance(name, str) and name not in (*known, *named):
-                wrong.append(choice(name, known, "detector", key=f"enabled.{i}"))
+                choices = (*known, "or one of your own by --detector FILE")
+                wrong.append(choice(name, choices, "detector", key=f"enabled.{i}"))
             elif name in enabled[:i]:
                 wrong.add(f"{name!r} is listed twice", key=f"enabled.{i}", remedy="Remove one")
         wrong.unknown(raw, ("enabled", *known, *named))

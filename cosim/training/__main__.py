@@ -15,7 +15,7 @@ from cosim.scenario.aircraft import DEFAULT, load_aircraft
 from cosim.table import Row, Table
 from cosim.training import NAMES, designs, load, trainer
 from cosim.training.train_aircraft import another
-from fdi.common import compact
+from fdi.common import tuning
 
 ALL = "all"
 ENGINES = (1, 2, 4)  # that the four places of the detectors' force model can stand for
@@ -89,7 +89,7 @@ def _another(name: str, aircraft: str, check: bool) -> int:
         training = another(str(own.folder))
         trainer.store(_trained(f"all --aircraft {own.name}", training, own.name, into=thresholds), thresholds)
         about = {"aircraft_sha256": stored_designs.digest(own)}
-        replace_text(own.folder / "designs" / stored_designs.FILE, compact.text(about))
+        replace_text(own.folder / "designs" / stored_designs.FILE, tuning.text(about))
     return _state(designs.check(aircraft))
 
 

@@ -24,7 +24,7 @@ from cosim.flight.detection.detectors import unfit
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
 from cosim.training import lpv, rfafe
 from fdi import registry
-from fdi.common import compact
+from fdi.common import tuning
 
 FOLDER = Path(fdi.__file__).resolve().parent / "designs"
 MAKERS: dict[str, Callable] = {  # design -> what makes it of (progress, name or folder of an aircraft)
@@ -45,7 +45,7 @@ def make(aircraft: str, progress: Callable[[str], None]) -> None:
         made = maker(lambda text, name=name: progress(f"{name}: {text}"), aircraft)
         folder = own.folder / "designs" if own.own_designs else FOLDER
         folder.mkdir(exist_ok=True)
-        replace_text(folder / f"{name}.json", compact.text({"source": source(aircraft, made), **made}))
+        replace_text(folder / f"{name}.json", tuning.text({"source": source(aircraft, made), **made}))
 
 
 def check(aircraft: str = DEFAULT, folder: Path = FOLDER) -> dict[str, str]:
@@ -75,5 +75,5 @@ def source(aircraft: str, made: dict) -> str:
         # v_run is how fast a runaway fault may be: of no healthy motion
         for value in np.concatenate([np.ravel(p[name]) for name in p.dtype.names if name != "v_run"]):
             found.update(f"{value:.6e};".encode())  # gains come from linear algebra: last digits are the processor's
-    found.update(compact.text(made).encode())
+    found.update(tuning.text(made).encode())
     return found.hexdigest()

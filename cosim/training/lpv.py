@@ -164,7 +164,7 @@ def fit(samples: Any, *, box: Any = BOX, weight: Any = None) -> Any:
     return lpv_model.LpvModel(A=A, B=B, C=C, D=D, box=box, trim=trim)
 
 
-def volume(rho: float) -> Any:
+def volume(rho: np.ndarray) -> np.ndarray:
     """Return the share of the box that each point of a regular grid stands for: half as much on a face as inside.
 
     The sum of squares (31) is then that of the trapezoidal rule, the integral over the flyable part of the box; equal

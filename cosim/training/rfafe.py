@@ -22,10 +22,10 @@ from cosim.judge.fault_effect import sine
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
 from cosim.training.flights import COMMAND, DT, MANOEUVRES, scenario
 from fdi import rfafe
+from fdi.common import tuning
 from fdi.rfafe import servo
 from fdi.rfafe.discrete import noise
 from fdi.rfafe.rfafe import side
-from fdi.rfafe.store import to_plain
 
 STATES = ("tas", "alpha", "q", "theta")
 UNIT = np.array([1.0, 1 / RAD_PER_DEG, 1 / RAD_PER_DEG, 1 / RAD_PER_DEG])  # SI to the paper's units
@@ -226,7 +226,7 @@ def entry(
     F = g[1] if name == "rfafe" else np.vstack([Bu, [[0.0]]])
     made = rfafe.design(*g[:2], C, None, E, F, dt=DT, bandwidth=bandwidth or BANDWIDTH[name], sigma=sigma)
     return {
-        "design": to_plain(made), "u_delay_s": late,
+        "design": tuning.plain(made), "u_delay_s": late,
         "actuator": {"a_rad_s": a, "gain": gain, "tau_s": tau, "rate_deg_s": RATE_DEG_S},
         "noise_deg": noise(made.discrete, sigma).tolist(),
     }

@@ -15,7 +15,7 @@ import numpy as np
 import fdi
 from cosim.campaign.pool import work
 from cosim.files import replace_text
-from fdi.common import compact
+from fdi.common import tuning
 
 FOLDER = Path(fdi.__file__).parent / "thresholds"
 RECORD = "training"  # in a file: how its numbers were found
@@ -78,7 +78,7 @@ def changes(made: dict[str, dict[str, Any]], folder: Path | None = None) -> Iter
 def store(made: dict[str, dict[str, Any]], folder: Path | None = None) -> None:
     """Write what `trained` returned."""
     for detector, data in made.items():
-        replace_text((folder or FOLDER) / f"{detector}.json", compact.text(data))
+        replace_text((folder or FOLDER) / f"{detector}.json", tuning.text(data))
 
 
 def _numbers(value, at=()):

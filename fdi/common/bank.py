@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from actuators.block import kernel
+from actuators.block import dtype, kernel, record
 
 K = 14  # frequencies
 N = 40  # stored samples for each rate
@@ -61,38 +61,33 @@ def frequencies() -> np.ndarray:
 
 def design(dt: float) -> dict:
     """Return the bank's PARAMS fields for ticks of `dt` seconds."""
-    block = np.maximum(np.rint(np.array(BLOCKS_S) / dt), 1.0)
-    hz = frequencies()
-    out = {"bank_hz": hz, "bank_block": block}
-    level, count, stride = np.zeros(K), np.zeros(K), np.zeros(K)
-    wc, ws, hc, hs = np.zeros((4, K, N // 2))
-    for k, f in enumerate(hz):
-        fits = [j for j in range(LEVELS) if 1.0 / (block[j] * dt) >= 5.0 * f]
-        j = max(fits, default=0)
-        h = block[j] * dt
+    p = record(dtype(PARAMS), bank_hz=frequencies(), bank_block=np.maximum(np.rint(np.array(BLOCKS_S) / dt), 1.0))[0]
+    for k, f in enumerate(p.bank_hz):
+        level = max((j for j in range(LEVELS) if 1.0 / (p.bank_block[j] * dt) >= 5.0 * f), default=0)
+        h = p.bank_block[level] * dt
         n = min(2 * round(1.0 / (f * h)), N)
-        t = (np.arange(n) - (n - 1) / 2) * h
-        angle = 2 * np.pi * f * t
-        basis = np.stack([np.cos(angle), np.sin(angle), np.ones(n), t * f, (t * f) ** 2], axis=1)
-        w = np.linalg.pinv(basis)[:2] / np.sinc(f * h) ** 2  # the triangle's own loss is made good
-        wc[k, : n // 2] = w[0, : n // 2]
-        ws[k, : n // 2] = w[1, : n // 2]
-        t = (np.arange(n // 2) - (n // 2 - 1) / 2) * h
-        basis = np.stack([np.cos(2 * np.pi * f * t), np.sin(2 * np.pi * f * t), np.ones(n // 2), t * f], axis=1)
-        hc[k, : n // 2], hs[k, : n // 2] = np.linalg.pinv(basis)[:2] / np.sinc(f * h) ** 2
-        level[k], count[k], stride[k] = j, n, max(n // (2 * FITS), 1)
-    weights = {"bank_wc": wc, "bank_ws": ws, "bank_hc": hc, "bank_hs": hs}
-    step = block[level.astype(int)] * dt
-    weights |= {"bank_loss": np.sinc(hz * step) ** 2, "bank_angle": 2 * np.pi * hz * step}
-    return {**out, **weights, "bank_level": level, "bank_n": count, "bank_stride": stride}
+        loss = np.sinc(f * h) ** 2  # the triangle's own
+        p.bank_level[k], p.bank_n[k], p.bank_stride[k] = level, n, max(n // (2 * FITS), 1)
+        p.bank_loss[k], p.bank_angle[k] = loss, 2 * np.pi * f * h
+        half = n // 2
+        p.bank_wc[k, :half], p.bank_ws[k, :half] = _weights(f, h, n, 2)[:, :half] / loss
+        p.bank_hc[k, :half], p.bank_hs[k, :half] = _weights(f, h, half, 1) / loss
+    return {name: p[name] for name in p.dtype.names}
+
+
+def _weights(f, h, n, degree):
+    """Return what fits the amplitudes of cosine and sine at `f` [Hz] to `n` samples `h` [s] apart, beside a polynomial
+    of `degree` of time; (2, n)."""
+    t = (np.arange(n) - (n - 1) / 2) * h
+    waves = [np.cos(2 * np.pi * f * t), np.sin(2 * np.pi * f * t)]
+    return np.linalg.pinv(np.stack([*waves, *((t * f) ** k for k in range(degree + 1))], axis=1))[:2]
 
 
 @kernel
 def push(x, p, now):
     """Take one tick of the signals `now`, none of them NaN; return the number of fits renewed."""
     renewed = 0.0
-    for k in range(K):
-        x.bank_new[k] = 0.0
+    x.bank_new[:] = 0.0
     for j in range(LEVELS):
         D = p.bank_block[j]
         x.bank_tick[j] += 1.0

@@ -4,7 +4,6 @@ Rank decisions are taken on matrices with unit rows of C and unit columns of E a
 units.
 """
 
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ class DesignError(ValueError):
     """A condition for the estimator to exist fails; the message says which and by how much."""
 
 
-def decouple(C: np.ndarray, E: np.ndarray, F: np.ndarray) -> tuple[Any, ...]:
+def decouple(C: np.ndarray, E: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return H = E (CE)^+ (12) and T = I - HC (6); raise DesignError that says which of conditions (i)-(iii) fails.
 
     E (n, q) has full column rank, C (m, n), F (n, l). Singular values are those of matrices with unit rows of C and
@@ -39,10 +38,11 @@ def decouple(C: np.ndarray, E: np.ndarray, F: np.ndarray) -> tuple[Any, ...]:
 
 def _full(condition, what, X, needs, rank, remedy):
     """Raise DesignError that `condition` fails unless X, which `what` names, has the `rank` that it `needs`."""
-    s = singular(X)
+    s = np.linalg.svdvals(X)
     if rank_of(s, RANK) < rank:
+        values = ", ".join(f"{x:.2e}" for x in s)
         raise DesignError(f"condition {condition} fails: {what} = {rank_of(s, RANK)} < {needs} (singular values "
-                          f"{_list(s)}); {remedy}")  # fmt: skip
+                          f"{values}); {remedy}")  # fmt: skip
 
 
 def without_rounding(X: np.ndarray, size: int) -> np.ndarray:
@@ -71,7 +71,7 @@ def separate(E: np.ndarray, F: np.ndarray, C: np.ndarray, *, min_ratio: float = 
     return np.zeros((E.shape[0], 0))
 
 
-def fixed_modes(A1: np.ndarray, C: np.ndarray, TF: np.ndarray) -> Any:
+def fixed_modes(A1: np.ndarray, C: np.ndarray, TF: np.ndarray) -> np.ndarray:
     """Return the invariant zeros of (A1, TF, C): eigenvalues that stay in N under (16) for every K1.
 
     They are the unobservable eigenvalues of (C, A2), A2 = (I - TF (C TF)^+ C) A1, among them those of (C, A1) itself.
@@ -79,29 +79,22 @@ def fixed_modes(A1: np.ndarray, C: np.ndarray, TF: np.ndarray) -> Any:
     return unobservable_modes(A1 - TF @ np.linalg.pinv(C @ TF) @ C @ A1, C)
 
 
-def unobservable_modes(A: np.ndarray, C: np.ndarray) -> Any:
-    """Return the eigenvalues of A on the largest A-invariant subspace in null(C): V <- V intersected with A^-1 V."""
-    from scipy.linalg import null_space  # a tenth of a second that a start need not wait for
+def shows(A: np.ndarray, C: np.ndarray, mode: complex) -> np.ndarray:
+    """Return [(mode I - A) / |A|; C], C with unit rows: it loses rank where a mode of A does not show in C (Popov,
+    Belevitch, Hautus)."""
+    return np.vstack([(mode * np.eye(len(A)) - A) / max(np.linalg.norm(A, 2), 1e-12), unit_rows(C)])
 
-    Z = null_space(C, rcond=RANK)
-    for _ in range(A.shape[0]):
-        if Z.shape[1] == 0:
-            return np.zeros(0, complex)
-        outside = A @ Z - Z @ (Z.T @ A @ Z)
-        _, s, Vt = np.linalg.svd(outside)
-        keep = Vt[rank_of(s, RANK * max(1.0, np.linalg.norm(A))) :].T
-        if keep.shape[1] == Z.shape[1]:
-            break
-        Z = Z @ keep
-    return np.linalg.eigvals(Z.T @ A @ Z)
+
+def unobservable_modes(A: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """Return the eigenvalues of A that do not show in C."""
+    return np.array([mode for mode in np.linalg.eigvals(A) if np.linalg.svdvals(shows(A, C, mode))[-1] <= RANK])
 
 
 def detectable(A1: np.ndarray, C: np.ndarray) -> None:
     """Raise DesignError where a mode of A1 that is not stable does not show in C, condition (iv); it names the mode."""
-    n, size, unit = A1.shape[0], max(np.linalg.norm(A1, 2), 1e-12), unit_rows(C)
-    for value in unobservable_modes(A1, unit):
-        if value.real >= -1e-9 * size:
-            _, values, Vt = np.linalg.svd(np.vstack([(value * np.eye(n) - A1) / size, unit]))
+    for value in unobservable_modes(A1, C):
+        if value.real >= -1e-9 * np.linalg.norm(A1, 2):
+            _, values, Vt = np.linalg.svd(shows(A1, C, value))
             raise DesignError(
                 f"condition (iv) fails: the mode {value:.4g} 1/s of A1 = (I - HC) A is not stable and does not show "
                 f"in C (smallest singular value {values[-1]:.1e}, mostly state {np.argmax(abs(Vt[-1]))}); measure it "
@@ -109,7 +102,7 @@ def detectable(A1: np.ndarray, C: np.ndarray) -> None:
             )
 
 
-def balance(A: np.ndarray, C: np.ndarray, F: np.ndarray, sigma: float | None = None) -> Any:
+def balance(A: np.ndarray, C: np.ndarray, F: np.ndarray, sigma: float | None = None) -> np.ndarray:
     """Return state scales s, x = s * x_balanced: Osborne's balance of [A F; C 0] with unit rows of C, columns of F.
 
     With `sigma` (m,), the outputs' noise, a state that shows in an output is scaled to that noise: P near the
@@ -149,26 +142,17 @@ def angle_deg(E: np.ndarray, F: np.ndarray) -> float:
     return 90.0 if E.shape[1] == 0 else float(np.degrees(np.min(subspace_angles(E, F))))
 
 
-def unit_columns(X: np.ndarray) -> Any:
+def unit_columns(X: np.ndarray) -> np.ndarray:
     """Return X with its columns scaled to length one; zero columns stay."""
     size = np.linalg.norm(X, axis=0)
     return X / np.where(size > 0.0, size, 1.0)
 
 
-def unit_rows(X: np.ndarray) -> Any:
+def unit_rows(X: np.ndarray) -> np.ndarray:
     """Return X with its rows scaled to length one; zero rows stay."""
     return unit_columns(X.T).T
 
 
-def singular(X: np.ndarray) -> Any:
-    """Return the singular values of X, none for an empty matrix."""
-    return np.linalg.svd(X, compute_uv=False) if X.size else np.zeros(0)
-
-
-def rank_of(s: Any, tolerance: float | None = None) -> int:
+def rank_of(s: np.ndarray, tolerance: float | None = None) -> int:
     """Return how many singular values exceed `tolerance`, or RANK times the largest."""
     return int(np.sum(s > (RANK * (s[0] if len(s) else 0.0) if tolerance is None else tolerance)))
-
-
-def _list(s):
-    return ", ".join(f"{x:.2e}" for x in s)

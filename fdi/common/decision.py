@@ -72,9 +72,7 @@ LEVER_STATE = [
 @kernel
 def held(value, valid, last):
     """Return the measurement, or the last one when it is flagged invalid or not finite."""
-    if valid > 0.5 and math.isfinite(value):
-        return value
-    return last
+    return value if usable(value, valid) > 0.5 else last
 
 
 @kernel
@@ -87,8 +85,7 @@ def delayed(line, head, column, value, ticks, fresh):
     if not math.isfinite(value):
         value = line[(head + n - 1) % n, column]
     if fresh:
-        for i in range(n):
-            line[i, column] = value
+        line[:, column] = value
     line[head, column] = value
     return line[(head + n - int(ticks)) % n, column]
 
@@ -96,9 +93,7 @@ def delayed(line, head, column, value, ticks, fresh):
 @kernel
 def usable(value, valid):
     """Return 1.0 where a measurement is flagged valid and finite, else 0.0."""
-    if valid > 0.5 and math.isfinite(value):
-        return 1.0
-    return 0.0
+    return 1.0 if valid > 0.5 and math.isfinite(value) else 0.0
 
 
 @kernel
@@ -108,18 +103,12 @@ def confirm(timer, alarm, beyond, dt, t_confirm, t_release):
     `timer` [s] grows while the residual is beyond its threshold, else shrinks, within 0 .. t_confirm + t_release.
     The alarm sets when it reaches t_confirm, and heals when it is back at zero: crossing now and then does not chatter.
     """
-    if beyond:
-        timer = min(timer + dt, t_confirm + t_release)
-    else:
-        timer = max(timer - dt, 0.0)
+    longest = t_confirm + t_release
+    timer = min(timer + dt, longest) if beyond else max(timer - dt, 0.0)
     # half a tick of slack: sums of dt are not exact
-    if timer >= t_confirm - 0.5 * dt and beyond:
-        if alarm < 0.5:
-            timer = t_confirm + t_release
-        alarm = 1.0
-    elif timer < 0.5 * dt:
-        alarm = 0.0
-    return timer, alarm
+    if beyond and timer >= t_confirm - 0.5 * dt:
+        return longest if alarm < 0.5 else timer, 1.0
+    return timer, 0.0 if timer < 0.5 * dt else alarm
 
 
 @kernel

@@ -50,7 +50,6 @@ def solve(problem: Any, *, tolerance: float = 1e-9) -> None:
 
 def violation(matrix: Any) -> float:
     """Return lambda_max(sym(matrix)) / |matrix|_2: negative when `matrix < 0` holds, relative to its own size."""
-    symmetric = (matrix + matrix.T) / 2
-    eigenvalues = np.linalg.eigvalsh(symmetric)
+    eigenvalues = np.linalg.eigvalsh((matrix + matrix.T) / 2)
     size = max(abs(eigenvalues[0]), abs(eigenvalues[-1]))
     return float(eigenvalues[-1] / size) if size > 0.0 else 0.0

@@ -11,6 +11,8 @@ from typing import Any
 
 # of the detectors that ship
 GROUPS = ("airframe motion", "elevator positions", "actuator filters", "monitors", "both levels")
+TICK = 0.005  # of the flights that thresholds were trained on [s]
+LEARN_S = 8.0  # for which observers of the aircraft learn in flight: the papers' faults come at 10 s [s]
 Cases = Mapping[str, tuple[str, ...]]  # case -> verdict classes that name it right
 
 

@@ -2,9 +2,14 @@
 
 A detector that has `why` in its OUTPUTS says at every tick what its `valid` of 0 comes from; the first reason that
 holds, in the order below, is given. `valid == (why == 0)`.
+
+Where it may judge stands in its record's `range`. The bounds of motion are those of the fault-free flights from which
+the thresholds come (training `aircraft`), all manoeuvres, protections and gusts included, rounded outward; within the
+tables of the force model.
 """
 
-from actuators import block
+from actuators import block, constants
+from fdi.common.decision import usable
 
 VALID = 0.0
 NOT_READY = 1.0  # not started, settling, or learning its offsets
@@ -33,6 +38,21 @@ WORDS = (
     "gusts beyond its training",
     "its state is not finite",
 )
+
+# True airspeed of an airframe that flies [m/s]: from the least at which a flight may start (`cas_kt` of the aircraft's
+# records; on the apron or in the take-off roll no relation between forces, attitude and motion holds that is used here)
+# to the speed of sound at sea level, beyond every aerodynamic table.
+FLYING = (100.0 * constants.M_S_PER_KT, 340.0)
+MACH = (0.19, 0.95)
+ALPHA = (-6.0 * constants.RAD_PER_DEG, 20.0 * constants.RAD_PER_DEG)  # angle of attack [rad]
+
+
+@block.kernel
+def box(value, valid, bounds, code, why):
+    """Return `why` where it is a reason already, `code` where a usable measurement lies outside `bounds` = (least,
+    largest), else 0.0: one that is lost is not outside."""
+    outside = usable(value, valid) > 0.5 and not bounds[0] <= value <= bounds[1]
+    return why if why > 0.5 or not outside else code
 
 
 def words(code: float) -> str:

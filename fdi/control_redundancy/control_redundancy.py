@@ -26,16 +26,26 @@ moves the elevators against it) are still named as the effector that acts alike.
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record, zero_state
 from fdi.common.decision import T_HOLD
-from fdi.common.envelope import ALPHA, FLYING, MACH, box
-from fdi.common.record import Detector, Estimate, Site
-from fdi.common.tuning import thresholds
-from fdi.common.why import BOX_ALPHA, BOX_MACH, BOX_SPEED, GUSTS, LOST_SENSOR, NOT_READY, VALID
+from fdi.common.record import LEARN_S, TICK, Detector, Estimate, Site
+from fdi.common.tuning import Folder, thresholds
+from fdi.common.why import (
+    ALPHA,
+    BOX_ALPHA,
+    BOX_MACH,
+    BOX_SPEED,
+    FLYING,
+    GUSTS,
+    LOST_SENSOR,
+    MACH,
+    NOT_READY,
+    VALID,
+    box,
+)  # fmt: skip
 from fdi.control_redundancy import core, force_model
 from fdi.control_redundancy import structure as redundancy_structure
 from fdi.control_redundancy.core import BLOCKS, DELAY, NC, NF, NH, NR, NX
@@ -43,14 +53,9 @@ from fdi.control_redundancy.decide import decide, withdraw
 
 EFFECTORS = ("elevator", "aileron", "rudder", "engine")
 ISOLABLE_PARTS = ("", *EFFECTORS)
-LEARN_S = 8.0  # in flight, as the other observers of the aircraft [s]
-STRIDE = 0.005  # [s] from one command kept to the next, at least
-SERVO_LAG = (
-    0.06,
-    0.06,
-    0.09,
-    0.0,
-)  # [s]: servos near 30 rad/s, the rudder's 20 rad/s, damping 0.9; the stabiliser creeps
+# elevator, aileron, rudder, stabiliser: how many commands each has, and its lag [s]: servos near 30 rad/s, the rudder's
+# 20 rad/s, damping 0.9; the stabiliser creeps
+COMMANDS, SERVO_LAG = (4, 2, 1, 1), (0.06, 0.06, 0.09, 0.0)
 
 PARAMS = dtype(
     [
@@ -220,21 +225,21 @@ DETECTOR = Detector(
 
 
 def params(
-    which: str = "flight", *, model: force_model.ForceModel, dt: float = 0.005, delay: float = 2,
+    which: str = "flight", *, model: force_model.ForceModel, dt: float = TICK, delay: float = 2,
     lag: Sequence[float] = SERVO_LAG, rate: Sequence[float] = (0.0, 0.0, 0.0, 0.0), t_mean: float = 0.5,
-    t_learn: float = 20.0, own: Any = None,
+    t_learn: float = 20.0, own: Folder = None,
 ) -> np.ndarray:  # fmt: skip
     """Return PARAMS for a `ForceModel`; `t_mean`, `t_learn` 0 switch the aids off.
 
     Commands are delayed by `delay` ticks as the measurements are [Mar10] slide 11, and by `lag` [s], what a healthy
     actuator takes on average (2 zeta / omega of a second-order one): elevator, aileron, rudder, stabiliser. They move
-    at `rate` [rad/s] at most, in the same order, 0 for no limit. Of shorter ticks than 5 ms every `stride`-th is kept.
+    at `rate` [rad/s] at most, in the same order, 0 for no limit. Of shorter ticks than TICK every `stride`-th is kept.
     Families come from the structure of the model's rows. Raises ValueError for a mean beyond 0.5 s, a delay beyond the
     buffer, too many families.
     """
     tables = force_model.fields(model)
-    stride = max(1.0, math.floor(STRIDE / dt + 1e-9))
-    late = delay + np.round(_each(*lag) / dt)
+    stride = max(1.0, math.floor(TICK / dt + 1e-9))
+    late = delay + np.round(np.repeat(lag, COMMANDS) / dt)
     late = np.round((late - (stride - 1.0) / 2.0) / stride)  # the newest that is kept is half a stride old on average
     found = redundancy_structure.families(model.structure())
     for wrong, message in (
@@ -246,7 +251,7 @@ def params(
         if wrong:
             raise ValueError(message)
     p = record(
-        PARAMS, **tables, n_families=len(found), late=late, stride=stride, rate=_each(*rate),
+        PARAMS, **tables, n_families=len(found), late=late, stride=stride, rate=np.repeat(rate, COMMANDS),
         t_mean=t_mean, t_learn=t_learn, limit=[0.8, 0.8, 0.8, 1.2], **thresholds("control_redundancy", which, own),
     )  # fmt: skip
     for i, family in enumerate(found):
@@ -256,10 +261,6 @@ def params(
     return p
 
 
-def _each(elevator, aileron, rudder, stabiliser):
-    return np.array([*[elevator] * 4, aileron, aileron, rudder, stabiliser])
-
-
 def fitted(site: Site) -> np.ndarray:
     """Return PARAMS for a loop, on the force model of the aircraft that flies."""
     about = site.aircraft()
@@ -267,9 +268,7 @@ def fitted(site: Site) -> np.ndarray:
                   lag=about.delays, rate=about.rates)  # fmt: skip
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return STATE of p's shape: nothing learned, averages empty."""
-    return np.zeros(p.shape, STATE)
+init = zero_state(STATE)  # nothing learned, averages empty
 
 
 @kernel
@@ -289,9 +288,9 @@ def _without_data(x, p, dt, why):
 def step(x, u, p, dt):
     """Compare measured with computed forces at one tick, average, evaluate the residuals, decide."""
     core.delayed_commands(x, u, p, dt)
-    why = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], BOX_SPEED, VALID)
-    why = box(u.mach, u.mach_valid, MACH[0], MACH[1], BOX_MACH, why)
-    why = box(u.alpha_ground, u.alpha_ground_valid, ALPHA[0], ALPHA[1], BOX_ALPHA, why)
+    why = box(u.tas, u.tas_valid, FLYING, BOX_SPEED, VALID)
+    why = box(u.mach, u.mach_valid, MACH, BOX_MACH, why)
+    why = box(u.alpha_ground, u.alpha_ground_valid, ALPHA, BOX_ALPHA, why)
     if why == VALID and not core.complete(u):
         why = LOST_SENSOR
     if why != VALID:

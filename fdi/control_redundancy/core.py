@@ -5,6 +5,7 @@ accelerometers and vane, averages, residual families.
 import math
 
 from actuators.block import kernel
+from actuators.common.limits import within
 from actuators.constants import G0
 from fdi.common.decision import delayed, usable
 from fdi.control_redundancy.force_model import air_data, contributions, thrust_pair
@@ -39,10 +40,8 @@ def delayed_commands(x, u, p, dt):
         x.phase = p.stride
     x.phase -= 1.0
     for j in range(NC):
-        move = x.asked[j] - x.cmd[j]
-        if p.rate[j] > 0.0 and x.started > 0.5:
-            move = min(max(move, -p.rate[j] * dt), p.rate[j] * dt)
-        x.cmd[j] += move
+        most = p.rate[j] * dt if p.rate[j] > 0.0 and x.started > 0.5 else math.inf
+        x.cmd[j] += within(x.asked[j] - x.cmd[j], most)
     x.started = 1.0
 
 
@@ -100,8 +99,7 @@ def row_errors(x, u, p):
     force, weight = qbar * p.area, u.mass * G0
     _variables(x, u, p, ca, sa)
     contributions(p, u.alpha, u.mach, qbar, x.variable, x.part, x.slope)
-    x.c[:] = 0.0
-    x.act[:] = 0.0
+    x.c[:] = x.act[:] = 0.0
     for k in range(int(p.n_k)):
         x.part[k] *= force
         axis = int(p.axis[k])

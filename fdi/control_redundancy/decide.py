@@ -51,8 +51,7 @@ def _explain(x, p):
 def _estimate(x, p, h):
     """Return the fault of hypothesis h from the families that no other declared effector moves."""
     _in_use(x, p, h)
-    value, _ = fit_hypothesis(x, p, h)
-    return value
+    return fit_hypothesis(x, p, h)[0]
 
 
 @kernel

@@ -11,7 +11,6 @@ aircraft's own.
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 
@@ -52,7 +51,7 @@ class ForceModel:
     engine: np.ndarray  # (4, 3) about the reference point: x forward, y right, z down [m]
     thrust_axis: tuple  # unit vector, body axes
 
-    def structure(self, alpha: float = 0.1) -> Any:
+    def structure(self, alpha: float = 0.1) -> np.ndarray:
         """Return which effector enters which row at small sideslip: bool (X Y Z; elevator aileron rudder thrust).
 
         Wind-axis entries turned by `alpha`; what goes with sideslip is dropped, the small-angle assumption of [Mar10]
@@ -84,7 +83,7 @@ PARAMS: list[tuple] = [
 SHAPES = {f[0]: f[2] for f in PARAMS if len(f) > 2}
 
 
-def fields(model: Any) -> Any:
+def fields(model: ForceModel) -> dict:
     """Return {PARAMS field: value} of a `ForceModel`; ValueError when its tables do not fit."""
     axes, variables = zip(*model.quantities)
     out = {n: getattr(model, n) for n in ("area", "span", "chord", "stability_rates", "n1_idle", "n1_max")}

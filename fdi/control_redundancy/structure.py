@@ -17,7 +17,6 @@ without the same inputs count once.
 import dataclasses
 import itertools
 from collections import Counter
-from typing import Any
 
 import numpy as np
 
@@ -41,7 +40,7 @@ class Family:
         return f"r{self.base + 1}{tail}"
 
 
-def families(structure: Any, *, most: int = 2) -> list[Family]:
+def families(structure: np.ndarray, *, most: int = 2) -> list[Family]:
     """Return the families of a bool matrix (rows, inputs), with at most `most` replacements each.
 
     Families that no input moves (everything replaced) are left out: they test the model, not an actuator.
@@ -51,7 +50,7 @@ def families(structure: Any, *, most: int = 2) -> list[Family]:
     for count, base in itertools.product(range(most + 1), range(len(structure))):
         for pivots in itertools.combinations(_servants(structure, base), count):
             rows, gone = [k for k, _ in pivots], [j for _, j in pivots]
-            left = structure[[base, *rows]].any(0)
+            left = np.any(structure[[base, *rows]], axis=0)
             left[gone] = False
             own = structure[np.ix_(rows, gone)]  # each serving row contains of the replaced inputs its own alone
             if left.any() and np.array_equal(own, np.eye(count)):
@@ -61,12 +60,12 @@ def families(structure: Any, *, most: int = 2) -> list[Family]:
     return list(found.values())
 
 
-def signatures(structure: Any) -> Counter[tuple]:
+def signatures(structure: np.ndarray) -> Counter[tuple]:
     """Return {signature: number of residuals} of `families(structure)`, in order of appearance."""
     return Counter(family.signature for family in families(structure) for _ in family.solved)
 
 
-def combination(G: Any, family: Any) -> Any:
+def combination(G: np.ndarray, family: Family) -> tuple[np.ndarray, np.ndarray]:
     """Return the weights c (rows,) and sensitivities s (inputs,) of a family: r = c (f - G u_c) = s (u - u_c).
 
     G (rows, inputs). The entries of the pivots are divided by: take the families of G's own structure.

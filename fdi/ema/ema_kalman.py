@@ -16,7 +16,6 @@ The test is hierarchical: R1 and R2 count only while the innovation says that th
 """
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -103,9 +102,9 @@ def params(
     *,
     dt: float = jay.PERIOD,
     R: float = 0.0025,
-    engage: Any = None,
+    engage: bool | None = None,
     delay: float | None = None,
-    **overrides: Any,
+    **overrides: float,
 ) -> np.ndarray:
     """Return PARAMS of the exactly discretised model `kind` with the paper's covariances and thresholds.
 
@@ -135,8 +134,7 @@ def params(
 def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape: x_hat = 0 and P0, as printed."""
     x = np.zeros(p.shape, STATE)
-    for i in np.ndindex(p.shape):
-        x["P"][i] = np.diag(p["P0"][i])
+    x["P"] = p["P0"][..., None] * np.eye(6)
     x["valid"] = 1.0
     return x
 
@@ -183,7 +181,6 @@ def correct(x, y, p):
         x.W[0, i] = x.P[i, 3] * gain
     for i in range(6):
         x.x_hat[i] += x.W[0, i] * gamma
-    for i in range(6):
         for j in range(i + 1):
             x.P[i, j] -= x.W[0, i] * x.W[0, j] * S
             x.P[j, i] = x.P[i, j]
@@ -192,20 +189,14 @@ def correct(x, y, p):
 
 @kernel
 def _decide(x, p):
+    """Name a sensor: the velocity first, as what its filter says of the others counts only while it is healthy."""
     velocity = math.fabs(x.eta_bar) / p.th_eta
     position = math.fabs(x.R1) / p.th_R1
     current = math.fabs(x.R2) / p.th_R2
-    x.isolated_part = 0.0
-    x.r = velocity
-    if velocity >= 1.0:
-        x.isolated_part = VELOCITY
-    else:
-        x.r = max(velocity, max(position, current))
-        if position >= 1.0:
-            x.isolated_part = POSITION
-            x.reconf = 1.0
-        elif current >= 1.0:
-            x.isolated_part = CURRENT
+    x.r = velocity if velocity >= 1.0 else max(velocity, max(position, current))
+    others = POSITION if position >= 1.0 else CURRENT if current >= 1.0 else 0.0
+    x.isolated_part = VELOCITY if velocity >= 1.0 else others
+    x.reconf = 1.0 if x.isolated_part == POSITION else x.reconf
     x.alarm = 1.0 if x.isolated_part > 0.0 else 0.0
     x.verdict = SENSOR if x.isolated_part > 0.0 else NONE
 
@@ -225,14 +216,11 @@ def step(x, u, p, dt):
         predict(x, demand, p)
     x.u_last = u.u if math.isfinite(u.u) else x.u_last
     if ok:
-        eta = correct(x, u.y_velocity, p)
-        head = int(x.head)
+        x.eta = x.window[int(x.head)] = correct(x, u.y_velocity, p)
+        x.head = (x.head + 1.0) % N
         x.eta_bar = 0.0
-        x.window[head] = eta
-        x.head = float((head + 1) % N)
         for i in range(N):
             x.eta_bar += x.window[i] / N
-        x.eta = eta
     x.pos_hat = p.lead * x.x_hat[2]
     x.pos_sigma = p.lead * math.sqrt(max(x.P[2, 2], 0.0))
     if see_position:

@@ -113,8 +113,7 @@ def gap(x, dt):
     """While rod and surface are apart, tell whether by a gap; what takes both sides without two levels is none."""
     if x.sensor < 0.5:
         x.gap_dd = x.loose = 0.0
-        for i in range(2):
-            x.gap_s[i] = x.gap_d[i] = 0.0
+        x.gap_s[:] = x.gap_d[:] = 0.0
     if x.sensor < 0.5 or x.pair_age < SIDE_S:
         return
     i = 1 if x.pair_d > 0.0 else 0

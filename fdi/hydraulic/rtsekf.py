@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record, zero_state
 from actuators.common import linkage
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import rk4
@@ -31,7 +31,7 @@ from fdi.common.linalg import congruence, diagonal
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE
-from fdi.hydraulic.two_stage_ekf import HISTORY, predict_now, remember, transition
+from fdi.hydraulic.two_stage_ekf import HISTORY, force, predict_now, remember, transition
 
 ISOLABLE_PARTS = ("",)
 FORMS = {"hinge model": 1, "published": 0}  # how the load is known: load form
@@ -147,17 +147,7 @@ def params(
     return record(PARAMS, **{**fields, **thresholds("rtsekf", which or f"flight_load{load:g}"), **values})
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return STATE of p's shape, not started: the filter begins at the first usable rod sample."""
-    return np.zeros(p.shape, STATE)
-
-
-@kernel
-def force(x, u, p):
-    """Return the external force on the rod [N]."""
-    if p.load == 1.0:
-        return (u.hm0_model + u.hmd_model * x.x_hat[0] / p.arm) / p.arm
-    return 0.0
+init = zero_state(STATE)  # not started: the filter begins at the first usable rod sample
 
 
 @kernel

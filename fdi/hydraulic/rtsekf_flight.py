@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record, zero_state
 from actuators.common import linkage
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import opening, stiffness
@@ -144,9 +144,7 @@ def params(
     return record(PARAMS, **{**fields, **thresholds("rtsekf_flight", which), **values})
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return STATE of p's shape, not started: the filter begins at the first usable rod sample."""
-    return np.zeros(p.shape, STATE)
+init = zero_state(STATE)  # not started: the filter begins at the first usable rod sample
 
 
 @kernel

@@ -115,8 +115,7 @@ def force(x, u, p):
 def start(x, q, dp, u, p):
     """Begin at the measurement, at rest, in equilibrium with the load."""
     diagonal(x.P_bar, p.P0)
-    for i in range(4):
-        x.x_bar[i] = x.U[i] = x.V[i] = 0.0
+    x.x_bar[:] = x.U[:] = x.V[:] = 0.0
     x.x_bar[0] = x.x_hat[0] = q
     if p.load == 2.0:
         x.x_bar[2], x.x_bar[3] = dp, -dp
@@ -297,12 +296,9 @@ def sane(x):
 def clear(x):
     """Forget estimate and covariance: the filter begins again at the next usable rod sample."""
     for v in (x.x_bar, x.x_hat, x.G, x.U, x.V, x.K, x.eta):
-        for i in range(4):
-            v[i] = 0.0
+        v[:] = 0.0
     for A in (x.P_bar, x.Phi, x.W):
-        for i in range(4):
-            for j in range(4):
-                A[i, j] = 0.0
+        A[:] = 0.0
     x.started = x.f_hat = x.f_sigma = x.P_f = x.q_now = x.v_now = x.x3_now = 0.0
     x.gamma_rod = x.gamma_dp = x.nis_rod = x.nis_dp = 0.0
 

@@ -78,8 +78,7 @@ def compare(x, p, o):
 @kernel
 def forget(x):
     """Forget what windows showed: they begin anew."""
-    for o in range(OCTAVES):
-        x.own[o] = x.own_ratio[o] = x.own_class[o] = x.own_fits[o] = x.loud[o] = 0.0
+    x.own[:] = x.own_ratio[:] = x.own_class[:] = x.own_fits[:] = x.loud[:] = 0.0
 
 
 @kernel

@@ -125,14 +125,11 @@ def start(x, q, dp, u, p):
     """Begin at the measurement, at rest, in equilibrium with the load."""
     x.h_hat[0], x.h_hat[1], x.h_hat[2], x.h_hat[3] = q, 0.0, dp, -dp
     diagonal(x.h_P, p.h_P0)
-    for i in range(4):
-        for c in range(N):
-            x.h_V[i, c] = 0.0
+    x.h_V[:] = 0.0
     x.load_last = load_model(x.h_hat[0], u, p)
     x.h_z = -x.load_last
     x.load_rate2 = x.flow2 = x.h_rise = x.h_push = 0.0
-    for j in range(SENSORS):
-        x.h_lost[j] = x.h_before[j] = x.h_wild[j] = 0.0
+    x.h_lost[:] = x.h_before[:] = x.h_wild[:] = 0.0
     if x.lever_P[2] <= 0.0:
         forget_lever(x)
     x.h_started = 1.0

@@ -130,10 +130,8 @@ def close(x, p, suspicious, dt):
     sums.close_block(x, p)
     quiet = x.since > QUIET_S and x.alarm < 0.5
     blocks, anew = int(x.blocks), False
-    if suspicious or not quiet or p.asks >= ALL:
-        o = sums.octave(blocks)
-    else:
-        o = sums.octave(blocks // SPARSE) if blocks % SPARSE == 0 else -1
+    every = 1 if suspicious or not quiet or p.asks >= ALL else SPARSE
+    o = sums.octave(blocks // every) if blocks % every == 0 else -1
     if o >= 0 and x.window_age[o] >= sums.YOUNG * p.length[o]:
         evidence.evaluate(x, p, o)
         anew = decide.judge(x, p, o, dt)

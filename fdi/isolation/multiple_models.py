@@ -67,9 +67,7 @@ def start(x, u):
     """Begin at the measurements, with no more known than that."""
     for h in range(RIVALS):
         hat, P = x.rival_hat[h], x.rival_P[h]
-        for i in range(N):
-            for j in range(N):
-                P[i, j] = 0.0
+        P[:] = 0.0
         for i in range(4):
             P[i, i] = P0[i]
         P[4, 4] = THETA_SD[h] * THETA_SD[h]

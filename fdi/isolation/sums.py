@@ -78,18 +78,8 @@ def design(dt: float) -> dict:
 def begin(x, o):
     """Let the waves of octave `o` begin anew, and the sums that only its window holds."""
     x.window_age[o] = 0.0
-    for i in range(SUMS):
-        x.window[o, i] = 0.0
-    for w in range(WAVES):
-        x.wave[o, w] = 1.0 - w % 2
-        for v in range(WAVES):
-            x.window_G[o, w, v] = 0.0
-        for i in range(SIGNALS):
-            for j in range(SENSORS):
-                x.window_D[o, i, j, w] = 0.0
-    for h in range(x.told.shape[1]):
-        for i in range(3):
-            x.told[o, h, i] = x.parts[o, h, i] = 0.0
+    x.window[o] = x.window_D[o] = x.window_G[o] = x.told[o, :, :3] = x.parts[o] = 0.0
+    x.wave[o, 0::2], x.wave[o, 1::2] = 1.0, 0.0
 
 
 @kernel
@@ -104,9 +94,7 @@ def begin_all(x):
 def clear_block(x):
     """Begin a block."""
     x.block_tick = 0.0
-    for i in range(SIGNALS):
-        for j in range(SENSORS):
-            x.block_w[i, j] = 0.0
+    x.block_w[:] = 0.0
 
 
 @kernel

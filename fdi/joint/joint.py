@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record, zero_state
 from fdi import registry
 from fdi.common.record import Detector
 from fdi.common.verdict import AMBIGUOUS, NAMES, NONE, code
@@ -146,9 +146,7 @@ def _prior(found):
     return np.array(share) / sum(share)
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return STATE of p's shape: nothing heard."""
-    return np.zeros(p.shape, STATE)
+init = zero_state(STATE)  # nothing heard
 
 
 @kernel

@@ -49,17 +49,15 @@ differences than specified noise makes has its threshold and its jump larger by 
 """
 
 import math
-from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record, zero_state
 from fdi.common.decision import usable
-from fdi.common.envelope import FLYING, box
-from fdi.common.record import Detector
-from fdi.common.tuning import thresholds
+from fdi.common.record import LEARN_S, TICK, Detector
+from fdi.common.tuning import Folder, thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
-from fdi.common.why import BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
+from fdi.common.why import BOX_SPEED, FLYING, LOST_SENSOR, NOT_READY, VALID, box
 from fdi.kinematic import signatures as table
 from fdi.kinematic import wind
 from fdi.kinematic.rows import compare, read, weigh
@@ -67,7 +65,6 @@ from fdi.kinematic.signatures import CLIMB, EITHER, NR, NS, SENSORS
 
 ISOLABLE_PARTS = table.ISOLABLE_PARTS
 SPEEDS = ("tas", "cas", "v_ground")
-TICK = 0.005  # of the training flights [s]
 # a gust changes by sigma sqrt(2 V dt / L) from tick to tick [Dryden]: the variance of airspeed goes with V, that of a
 # vane's angle with 1 / V, that of a load factor, V times that angle, with V^3
 GUSTY = {**dict.fromkeys(("tas", "cas", "mach"), 1), **dict.fromkeys(("alpha", "beta"), 2),
@@ -180,7 +177,7 @@ DETECTOR = Detector(
 )
 
 
-def params(which: str = "flight", *, dt: float = TICK, t_learn: float = 8.0, own: Any = None) -> np.ndarray:
+def params(which: str = "flight", *, dt: float = TICK, t_learn: float = LEARN_S, own: Folder = None) -> np.ndarray:
     """Return PARAMS with the threshold set `which`, trained at ticks of TICK, for those of `dt` seconds; offsets and
     noise are learned over the first `t_learn` seconds.
 
@@ -194,21 +191,17 @@ def params(which: str = "flight", *, dt: float = TICK, t_learn: float = 8.0, own
     return record(PARAMS, t_learn=t_learn, **limits)
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return STATE of p's shape: nothing learned."""
-    return np.zeros(p.shape, STATE)
+init = zero_state(STATE)  # nothing learned
 
 
 @kernel
 def _jumps(x, p, i, dt):
     """Note whether row i jumped; return whether it did."""
-    x.jumped[i] = max(x.jumped[i] - dt, 0.0)
     leap = x.raw[i] - x.last[i] if x.live[i] * x.seen[i] > 0.5 else 0.0
+    jumps = math.fabs(leap) > p.jump[i] * x.grown[i]
+    x.jumped[i] = p.t_hold if jumps else max(x.jumped[i] - dt, 0.0)
     x.last[i], x.seen[i] = x.raw[i], x.live[i]
-    if math.fabs(leap) <= p.jump[i] * x.grown[i]:
-        return False
-    x.jumped[i] = p.t_hold
-    return True
+    return jumps
 
 
 @kernel
@@ -373,11 +366,10 @@ def _seek(x, p):
 @kernel
 def _decide(x, p, dt):
     """Name what is wrong; hold the alarm for t_release, or as the error ends."""
-    any_row, unknown = False, False
+    unknown = False
     for i in range(NR):
-        any_row = any_row or x.fired[i] > 0.0
         unknown = unknown or x.fired[i] * (1.0 - x.known[i]) > 0.0
-    x.quiet = 0.0 if any_row or x.noisy > 0.5 else x.quiet + dt
+    x.quiet = 0.0 if x.fired.any() or x.noisy > 0.5 else x.quiet + dt
     x.since = x.since + dt if unknown else 0.0
     _seek(x, p)
     if x.alarm < 0.5:
@@ -409,19 +401,16 @@ def _would_show(x):
 def _clear(x):
     x.alarm, x.verdict, x.isolated_part = 0.0, NONE, 0.0
     x.shows = x.refuted = x.leapt = x.since = x.quiet = 0.0
-    x.fired[:] = 0.0
-    x.held[:] = 0.0
-    x.known[:] = 0.0
+    x.fired[:] = x.held[:] = x.known[:] = 0.0
 
 
 @kernel
 def _flies(u):
     """Return whether fewer than two of the three speeds, or than all that are left, lie outside of what flies."""
-    values, flags = (u.tas, u.cas, u.v_ground), (u.tas_valid, u.cas_valid, u.v_ground_valid)
     left, out = 0.0, 0.0
-    for i in range(3):
-        left += usable(values[i], flags[i])
-        out += box(values[i], flags[i], FLYING[0], FLYING[1], 1.0, 0.0)
+    for value, valid in ((u.tas, u.tas_valid), (u.cas, u.cas_valid), (u.v_ground, u.v_ground_valid)):
+        left += usable(value, valid)
+        out += box(value, valid, FLYING, 1.0, 0.0)
     return out < 1.0 or out < min(left, 2.0)
 
 
@@ -435,18 +424,14 @@ def step(x, u, p, dt):
     x.age += dt
     if not flies and x.age <= p.t_learn:
         x.age, x.n_learn = 0.0, 0.0
-        x.offset[:] = 0.0
-        x.level[:] = 0.0
+        x.offset[:] = x.level[:] = 0.0
     if p.t_settle < x.age <= p.t_learn:
         x.n_learn += 1.0
     r = max(_residuals(x, p, dt), _noise(x, p, dt))
     if x.age <= p.t_learn:
         weigh(x)
-    live = 0.0
-    for i in range(NR):
-        live += x.live[i]
-    x.why = NOT_READY if x.age <= p.t_learn else LOST_SENSOR if live < 0.5 else VALID
-    x.why = x.why if flies else BOX_SPEED
+    ready = VALID if x.live.any() else LOST_SENSOR
+    x.why = BOX_SPEED if not flies else NOT_READY if x.age <= p.t_learn else ready
     x.valid = 1.0 if x.why == VALID else 0.0
     x.r = r if x.valid > 0.5 else 0.0
     if x.valid > 0.5:

@@ -19,20 +19,17 @@ WORN = 1.25  # times it thresholds hold: they are trained at 1.2, and what is le
 def read(x, u, flies):
     """Copy the readings and their flags, in the order of SENSORS; one that is out repeats its last value, as all do
     unless the aircraft `flies`."""
-    values = (
-        u.p, u.q, u.r, u.phi, u.theta, u.psi, u.n_x, u.n_z, u.hdot, u.h_inertial, u.h_baro, u.tas, u.cas, u.mach,
-        u.alpha_ground, u.v_ground, u.alpha, u.beta, u.n_y,
-    )  # fmt: skip
-    flags = (
-        u.p_valid, u.q_valid, u.r_valid, u.phi_valid, u.theta_valid, u.psi_valid, u.n_x_valid, u.n_z_valid,
-        u.hdot_valid, u.h_inertial_valid, u.h_baro_valid, u.tas_valid, u.cas_valid, u.mach_valid,
-        u.alpha_ground_valid, u.v_ground_valid, u.alpha_valid, u.beta_valid, u.n_y_valid,
-    )  # fmt: skip
-    for i in range(NS):
-        x.ok[i] = usable(values[i], flags[i]) if flies else 0.0
+    for i, (value, valid) in enumerate((
+        (u.p, u.p_valid), (u.q, u.q_valid), (u.r, u.r_valid), (u.phi, u.phi_valid), (u.theta, u.theta_valid),
+        (u.psi, u.psi_valid), (u.n_x, u.n_x_valid), (u.n_z, u.n_z_valid), (u.hdot, u.hdot_valid),
+        (u.h_inertial, u.h_inertial_valid), (u.h_baro, u.h_baro_valid), (u.tas, u.tas_valid), (u.cas, u.cas_valid),
+        (u.mach, u.mach_valid), (u.alpha_ground, u.alpha_ground_valid), (u.v_ground, u.v_ground_valid),
+        (u.alpha, u.alpha_valid), (u.beta, u.beta_valid), (u.n_y, u.n_y_valid),
+    )):  # fmt: skip
+        x.ok[i] = usable(value, valid) if flies else 0.0
         x.ticks[i] = min(x.ticks[i] + 1.0, 3.0) if x.ok[i] > 0.5 else 0.0
         if x.ok[i] > 0.5:
-            x.y_2[i], x.y_1[i], x.y[i] = x.y_1[i], x.y[i], values[i]
+            x.y_2[i], x.y_1[i], x.y[i] = x.y_1[i], x.y[i], value
 
 
 @kernel

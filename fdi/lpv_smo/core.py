@@ -9,7 +9,6 @@ from actuators.constants import G0, M_S_PER_KT, RAD_PER_DEG
 from fdi.common.decision import delayed, held, usable
 from fdi.common.why import BOX_MASS, LOST_SENSOR, VALID
 from fdi.kinematic.wind import ACROSS, ALONG, DEVIATIONS, GUST_S, PRIOR, WIND_WALK
-from fdi.lpv_smo.kernels import affine, held_first_order, trim_map, unit_vector_step
 
 N, P, M, R, T = 7, 6, 2, 4, 35  # states, outputs, inputs, scheduling parameters, terms of a cubic trim map
 NB = 32  # most boxes
@@ -19,6 +18,18 @@ STAY = 1.25  # so far a box is kept though another one fits better
 BLOWN_S = 4.0  # for which a change of the wind across that only the vane tells is remembered [s]
 DELAY = 12  # of the commands: beyond 5 ms at 2 kHz [ticks]
 SIGMA_Q = 0.02 * RAD_PER_DEG  # noise of q per sample, sensor set `transport` [rad/s]
+TAU_GYRO, TAU_LAG = 0.5, 0.15  # time constant of the observer of theta, lag of the error of q that it finds [s]
+# twelve sigma of that error: 0.02 deg of theta and 0.02 deg/s of q and r in samples of 5 ms make 0.008 deg/s
+GYRO_OFF = 0.1 * RAD_PER_DEG
+T_GYRO = 2.0  # an error is held to be there for so long after it was last found: what it disturbed rings on [s]
+
+GYRO_STATE = [
+    ("gyro_theta", "f8", "rad"),  # model of theta
+    ("gyro_rate", "f8", "rad/s"),  # its rate by the gyros at the last tick
+    ("gyro_live", "f8", "-"),  # 1 once it has started
+    ("gyro_error", "f8", "rad/s"),  # of q by theta
+    ("gyro_off", "f8", "s"),  # for so long still q is held to be wrong, or theta
+]
 
 
 @kernel
@@ -26,11 +37,12 @@ def _schedule(x, u, p, dt):
     """Advance rho, held where invalid; return VALID, or the reason why no box holds it."""
     fresh = x.age == 0.0
     b = 1.0 if fresh or p.tau_rho <= 0.0 else 1.0 - math.exp(-dt / p.tau_rho)
-    values = (u.mass * 1e-3, u.cg * 100.0, u.cas / M_S_PER_KT, u.mach)
-    flags = (u.mass_valid, u.cg_valid, u.cas_valid, u.mach_valid)
-    for i in range(R):
-        if usable(values[i], flags[i]) > 0.5:
-            x.rho[i] += b * (values[i] - x.rho[i])
+    for i, (value, valid) in enumerate((
+        (u.mass * 1e-3, u.mass_valid), (u.cg * 100.0, u.cg_valid), (u.cas / M_S_PER_KT, u.cas_valid),
+        (u.mach, u.mach_valid),
+    )):  # fmt: skip
+        if usable(value, valid) > 0.5:
+            x.rho[i] += b * (value - x.rho[i])
         elif fresh:
             x.rho[i] = 0.5 * (p.low[0, i] + p.high[0, i])
             return LOST_SENSOR
@@ -51,8 +63,7 @@ def _distance(x, p, k):
 @kernel
 def _choose(x, p):
     """Choose the box that holds rho best, keep it as long as it does, clamp rho to it; return 0.0 or `BOX_...`."""
-    last = min(max(int(x.box), 0), int(p.n_box) - 1)
-    x.box = last
+    x.box = last = min(max(int(x.box), 0), int(p.n_box) - 1)
     far, where = _distance(x, p, last)
     if far > STAY or x.age == 0.0:
         for k in range(int(p.n_box)):
@@ -97,12 +108,8 @@ def inputs(x, u, p, dt):
 def outputs(x, u, p, dt):
     """Filter n_z and alpha (7), linear between samples, and leave b = old s, s = new s."""
     b = int(x.box)
-    for i in range(2):
-        y = x.y2[i]
-        if i == 0 and usable(u.n_z, u.n_z_valid) > 0.5:
-            y = u.n_z
-        elif i == 1 and usable(u.alpha, u.alpha_valid) > 0.5:
-            y = u.alpha / RAD_PER_DEG
+    for i, (value, valid) in enumerate(((u.n_z, u.n_z_valid), (u.alpha / RAD_PER_DEG, u.alpha_valid))):
+        y = held(value, valid, x.y2[i])
         if x.age == 0.0:
             x.z[i] = y
         else:
@@ -115,6 +122,12 @@ def outputs(x, u, p, dt):
             p.mix[b, i, 0] * u.h + p.mix[b, i, 1] * u.theta / RAD_PER_DEG + p.mix[b, i, 2] * x.speed
             + p.mix[b, i, 3] * u.q / RAD_PER_DEG + p.mix[b, i, 4] * x.z[0] + p.mix[b, i, 5] * x.z[1]
         )  # fmt: skip
+
+
+@kernel
+def sideways(u):
+    """Return bank angle [rad], roll rate and yaw rate [rad/s]; one that is out counts as zero."""
+    return held(u.phi, u.phi_valid, 0.0), held(u.p, u.p_valid, 0.0), held(u.r, u.r_valid, 0.0)
 
 
 @kernel
@@ -132,9 +145,7 @@ def drift(x, u, p, dt):
     if x.age == 0.0:
         x.ahead, x.ahead_var = u.tas - x.v_s if air else 0.0, PRIOR
         x.across, x.across_var, x.lean, x.tilt, x.spin, x.blown = 0.0, PRIOR * PRIOR, 0.0, 0.0, 0.0, 0.0
-    phi = held(u.phi, u.phi_valid, 0.0)
-    roll = held(u.p, u.p_valid, 0.0)
-    yaw = held(u.r, u.r_valid, 0.0)
+    phi, roll, yaw = sideways(u)
     vane = air and usable(u.beta, u.beta_valid) > 0.5
     sp, cp, speed = math.sin(phi), math.cos(phi), max(x.v_s, 10.0)
     lateral = u.tas * math.sin(u.beta) if vane else 0.0
@@ -180,11 +191,9 @@ def lateral(x, u, p):
     theta' += q (cos phi - 1) - r sin phi
     Z' += V sin(alpha) cos(theta) (1 - cos phi),  V' -= g of the same,   q' += ((Izz - Ixx) p r - Ixz (p^2 - r^2)) / Iyy
 
-    An extension: [Alwi14] treats the longitudinal motion alone. Signals that are out count as zero.
+    An extension: [Alwi14] treats the longitudinal motion alone.
     """
-    phi = held(u.phi, u.phi_valid, 0.0)
-    roll = held(u.p, u.p_valid, 0.0)
-    yaw = held(u.r, u.r_valid, 0.0)
+    phi, roll, yaw = sideways(u)
     lost, alpha, speed = 1.0 - math.cos(phi), x.alpha_hat, max(x.speed, 10.0)
     tilt = math.sin(alpha) * math.cos(u.theta) * lost
     d0 = -G0 / speed * math.cos(u.theta) * math.cos(alpha) * lost / RAD_PER_DEG
@@ -318,15 +327,13 @@ def reconstruct(x, u, p, dt):
     b = int(x.box)
     E, D51 = x.B[4, 0], x.B[5, 0] / p.a_f[b, 0]
     c = 1.0 - math.exp(-dt / p.tau_f)
+    good = (1.0, usable(u.n_z, u.n_z_valid), usable(u.alpha, u.alpha_valid))
     for i in range(3):
         raw = 0.0
         for j in range(P):
             raw += p.W[b, i, j] * x.nu[j]
-        if i == 0:
-            raw /= E
-        out = (i == 1 and usable(u.n_z, u.n_z_valid) < 0.5) or (i == 2 and usable(u.alpha, u.alpha_valid) < 0.5)
-        if not out:
-            x.f[i] += c * (raw - x.f[i])
+        if good[i] > 0.5:
+            x.f[i] += c * ((raw / E if i == 0 else raw) - x.f[i])
     # a gust of angle a moves alpha's vane, n_z and the pitching moment together: (a, k_n a, k_e a)
     k_e = x.A[4, 0] / E
     k = x.A[5, 0] / p.a_f[b, 0]
@@ -360,3 +367,106 @@ def reconstruct(x, u, p, dt):
     x.f_hat_alpha = (f_a - o_a) * RAD_PER_DEG
     # white noise of q through a difference and the lag: variance (c / h)^2 (1 + c / (2 - c)) sigma^2
     x.f_sigma = SIGMA_Q * c / dt * math.sqrt(1.0 + c / (2.0 - c)) / math.fabs(E)
+
+
+@kernel
+def compare_gyro(x, u, dt):
+    """Advance x.gyro_error and x.gyro_off by theta' = q cos phi - r sin phi; without one of these readings start anew.
+
+    A first-order observer of theta has, for an error b of q, the innovation -TAU_GYRO b cos phi. Who takes q for true
+    takes b for an error of n_z, V b / g of it, or of the angle of attack: while it stands none of these is blamed.
+    """
+    x.gyro_off = max(x.gyro_off - dt, 0.0)
+    good = usable(u.theta, u.theta_valid) * usable(u.phi, u.phi_valid) * usable(u.q, u.q_valid)
+    if good * usable(u.r, u.r_valid) < 0.5:
+        x.gyro_live = 0.0
+        return
+    rate = u.q * math.cos(u.phi) - u.r * math.sin(u.phi)
+    if x.gyro_live < 0.5:
+        x.gyro_live, x.gyro_theta, x.gyro_error = 1.0, u.theta, 0.0
+    else:
+        ahead = x.gyro_theta + 0.5 * dt * (rate + x.gyro_rate)
+        e = u.theta - ahead
+        x.gyro_theta = ahead + dt / TAU_GYRO * e
+        x.gyro_error += (1.0 - math.exp(-dt / TAU_LAG)) * (-e / TAU_GYRO - x.gyro_error)
+    x.gyro_rate = rate
+    if math.fabs(x.gyro_error) > GYRO_OFF:
+        x.gyro_off = T_GYRO
+
+
+@kernel
+def affine(stack, rho, out):
+    """Fill `out` (rows, cols) with stack[0] + sum rho_i stack[i] [Alwi14] (27)."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            value = stack[0, i, j]
+            for k in range(rho.size):
+                value += rho[k] * stack[k + 1, i, j]
+            out[i, j] = value
+
+
+@kernel
+def trim_map(coefficients, exponents, low, high, rho, power, out):
+    """Fill `out` with polynomials of normalised rho: out_i = sum_t coefficients[i, t] prod_k z_k^exponents[t, k].
+
+    `power` (n_rho, 4) is scratch for the powers of z = 2 (rho - low) / (high - low) - 1.
+    """
+    for k in range(rho.size):
+        z = 2.0 * (rho[k] - low[k]) / (high[k] - low[k]) - 1.0
+        power[k, 0] = 1.0
+        for j in range(1, power.shape[1]):
+            power[k, j] = power[k, j - 1] * z
+    out[:] = 0.0
+    for t in range(coefficients.shape[1]):
+        term = 1.0
+        for k in range(rho.size):
+            term *= power[k, int(exponents[t, k])]
+        for i in range(out.size):
+            out[i] += coefficients[i, t] * term
+
+
+@kernel
+def unit_vector_step(e, b, a22, gain, delta, dt):
+    """Advance e' = A22s e - K P_o e / (|P_o e| + delta) + ... by backward Euler, in place.
+
+    A22s = diag(a22) < 0 and P_o = -A22s^-1 / 2 [Alwi14] (16). With b = e + h (everything else) and m = |P_o e|,
+
+        e_i = b_i / (1 - h a_i + h K P_i / (m + delta)),
+
+    one scalar equation in m, solved by Newton from above its root, where the right side's norm is increasing and
+    concave. Stops when m moves by less than 1e-12.
+    """
+    m = 0.0
+    for i in range(e.size):
+        v = -0.5 / a22[i] * b[i]
+        m += v * v
+    m = math.sqrt(m)
+    for _ in range(60):
+        total, slope = 0.0, 0.0
+        for i in range(e.size):
+            k = -0.5 * dt * gain / a22[i]
+            full = (1.0 - dt * a22[i]) * (m + delta) + k
+            v = -0.5 / a22[i] * b[i] / full
+            total += v * v * (m + delta) * (m + delta)
+            slope += v * v * (m + delta) * k / full
+        if total == 0.0:
+            m = 0.0
+            break
+        root = math.sqrt(total)
+        move = (root - m) / (1.0 - slope / root)
+        m = max(m + move, 0.0)
+        if math.fabs(move) < 1e-12:
+            break
+    for i in range(e.size):
+        e[i] = b[i] / (1.0 - dt * a22[i] - 0.5 * dt * gain / a22[i] / (m + delta))
+
+
+@kernel
+def held_first_order(a, dt):
+    """Return (e^(a h), c0, c1): x+ = e^(a h) x + c0 g_0 + c1 g_1 is exact for x' = a x + g, g linear in time."""
+    z = a * dt
+    if math.fabs(z) < 1e-4:  # series: the closed form loses digits as z -> 0
+        return 1.0 + z * (1.0 + 0.5 * z), dt * (0.5 + z / 3.0), dt * (0.5 + z / 6.0)
+    f = math.expm1(z)
+    c1 = (f - z) / (z * a)
+    return 1.0 + f, f / a - c1, c1

@@ -50,19 +50,35 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record, zero_state
 from actuators.constants import M_S_PER_KT, RAD_PER_DEG
-from fdi.common import bank, gyro
+from fdi.common import bank
 from fdi.common.decision import confirm, usable
-from fdi.common.record import Detector, Estimate, Site
+from fdi.common.record import LEARN_S, TICK, Detector, Estimate, Site
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, SENSOR
 from fdi.common.why import BOX_ALPHA, BOX_MACH, LOST_SENSOR, NOT_READY, VALID
-from fdi.lpv_smo.core import DELAY, NB, M, N, P, R, T, drift, gust, inputs, lateral, observe, outputs, reconstruct
+from fdi.lpv_smo.core import (
+    DELAY,
+    GYRO_STATE,
+    NB,
+    M,
+    N,
+    P,
+    R,
+    T,
+    compare_gyro,
+    drift,
+    gust,
+    inputs,
+    lateral,
+    observe,
+    outputs,
+    reconstruct,
+)
 from fdi.lpv_smo.model import LpvModel, powers
 from fdi.lpv_smo.synthesis import Design, load, load_boxes
 
-LEARN_S = 8.0  # in flight: the paper's faults come at 10 s [s]
 GRADIENT = 0.6  # of the damping in pitch: what a gust that grows along the body does, by training flights
 ISOLABLE_PARTS = ("", "elevator", "n_z", "alpha")
 RELEASED_AT = 0.7  # of its threshold: above it a fault that is declared has not ended
@@ -210,7 +226,7 @@ STATE = dtype(
         ("age", "f8", "s"),  # time since the (re)start; 0: not started
         ("timer", "f8", (3,), "s"),  # confirmation: elevator, n_z, alpha
         ("held", "f8", (3,), "s"),  # for how long each has been declared
-        *gyro.STATE,
+        *GYRO_STATE,
         *bank.state(2),
         ("hit", "f8", (bank.K,), "-"),  # fits in a row that passed
         ("swing", "f8", "s"),  # time for which an oscillation is still held to be there
@@ -270,7 +286,7 @@ DETECTOR = Detector(
 
 def params(
     which: str = "flight", *, model: LpvModel | None = None, made: Design | None = None,
-    designs: list[tuple[LpvModel, Design]] | None = None, dt: float = 0.005, own: Any = None, **values: Any,
+    designs: list[tuple[LpvModel, Design]] | None = None, dt: float = TICK, own: Any = None, **values: Any,
 ) -> np.ndarray:  # fmt: skip
     """Return PARAMS of an `LpvModel` and its `Design`, by default the paper's box, stored for this aircraft.
 
@@ -300,17 +316,14 @@ def _box(model, made):
         raise ValueError(f"the block observes 5 states, 6 outputs, 2 inputs, 1 + 2 faults; got A {made.A.shape}")
     n, m = model.B.shape[1:]
     x_eq, u_eq, y_eq = np.split(np.asarray(model.trim, float), [n, n + m])
+    unused = ((0, R - nr), (0, 0), (0, 0))  # scheduling parameters
     eq = np.vstack([made.x_from @ np.vstack([x_eq, y_eq[-2:]]), u_eq])
     return {
-        "A": _pad(made.A), "B": _pad(made.B), "mix": made.y_from, "L": made.L[0], "W": made.W, "a22": made.A22s,
-        "a_f": made.A_f, "low": np.r_[model.box[:, 0], np.zeros(R - nr)],
+        "A": np.pad(made.A, unused), "B": np.pad(made.B, unused), "mix": made.y_from, "L": made.L[0], "W": made.W,
+        "a22": made.A22s, "a_f": made.A_f, "low": np.r_[model.box[:, 0], np.zeros(R - nr)],
         "high": np.r_[model.box[:, 1], np.ones(R - nr)],
         "eq": np.hstack([eq, np.zeros((N + M, T - eq.shape[1]))]), "to_x": made.x_from[:, :5],
     }  # fmt: skip
-
-
-def _pad(stack):
-    return np.concatenate([stack, np.zeros((R + 1 - len(stack), *stack.shape[1:]))])
 
 
 def fitted(site: Site, paper: bool = False) -> np.ndarray:
@@ -332,9 +345,7 @@ def fitted(site: Site, paper: bool = False) -> np.ndarray:
     )  # fmt: skip
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return STATE of p's shape, not yet started: the observer starts at the first complete set of measurements."""
-    return np.zeros(p.shape, STATE)
+init = zero_state(STATE)  # not yet started: the observer starts at the first complete set of measurements
 
 
 @kernel
@@ -359,11 +370,6 @@ def _oscillates(x, p, dt):
 
 
 @kernel
-def _above(seconds):
-    return 1.0 if seconds > 0.0 else 0.0
-
-
-@kernel
 def _decide(x, p, dt):
     """Declare each fault by its own estimate; of those declared the summary names the one that has been so longest."""
     oscillates = _oscillates(x, p, dt)
@@ -373,13 +379,15 @@ def _decide(x, p, dt):
         score = math.fabs(estimates[i]) / (p.limit[i] + p.limit_away[i] * x.apart + p.limit_gust[i] * x.rms)
         # an oscillation is beyond its threshold for less than the confirmation time at once
         beyond = score >= (RELEASED_AT if x.held[i] > 0.0 else 1.0) or (i == 0 and oscillates)
-        x.timer[i], on = confirm(x.timer[i], _above(x.held[i]), beyond, dt, p.t_confirm, p.t_release)
+        x.timer[i], on = confirm(x.timer[i], 1.0 if x.held[i] > 0.0 else 0.0, beyond, dt, p.t_confirm, p.t_release)
         x.held[i] = x.held[i] + dt if on > 0.5 else 0.0
         x.r = max(x.r, score)
         if x.held[i] > longest:
             longest, x.isolated_part = x.held[i], i + 1.0
-    x.alarm_elevator, x.alarm_n_z, x.alarm_alpha = _above(x.held[0]), _above(x.held[1]), _above(x.held[2])
-    x.alarm = _above(longest)
+    x.alarm_elevator = 1.0 if x.held[0] > 0.0 else 0.0
+    x.alarm_n_z = 1.0 if x.held[1] > 0.0 else 0.0
+    x.alarm_alpha = 1.0 if x.held[2] > 0.0 else 0.0
+    x.alarm = 1.0 if longest > 0.0 else 0.0
     x.verdict = NONE if x.alarm < 0.5 else SENSOR if x.isolated_part > 1.5 else OFC_LIQUID if oscillates else AMBIGUOUS
     if x.alarm > 0.5 and x.gyro_off > 0.0:  # all three estimates take q for true
         x.verdict, x.isolated_part = AMBIGUOUS, 0.0
@@ -392,10 +400,7 @@ def _withhold(x, why):
     x.valid, x.why = 0.0, why
     x.r, x.alarm, x.verdict, x.isolated_part, x.swing = 0.0, 0.0, NONE, 0.0, 0.0
     x.alarm_elevator, x.alarm_n_z, x.alarm_alpha = 0.0, 0.0, 0.0
-    x.held[:] = 0.0
-    x.timer[:] = 0.0
-    x.bank_seen[:] = 0.0
-    x.hit[:] = 0.0
+    x.held[:] = x.timer[:] = x.bank_seen[:] = x.hit[:] = 0.0
 
 
 @kernel
@@ -414,10 +419,9 @@ def _from_trim(x, p, dt):
 def _weigh(x, p, dt):
     """Advance what limits grow with (the distance from where offsets were learned, the rms of gusts), and the time for
     which the model has held."""
-    x.apart = math.fabs(x.away)
-    if x.learned > 0.5:
-        # in a dive the angle of attack may be that of slower level flight: it does not tell how far the model is off
-        x.apart = math.fabs(x.trim - x.trim_0) + math.fabs(x.path - x.trim - (x.alpha_0 - x.trim_0))
+    # in a dive the angle of attack may be that of slower level flight: it does not tell how far the model is off
+    since = math.fabs(x.trim - x.trim_0) + math.fabs(x.path - x.trim - (x.alpha_0 - x.trim_0))
+    x.apart = since if x.learned > 0.5 else math.fabs(x.away)
     if x.age > p.t_settle:  # also while nothing is judged: what comes after is judged by it
         # gust_hat is not one of the three estimates, so that no fault of a sensor passes for weather
         more = min(math.fabs(x.gust_hat), p.gust_max)
@@ -453,7 +457,7 @@ def step(x, u, p, dt):
     good = usable(u.h, u.h_valid) * usable(u.theta, u.theta_valid) * usable(u.V, u.V_valid) * usable(u.q, u.q_valid)
     if p.gust > 0.5:
         good *= usable(u.alpha_ground, u.alpha_ground_valid)
-    gyro.compare(x, u, dt)
+    compare_gyro(x, u, dt)
     if x.age == 0.0:  # the first tick needs all of them; later n_z and alpha may drop out
         good *= usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid)
     why = inputs(x, u, p, dt) if good > 0.5 else LOST_SENSOR

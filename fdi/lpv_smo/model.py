@@ -3,7 +3,7 @@
 | symbol | here |
 |---|---|
 | S(rho) = S_0 + rho_1 S_1 + ... + rho_nr S_nr, (27) | a stack of shape (1 + nr, rows, cols), `at(stack, rho)` |
-| X of (29), columns [1 rho_1 .. rho_nr] | `_regressor`, in normalised rho for conditioning |
+| X of (29), columns [1 rho_1 .. rho_nr] | X of `fit`, in normalised rho for conditioning |
 | min ||S - A X||_2, (31) | `fit`, insignificant and invariant entries fixed at their mean in S_0 |
 | trim maps x, u, y over rho | `fit_trim`, polynomials; an LPV observer works on deviations from them |
 
@@ -12,7 +12,6 @@ The printed (29) has the first parameter's row missing (its rows run from rho_2)
 
 import dataclasses
 import itertools
-from typing import Any
 
 import numpy as np
 
@@ -36,28 +35,28 @@ class LpvModel:
     trim: np.ndarray
 
 
-def at(stack: Any, rho: Any) -> Any:
+def at(stack: np.ndarray, rho: np.ndarray) -> np.ndarray:
     """Evaluate S(rho) = S_0 + sum rho_i S_i [Alwi14] (27); `rho` (nr,), result (rows, cols)."""
     return stack[0] + np.tensordot(np.asarray(rho, float), stack[1:], axes=1)
 
 
-def vertices(box: Any) -> np.ndarray:
+def vertices(box: np.ndarray) -> np.ndarray:
     """Return the 2^nr corners of `box` (nr, 2) as (2^nr, nr)."""
     return np.array(list(itertools.product(*np.asarray(box, float))))
 
 
-def powers(nr: Any, degree: int = TRIM_DEGREE) -> np.ndarray:
+def powers(nr: int, degree: int = TRIM_DEGREE) -> np.ndarray:
     """Return the exponents (n_terms, nr) of all monomials up to total `degree`, the constant first."""
     return np.array([e for e in itertools.product(range(degree + 1), repeat=nr) if sum(e) <= degree])
 
 
-def normalise(rho: Any, box: Any) -> Any:
+def normalise(rho: np.ndarray, box: np.ndarray) -> np.ndarray:
     """Map rho (..., nr) into [-1, 1] over `box`."""
     low, high = np.asarray(box, float).T
     return 2 * (np.asarray(rho, float) - low) / (high - low) - 1
 
 
-def trim_at(model: Any, rho: float) -> Any:
+def trim_at(model: LpvModel, rho: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return x_eq (n,), u_eq (m,), y_eq (p,) of the trim maps at `rho` (nr,)."""
     z = normalise(rho, model.box)
     values = model.trim @ np.prod(z ** powers(len(z)), axis=1)
@@ -65,7 +64,10 @@ def trim_at(model: Any, rho: float) -> Any:
     return values[:n], values[n : n + m], values[n + m :]
 
 
-def fit(rho: Any, S: Any, *, box: Any, tolerance: Any = 0.02, scale: Any = None, weight: Any = None) -> Any:
+def fit(
+    rho: np.ndarray, S: np.ndarray, *, box: np.ndarray, tolerance: float = 0.02, scale: np.ndarray | None = None,
+    weight: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Fit S(rho) = S_0 + sum rho_i S_i to samples by least squares, insignificant entries fixed [Alwi14] (29)-(32).
 
     rho (k, nr), S (k, rows, cols); returns (stack (1+nr, rows, cols), fixed (rows, cols) of bool). An entry is
@@ -76,7 +78,7 @@ def fit(rho: Any, S: Any, *, box: Any, tolerance: Any = 0.02, scale: Any = None,
     determine nr + 1 coefficients.
     """
     rho, S = np.asarray(rho, float), np.asarray(S, float)
-    X = _regressor(rho, box)
+    X = np.column_stack([np.ones(len(rho)), normalise(rho, box)])
     if np.linalg.matrix_rank(X) < X.shape[1]:
         raise ValueError(f"{len(rho)} grid points leave the {X.shape[1]} coefficients of an affine model undetermined")
     k, rows, cols = S.shape
@@ -91,7 +93,7 @@ def fit(rho: Any, S: Any, *, box: Any, tolerance: Any = 0.02, scale: Any = None,
     return _raw(theta, box), fixed
 
 
-def fit_trim(rho: Any, values: Any, *, box: Any, degree: int = TRIM_DEGREE) -> Any:
+def fit_trim(rho: np.ndarray, values: np.ndarray, *, box: np.ndarray, degree: int = TRIM_DEGREE) -> np.ndarray:
     """Fit the trim maps: least-squares polynomials of `values` (k, n_values) over `rho` (k, nr); (n_values, n_terms).
 
     Terms that the grid does not determine come out with least norm. A direction in which the grid does not vary at
@@ -102,15 +104,9 @@ def fit_trim(rho: Any, values: Any, *, box: Any, degree: int = TRIM_DEGREE) -> A
     return np.linalg.lstsq(basis, np.asarray(values, float), rcond=1e-9)[0].T
 
 
-def _regressor(rho, box):
-    return np.column_stack([np.ones(len(rho)), normalise(rho, box)])
-
-
 def _raw(theta, box):
     """Turn coefficients in normalised rho into coefficients in rho itself."""
     low, high = np.asarray(box, float).T
     slope = 2 / (high - low)
-    raw = theta.copy()
-    raw[1:] = slope[:, None, None] * theta[1:]
-    raw[0] = theta[0] - np.tensordot(low * slope + 1, theta[1:], axes=1)
-    return raw
+    mean = theta[0] - np.tensordot(low * slope + 1, theta[1:], axes=1)
+    return np.concatenate([mean[None], slope[:, None, None] * theta[1:]])

@@ -21,15 +21,13 @@ without which the pole runs to -1e7 rad/s.
 """
 
 import dataclasses
-import json
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fdi.common import compact
 from fdi.common import lmi as lmi_tools
+from fdi.common import tuning
 from fdi.lpv_smo.model import LpvModel, at, vertices
 
 Arrays = Any  # whatever numpy makes an array of
@@ -176,16 +174,16 @@ def verify(made: Design) -> dict[str, Any]:
     n1 = made.L.shape[0]
     F_2 = np.vstack([np.zeros((made.W.shape[1] - len(made.F_o), len(made.F_o))), made.F_o])
     worst, found = -np.inf, []
+    X, S = _weighted(made.M, made.y_from, made.delta_1, made.delta_2)
     for r in vertices(made.box):
         a = at(made.A, r)
-        parts = _motion(a, made.M, made.y_from, made.a_f, made.delta_1, made.delta_2, n1)
-        lmi = _lemma(np, parts, made.P1, made.P2, made.P1 @ made.L, made.W, made.a_f, made.gamma, made.storage)
-        worst = max(worst, np.linalg.eigvalsh(lmi).max() / np.linalg.norm(lmi, 2))
+        lmi = _lemma(np, a, X, S, made.P1, made.P2, made.P1 @ made.L, made.W, made.a_f, made.gamma, made.storage)
+        worst = max(worst, lmi_tools.violation(lmi))
         found.append(np.linalg.eigvals(a[:n1, :n1] + made.L @ a[n1:, :n1]).real)
     rates = np.array(found)
     p_min = min(np.linalg.eigvalsh(P).min() for P in (made.P1, made.P2) if P.size)
     out = {
-        "lmi": float(worst), "p_min": float(p_min), "pole_slowest": float(rates.max()),
+        "lmi": worst, "p_min": float(p_min), "pole_slowest": float(rates.max()),
         "pole_fastest": float(rates.min()),
         "w_f": float(np.abs(made.W @ F_2 - np.eye(len(F_2.T))).max()), "l_f": float(np.abs(made.L @ F_2).max()),
     }  # fmt: skip
@@ -198,26 +196,22 @@ def verify(made: Design) -> dict[str, Any]:
 
 def plain(model: LpvModel, made: Design) -> dict[str, Any]:
     """Return model and design as plain data."""
-    return {name: {k: np.asarray(v).tolist() for k, v in vars(part).items()}
-            for name, part in (("model", model), ("design", made))}  # fmt: skip
+    return {"model": tuning.plain(model), "design": tuning.plain(made)}
 
 
 def pair(stored: dict[str, Any]) -> tuple[LpvModel, Design]:
     """Return the model and the design of JSON data as `plain` makes it."""
-    model: dict[str, Any] = {k: np.array(v) for k, v in stored["model"].items()}
-    made: dict[str, Any] = {k: np.array(v) if isinstance(v, list) else v for k, v in stored["design"].items()}
-    return LpvModel(**model), Design(**made)
+    return tuning.from_plain(LpvModel, stored["model"]), tuning.from_plain(Design, stored["design"])
 
 
-def load(path: Path | str | None = None) -> tuple[LpvModel, Design]:
-    """Return (LpvModel, Design) from `path`, by default the stored ones of this aircraft; errors of
-    `fdi.common.compact.read`."""
-    return pair(json.loads(Path(path).read_text(encoding="utf-8")) if path else compact.read("lpv_smo"))
+def load() -> tuple[LpvModel, Design]:
+    """Return the stored (LpvModel, Design) of the paper's box."""
+    return pair(tuning.read("lpv_smo"))
 
 
-def load_boxes(own: str | Path | None = None) -> list[tuple[LpvModel, Design]]:
-    """Return the (LpvModel, Design) of every stored box; `own` as for `fdi.common.compact.read`."""
-    return [pair(box) for box in compact.read("lpv_smo_boxes", own)["boxes"]]
+def load_boxes(own: Any = None) -> list[tuple[LpvModel, Design]]:
+    """Return the (LpvModel, Design) of every stored box; `own` as for `fdi.common.tuning.read`."""
+    return [pair(box) for box in tuning.read("lpv_smo_boxes", own)["boxes"]]
 
 
 def _stacks(A, B, C, D):
@@ -240,15 +234,14 @@ def _solve(plants, M, F_o, y_from, a_f, delta_1, delta_2, poles, n1, nf):
     """Minimise gamma over P1, P2, Y = P1 L and W at all vertices; returns L, W, P1, P2, gamma, storage."""
     cp = lmi_tools.cvxpy()
     p = y_from.shape[0]
-    parts = [_motion(a, M, y_from, a_f, delta_1, delta_2, n1) for a in plants]
-    nd = parts[0]["S"].shape[1]
+    X, S = _weighted(M, y_from, delta_1, delta_2)
+    nd = S.shape[1]
     P1, P2 = cp.Variable((n1, n1), symmetric=True), cp.Variable((nd, nd), symmetric=True)
     Y1, W1, gamma = cp.Variable((n1, p - nf)), cp.Variable((nf, p - nf)), cp.Variable()
     Y, W = cp.hstack([Y1, np.zeros((n1, nf))]), cp.hstack([W1, np.linalg.inv(F_o)])
     rules = [P1 >> 1e-6 * np.eye(n1), P2 >> 1e-6 * np.eye(nd)]
-    for a, part in zip(plants, parts, strict=True):
-        lmi = _lemma(cp, part, P1, P2, Y, W, a_f, gamma, 1.0)
-        rules.append(lmi_tools.negative(lmi, 0.0))
+    for a in plants:
+        rules.append(lmi_tools.negative(_lemma(cp, a, X, S, P1, P2, Y, W, a_f, gamma, 1.0), 0.0))
         motion = P1 @ a[:n1, :n1] + Y @ a[n1:, :n1]
         both = motion + motion.T
         rules += [both << -2 * poles[0] * 1.001 * P1, both >> -2 * poles[1] * 0.999 * P1]
@@ -262,23 +255,21 @@ def _solve(plants, M, F_o, y_from, a_f, delta_1, delta_2, poles, n1, nf):
     return L, W, storage * P1.value, storage * P2.value, float(gamma.value) * (1 + 1e-4), float(storage)
 
 
-def _motion(a, M, y_from, a_f, delta_1, delta_2, n1):
-    """Return the constant parts of the sliding motion at one vertex; S scales d, which is y_from diag(delta_2) phi."""
-    S = (y_from @ np.diag(delta_2))[:, np.asarray(delta_2) > 0]
-    X = (M @ np.diag(delta_1))[:, np.asarray(delta_1) > 0]
-    return {"A11": a[:n1, :n1], "A12": a[:n1, n1:], "A21": a[n1:, :n1], "A22": a[n1:, n1:], "S": S,
-            "M1": X[:n1], "M2": X[n1:]}  # fmt: skip
+def _weighted(M, y_from, delta_1, delta_2):
+    """Return M diag(delta_1), which scales xi, and S = y_from diag(delta_2), which scales phi and d; a column without
+    weight is left out."""
+    return (M @ np.diag(delta_1))[:, delta_1 > 0], (y_from @ np.diag(delta_2))[:, delta_2 > 0]
 
 
-def _lemma(lib, part, P1, P2, Y, W, a_f, gamma, storage):
-    """Return the bounded real lemma's matrix, of `lib` = numpy or cvxpy, that must be negative semidefinite."""
-    S, M1, M2 = part["S"], part["M1"], part["M2"]
-    nd, nx, nf = S.shape[1], M1.shape[1], W.shape[0]
-    motion = P1 @ part["A11"] + Y @ part["A21"]
-    cross = (P1 @ part["A12"] + Y @ (part["A22"] + a_f * np.eye(len(S)))) @ S
-    xi, phi = -(P1 @ M1 + Y @ M2), -a_f * (Y @ S)
-    out_1, out_d = -(W @ part["A21"]), -(W @ (part["A22"] + a_f * np.eye(len(S)))) @ S
-    out_xi, out_phi = W @ M2, a_f * (W @ S)
+def _lemma(lib, a, X, S, P1, P2, Y, W, a_f, gamma, storage):
+    """Return the bounded real lemma's matrix of the sliding motion at the vertex `a`, of `lib` = numpy or cvxpy, that
+    must be negative semidefinite; X and S of `_weighted`."""
+    n1, nd, nx, nf = P1.shape[0], S.shape[1], X.shape[1], W.shape[0]
+    A21, A22f = a[n1:, :n1], a[n1:, n1:] + a_f * np.eye(len(S))
+    motion, cross = P1 @ a[:n1, :n1] + Y @ A21, (P1 @ a[:n1, n1:] + Y @ A22f) @ S
+    xi, phi = -(P1 @ X[:n1] + Y @ X[n1:]), -a_f * (Y @ S)
+    out_1, out_d = -(W @ A21), -(W @ A22f) @ S
+    out_xi, out_phi = W @ X[n1:], a_f * (W @ S)
     zero = np.zeros((nd, nx))
     rows = [
         [motion + motion.T, cross, xi, phi, out_1.T],

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record, zero_state
 from actuators.common import linkage, reference
 from actuators.hydraulic import servo
 from actuators.hydraulic.lu17 import opening
@@ -178,9 +178,7 @@ def _butterworth(hz, dt):
     return 1.0 / (1.0 + g * (g + math.sqrt(2.0))), g
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return STATE of p's shape, not started: the estimate starts at the first command."""
-    return np.zeros(p.shape, STATE)
+init = zero_state(STATE)  # not started: the estimate starts at the first command
 
 
 @kernel

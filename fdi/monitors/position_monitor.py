@@ -9,14 +9,15 @@ healthy servo show where it has to move: hence the share.
 A deviation beyond the threshold for the confirmation time is an alarm. Its name follows from how the surface moves:
 
     SENSOR      its reading had noise and repeats itself
-    RUNAWAY     it has gone `travel_run` away from the model and goes on after `t_run`
+    RUNAWAY     it has gone `travel_run` away from the model and after `t_run` goes on while the model does not
     JAM_SOLID   it stands for `t_rest`, while the model has moved
     AMBIGUOUS   anything else
 
-A jam does not move: one that does is AMBIGUOUS as long as it is remembered (LOOSE). A surface whose loop reads a frozen
-position runs as well, but slows down and turns back once the command has passed the reading: what slows down is not
-named, and what turns back is AMBIGUOUS. A free-floating surface that friction holds, a runaway too slow to move it and
-an oscillation of less than 0.06 deg are jams to this monitor.
+A surface that moves as the model does follows its command, by whatever this is biased. A jam does not move: one that
+does is AMBIGUOUS as long as it is remembered (LOOSE). A surface whose loop reads a frozen position runs as well, but
+slows down and turns back once the command has passed the reading: what slows down is not named, and what turns back is
+AMBIGUOUS. A free-floating surface that friction holds, a runaway too slow to move it and an oscillation of less than
+0.06 deg are jams to this monitor.
 """
 
 import math
@@ -24,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record, zero_state
 from actuators.common import linkage, reference
 from actuators.ema import servo as ema_servo
 from actuators.hydraulic import servo as hydraulic_servo
@@ -73,6 +74,7 @@ STATE = dtype(
         ("slow", "f8", "rad"),  # lagged surface, its rate, and that lagged
         ("rate", "f8", "rad/s"),
         ("rate_was", "f8", "rad/s"),
+        ("model_rate", "f8", "rad/s"),  # rate of the model, lagged as that
         ("calm", "f8", "rad"),  # surface lagged more
         ("away_time", "f8", "s"),  # since the surface was last where it should be
         ("rest", "f8", "rad"),  # where it was when it last moved by SLID, the model then, and the time since
@@ -124,7 +126,7 @@ DETECTOR = Detector(
 
 
 MOVED = math.radians(0.08)  # of the lagged surface: ten sigma of its sensor
-# a surface that stands moves by less than this behind the longer lag [s], ten sigma of its sensor
+# a surface that stands moves by less than this behind, or in, the longer lag [s], ten sigma of its sensor
 SLID, TAU_CALM = math.radians(0.035), 0.1
 LOOSE = 30.0  # a surface that has moved where it should not be is held to be loose for so long [s]
 T_SAME, TURNS = 0.1, 0.3  # a reading that repeats itself for so long [s]; share of steps that turn back: noise has 0.67
@@ -148,9 +150,7 @@ def params(
     return record(PARAMS, **{**own, **thresholds("position_monitor", which), **values})
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return STATE of p's shape, not yet started: the model starts at the first command."""
-    return np.zeros(p.shape, STATE)
+init = zero_state(STATE)  # not yet started: the model starts at the first command
 
 
 @kernel
@@ -191,6 +191,7 @@ def _follow(x, p, dt):
     x.slow += (1.0 - math.exp(-dt / p.tau_motion)) * (x.surface - x.slow)
     a = 1.0 - math.exp(-dt / TAU_CALM)
     x.rate_was += a * (x.rate - x.rate_was)
+    x.model_rate += a * (x.m[1] - x.model_rate)
     x.calm += a * (x.surface - x.calm)
     x.away_time = 0.0 if math.fabs(x.r) < NEAR else x.away_time + dt
     x.rest_time += dt
@@ -214,8 +215,9 @@ def _runs(x, p, away, dt):
         x.leave_time = 0.0
     x.leave_time += dt
     x.far = max(x.far * away, x.slow * away) * away
-    goes_on = x.leave_time >= p.t_run and x.rate * away > max(x.m[1] * away, SLOWS * x.rate_was * away)
-    return x.turned < 0.5 and (x.far - x.leave) * away >= p.travel_run and goes_on
+    was, alone = x.rate_was * away, (x.rate_was - x.model_rate) * away
+    goes_on = was * TAU_CALM > SLID and min(x.rate * away, alone) > SLOWS * was
+    return x.turned < 0.5 and (x.far - x.leave) * away >= p.travel_run and x.leave_time >= p.t_run and goes_on
 
 
 @kernel

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record, zero_state
 from actuators.constants import RAD_PER_DEG
 from fdi.common import bank
 from fdi.common.decision import held, usable
@@ -139,9 +139,7 @@ def _even(resonance, dt):
     return [*(gain * v / a[0] for v in b), a[1] / a[0], a[2] / a[0]]
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return STATE of p's shape, not yet started."""
-    return np.zeros(p.shape, STATE)
+init = zero_state(STATE)  # not yet started
 
 
 @kernel

@@ -12,22 +12,20 @@ to be had either, and the margin of the decision is set so that it is never name
 actuator's model, never the measured surface. V in m/s, angles in deg, q in deg/s inside.
 """
 
-from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import dtype, entry, kernel, record, zero_state
 from actuators.constants import RAD_PER_DEG
 from fdi.common import bank
 from fdi.common.decision import held, usable
-from fdi.common.record import Detector, Estimate
-from fdi.common.tuning import thresholds
+from fdi.common.record import TICK, Detector, Estimate
+from fdi.common.tuning import Folder, thresholds
 from fdi.rfafe import core as rfafe_core
 from fdi.rfafe.core import advance, fill, read_airframe
 from fdi.rfafe.store import choose, lacks, read, side_kinds
 
 ISOLABLE_PARTS = ("", "elevator")
-DT = 0.005  # base tick [s]
 
 PARAMS = dtype(rfafe_core.PARAMS)
 INPUTS = dtype([
@@ -68,17 +66,16 @@ DETECTOR = Detector(
 
 
 def params(
-    which: str = "flight", *, stored: Any = None, technology: str = "hydraulic", dt: float = DT, own: Any = None
-) -> np.ndarray:
+    which: str = "flight", *, stored: dict | None = None, technology: str = "hydraulic", dt: float = TICK,
+    own: Folder = None,
+) -> np.ndarray:  # fmt: skip
     """Return PARAMS from the stored design and threshold set `which`; arguments as in `fdi.rfafe.rfafe.params`."""
     design, chosen = choose(read("rfafe_airframe", own) if stored is None else stored, technology, dt)
     p = record(PARAMS, **bank.design(dt), **thresholds("rfafe_airframe", which, own))
     return fill(p, design, chosen, dt, (1, 1, 0, 1))
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return STATE of p's shape, not yet started."""
-    return np.zeros(p.shape, STATE)
+init = zero_state(STATE)  # not yet started
 
 
 @kernel

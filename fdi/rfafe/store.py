@@ -1,32 +1,20 @@
 """Keep an estimator as plain numbers in `fdi/designs/`, so that a flight needs no solver."""
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict, fields, replace
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
-from fdi.common.compact import read
+from fdi.common import tuning
+from fdi.common.tuning import read
 from fdi.rfafe.discrete import Discrete, discretise
 from fdi.rfafe.synthesis import Design, Region
 
 
-def to_plain(design: Design) -> dict[str, Any]:
-    """Return a Design as nested dicts and lists that JSON can hold."""
-    plain: dict[str, Any] = json.loads(json.dumps(asdict(design), default=np.ndarray.tolist))
-    return plain
-
-
-def from_plain(plain: Mapping[str, Any]) -> Design:
-    """Return the Design of `to_plain`; a field that is missing raises KeyError."""
-
-    def made(kind, held):
-        return kind(**{f.name: np.array(v, float) if isinstance(v := held[f.name], list) else v for f in fields(kind)})
-
-    parts = {"region": made(Region, plain["region"]), "discrete": made(Discrete, plain["discrete"])}
-    design: Design = made(Design, {**plain, **parts})
-    return design
+def from_plain(held: Mapping[str, Any]) -> Design:
+    """Return the Design of what `fdi.common.tuning.plain` made of one; a field that is missing raises KeyError."""
+    parts = {"region": tuning.from_plain(Region, held["region"]),
+             "discrete": tuning.from_plain(Discrete, held["discrete"])}  # fmt: skip
+    return tuning.from_plain(Design, {**held, **parts})
 
 
 def choose(stored: Any, technology: str, dt: float) -> tuple[Design, Any]:

@@ -92,6 +92,8 @@ def test_no_input_of_a_command_is_written_over(flown, tmp_path):
     for words, out, said in (
         (["replay", flown, "--detector", own], own, taken), (["replay", flown, "--map", mapped], mapped, taken),
         (["replay", flown], link, itself), (["recover", flown], flown, itself),
+        *(([word, flown], tmp_path / "a.pdf", "allowed: .mcap") for word in ("replay", "recover")),
+        (["run"], tmp_path / "a.csv", "allowed: .mcap"), (["report", flown], tmp_path / "a.pdf", "allowed: .html"),
     ):  # fmt: skip
         done = command(*words, "-o", out)
         assert done.exit_code == 2 and said in done.stderr, done.output

@@ -70,8 +70,10 @@ def test_logs_of_one_flight_count_once_each_detector_by_its_first_log(flights, l
     shutil.copy(logs[0], tmp_path / "1.mcap")
     more = parse(applied(tomllib.loads(flights[0].expanded_toml()), ["detectors.enabled=['iotsekf','ofc_monitor']"])[0])
     simulate(more, log=tmp_path / "2.mcap")
+    (tmp_path / "3.mcap").write_bytes(logs[0].read_bytes()[: logs[0].stat().st_size * 2 // 3])
     found = compare([tmp_path])
-    assert "counted once: 1.mcap of 0.mcap, 2.mcap of 0.mcap" in found.source and found.runs == 1
+    assert "counted once: 1.mcap of 0.mcap, 2.mcap of 0.mcap, 3.mcap of 0.mcap; ends early" in found.source
+    assert found.source.endswith("judged up to there: 3.mcap") and found.runs == 1
     assert sorted(found.rows["id"]) == ["iotsekf", "ofc_monitor", "position_monitor", "rfafe"]
     assert {d["id"]: d["designed"] for d in found.detectors}["iotsekf"] == 1
 

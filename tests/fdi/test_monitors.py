@@ -208,13 +208,15 @@ def test_a_surface_sensor_that_is_frozen_is_named_and_one_without_noise_that_sta
 
 @pytest.mark.parametrize("which", ["flight", "flight_ema"])
 @pytest.mark.parametrize("turns", [False, True])
-def test_a_surface_that_runs_away_and_turns_back_is_open(which, turns):
+def test_a_surface_that_runs_away_and_turns_back_is_open_and_one_that_follows_with_a_bias_does_not_run(which, turns):
     """Where the sensor in the loop is frozen the surface runs, too, but turns when the command passes the reading."""
     t = np.arange(4000) * DT
     command = np.radians(np.interp(t, [0.0, 10.0, 12.0, 14.0, 16.0], [0.0, 0.0, -2.0, 2.0, 2.0]))
     surface = np.radians(np.interp(t, [0.0, 10.0, 12.0], [0.0, 0.0, 16.0]))
     if turns:
         surface = np.where(t < 13.0, surface, np.radians(16.0 - 15.0 * np.clip(t - 13.0, 0.0, 2.0)))
+    biased = monitored(4.0 * command, 0.0 * t, which)["model"] + np.radians(2.0) * (t > 10.0)
+    assert set(monitored(4.0 * command, biased, which)["verdict"]) == {verdict.NONE, verdict.AMBIGUOUS}  # it follows
     said = monitored(command, surface, which)["verdict"]
     assert said[2599] == verdict.RUNAWAY and said[2200] == verdict.RUNAWAY
     assert said[2900] == said[-1] == (verdict.AMBIGUOUS if turns else verdict.RUNAWAY)

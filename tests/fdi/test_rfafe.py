@@ -9,10 +9,10 @@ from rfafe_aircraft import E_SPEED, amplitude, global_of, heffley_jewell, sample
 from scipy.linalg import expm
 
 from actuators.constants import RAD_PER_DEG
-from fdi.common import verdict
+from fdi.common import tuning, verdict
 from fdi.rfafe import design, rfafe
 from fdi.rfafe.discrete import noise
-from fdi.rfafe.store import from_plain, to_plain
+from fdi.rfafe.store import from_plain
 
 pytest.importorskip("cvxpy")
 DT, REST = 0.005, 60  # ticks at rest before, in which the trim is learned
@@ -26,7 +26,7 @@ def published():
 
 def params(made, **more):
     """Return PARAMS of a Design as it comes back from JSON, with an actuator that has no limit of rate."""
-    entry = {"design": json.loads(json.dumps(to_plain(made))), "u_delay_s": 0.0,
+    entry = {"design": json.loads(json.dumps(tuning.plain(made))), "u_delay_s": 0.0,
              "actuator": {"a_rad_s": 18.0, "gain": 1.0, "rate_deg_s": 1e6}}  # fmt: skip
     return rfafe.params(stored={"designs": {"hydraulic": entry}}, **more)
 
@@ -70,8 +70,8 @@ def held_inputs(d, command, fault):
 
 
 def test_a_stored_design_comes_back_exactly(published):
-    again = to_plain(from_plain(json.loads(json.dumps(to_plain(published)))))
-    assert again == to_plain(published)
+    again = tuning.plain(from_plain(json.loads(json.dumps(tuning.plain(published)))))
+    assert again == tuning.plain(published)
 
 
 @pytest.mark.parametrize("side", [0, 1])

@@ -48,6 +48,7 @@ def refused(*overrides, name="liquid-ofc"):
         (["tolerances.ema.nope=1.1"], ["tolerances.ema.nope", "K_T, K_B, R, L"]),
         (['detectors.enabled=["iotsek"]'], ["detectors.enabled.0", "Did you mean 'iotsekf'?"]),
         (["detectors.enabled=[iotsefk]"], ["detectors.enabled.0", "Did you mean 'iotsekf'?"]),
+        (["detectors.enabled=[mine]"], ["'mine' is no detector", "joint, or one of your own by --detector FILE"]),
         (['detectors.enabled=["rfafe", "rfafe"]'], ["detectors.enabled.1", "twice"]),
         (["detectors.rfafee.x=2"], ["detectors.rfafee", "Did you mean 'rfafe'?"]),
         (["faults.0.frequency_hz=300"], ["faults.0.frequency_hz = 300", "0.01 to 25"]),

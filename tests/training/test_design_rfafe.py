@@ -12,7 +12,7 @@ from cosim.scenario.catalog import SEGMENTS
 from cosim.training import designs as design
 from cosim.training import rfafe as training
 from cosim.training.__main__ import main
-from fdi.common import compact
+from fdi.common import tuning
 from fdi.rfafe import rfafe, rfafe_airframe
 from fdi.rfafe.store import choose, from_plain, read, side_kinds
 
@@ -28,7 +28,7 @@ def test_a_spoilt_or_missing_design_is_told(tmp_path):
 
 def test_what_is_stored_reads_back_also_tuples_with_words():
     data = {"refused": [((260.0, 28.0), "270 kt at M 0.40 is an altitude of -357 m")] * 8}
-    assert json.loads(compact.text(data)) == json.loads(json.dumps(data))
+    assert json.loads(tuning.text(data)) == json.loads(json.dumps(data))
 
 
 def test_the_command_looks_at_every_design(capsys):

@@ -19,9 +19,7 @@ cosim/flight/faults/inject.py.
 
 import math
 
-import numpy as np
-
-from actuators.block import dtype, entry, kernel
+from actuators.block import dtype, entry, kernel, zero_state
 
 CONSTANT, SINE, DRIFT, RUNAWAY, SQUARE, TRIANGLE, CHIRP = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
 TURN = 2.0 * math.pi
@@ -55,9 +53,7 @@ STATE = dtype([
 OUTPUTS = ("active", "g", "f_inj")
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return inactive faults."""
-    return np.zeros(p.shape, STATE)
+init = zero_state(STATE)  # inactive
 
 
 @kernel

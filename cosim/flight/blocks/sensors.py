@@ -10,9 +10,7 @@ frozen one repeats the value of its first tick.
 
 import math
 
-import numpy as np
-
-from actuators.block import dtype, entry, kernel
+from actuators.block import dtype, entry, kernel, zero_state
 from actuators.constants import M_S_PER_KT, RAD_PER_DEG
 from cosim.scenario.aircraft import Aircraft
 
@@ -59,9 +57,7 @@ STATE = dtype([
 OUTPUTS = ("y", "valid", "y_obs", "valid_obs")
 
 
-def init(p: np.ndarray) -> np.ndarray:
-    """Return empty delay lines; the first tick fills them with its own truth, as if the past had been steady."""
-    return np.zeros(p.shape, STATE)
+init = zero_state(STATE)  # empty delay lines: the first tick fills them with its own truth, as if it had been so before
 
 
 @kernel

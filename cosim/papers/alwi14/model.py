@@ -5,7 +5,7 @@ import math
 from cosim.papers.alwi14.flights import SENSIBLE
 from cosim.papers.measured import apart, worst
 from cosim.training import lpv as design_lpv
-from fdi.common import compact
+from fdi.common import tuning
 from fdi.lpv_smo import lpv_smo
 from fdi.lpv_smo import model as lpv_model
 from fdi.lpv_smo import synthesis as lpv_smo_design
@@ -37,7 +37,7 @@ def modulated() -> tuple[float, str]:
 
 def neglected() -> float:
     """Return the neglected B11 over B51, the largest of each on a second grid."""
-    largest = compact.read("lpv_smo")["largest_B"]
+    largest = tuning.read("lpv_smo")["largest_B"]
     return largest[0][0] / largest[4][0]
 
 

@@ -15,8 +15,9 @@ from cosim.training import rfafe as training
 from cosim.training.flights import DT
 from cosim.training.rfafe import RANK_E
 from fdi import rfafe
+from fdi.common import tuning
 from fdi.rfafe.discrete import discretise
-from fdi.rfafe.store import choose, from_plain, to_plain
+from fdi.rfafe.store import choose, from_plain
 from fdi.rfafe.synthesis import G_SHARE, Design
 
 
@@ -46,7 +47,7 @@ def coupled(with_E: bool = True, cross: float = 0.7) -> dict[str, Any]:
     made = {"N": N, "K1": K1, "K2": N @ d.H, "K": K1 + N @ d.H, "P": P, "Y": P @ K1, "M": TF.T @ P}  # (4), (6), (16)
     d = dataclasses.replace(d, **made, Gamma=training.BANDWIDTH["rfafe"] * np.linalg.inv(X))
     d = dataclasses.replace(d, discrete=discretise(d, DT))
-    return {"designs": {"hydraulic": held | {"design": to_plain(d)}}}
+    return {"designs": {"hydraulic": held | {"design": tuning.plain(d)}}}
 
 
 def left_sides(d: Design) -> dict[str, float]:
