@@ -11,7 +11,7 @@ fault state (`fdi.isolation`) raise the alarm; `name` says which of them names i
 | rod against surface; a pressure whose flow is missing | SENSOR |
 | load beyond the hinge-moment model at rest, for a second or where no pressure sensor explains it | JAM_SOLID |
 | nonlinear models of soft oil and joined chambers | EFFECTIVENESS |
-| hypothesis that leads in the longest window; whether the command passes | SENSOR, OFC_LIQUID, OFC_SOLID, EFFECTIVENESS |
+| hypothesis that leads in the longest window; does the command pass? | SENSOR, OFC_LIQUID, OFC_SOLID, EFFECTIVENESS |
 
 Load forms: 0 ignored, as published; 1 a hinge-moment model; 2 the pressure is measured and the load is a random walk
 (default). While its pressure sensor is left out, form 2 runs on the hinge-moment model, `valid` speaks for the rod
