@@ -138,7 +138,7 @@ NOISE = {
 SUSPICIOUS = 0.7  # of a threshold, from which on all evidence is asked for
 HOLD_S = 0.3  # for which a name has stood before it is given [s]
 HOLD_SLOW_S = 0.7  # of a loss, whose command may be gone
-PASSES = 0.2  # so far from half of the fast command it is known to pass or not: its model errs by as much
+PASSES = 0.2  # so far from half of the fast command it is known to pass or not; a quiet one tells nothing
 STILL = 0.5e-3  # rod travel of a jam: noise of its sensor [m]
 RUBS_MOST, HOLDS_S = 0.6, 2.0  # friction holds no more of the stall force, seldom a rod for longer [s]
 LASTS_S = 1.0  # a jam that has lasted outranks the pressure sensor [s]
@@ -254,8 +254,10 @@ def name(x):
         return SENSOR, likely - by_evidence.OF_ROD + 1.0
     if likely == by_evidence.WEAK or likely == by_evidence.OF_LOAD:
         return EFFECTIVENESS, 0.0
-    if likely == by_evidence.OF_VALVE and math.fabs(x.lost - 0.5) > PASSES + by_evidence.SURE * x.lost_sd * x.lost_sd:
-        return (OFC_LIQUID if x.lost < 0.5 else OFC_SOLID), 0.0
+    if likely == by_evidence.OF_VALVE:
+        doubt = PASSES + by_evidence.SURE * x.lost_sd * x.lost_sd
+        added = 0.5 - x.lost if math.fabs(x.lost - 0.5) > doubt else (x.likely_added if doubt > 0.5 else 0.0)
+        return (OFC_LIQUID if added > 0.0 else (OFC_SOLID if added < 0.0 else AMBIGUOUS)), 0.0
     return AMBIGUOUS, 0.0
 
 

@@ -23,13 +23,14 @@ from fdi.isolation.sums import OCTAVES
 # from OPENED on they have no name here
 OF_VALVE, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, FREE_FLOAT, OPENED, GAP, DRIVEN = range(1, 11)
 CLASS_OF = (  # of the hypotheses of `evidence`, in their order
-    OF_VALVE, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, WEAK, WEAK, WEAK, WEAK, OF_LOAD, OPENED, FREE_FLOAT, GAP,
-    OF_PRESSURE, OF_PRESSURE, DRIVEN, OF_ROD, OF_SURFACE, OF_PRESSURE,
+    OF_VALVE, OF_VALVE, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, WEAK, WEAK, WEAK, WEAK, OF_LOAD, OPENED, FREE_FLOAT,
+    GAP, OF_PRESSURE, OF_PRESSURE, DRIVEN, OF_ROD, OF_SURFACE, OF_PRESSURE,
 )  # fmt: skip
 CALM = 0.35  # of a threshold: down to it an alarm stands
 CLEAR = 40.0  # evidence of a plain onset, at which all windows begin anew
 RELEASE_S = 1.0  # an alarm outlives its evidence by this [s]
 SURE, LEAD = 5.0, 0.05  # odds e^5, and this share of its own evidence: no model is better than that
+LEAD_SINE = 0.02  # of added over in place, or the other way round: what their model errs by they have in common
 FAIR, PLAIN = 1.1, 0.08  # a hypothesis fits that leaves so many times the noise, or this share of what health leaves
 PART = 0.75  # of its period that an oscillation has lasted: before, it is a step
 SILENT_PART, SILENT_S = 0.4, 0.4  # of an oscillation's period; of any other fault [s]
@@ -44,6 +45,7 @@ STATE = [
     ("own_fault", "f8", (OCTAVES,)),  # its hypothesis
     ("own_lead", "f8", (OCTAVES,)),
     ("own_fits", "f8", (OCTAVES,)),
+    ("own_added", "f8", (OCTAVES,)),  # lead of an oscillation that is added over one in place, below 0: the other way
     ("own_hz", "f8", (OCTAVES,), "Hz"),  # of an oscillation, else 0
     ("loud", "f8", (OCTAVES,)),  # largest ratio that it had
     ("evidence", "f8", "-"),  # largest evidence over its threshold
@@ -54,6 +56,7 @@ STATE = [
     ("named", "f8", "-"),  # class of the verdict that stands
     ("likely_fault", "f8"),  # hypothesis
     ("likely_hz", "f8", "Hz"),
+    ("likely_added", "f8"),  # the same of the window that gave the class
     ("named_fault", "f8"),
     ("named_hz", "f8", "Hz"),
 ]
@@ -71,7 +74,9 @@ def compare(x, p, o):
         other = max(other, x.ev[h] if CLASS_OF[h] != CLASS_OF[best] else 0.0)
     x.own[o], x.own_ratio[o], x.own_class[o], x.own_fault[o] = x.ev[best], ratio, CLASS_OF[best], best
     x.own_lead[o], x.own_hz[o] = x.ev[best] - other, x.ev_hz[best] if best < ev.SWINGS else 0.0
-    n, Q, Q0 = x.ev_n, x.ev_Q[best], x.ev_E if best == ev.SWING_VALVE else x.ev_Q[ev.HYPOTHESES]
+    added = x.ev[ev.ADDED] - x.ev[ev.IN_PLACE]
+    x.own_added[o] = added if math.fabs(added) > max(SURE, LEAD_SINE * x.own[o]) else 0.0
+    n, Q, Q0 = x.ev_n, x.ev_Q[best], x.ev_E if best <= ev.IN_PLACE else x.ev_Q[ev.HYPOTHESES]
     x.own_fits[o] = 1.0 if Q < FAIR * n + ev.BELOW * math.sqrt(2.0 * n) or Q - n < PLAIN * (Q0 - n) else 0.0
 
 
@@ -118,7 +123,7 @@ def nominate(x):
             return
         if shows and x.own_fits[o] > 0.5 and x.own_lead[o] > max(SURE, lead):
             if found < OPENED and (found == OF_LOAD or hz == 0.0 or x.alarm_s * hz >= PART):
-                x.likely, x.likely_fault, x.likely_hz = found, x.own_fault[o], hz
+                x.likely, x.likely_fault, x.likely_hz, x.likely_added = found, x.own_fault[o], hz, x.own_added[o]
             return
 
 

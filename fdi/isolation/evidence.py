@@ -34,11 +34,12 @@ from fdi.isolation.filter import (
 from fdi.isolation.response import FLOWS2
 from fdi.isolation.sums import BESIDE, ENERGY, LINES, NEXT, NUMBER, OCTAVES, PAIRS, WAVES, B, gather
 
-SWING_VALVE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(5)  # oscillations, as PLACES of `response`
-LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, FREE, PAIR, OFF_PRESSURE, SCALED_PRESSURE, DRIVEN = range(5, 16)
-NOISE_ROD, NOISE_SURFACE, NOISE_PRESSURE = range(16, 19)
-SWINGS, HYPOTHESES = 5, 19
+ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
+LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, FREE, PAIR, OFF_PRESSURE, SCALED_PRESSURE, DRIVEN = range(6, 17)
+NOISE_ROD, NOISE_SURFACE, NOISE_PRESSURE = range(17, 20)
+SWINGS, HYPOTHESES = 6, 20
 ERRORS = NOISE_ROD - SWINGS
+PLACE = (0, 0, 1, 2, 3, 4)  # of an oscillation, in `response`
 NU = 50.0
 BY_ITSELF = 0.1  # least share of the gain's column that no oscillation explains: responses are those of rest
 WHITE = 0.1  # noise is not correlated more from tick to tick
@@ -49,8 +50,7 @@ OF_FAST, OF_GAIN = FIRST_WAVE - 1, M - 1  # and the gain's
 # (mean, deviation) of the columns that a fault has others of than health
 BYPASS = 1.0  # leakage of an actuator that lets go, as in actuators/hydraulic [m/s]
 GONE = (-1.0, 0.03)  # of the valve's gain, where nothing comes through
-# the gain's beside an oscillation of the valve: a large one changes it; beyond, where the command does not pass
-SLOW_SD, SLOW_LOST = 0.3, 0.4
+SLOW_SD = (0.3, 0.7)  # of the gain beside an oscillation that is added, whose size changes it, and in its place
 FAULTS = {
     LOSS: {FAST: (-0.45, 0.18), GAIN: (-0.45, 0.18)},  # 10 to 80 % within two sigma: beyond, it is as good as gone
     LEAKAGE: {LEAK: (0.3, 0.3)},
@@ -99,7 +99,7 @@ def design() -> dict:
     for h, columns in FAULTS.items():
         for i, own in columns.items():
             prior[:, h - SWINGS, i] = own
-    return {"fault_mean": prior[0], "fault_sd": prior[1], "sine_sd": (4e-4, 1e-3, 1e-3, 0.08, 0.05), "occam": 6.0,
+    return {"fault_mean": prior[0], "fault_sd": prior[1], "sine_sd": (4e-4, 4e-4, 1e-3, 1e-3, 0.08, 0.05), "occam": 6.0,
             "memory": 30.0,
             # an age does not change with the manoeuvre
             "floor": (0.03,) * TIMING + (0.3,) * (N - TIMING)}  # fmt: skip
@@ -251,7 +251,7 @@ def swing(x, o, h, Q, logdet, hz):
     give(x, h, Q, logdet)
     n, told, parts = x.ev_n, x.told[o, h], x.parts[o, h]
     told[0], told[1], told[2], told[3] = Q, logdet, n if x.ev[h] > 0.0 else REFUSED, hz
-    if o > 0 and (h == SWING_VALVE or h == SWING_PRESSURE):
+    if o > 0 and (h <= IN_PLACE or h == SWING_PRESSURE):
         part = x.told[o - 1, h]
         m = parts[2] + part[2]
         if m > ASKED * n and logarithm(n, (parts[0] + part[0]) * n / m, parts[1] + part[1]) - x.ev_base > x.ev[h]:
@@ -262,16 +262,17 @@ def swing(x, o, h, Q, logdet, hz):
 
 @kernel
 def of_oscillations(x, p, o, E):
-    """Give the oscillations."""
+    """Give the oscillations; in the valve's place the fast part of the command does not come through, of the slow part
+    some or all."""
     for h in range(SWINGS):
-        columns(x, p, o, h)
-        per_rate = 6.2831853 * p.hz[o, LINES // 2] if h == SWING_VALVE else 1.0  # of a flow
+        if h != IN_PLACE:
+            columns(x, p, o, PLACE[h])
+        per_rate = 6.2831853 * p.hz[o, LINES // 2] if h <= IN_PLACE else 1.0  # of a flow
         for i in range(M):
             x.prior[0, i], x.prior[1, i] = 0.0, x.sd[BESIDE[i]] if i < FIRST_WAVE else p.sine_sd[h] * per_rate
-        x.prior[1, OF_GAIN] = x.sd[GAIN]
-        if h == SWING_VALVE:
-            x.prior[0, OF_FAST], x.prior[1, OF_GAIN] = -x.lost, SLOW_SD + SLOW_LOST * x.lost
-            x.prior[1, OF_FAST] = max(x.sd[FAST], x.alarm * min(x.lost_sd, 0.5))
+        x.prior[1, OF_GAIN] = SLOW_SD[h] if h <= IN_PLACE else x.sd[GAIN]
+        if h == IN_PLACE:
+            x.prior[0, OF_FAST], x.prior[1, OF_FAST] = -1.0 - x.mu[FAST], GONE[1]
         logdet = factor(x.wave_J, x.L, x.prior[1], 0, OF_GAIN, 0.0)
         logdet += factor(x.wave_J, x.L, x.prior[1], OF_GAIN, M, BY_ITSELF)
         Q = left(x.wave_J, x.L, x.wave_b, x.prior[0], x.y, E, M)

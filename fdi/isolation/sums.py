@@ -31,6 +31,7 @@ PAIRS = N * (N + 1) // 2
 B, ENERGY = PAIRS, PAIRS + N
 NUMBER, NEXT, SUMS = (ENERGY + i * SENSORS for i in range(1, 4))
 LATELY, LEFT = 400.0, 100.0  # samples of the pressure in which it is forgotten; squares of noise that it has at least
+STEP = 8.0  # of the command, in the signature: three deviations of its noise; what is more the model errs by
 SOLVE_BLOCKS = 50  # so often the lesson is solved for
 FIRST = 3 * SOLVE_BLOCKS  # until then little is known of the actuator [blocks]
 
@@ -134,7 +135,7 @@ def passes(x, e, w):
     old[0, 1], old[1, 1], old[0, 0], old[1, 0] = old[0, 0], old[1, 0], e, w
     x.in_a_row = x.in_a_row + 1.0 if x.h_s[PRESSURE] > 0.0 and math.fabs(x.h_before[PRESSURE]) < GATE else 0.0
     add, keep = (g * g, g * d, d * d, 1.0), (1.0 - 1.0 / LATELY) * x.alarm
-    for i in range(4 if x.in_a_row > 2.0 else 0):
+    for i in range(4 if x.in_a_row > 2.0 and math.fabs(g) < STEP else 0):
         x.passing[i] = keep * x.passing[i] + add[i]
     J, b, E, n = max(x.passing[0], 1e-9), x.passing[1], x.passing[2], max(x.passing[3], 1e-9)
     x.lost, x.lost_sd = x.alarm * min(max(-b / J, 0.0), 1.0), math.sqrt((LEFT + max(E - b * b / J, 0.0)) / (n * J))

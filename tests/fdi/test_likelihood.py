@@ -183,7 +183,7 @@ def test_the_response_to_a_sensors_sine_is_what_the_filter_makes_of_it(place, se
 
 
 def test_an_oscillation_too_fast_for_a_window_is_judged_by_its_parts_where_each_shows_it():
-    x, h = iotsekf.init(designed())[0], evidence.SWING_VALVE
+    x, h = iotsekf.init(designed())[0], evidence.ADDED
     x.ev_n, x.ev_base = 200.0, evidence.logarithm(200.0, 900.0, 0.0)
     x.parts[2, h], x.told[1, h] = (80.0, 3.0, 100.0), (90.0, 3.0, 100.0, 4.0)
     evidence.swing(x, 2, h, 400.0, 2.0, 1.0)
@@ -243,7 +243,8 @@ def test_what_passes_the_valve_is_told_beside_an_oscillation_of_any_size(lost, c
         ({"likely": decide.OF_SURFACE, "backlash_suspected": 1.0}, (verdict.AMBIGUOUS, 0.0)),
         ({"likely": decide.OF_VALVE, "lost": 0.1, "lost_sd": 0.05}, (verdict.OFC_LIQUID, 0.0)),
         ({"likely": decide.OF_VALVE, "lost": 0.9, "lost_sd": 0.05}, (verdict.OFC_SOLID, 0.0)),
-        ({"likely": decide.OF_VALVE, "lost": 0.9, "lost_sd": 0.3}, (verdict.AMBIGUOUS, 0.0)),
+        ({"likely": decide.OF_VALVE, "lost": 0.6, "lost_sd": 0.05, "likely_added": 20.0}, (verdict.AMBIGUOUS, 0.0)),
+        ({"likely": decide.OF_VALVE, "lost": 0.9, "lost_sd": 0.9, "likely_added": 20.0}, (verdict.OFC_LIQUID, 0.0)),
     ],
 )
 def test_what_can_be_nothing_else_is_named_first(fields, name):
