@@ -281,7 +281,7 @@ def conclude(x, dt):
     alarmed(x)
     if x.alarm < 0.5:
         x.verdict, x.isolated_part, x.kind, x.next_s, x.dp_out = NONE, 0.0, 0.0, 0.0, 0.0
-        x.alarm_s = x.likely = x.named = x.likely_hz = x.named_hz = x.emptied = 0.0
+        x.alarm_s = x.likely = x.named = x.likely_hz = x.named_hz = x.emptied = x.likely_added = 0.0
         return
     x.alarm_s += dt
     verdict, isolated_part = name(x)

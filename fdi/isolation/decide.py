@@ -56,7 +56,7 @@ STATE = [
     ("named", "f8", "-"),  # class of the verdict that stands
     ("likely_fault", "f8"),  # hypothesis
     ("likely_hz", "f8", "Hz"),
-    ("likely_added", "f8"),  # the same of the window that gave the class
+    ("likely_added", "f8"),  # the same of the longest window that knew at last
     ("named_fault", "f8"),
     ("named_hz", "f8", "Hz"),
 ]
@@ -75,7 +75,7 @@ def compare(x, p, o):
     x.own[o], x.own_ratio[o], x.own_class[o], x.own_fault[o] = x.ev[best], ratio, CLASS_OF[best], best
     x.own_lead[o], x.own_hz[o] = x.ev[best] - other, x.ev_hz[best] if best < ev.SWINGS else 0.0
     added = x.ev[ev.ADDED] - x.ev[ev.IN_PLACE]
-    x.own_added[o] = added if math.fabs(added) > max(SURE, LEAD_SINE * x.own[o]) else 0.0
+    x.own_added[o] = added if best <= ev.IN_PLACE and math.fabs(added) > max(SURE, LEAD_SINE * x.own[o]) else 0.0
     n, Q, Q0 = x.ev_n, x.ev_Q[best], x.ev_E if best <= ev.IN_PLACE else x.ev_Q[ev.HYPOTHESES]
     x.own_fits[o] = 1.0 if Q < FAIR * n + ev.BELOW * math.sqrt(2.0 * n) or Q - n < PLAIN * (Q0 - n) else 0.0
 
@@ -83,7 +83,7 @@ def compare(x, p, o):
 @kernel
 def forget(x):
     """Forget what windows showed: they begin anew."""
-    x.own[:] = x.own_ratio[:] = x.own_class[:] = x.own_fits[:] = x.loud[:] = 0.0
+    x.own[:] = x.own_ratio[:] = x.own_class[:] = x.own_fits[:] = x.own_added[:] = x.loud[:] = 0.0
 
 
 @kernel
@@ -122,8 +122,10 @@ def nominate(x):
         if shows and (found != x.own_class[top] or hz > 2.0 * x.own_hz[top] > 0.0):
             return
         if shows and x.own_fits[o] > 0.5 and x.own_lead[o] > max(SURE, lead):
+            for shorter in range(o + 1):  # the last that knew is believed
+                x.likely_added = x.own_added[shorter] if x.own_added[shorter] != 0.0 else x.likely_added
             if found < OPENED and (found == OF_LOAD or hz == 0.0 or x.alarm_s * hz >= PART):
-                x.likely, x.likely_fault, x.likely_hz, x.likely_added = found, x.own_fault[o], hz, x.own_added[o]
+                x.likely, x.likely_fault, x.likely_hz = found, x.own_fault[o], hz
             return
 
 
