@@ -43,11 +43,9 @@ def _build(own, truth, believed, trim, travel, dt, age):
     nominal = _parameters(own)
     nominal |= dict(zip(("q_lo", "q_hi"), nominal["arm"] * np.array(travel)))
     p = np.concatenate([actuator.params(**{**nominal, **lane}) for lane in truth])
-    made = []
-    for lane in believed:
-        model = {name: lane.get(name, nominal[name]) for name in (*lu17.NOMINAL, "arm", "u_max")}
-        made.append(servo.params(dt=dt, delay=min(age, 1.0), travel=travel, **model))
-    ps = np.concatenate(made)
+    known = (*lu17.NOMINAL, "arm", "u_max")
+    models = [{name: lane.get(name, nominal[name]) for name in known} for lane in believed]
+    ps = np.concatenate([servo.params(dt=dt, delay=min(age, 1.0), travel=travel, **model) for model in models])
     x = actuator.init_at(p, *trim)
     return [("servo", servo, ps, servo.init_at(ps, trim[0], x["F_d"])), ("hydraulic", actuator, p, x)]
 

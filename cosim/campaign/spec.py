@@ -221,11 +221,16 @@ def _part(file, i, base, base_origin, folder, origin, wrong):
     for key in grid.keys() & drawn.keys():
         wrong.append(CampaignError("is drawn and in the grid", place=f"{line('grid', key)}: {key}"))
     written = {key: line("set", key) for key in constant}
+    whole = {key: set(value) for key, value in constant.items() if isinstance(value, dict)}
+    for key in (key for key in whole if not whole[key].issuperset(map(str, base.get(key, ())))):
+        said = "is a table, as a key with a dot is without quotes, and drops what the base has there"
+        wrong.append(CampaignError(said, place=f"{written[key]}: set.{key}", allowed=f'"{key}.KEY" = ...'))
     tables = assigned(base, ((key, value, f"{written[key]}: set.{key}") for key, value in constant.items()), wrong)
-    base_origin = dataclasses.replace(base_origin, elsewhere=tuple(written.items()))
-    tables = locate(tables, folder, origin.of(f"part.{i}"))
-    runs = own.runs if "runs" in own.model_fields_set else file.runs
-    return Part(tables, own.name, runs, grid, drawn, folder, base_origin, lines)
+    return Part(
+        locate(tables, folder, origin.of(f"part.{i}")), own.name,
+        own.runs if "runs" in own.model_fields_set else file.runs, grid, drawn, folder,
+        dataclasses.replace(base_origin, elsewhere=tuple(written.items())), lines,
+    )  # fmt: skip
 
 
 def _listed(drawn, folder, place):

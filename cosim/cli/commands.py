@@ -424,8 +424,7 @@ def campaign(
     failed = errors(done.frame)
     notes(dropped(done.frame))
     answer(json_, {**done.to_dict(), "errors": failed}, lambda _: tables.campaign(done, failed))
-    none = sum(r["runs"] for r in failed) == done.frame["run"].nunique()
-    raise Exit(int(none or any(r["status"] != "infeasible" for r in failed)))
+    raise Exit(int(done.failed == done.done or any(r["status"] != "infeasible" for r in failed)))
 
 
 def _rerun(campaign, run, json_, **how):

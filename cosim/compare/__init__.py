@@ -142,8 +142,9 @@ def compare(
         if user_detectors:
             raise CosimError("holds rows, no flights to run a detector on", place=str(paths[0]),
                                remedy="Fly the campaign with --detector")  # fmt: skip
-        rows, timing, runs, failed, title, _ = compare_rows.of_campaign(paths[0])
-        return Comparison(rows, compare_stats.detectors(rows, timing), runs, failed, str(paths[0]), title=title)
+        rows, timing, runs, failed, title, tomls = compare_rows.of_campaign(paths[0])
+        source = f"{paths[0]}{f'; {len(tomls) - runs} more are not flown yet' if len(tomls) > runs else ''}"
+        return Comparison(rows, compare_stats.detectors(rows, timing), runs, failed, source, title=title)
     frame, tomls, notes = compare_rows.of_logs(logs, progress, loaded(user_detectors))
     source = f"{len(logs)} log{'s' * (len(logs) != 1)}"
     source += "".join(f"; {said}: {', '.join(names)}" for said, names in notes.items() if names)

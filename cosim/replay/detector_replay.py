@@ -119,8 +119,6 @@ def describe(log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None =
         remedy = "Fly it again with log_profile = 'full' or 'replay'"
         raise schema.ReplayError("holds signals alone, not what detectors read", place=place, remedy=remedy)
     known = [d["id"] for d in found]
-    if chosen is not None and not chosen:
-        raise schema.ReplayError("no detector is named", place="--detectors", allowed=", ".join(known))
     for name in [*(chosen or ()), *(overrides or {})]:
         among(name, known, f"the log has no detector {name!r}", error=schema.ReplayError, place=place)
     schema.chosen_overrides(chosen, overrides)

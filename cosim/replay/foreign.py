@@ -93,7 +93,7 @@ def _table(path: Path, names: Sequence[str], time: str | None) -> Recording:
         if header.count(wanted) != 1:
             said = "has no column" if wanted not in header else "has more than one column"
             raise LogError(f"{said} {wanted!r}", place=str(path), allowed=", ".join(header[:20]),
-                           remedy=did_you_mean(wanted, header))  # fmt: skip
+                           remedy=did_you_mean(wanted, {*header} - {wanted}))  # fmt: skip
     used, out = list(dict.fromkeys((name, *names))), Recording()
     if path.suffix.lower() == ".parquet":
         frame = _parquet(path, used)

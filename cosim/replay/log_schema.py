@@ -101,7 +101,10 @@ def check_start(start_s: float) -> None:
 
 
 def chosen_overrides(chosen: Any, changes: Any) -> None:
-    """Raise ReplayError for parameters {detector: ...} of a detector that is not among the `chosen` (None: all)."""
+    """Raise ReplayError for parameters {detector: ...} of a detector that is not among the `chosen` (None: all), or
+    where none is chosen."""
+    if chosen in ([], ()):
+        raise ReplayError("no detector is named", place="--detectors", remedy="Leave it out for all")
     for name in changes or () if chosen else ():
         said = f"{name} is not among the detectors that run, its parameters would change nothing"
         among(name, chosen, said, error=ReplayError, place="--set")

@@ -78,15 +78,18 @@ class Elevator(Table, extra="allow"):
         wrong.unknown(self.parameters, self.technology, "parameters.")
         for name, tech in self.technology.items():
             said = f"{self.feedback[name]} is a filter of hydraulic actuators, {name} is {tech}"
-            fits = tech == "hydraulic" or self.feedback[name] == "measured"
-            wrong.require(fits, said, key=f"feedback.{name}", allowed="measured")
+            wrong.require(tech == "hydraulic" or self.feedback[name] == "measured", said, key=f"feedback.{name}",
+                          allowed="measured")  # fmt: skip
             if name in self.parameters:
                 own = c.TECHNOLOGIES[tech]
                 nominal = own.parameters(of(info).own(tech)).items()
                 keys = {k: _near(k, v) for k, v in nominal if k not in own.fixed}
                 units = {key: unit for key, (_, unit) in c.meanings(tech).items()}
-                for part, values in self.parameters[name]:
-                    wrong.numbers(values, keys, f"{own.article} actuator", f"parameters.{name}.{part}.", units)
+                parts = {f"parameters.{name}.{part}.": values for part, values in self.parameters[name]}
+                if len({*map(str, parts.values())}) == 1:  # as of both, which is said once
+                    parts = {f"{name}.{tech}.": self.parameters[name].truth}
+                for place, values in parts.items():
+                    wrong.numbers(values, keys, f"{own.article} actuator", place, units)
 
     @property
     def technology(self) -> dict[str, str]:
@@ -130,8 +133,8 @@ class OwnActuator(Table):
         wrong.one_of(("file", "fmu"), {key for key, value in self if value is not None}, who="an actuator")
         if self.fmu is None:
             for part in ("inputs", "outputs", "start", "parameters"):
-                remedy = "Those of a block stand in its file: params()"
-                wrong.require(not getattr(self, part), "is of an FMU", key=part, remedy=remedy)
+                wrong.require(not getattr(self, part), "is of an FMU", key=part,
+                              remedy="Those of a block stand in its file: params()")  # fmt: skip
             return
         own, other = ("valve_command", "command") if self.servo else ("command", "valve_command")
         inputs = {word: si for word, si in INPUTS.items() if word != other}
@@ -141,8 +144,8 @@ class OwnActuator(Table):
             given = getattr(self, part)
             wrong.unknown(given, words, f"{part}.", of=part)
             for word in needed:
-                allowed = "{ variable = ..., unit = ... }"
-                wrong.require(word in given, "is missing", key=f"{part}.{word}", allowed=allowed, lacks=[word])
+                wrong.require(word in given, "is missing", key=f"{part}.{word}", lacks=[word],
+                              allowed="{ variable = ..., unit = ... }")  # fmt: skip
             for word, unit in ((word, variable.unit) for word, variable in given.items() if word in words):
                 if unit not in ("", *TO_SI[words[word]]):
                     wrong.append(choice(unit, TO_SI[words[word]], f"unit of {word}", key=f"{part}.{word}.unit"))

@@ -68,7 +68,7 @@ def _gain_z(log: np.ndarray, p: Any) -> np.ndarray:
     columns, least = [gains.GAIN, gains.MAGNETS], np.array([p["th_a"], p["th_b"]])
     sd = np.hypot(log["change_sd"][:, columns], log["own_sd"][:, columns])
     beyond = (np.abs(log["change"][:, columns]) - least) / np.maximum(sd, 1e-9)
-    return np.where(log["age"] >= gains.LEARN, np.maximum(beyond.max(axis=1), 0.0), 0.0)
+    return np.where(log["gain_age"] >= gains.LEARN, np.maximum(beyond.max(axis=1), 0.0), 0.0)
 
 
 def tested(log: np.ndarray, rate: np.ndarray, p: Any) -> dict[str, list]:
@@ -95,8 +95,8 @@ def survey(recorded: Any) -> dict[str, Any]:
     """Return {test: blocks of its statistic and features, or largest} over one flight."""
     p = ema_kalman_flight.params()
     p["th_rough"] = 1e9  # a sample counts in full
-    fields = ("r_pair", "r_speed", "r_f", "w_power", "age", "change", "change_sd", "own_sd", "x_hat", "rough_power",
-              "r_friction")  # fmt: skip
+    fields = ("r_pair", "r_speed", "r_f", "w_power", "gain_age", "change", "change_sd", "own_sd", "x_hat",
+              "rough_power", "r_friction")  # fmt: skip
     log = detect(recorded, ema_kalman_flight, WIRES, p, fields)[:, SETTLED:]
     found: dict[str, list] = {test: [] for test in (*TESTS, *ROUGH, *NOTED)}
     z = 0.0

@@ -1,14 +1,14 @@
 """Rates of `joint` from flights that nothing else uses: who says what of which fault.
 
 The flights are those of `cosim campaign joint` with one fault, with other seeds and draws, without the kinds of fault
-that it keeps from the rates. A flight counts once for each lane that its fault concerns, shared among what the lane
-says at AGES_S after the first alarm; names of a fault count as on the left, of one segment as on left_inner.
+that it keeps from the rates. A flight counts once for each lane that its fault concerns while the alarm is young, and
+once later, shared among what the lane says at AGES_S after the first alarm; names of a fault count as on the left, of
+one segment as on left_inner.
 """
 
 import dataclasses
 import functools
 from collections import Counter
-from typing import Any
 
 import numpy as np
 
@@ -28,8 +28,8 @@ HEARD = (*LOCAL, *AIRCRAFT)
 CAMPAIGN, FIRST_SEED, DRAWS = "joint", 40_000, 35
 NOT_LEARNED = ("pairs", "kinds not in the rates", "fault-free")  # parts of the campaign that begin so
 RUNS = 20  # of every fault: with ten, what nobody has missed is missed in one of 25 by the records' weight
-# first names count, and last ones more: chosen as SURE of `joint`
-AGES_S = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0)
+AGES_S = np.arange(0.0, 15.0, 0.5)
+Said = tuple[str, str, str, dict[str, float]]  # "young" or "later", detector, key of a hypothesis, {token: share}
 WITHIN_S = 15.0  # of the onset: a later first alarm is no alarm of this fault
 
 
@@ -43,7 +43,7 @@ def scenarios(first_seed: int = FIRST_SEED) -> list[Scenario]:
     return [s.model_copy(update={"detectors": own}) for s, own in zip(made, quiet)]
 
 
-def surveyed(index: int, first_seed: int = FIRST_SEED) -> list[tuple[str, str, dict[str, float]]]:
+def surveyed(index: int, first_seed: int = FIRST_SEED) -> list[Said]:
     """Return `said` of one training flight; nothing where the engines cannot hold the point drawn."""
     scenario = scenarios(first_seed)[index]
     try:
@@ -62,25 +62,25 @@ def columns(lanes: list[tuple[str, str]]) -> list[tuple[str, str, str]]:
     return [(d, lane, o) for d, lane in lanes for o in (*outputs, *registry.record(d).finer)]
 
 
-def said(scenario: Scenario, flown: dict, dt: float) -> list[tuple[str, str, dict[str, float]]]:
-    """Return [(detector, key of a hypothesis, {token: share of the ages at which it stands})] of a flight with one
-    fault; `flown` is {(detector, lane, output): values by tick}."""
+def said(scenario: Scenario, flown: dict, dt: float) -> list[Said]:
+    """Return the Said of a flight with one fault; `flown` is {(detector, lane, output): values by tick}."""
     key, segments = key_of(scenario)
     own = scenario.elevator.technology
     start, lanes = round(scenario.faults[0].start_s / dt), {f[:2] for f in flown}
     alarms = np.any([flown[*lane, "alarm"][start : start + round(WITHIN_S / dt)] for lane in lanes], axis=0)
     if not alarms.any():
         return []
-    ticks = start + int(np.argmax(alarms)) + np.round(np.array(AGES_S) / dt).astype(int)
-    out = []
+    ticks = start + int(np.argmax(alarms)) + np.round(AGES_S / dt).astype(int)
+    young, out = AGES_S < likelihood.YOUNG, []
     for d, lane in sorted(lanes):
         if lane != "aircraft" and lane not in segments:
             continue
-        texts = [_text(d, {f[2]: v[k] for f, v in flown.items() if f[:2] == (d, lane)}, segments)
-                 for k in ticks if k < len(flown[d, lane, "alarm"])]  # fmt: skip
-        shares = Counter(t for t in texts if t)
         mine = key if lane == "aircraft" else f"{own[lane]}.{key.partition('.')[2]}"
-        out.append((d, mine, {t: n / shares.total() for t, n in shares.items()}))
+        for age, those in (("young", ticks[young]), ("later", ticks[~young])):
+            texts = [_text(d, {f[2]: v[k] for f, v in flown.items() if f[:2] == (d, lane)}, segments)
+                     for k in those if k < len(flown[d, lane, "alarm"])]  # fmt: skip
+            shares = Counter(t for t in texts if t)
+            out.append((age, d, mine, {t: n / shares.total() for t, n in shares.items()}))
     return out
 
 
@@ -101,7 +101,7 @@ def key_of(scenario: Scenario) -> tuple[str, tuple[str, ...]]:
     fault, case = scenario.faults[0], coverage.cases(scenario)[0]
     place, *rest = fault.target.split(".")
     if place != "elevator":
-        return ("engine.all" if fault.target == "engine.all" else case), ()
+        return (fault.target if fault.target == "engine.all" else case + ".runaway" * (fault.kind == "runaway")), ()
     own = scenario.elevator.technology
     segments = tuple(s for s in own if s == rest[0] or s.startswith(f"{rest[0]}_") or rest[0] == "all")
     kind = case.partition(".")[2]
@@ -109,13 +109,13 @@ def key_of(scenario: Scenario) -> tuple[str, tuple[str, ...]]:
     return f"{reach}.{SAME.get(kind, kind)}", segments
 
 
-def counted(flights: list[list[tuple[str, str, dict[str, float]]]]) -> dict[str, Any]:
-    """Return {detector: {key: {token: flights}}} from what `said` returns."""
-    seen: dict[str, dict[str, Counter]] = {}
-    for detector, key, shares in (one for flight in flights for one in flight):
-        seen.setdefault(detector, {}).setdefault(key, Counter()).update(shares)
-    return {d: {key: {t: round(n, 1) for t, n in cell.items() if n >= 0.05} for key, cell in sorted(of.items())}
-            for d, of in sorted(seen.items())}  # fmt: skip
+def counted(flights: list[list[Said]]) -> dict[str, likelihood.Seen]:
+    """Return {"young" or "later": rates} from what `said` returns."""
+    seen: dict[str, dict[str, dict[str, Counter]]] = {}
+    for age, detector, key, shares in sorted((one for flight in flights for one in flight), key=lambda one: one[:3]):
+        seen.setdefault(age, {}).setdefault(detector, {}).setdefault(key, Counter()).update(shares)
+    return {age: {d: {key: {t: round(n, 1) for t, n in cell.items() if n >= 0.05} for key, cell in of.items()}
+                  for d, of in whole.items()} for age, whole in seen.items()}  # fmt: skip
 
 
 def flights(first_seed: int, number: int | None) -> list[dict[str, int]]:

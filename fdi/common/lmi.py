@@ -27,8 +27,7 @@ def cvxpy() -> Any:
 
 def negative(expression: Any, margin: float) -> Any:
     """Return the constraint `sym(expression) <= -margin I` for a square cvxpy expression, strict when margin > 0."""
-    size = expression.shape[0]
-    return (expression + expression.T) / 2 << -margin * np.eye(size)
+    return (expression + expression.T) / 2 << -margin * np.eye(expression.shape[0])
 
 
 def solve(problem: Any, *, tolerance: float = 1e-9) -> None:

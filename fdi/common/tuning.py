@@ -22,14 +22,14 @@ Folder = str | Path | None  # of an aircraft with thresholds and designs of its 
 
 def thresholds(detector: str, which: str = "flight", own: Folder = None) -> dict:
     """Return {PARAMS field: number or row, SI} of set `which`; an unknown set or a bad value raises ValueError."""
-    text = resources.files("fdi").joinpath("thresholds", f"{detector}.json").read_text(encoding="utf-8")
-    sets = {k: v for k, v in json.loads(text).items() if k != "training"}
+    file = resources.files("fdi").joinpath("thresholds", f"{detector}.json")
+    sets = {k: v for k, v in json.loads(file.read_text(encoding="utf-8")).items() if k != "training"}
     if which not in sets:
         raise ValueError(f"{detector}: threshold set {which!r} is not one of {sorted(sets)}")
-    file = Path(own) / "thresholds" / f"{detector}.json" if own else None
-    trained = json.loads(file.read_text(encoding="utf-8")).get(which, {}) if file and file.is_file() else {}
+    other = Path(own) / "thresholds" / f"{detector}.json" if own else None
+    trained = json.loads(other.read_text(encoding="utf-8")).get(which, {}) if other and other.is_file() else {}
     if unknown := trained.keys() - sets[which].keys():
-        raise ValueError(f"{file}: {detector} has no threshold {sorted(unknown)[0]!r}")
+        raise ValueError(f"{other}: {detector} has no threshold {sorted(unknown)[0]!r}")
     found = {**sets[which], **trained}
     for name, value in found.items():
         parts = value if isinstance(value, list) else [value]

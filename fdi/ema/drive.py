@@ -92,8 +92,8 @@ def watch(x, y, current, w, measured, gamma, p, dt):
     x.f_now = f
     test(x, f, rest, w, seen, p, dt)
     plain = measured and x.f_timer <= 0.0
-    works = x.u_old[0] != x.u_old[1]  # at rest the rate as predicted is the sensor's noise, and no voltage answers it
-    if works and seen and plain and math.fabs(d) < p.I_max:
+    # while the demand stands the rate as predicted is the sensor's noise, and no voltage answers it
+    if x.u_old[0] != x.u_old[1] and seen and plain and math.fabs(d) < p.I_max:
         gains.accumulate(x, f, w - gamma, p, dt)
     torque.feel(x, f, gamma, current, p, dt)
     s = x.even_sum

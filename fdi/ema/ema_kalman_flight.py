@@ -80,7 +80,6 @@ PARAMS = dtype([
     ("load_max", "f8", "N m"),  # limit of the load estimate
     ("gate", "f8", "rad/s"),  # innovation, and step from sample to sample, beyond which it is a spike
     ("t_load", "f8", "s"),    # a stop that is hit or a gust at stall is over sooner
-    ("t_hold", "f8", "s"),    # lag of the mean rate
     ("t_bad", "f8", "s"),     # velocity samples missing or rejected for longer: start again, or a fault
     ("t_start", "f8", "s"),   # after engage: the load estimate settles, no test counts
     ("t_doubt", "f8", "s"),   # a velocity sensor that was wrong tells nothing of the magnets for so long
@@ -128,7 +127,8 @@ STATE = dtype([
     ("hm0", "f8", "N m"),            # last finite values [N m], [N m/rad]
     ("hmd", "f8", "N m/rad"),
     ("w_last", "f8", "rad/s"),  # last velocity that went into it
-    ("w_slow", "f8", "rad/s"),  # its mean over t_hold
+    ("load_at", "f8", "m"),  # where the rod was when the load exceeded what a hinge may make of it
+    ("load_travel", "f8", "m"),  # how far it has gone since
     ("timer_load", "f8", "s"),
     ("hot_load", "f8", "-"),
     ("alarm_age", "f8", "s"),  # since the alarm

@@ -10,9 +10,9 @@ rate turns in a tick. All have normal priors (`fdi.isolation.evidence`).
 The measured rate stands in f, too, and the demand of the next tick answers its noise: least squares would take that
 for magnets (in still air 6 % of the voltage, up to 20 %). So in its place stands the rate that the filter predicted
 before this tick's reading [Söderström and Stoica, Instrumental Variable Methods for System Identification, 1983]. A
-pole of the amplifier beside its zero looks like an age.
+pole of the amplifier beside its zero looks like an age. By the rate's the filter's innovation is corrected, too.
 
-What a drive has in its first LEARN seconds is taken for its own; what changes later is a fault.
+What a drive has in its first LEARN seconds at work is taken for its own; what changes later is a fault.
 """
 
 import math
@@ -28,7 +28,7 @@ N = 5
 PRIOR = (0.25, 1.0, 1.0, 1.0, 0.15)
 CHANGE = (1.0, 0.01, 0.01, 0.01, 0.05)  # of changes: an age stays, magnets of the healthy lose 5 %
 JITTER = 0.06  # of an age, of 0.5 ms [ticks]
-LEARN = 10.0  # [s]
+LEARN = 10.0  # of work: a drive at rest tells nothing of itself [s]
 TAU_MOST, TAU_NOW = 60.0, 0.3  # longest and shortest memory of changes [s]
 KNOWN_A, KNOWN_B = 0.0025, 0.03  # deviations of gain and magnets: what is told so well of both is forgotten
 STANDS = 0.7  # of a gain's threshold: keeps the alarm
@@ -48,6 +48,7 @@ STATE = [
     ("gain_b", "f8", (N,)),  # with what f has beyond `own`
     ("gain_E", "f8"),  # energy of that, and samples
     ("gain_n", "f8", "-"),
+    ("gain_age", "f8", "s"),  # for which the drive has worked and nothing was wrong
     ("change", "f8", (N,), "-"),  # what they have changed by
     ("change_sd", "f8", (N,), "-"),
     ("r_gain", "f8", "-"),  # the larger of gain and magnets over its threshold
@@ -69,7 +70,8 @@ def accumulate(x, f, predicted, p, dt):
     z, over = x.column, 1.0 / (p.sigma_f * p.sigma_f * p.even)
     of_d, of_w = KNOWN_A * z[GAIN], KNOWN_B * p.b_motor * predicted
     told = min(of_d * of_d, of_w * of_w) * over
-    keep = 1.0 if x.age < LEARN else 1.0 - min(max(told, dt / TAU_MOST), dt / TAU_NOW)
+    x.gain_age += dt
+    keep = 1.0 if x.gain_age < LEARN else 1.0 - min(max(told, dt / TAU_MOST), dt / TAU_NOW)
     z[MAGNETS] = p.b_motor * predicted
     x.gain_n = keep * x.gain_n + 1.0 / p.even
     x.gain_E = keep * x.gain_E + over * f * f
@@ -83,8 +85,8 @@ def accumulate(x, f, predicted, p, dt):
 def solve(x):
     """Write `change` and its deviations, those of all that is learned while it is."""
     for i in range(N):
-        x.prior[0, i] = -x.own[i] if x.age < LEARN else 0.0
-        x.prior[1, i] = PRIOR[i] if x.age < LEARN else x.own_sd[i] + CHANGE[i]
+        x.prior[0, i] = -x.own[i] if x.gain_age < LEARN else 0.0
+        x.prior[1, i] = PRIOR[i] if x.gain_age < LEARN else x.own_sd[i] + CHANGE[i]
     factor(x.gain_J, x.LL, x.prior[1], 0, N, 1e-9)
     unexplained = left(x.gain_J, x.LL, x.gain_b, x.prior[0], x.yy, x.gain_E, N)
     scale = max(unexplained / max(x.gain_n, 1.0), 1.0)  # is noise
@@ -125,7 +127,7 @@ def beyond(x, i, p):
 def test(x, p, dt):
     """Learn, then test the gains of current and magnets."""
     solve(x)
-    if x.age < LEARN:
+    if x.gain_age < LEARN:
         learn(x)
         return
     x.r_gain = max(beyond(x, GAIN, p) / p.th_a, beyond(x, MAGNETS, p) / p.th_b)

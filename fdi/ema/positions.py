@@ -62,6 +62,8 @@ STATE = [
     ("age_surface", "f8", "s"),  # and of the surface
     ("age_tied", "f8", "s"),  # since pos_hat was last tied to either
     ("y_arm", "f8", "m"),  # what the surface sensor says of the rod
+    ("tick_e", "f8", "m"),  # what both would leave the integral by, were the velocity read a tick earlier or later
+    ("tick_base", "f8", "m"),  # and the integral's constants
     ("r_pair", "f8", "-"),  # position against surface, over its threshold
     ("r_speed", "f8", "-"),  # both against the velocity, over its threshold
     ("speed_timer", "f8", "s"),
@@ -102,6 +104,7 @@ def play(x, moment, dt):
 def follow(x, share):
     """Let the integral's constants follow by `share` of what is left."""
     x.base_rod += share * x.e_rod
+    x.tick_base += share * x.tick_e
     x.base_surface += share * x.e_surface
 
 
@@ -119,7 +122,7 @@ def speed(x, w, bias, aged, p, dt):
         e = x.e_surface if no_position else x.e_rod
     if x.age_vel > 0.0 or (no_position and no_surface):
         e = 0.0
-    x.r_speed = math.fabs(e) / (p.th_speed + p.rho_speed * math.fabs(w) + aged)
+    x.r_speed = math.fabs(e) / (p.th_speed + p.rho_speed * math.fabs(w) + max(math.fabs(x.tick_e), aged))
     beyond = x.r_speed >= (STANDS if wrong else 1.0) and x.age >= p.t_start
     x.speed_timer, x.hot_speed = confirm(x.speed_timer, x.hot_speed, beyond, dt, p.t_speed, p.t_release)
 
@@ -172,9 +175,11 @@ def update(x, u, w, p, dt):
     elif position > 0.5 and surface > 0.5 and math.fabs(x.pair_d) < DOUBT * x.pair_limit:
         apart += x.lever * q + x.lever_lag * step
         decision.learn_lever(x, apart, q, step, VARIANCE / dt, dt)
+    x.tick_e += (1.0 - math.exp(-dt / p.pair_tau)) * (p.lead * dt * w - x.tick_base - x.tick_e)
+    x.tick_base += dt / p.pair_wash * x.tick_e
     if x.impact > 0.0:  # within a tick the integral is not known
         follow(x, 1.0)
-        x.e_rod = x.e_surface = 0.0
+        x.e_rod = x.e_surface = x.tick_e = 0.0
     if x.isolated_part == VELOCITY:  # what is left tells of the velocity as it is
         follow(x, min(dt / WASH_FAULT, 1.0))
     x.r_pair = math.fabs(x.pair_d) / x.pair_limit

@@ -46,6 +46,7 @@ NAME_OF = (OFC_LIQUID, OFC_SOLID, RUNAWAY, EFFECTIVENESS, EFFECTIVENESS, SENSOR,
            SENSOR, EFFECTIVENESS, NONE, NONE)  # fmt: skip
 WHO = (0.0, 0.0, 0.0, 0.0, 0.0, CURRENT, CURRENT, CURRENT, VELOCITY, VELOCITY, 0.0, 0.0, 0.0)
 LOST = (0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0)  # for `drive_lost`
+LOSES = (0, 0, 0, D, W, 0, 0, D, 0, 0, 0, 0, 0)  # column of what is lost
 DRIVE = {FELT: (1, 0), READ: (0, 0)}  # deviation 0: as much as friction lets through
 UNFELT = {FELT: (0, 0.18), READ: (0, 0.18)}
 ANY = {FELT: (0.5, 1.0), READ: (0, 1.0)}
@@ -72,7 +73,7 @@ RUBS = 0.3  # deviation of what the motor feels of a fault of the drive, over th
 FELT_LEAST = 0.1  # of the two shares at best
 ABSENT = 1e-6  # deviation of a column that a hypothesis has not
 LEAST, EVERY = 8, 2  # samples before a name, and from one evaluation to the next
-LOSS_SAMPLES = 30  # before a loss
+SAMPLES = (LEAST, LEAST, LEAST, 30, *(LEAST,) * 6, 30, LEAST, LEAST)  # before a name: a loss is told late
 SURE = 3.5  # odds e^3.5 over every other name
 VOTES = 3.0  # evaluations in a row that must agree
 HEALTHY = 0.03  # of the stall torque: one and a half times the friction of a healthy drive (actuators.ema.actuator)
@@ -122,8 +123,8 @@ def priors(largest: float) -> dict[str, np.ndarray]:
 
 @kernel
 def best_sine(F, first, n, hz):
-    """Return (least energy that a sine of `hz` or more leaves of the last `n` samples of ring `F`, its frequency
-    [Hz])."""
+    """Return the frequency [Hz], `hz` or more, of the sine that leaves the least of the last `n` samples of ring `F`.
+    """
     least, best, step = 1e300, 0.0, RATIO
     while hz <= HIGH_HZ:
         e = beside(F, F, first, n, 6.283185307179586 * hz * EVEN_S)[0]
@@ -136,7 +137,7 @@ def best_sine(F, first, n, hz):
             e = beside(F, F, first, n, 6.283185307179586 * hz * EVEN_S)[0]
             if e < least:
                 least, best = e, hz
-    return least, best
+    return best
 
 
 @kernel
@@ -158,10 +159,7 @@ def gather(x, p, first, n, hz):
         beyond += math.fabs(f) * max(math.fabs(f) - HEALTHY * p.I_max, 0.0)
         i = 0 if i == RING - 1 else i + 1
     x.must = beyond / max(energy, 1e-9)
-    for i in range(3):
-        x.JJ[i] = x.felt[i]
-    for i in range(COS):
-        x.bb[i] = x.felt[3 + i]
+    x.JJ[0], x.JJ[1], x.JJ[2], x.bb[FELT], x.bb[READ] = x.felt[0], x.felt[1], x.felt[2], x.felt[3], x.felt[4]
     x.shape_energy, x.shape_n = energy * over * over, n
 
 
@@ -177,11 +175,14 @@ def ask(x, p, h):
     of_felt = left(x.JJ, x.LL, x.bb, x.prior[0], x.yy, x.felt[5], COS)  # columns that share no sample with the others
     x.shape_left[h] = left(x.JJ, x.LL, x.bb, x.prior[0], x.yy, x.shape_energy + x.felt[5], N) - of_felt
     x.shape_L[h] = logarithm(x.shape_n, x.shape_left[h], 0.0) - 0.5 * (of_felt + logdet)
+    if LOSES[h] > 0 and x.shape_energy > x.JJ[at(LOSES[h], LOSES[h])]:  # nothing loses more than it has
+        x.shape_L[h] = -1e300
 
 
 @kernel
-def leader(x):
-    """Return the hypothesis that leads every other name by SURE, HEALTH where none does."""
+def leader(x, n):
+    """Return the hypothesis that leads every other name by SURE, HEALTH where none does or `n` samples do not suffice.
+    """
     best, other = HEALTH, -1e300
     for h in range(HYPOTHESES):
         if x.shape_L[h] > x.shape_L[best]:
@@ -189,7 +190,9 @@ def leader(x):
     for h in range(HYPOTHESES):
         if NAME_OF[h] != NAME_OF[best] or WHO[h] != WHO[best]:
             other = max(other, x.shape_L[h])
-    return best if x.shape_L[best] - other > SURE else HEALTH
+    enough = n >= SAMPLES[best] if best != IN_PLACE else x.sine_hz[C] * n * EVEN_S >= 1.0
+    whole = best != GONE or x.shape_left[GONE] <= 2.0 * n  # of no current there is nothing that it leaves
+    return best if enough and whole and x.shape_L[best] - other > SURE else HEALTH
 
 
 @kernel
@@ -199,10 +202,9 @@ def weigh(x, p, own, magnets):
     n = min(int(x.f_age), RING)
     if n < LEAST:
         return
-    first = int(x.even_head) - n
-    first = first + RING if first < 0 else first
+    first = (int(x.even_head) - n + RING) % RING
     for row in range(2):
-        _, x.sine_hz[row] = best_sine(x.even_ring[row], first, n, LOW_HZ)
+        x.sine_hz[row] = best_sine(x.even_ring[row], first, n, LOW_HZ)
         gather(x, p, first, n, x.sine_hz[row])
         x.usual[:] = ABSENT
         x.usual[D], x.usual[W] = own, magnets
@@ -210,13 +212,7 @@ def weigh(x, p, own, magnets):
         for h in range(HYPOTHESES):
             if (h == IN_PLACE) == (row == C):
                 ask(x, p, h)
-    for h, c in ((LOSS, D), (SCALED, D), (MAGNETS, W)):  # nothing loses more than it has
-        if x.shape_energy > x.JJ[at(c, c)]:
-            x.shape_L[h] = -1e300
-    h = leader(x)
-    short = (h == LOSS or h == GONE) and n < LOSS_SAMPLES
-    if short or (h == IN_PLACE and x.sine_hz[C] * n * EVEN_S < 1.0) or (h == GONE and x.shape_left[GONE] > 2.0 * n):
-        h = HEALTH
+    h = leader(x, n)
     x.drive_vote[1] = x.drive_vote[1] + 1.0 if x.drive_vote[0] == h else 1.0
     x.drive_vote[0] = h
     if h != HEALTH and x.drive_vote[1] >= VOTES:

@@ -4,8 +4,9 @@ import math
 
 from actuators.block import kernel
 from fdi.common.decision import clipped, usable
-from fdi.ema.gains import GAIN, MAGNETS
+from fdi.ema.gains import GAIN, MAGNETS, RATE
 
+NEAR = 0.95  # of V_max: this drive, whose constants are off by 5 %, may be at its limit
 IMPACT = 0.45  # of `gate`, which the stall current does not reach in a tick
 T_IMPACT = 0.05  # [s]
 
@@ -19,10 +20,9 @@ def _limited(x, demand, omega, p):
     i = ((1.0 + x.own[GAIN]) * p.K_gi * demand - (1.0 - x.own[MAGNETS]) * back) / p.R_loop
     g = min(max(i, -p.I_max), p.I_max)
     volts = p.R * g + back
-    beyond = math.fabs(volts) > p.V_max
-    if beyond:
+    if math.fabs(volts) > p.V_max:
         g = (math.copysign(p.V_max, volts) - back) / p.R
-    return (g * p.R_loop + back) / p.K_gi, 1.0 if beyond else 0.0
+    return (g * p.R_loop + back) / p.K_gi, 1.0 if math.fabs(volts) > NEAR * p.V_max else 0.0
 
 
 @kernel
@@ -54,7 +54,7 @@ def correct(x, u, p, dt):
     gamma = 0.0
     seen = usable(u.y_velocity, u.velocity_valid) > 0.5
     if seen:
-        gamma = u.y_velocity - x.x_hat[3]
+        gamma = u.y_velocity - x.own[RATE] * x.turn - x.x_hat[3]  # as old as it has been learned to be
         # a spike is far from the model and from the sample before it
         seen = math.fabs(gamma) < p.gate or math.fabs(u.y_velocity - x.raw_last) < p.gate
         x.impact = T_IMPACT if math.fabs(u.y_velocity - x.raw_last) >= IMPACT * p.gate else max(x.impact - dt, 0.0)
@@ -72,6 +72,5 @@ def correct(x, u, p, dt):
     w = u.y_velocity if x.age_vel == 0.0 else x.x_hat[3]
     mean = 0.5 * (w + x.w_last)
     x.w_last = w
-    x.w_slow += dt / p.t_hold * (w - x.w_slow)
     x.eta = gamma / p.S_root
     return w, mean, gamma

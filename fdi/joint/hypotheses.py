@@ -6,7 +6,7 @@ whole. Several segments have a common part where they have one technology.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 SEGMENTS = ("left_outer", "left_inner", "right_inner", "right_outer")
 TWO = {"left_inner": "left", "right_inner": "right"}  # segments of an aircraft that has one on each side
@@ -88,7 +88,8 @@ def hypotheses(technology: Mapping[str, str]) -> list[Hypothesis]:
         out.append(Hypothesis((name, pair, "", "sensor"), "sensor", f"sensor.{name}", f"sensor.{name}"))
     out += [Hypothesis((name, "", "", "engine"), "thrust", "engine", "engine") for name in ENGINES]
     out.append(Hypothesis(("", "", "", "engine"), "thrust", "engine", "engine.all"))
-    return [*out, *(Hypothesis((name, "", "", ""), "jam_solid", name, name) for name in OTHERS)]
+    stuck = [Hypothesis((name, "", "", ""), "jam_solid", name, name) for name in OTHERS]
+    return [*out, *stuck, *(replace(h, verdict="runaway", key=f"{h.key}.runaway") for h in stuck)]
 
 
 def _actuators(group, own, here):

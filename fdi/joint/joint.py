@@ -7,17 +7,18 @@ diagnosis at aircraft level add to that of the actuators, and how do the two go 
 Every lane of every other detector has a token (fdi/joint/likelihood.py): silence, or what it says now. With h of the
 table of fdi/joint/hypotheses.py,
 
-    P(h | tokens) ~ P(h) prod_lanes P(token | h)
+    P(h | tokens) ~ P(h) [(1 - UNLIKE) prod_lanes P(token | h, counts) + UNLIKE prod_lanes P(token | h, record)]
 
-with the mean of its logarithm over MEMORY in place of the product now, as lanes flicker.
+as a fault may be unlike all that were counted, with the mean of the logarithm of the bracket over MEMORY in place of
+what it is now, as lanes flicker. The counts are those of a young alarm, and of an older one.
 
 Lanes of one detector that the same fault moves see much the same: of the second, P(token | h) = ALIKE [it says what the
 one before it says] + (1 - ALIKE) P(token | h). A lane that does not fly, or is silent and not valid, says nothing. An
 alarm that comes while its lane is not valid is not heard, one that came before is.
 
-`joint` alarms while a lane does; what is heard is weighed each time that it has stood for SETTLE. The part is the
-finest name that holds SURE of the probability, the verdict the class that holds SURE_CLASS of the probability of that
-name, else AMBIGUOUS, as it is while every lane says so; `p` is the probability of the isolated_part.
+`joint` alarms while a lane does; what is heard is weighed EVERY so often. The part is the finest name that holds SURE
+of the probability, the verdict the class that holds SURE of the probability of that name, else AMBIGUOUS; `p` is the
+probability of the isolated_part.
 """
 
 import math
@@ -35,10 +36,10 @@ from fdi.joint import likelihood
 from fdi.joint.hypotheses import ISOLABLE_PARTS, LANES, SEGMENTS, hypotheses, segments
 
 # chosen on the training flights, rates from one half of them and names from the other:
-SURE, SURE_CLASS = 0.85, 0.85  # probabilities from which a place and a class are named
-SETTLE = 0.5  # of what is heard, before a name is given [s]: detectors of one fault speak one after the other
-MEMORY = 2.0  # of what is heard [s]: of .5, 2, 4 and 8 chosen on the campaign `joint`, judged on `fault-space`
-ALIKE = 0.8  # how much lanes of one detector on segments that one fault moves have in common [-]
+SURE = 0.8  # probability from which a place, and in it a class, is named
+EVERY, MEMORY = 0.25, 4.0  # what is heard is weighed, and remembered [s]
+UNLIKE = 0.1  # probability that a fault is unlike all that were counted: the records speak
+ALIKE = 0.9  # how much lanes of one detector on segments that one fault moves have in common [-]
 SEVERAL = 0.1  # such a fault, of parts that have no common command, against one of a single part; assumed [-]
 # (lane, detector, output) of what tells more than a class; of one lane the first that says anything counts
 FINER = [(i, d, output) for i, (d, _) in enumerate(LANES) for output in registry.record(d).finer]
@@ -53,7 +54,7 @@ PARAMS = dtype([
     ("verdict", "f8", (NH,)),  # class code
     ("row", "f8", (NH, NL)),  # of `p_token`
     ("twin", "f8", (NH, NL)),  # 1 + the lane of the same detector before it that the hypothesis moves, 0 for none
-    ("p_token", "f8", (NR, NT)),  # P(token | row)
+    ("p_token", "f8", (3, NR, NT)),  # P(token | row), while the alarm is young, later, and of the record alone
     ("token", "f8", (NL, NW, NC, NCUL)),  # of word, class code and isolated_part
     ("word", "f8", (NF, NV)),  # that a value of an output is
 ])  # fmt: skip
@@ -67,10 +68,9 @@ STATE = dtype([
     ("isolated_part", "f8", "-"),  # index into ISOLABLE_PARTS
     ("valid", "f8", "-"),
     ("p", "f8", "-"),  # probability of the isolated_part, 0 while none is named
-    ("stood", "f8", "s"),  # time since anything new was heard
     ("heard", "f8", (NL,)),  # token of each lane, 0 silent, -1 where it says nothing
-    ("named", "f8"),  # 1 while a lane that alarms names a class
-    ("times", "f8"),  # that it was weighed since the alarm rose
+    ("since", "f8", "s"),  # the alarm rose
+    ("times", "f8"),  # that it was weighed since then
     ("log_mean", "f8", (NH,)),  # of the logarithm of P(tokens | hypothesis), over MEMORY
     ("weight", "f8", (NH,)),  # of each hypothesis
     ("share", "f8", (NN,)),  # of each name
@@ -107,15 +107,18 @@ DETECTOR = Detector(
 )  # fmt: skip
 
 
-def params(technology: Mapping[str, str] | None = None, rates: dict | None = None, **values: Any) -> np.ndarray:
+def params(
+    technology: Mapping[str, str] | None = None, rates: likelihood.Rates | None = None, **values: Any
+) -> np.ndarray:
     """Return PARAMS for elevator segments {segment: technology}, by default four hydraulic ones; `rates` other than the
     stored ones."""
     technology = dict.fromkeys(SEGMENTS, "hydraulic") if technology is None else technology
     found, here = hypotheses(technology), segments(technology)
     p, n = record(PARAMS, n_h=len(found)), len(found)
     row, p_token = likelihood.rows(found, here, likelihood.stored() if rates is None else rates)
-    p_token, where = np.unique(p_token, axis=0, return_inverse=True)
-    p["row"][0, :n], p["p_token"][0, : len(p_token), : p_token.shape[1]] = where[row.astype(int)], p_token
+    p_token, where = np.unique(p_token, axis=1, return_inverse=True)
+    p["row"][0, :n] = where.ravel()[row.astype(int)]
+    p["p_token"][0, :, : p_token.shape[1], : p_token.shape[2]] = p_token
     p["prior"][0, :n] = _prior(found)
     p["names"][0, :n] = [[ISOLABLE_PARTS.index(name) for name in h.names] for h in found]
     p["verdict"][0, :n] = [code(h.verdict) for h in found]
@@ -170,18 +173,18 @@ def _weigh(x, p):
     """Fill x.weight with P(h) exp(x.log_mean) of every hypothesis, of sum 1; x.log_mean is the mean of
     ln prod P(token | h) over MEMORY."""
     x.times += 1.0
-    share, total = max(SETTLE / MEMORY, 1.0 / x.times), 0.0
+    share, total, age = max(EVERY / MEMORY, 1.0 / x.times), 0.0, 0 if x.since < likelihood.YOUNG else 1
     for h in range(int(p.n_h)):
-        w = 1.0
+        like, unlike = 1.0 - UNLIKE, UNLIKE
         for i in range(NL):
             t, j = int(x.heard[i]), int(p.twin[h, i]) - 1
             if t < 0:
                 continue
-            s = p.p_token[int(p.row[h, i]), t]
-            if j >= 0 and x.heard[j] >= 0.0:
-                s = (1.0 - ALIKE) * s + (ALIKE if t == int(x.heard[j]) else 0.0)
-            w *= s
-        x.log_mean[h] += share * (math.log(w) - x.log_mean[h])
+            alike = ALIKE if j >= 0 and x.heard[j] >= 0.0 else 0.0
+            same = alike if alike > 0.0 and t == int(x.heard[j]) else 0.0
+            like *= same + (1.0 - alike) * p.p_token[age, int(p.row[h, i]), t]
+            unlike *= same + (1.0 - alike) * p.p_token[2, int(p.row[h, i]), t]
+        x.log_mean[h] += share * (math.log(like + unlike) - x.log_mean[h])
         x.weight[h] = p.prior[h] * math.exp(x.log_mean[h])
         total += x.weight[h]
     for h in range(int(p.n_h)):
@@ -190,7 +193,7 @@ def _weigh(x, p):
 
 @kernel
 def _name(x, p):
-    """Name the finest place that holds SURE, and the class that holds SURE_CLASS of it, where a lane names any."""
+    """Name the finest place that holds SURE, and the class that holds SURE of it."""
     x.isolated_part, x.p, held = 0.0, 0.0, 1.0
     for level in range(NLEVEL):
         x.share[:] = 0.0
@@ -208,30 +211,26 @@ def _name(x, p):
             x.class_share[int(p.verdict[h])] += x.weight[h]
     x.verdict = AMBIGUOUS
     for c in range(NC):
-        if x.class_share[c] >= SURE_CLASS * held and x.named > 0.5:
+        if x.class_share[c] >= SURE * held:
             x.verdict = float(c)
 
 
 @kernel
 def step(x, u, p, dt):
-    """Hear the lanes; where what they say has settled, weigh all hypotheses."""
-    new, x.valid, x.r, x.named = False, 0.0, 0.0, 0.0
+    """Hear the lanes; weigh all hypotheses EVERY so often while one alarms."""
+    x.valid, x.r = 0.0, 0.0
     for i in range(NL):
-        t = _said(x, u, p, i)
-        new = new or t != x.heard[i]
-        x.heard[i] = t
+        x.heard[i] = _said(x, u, p, i)
         x.valid = max(x.valid, 1.0 if u.valid[i] > 0.5 else 0.0)
-        x.r += 1.0 if t > 0.0 else 0.0
-        if t > 0.0 and u.verdict[i] != NONE and u.verdict[i] != AMBIGUOUS:
-            x.named = 1.0
-    settled = not new and math.floor(x.stood / SETTLE) < math.floor((x.stood + dt) / SETTLE)
-    x.stood = 0.0 if new else x.stood + dt
+        x.r += 1.0 if x.heard[i] > 0.0 else 0.0
     if x.r == 0.0:
-        x.alarm, x.verdict, x.isolated_part, x.p, x.times = 0.0, NONE, 0.0, 0.0, 0.0
+        x.alarm, x.verdict, x.isolated_part, x.p, x.since, x.times = 0.0, NONE, 0.0, 0.0, 0.0, 0.0
         return
     if x.alarm < 0.5:
         x.alarm, x.verdict = 1.0, AMBIGUOUS
-    if settled:
+    due = math.floor(x.since / EVERY) < math.floor((x.since + dt) / EVERY)
+    x.since += dt
+    if due:
         _weigh(x, p)
         _name(x, p)
 

@@ -3,8 +3,8 @@
 A lane's token is what its detector says: verdict class, part, and what it tells beyond the class. Against a hypothesis
 a token is silence, the right name, an open one, or a wrong one. How often a detector does each of these is counted over
 all kinds of fault that its record puts alike (designed for, may see, blind) and shared among the tokens of an outcome;
-the kind's own counts move that as a Dirichlet distribution that is worth WEIGHT flights. Counts are taken at times
-from the first alarm on (cosim/training/train_joint.py): a rate is that of a detector at a time that nobody knows.
+the kind's own counts move that as a Dirichlet distribution that is worth WEIGHT flights. Counts are taken from the
+first alarm on (cosim/training/train_joint.py), apart until it is YOUNG old and later: many a name takes its time.
 """
 
 import fnmatch
@@ -22,9 +22,11 @@ from fdi.joint.hypotheses import AIRCRAFT, LANES, LOCAL, SEGMENTS, TECHNOLOGIES,
 
 Token = tuple[str, str, str]  # verdict class, part, word
 SILENT: Token = ("", "", "")
+Seen = dict[str, dict[str, dict[str, float]]]  # {detector: {key of a hypothesis: {token: flights}}}
+Rates = tuple[Seen, Seen]  # while an alarm is young, and later
 OUTCOMES = ("silent", "right", "open", "wrong")
 WEIGHT = 3.0  # flights that the record counts for
-UNSEEN = 0.2  # probability that a fault is unlike all that were counted: the record speaks
+YOUNG = 2.0  # an alarm is young for so long [s]; of 1, 1.5, 2 and 4 chosen on the training flights
 FALSE = 3e-4  # P(a false alarm of a lane): a quarter of the 1e-3 per minute that a detector is trained to
 # share of each of OUTCOMES before any count, as FIRST flights
 FIRST = 3.0
@@ -79,7 +81,7 @@ def relation(detector: str, case: str) -> tuple[str, tuple[str, ...]]:
 
 def outcomes(detector: str, h: Hypothesis) -> np.ndarray:
     """Return (tokens,): index into OUTCOMES of every token of a detector against a hypothesis."""
-    _, classes = relation(detector, h.case)
+    classes = [c for c in relation(detector, h.case)[1] if h.segments or c == h.verdict]
     parts = _parts(detector, h)
     kind = h.case.partition(".")[2].partition("@")[0]
     out = []
@@ -136,9 +138,7 @@ def likelihood(detector: str, h: Hypothesis, rates: dict[str, Any], shares: dict
     for text, n in rates.get(detector, {}).get(h.key, {}).items():
         verdict, isolated_part, told = text.split("|")
         counts[every.index((verdict, turned(isolated_part, h.segments), told))] += n
-    p = (WEIGHT * base + counts) / (WEIGHT + counts.sum())
-    p = (1.0 - UNSEEN) * p + UNSEEN * base if counts.any() else p
-    return p
+    return (WEIGHT * base + counts) / (WEIGHT + counts.sum())
 
 
 def false(detector: str) -> np.ndarray:
@@ -148,10 +148,12 @@ def false(detector: str) -> np.ndarray:
     return p
 
 
-def rows(found: list[Hypothesis], here: dict[str, str], rates: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Return (row (hypothesis, lane), P(token | row) (rows, most tokens)); `here` is {one of SEGMENTS: technology}."""
-    shares = {d: pooled(d, rates) for d in (*LOCAL, *AIRCRAFT)}
-    most = max(len(tokens(d)) for d in shares)
+def rows(found: list[Hypothesis], here: dict[str, str], rates: Rates) -> tuple[np.ndarray, np.ndarray]:
+    """Return (row (hypothesis, lane), P(token | row) (3, rows, most tokens): while an alarm is young, later, and of the
+    record alone); `here` is {one of SEGMENTS: technology}."""
+    flown: tuple[Seen, ...] = (*rates, {})
+    shares = [{d: pooled(d, of) for d in (*LOCAL, *AIRCRAFT)} for of in flown]
+    most = max(len(tokens(d)) for d in shares[0])
     made: list[np.ndarray] = []
     where: dict[tuple, int] = {}
     row = np.zeros((len(found), len(LANES)))
@@ -161,16 +163,17 @@ def rows(found: list[Hypothesis], here: dict[str, str], rates: dict[str, Any]) -
             own = h.on(lane, here[lane]) if concerned and lane != "aircraft" else h
             key = (d, own.key, own.names if lane == "aircraft" else own.verdict) if concerned else (d,)
             if key not in where:
-                p = (1.0 - FALSE) * likelihood(d, own, rates, shares[d]) + FALSE * false(d) if concerned else false(d)
+                p = np.array([likelihood(d, own, of, share[d]) for of, share in zip(flown, shares)] if concerned else
+                             [false(d)] * 3)  # fmt: skip
+                p = (1.0 - FALSE) * p + FALSE * false(d)
                 where[key] = len(made)
-                made.append(np.pad(p, (0, most - len(p))))
+                made.append(np.pad(p, ((0, 0), (0, most - p.shape[1]))))
             row[i, j] = where[key]
-    return row, np.array(made)
+    return row, np.stack(made, axis=1)
 
 
 @functools.cache
-def stored() -> dict[str, Any]:
-    """Return the rates that `python -m cosim.training joint` wrote: {detector: {key of a hypothesis: {token:
-    flights}}}."""
-    text = resources.files("fdi").joinpath("thresholds", "joint.json").read_text(encoding="utf-8")
-    return json.loads(text)["seen"]
+def stored() -> Rates:
+    """Return the rates that `python -m cosim.training joint` wrote."""
+    seen = json.loads(resources.files("fdi").joinpath("thresholds", "joint.json").read_text("utf-8"))["seen"]
+    return seen["young"], seen["later"]

@@ -314,8 +314,7 @@ def _box(model, made):
     nr = len(model.A) - 1
     if made.A.shape[1:] != (N, N) or made.B.shape[1:] != (N, M) or made.W.shape != (3, P) or nr > R:
         raise ValueError(f"the block observes 5 states, 6 outputs, 2 inputs, 1 + 2 faults; got A {made.A.shape}")
-    n, m = model.B.shape[1:]
-    x_eq, u_eq, y_eq = np.split(np.asarray(model.trim, float), [n, n + m])
+    x_eq, u_eq, y_eq = np.split(model.trim, np.cumsum(model.B.shape[1:]))
     unused = ((0, R - nr), (0, 0), (0, 0))  # scheduling parameters
     eq = np.vstack([made.x_from @ np.vstack([x_eq, y_eq[-2:]]), u_eq])
     return {

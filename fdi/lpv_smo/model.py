@@ -56,12 +56,11 @@ def normalise(rho: np.ndarray, box: np.ndarray) -> np.ndarray:
     return 2 * (np.asarray(rho, float) - low) / (high - low) - 1
 
 
-def trim_at(model: LpvModel, rho: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def trim_at(model: LpvModel, rho: np.ndarray) -> list[np.ndarray]:
     """Return x_eq (n,), u_eq (m,), y_eq (p,) of the trim maps at `rho` (nr,)."""
     z = normalise(rho, model.box)
     values = model.trim @ np.prod(z ** powers(len(z)), axis=1)
-    n, m = model.B.shape[1:]
-    return values[:n], values[n : n + m], values[n + m :]
+    return np.split(values, np.cumsum(model.B.shape[1:]))
 
 
 def fit(

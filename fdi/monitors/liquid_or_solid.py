@@ -69,14 +69,12 @@ def weigh(x, p, h):
                 x.gain, x.gain_sigma = fd / max(dd, 1e-12), dd
             hz += apart
         hz, most, apart = best - 0.5 * apart, best + 0.6 * apart, 0.5 * apart
-    if best == 0.0:
-        return AMBIGUOUS
     x.gain_sigma = math.sqrt(max(rest, 0.0) * CORRELATED / (n * h) / max(x.gain_sigma, 1e-12))
     x.residual, x.sine_hz = rest / before, best
     off = SURE * x.gain_sigma
     nearest = 1.0 if x.gain > 0.5 else 0.0
     away = math.fabs(x.gain - nearest)
-    if x.residual > SWINGS or away > NEAR + off or away + off > 0.5:
+    if not x.residual <= SWINGS or away > NEAR + off or away + off > 0.5:
         return AMBIGUOUS
     return OFC_LIQUID if nearest > 0.5 else OFC_SOLID
 

@@ -125,7 +125,6 @@ DETECTOR = Detector(
 )
 
 
-MOVED = math.radians(0.08)  # of the lagged surface: ten sigma of its sensor
 # a surface that stands moves by less than this behind, or in, the longer lag [s], ten sigma of its sensor
 SLID, TAU_CALM = math.radians(0.035), 0.1
 LOOSE = 30.0  # a surface that has moved where it should not be is held to be loose for so long [s]
@@ -205,19 +204,18 @@ def _follow(x, p, dt):
 @kernel
 def _runs(x, p, away, dt):
     """Return whether the surface runs `away` (+-1) from the model; the way back, or no deviation, begins anew."""
-    if x.verdict == RUNAWAY:
+    named = x.verdict == RUNAWAY
+    if named:
         away = math.copysign(1.0, x.far - x.leave)
-        x.far = max(x.far * away, x.slow * away) * away
-        x.turned = 1.0 if (x.far - x.slow) * away >= p.travel_run else 0.0
-        return x.turned < 0.5
-    if math.fabs(x.r) < AWAY or (x.slow - x.leave) * away < 0.0 or (x.far - x.slow) * away > MOVED:
+    elif math.fabs(x.r) < AWAY or (x.slow - x.leave) * away < 0.0 or (x.far - x.slow) * away > 2.0 * SLID:
         x.leave = x.far = x.slow
         x.leave_time = 0.0
     x.leave_time += dt
     x.far = max(x.far * away, x.slow * away) * away
+    x.turned = max(x.turned, 1.0 if named and (x.far - x.slow) * away >= p.travel_run else 0.0)
     was, alone = x.rate_was * away, (x.rate_was - x.model_rate) * away
-    goes_on = was * TAU_CALM > SLID and min(x.rate * away, alone) > SLOWS * was
-    return x.turned < 0.5 and (x.far - x.leave) * away >= p.travel_run and x.leave_time >= p.t_run and goes_on
+    goes_on = x.leave_time >= p.t_run and was * TAU_CALM > SLID and min(x.rate * away, alone) > SLOWS * was
+    return x.turned < 0.5 and (named or (goes_on and (x.far - x.leave) * away >= p.travel_run))
 
 
 @kernel

@@ -112,6 +112,7 @@ def test_base_may_be_a_file_beside_the_campaign(written):
         ("x = [", "not valid TOML"),
         ("base = 'liquid-ocf'", "liquid-ofc"),
         ("sampling = 'sobol'", "latin_hypercube"),
+        ("[set]\nflight.mass_t = 260.0", "set.flight: is a table"),
         ("[grid]\n'flight.mass_t' = 3", "grid.flight.mass_t: must be a list"),
         ("[grid]\n'flight.mass_t' = []", "grid.flight.mass_t: must not be empty"),
         ("[grid]\n'flight.mass' = [200]", "mass_t"),

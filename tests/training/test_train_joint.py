@@ -20,6 +20,7 @@ OFC = "faults.0={target='elevator.right_outer',kind='ofc_liquid',amplitude_mm=3,
     ("elevator.all", "runaway", "rate_deg_s=4,at='command'", "all.runaway@command"),
     ("sensor.q", "bias", "bias_deg_s=1", "sensor.q"),
     ("engine.all", "thrust_loss", "loss_pct=30", "engine.all"),
+    ("rudder", "runaway", "rate_deg_s=4", "rudder.runaway"),
 ])  # fmt: skip
 def test_every_fault_has_the_key_of_a_hypothesis(target, kind, more, key):
     scenario = load_scenario("cruise", [f"faults.0={{target='{target}',kind='{kind}',start_s=20,{more}}}"])
@@ -35,17 +36,18 @@ def test_a_flight_counts_once_for_each_lane_that_its_fault_concerns():
         flown[*lane, "valid"][:] = 1
     flown["rfafe", "aircraft", "valid"][:] = 0
     flown["iotsekf", "right_outer", "alarm"][8:] = 1  # first alarm at 2 s
-    flown["iotsekf", "right_outer", "verdict"][8:16] = int(verdict.AMBIGUOUS)
-    flown["iotsekf", "right_outer", "verdict"][16:] = int(verdict.OFC_LIQUID)
+    flown["iotsekf", "right_outer", "verdict"][8:12] = int(verdict.AMBIGUOUS)
+    flown["iotsekf", "right_outer", "verdict"][12:] = int(verdict.OFC_LIQUID)
     flown["rfafe", "aircraft", "alarm"][24:], flown["rfafe", "aircraft", "verdict"][24:] = 1, int(verdict.OFC_LIQUID)
     flown["rfafe", "aircraft", "isolated_part"][24:] = registry.module("rfafe").ISOLABLE_PARTS.index("elevator_right")
     found = train_joint.said(scenario, flown, dt)
-    early = sum(age < 2.0 for age in train_joint.AGES_S) / len(train_joint.AGES_S)
     assert found == [
-        ("iotsekf", "hydraulic.ofc_liquid", {"ambiguous||": early, "ofc_liquid||": 1.0 - early}),
-        ("rfafe", "hydraulic.ofc_liquid", {"ofc_liquid|elevator_left|": 1.0}),  # as on the left; before: not valid
+        ("young", "iotsekf", "hydraulic.ofc_liquid", {"ambiguous||": 0.5, "ofc_liquid||": 0.5}),
+        ("later", "iotsekf", "hydraulic.ofc_liquid", {"ofc_liquid||": 1.0}),
+        ("young", "rfafe", "hydraulic.ofc_liquid", {}),  # not valid
+        ("later", "rfafe", "hydraulic.ofc_liquid", {"ofc_liquid|elevator_left|": 1.0}),  # as on the left
     ]
     counted = train_joint.counted([found, found])
-    assert counted["rfafe"] == {"hydraulic.ofc_liquid": {"ofc_liquid|elevator_left|": 2.0}}
+    assert counted["later"]["rfafe"] == {"hydraulic.ofc_liquid": {"ofc_liquid|elevator_left|": 2.0}}
     quiet = {f: np.zeros_like(v) for f, v in flown.items()}
     assert train_joint.said(scenario, quiet, dt) == []
