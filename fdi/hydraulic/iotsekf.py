@@ -299,6 +299,8 @@ def conclude(x, dt):
 @kernel
 def step(x, u, p, dt):
     """Estimate state and input fault, test, ask the evidence, name what stands."""
+    two_stage.remember(x, u)
+    likelihood.listen(x, u, p, x.r > SUSPICIOUS, dt)
     two_stage.estimate(x, u, p, dt)
     if x.started < 0.5:
         x.valid = 0.0
@@ -306,7 +308,6 @@ def step(x, u, p, dt):
     x.valid = 1.0 if x.age <= p.t_invalid else 0.0
     plain_tests.update(x, u, p, dt)
     x.r = max(math.fabs(x.pair_d) / x.pair_limit, max(x.r_run, x.r_jam))
-    likelihood.listen(x, u, p, x.r > SUSPICIOUS, dt)
     multiple_models.update(x, u, p, dt)
     travel(x, u, dt)
     conclude(x, dt)

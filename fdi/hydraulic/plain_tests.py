@@ -32,7 +32,7 @@ LEFT = 0.45  # share of its opening below which it stands open no more
 FIRST = 0.2  # share of its opening by which it may have changed since it began: a slow sine turns
 FIRST_S = 0.1  # after the onset of the input fault that the opening has begun by: an oscillation comes to a crest later
 MISREAD_S = 0.1  # flow that an excess of pressure takes is missing for [s]
-UNLEARNED = 4.0  # standard deviations of the valve's gain as the flight has taught it, 0.2 before it has
+UNLEARNED = 4.0  # standard deviations of the valve's gain and of the positions' age as the flight has taught them
 # an input fault beyond its threshold counts in proportion up to this: against the servo a runaway comes and goes
 RUN_WEIGHT = 1.25
 SWINGS = 0.5 * (1.0 - 8.0 / (math.pi * math.pi))  # share of d^2 that two levels may leave: half of what a sine has left
@@ -100,8 +100,9 @@ def pair(x, u, rod, surface, p, dt):
     bulk = x.x_hat[2] / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
     known, slack = x.lever_P[2] > 0.0, 0.0  # by the filter without a fault state, where it runs
     if known:
-        q, step = x.h_hat[0], dt * x.h_hat[1]
-        x.rigging, slack = decision.lever_at(x, q, step), decision.lever_slack(x, q, step)
+        step = x.h_step + dt * (x.x_hat[1] - x.h_hat[1])
+        x.rigging = decision.lever_at(x, x.h_hat[0], step)
+        slack = decision.lever_slack(x, x.h_hat[0], step)
     v, x3 = x.u_old[int(p.delay)], x.x_hat[2]
     motion = (1.0 + x.fed[filter.GAIN]) * p.phi_n / p.A_p * opening(v, x3) * v - p.L * x3
     y_surface = p.arm * u.y_surface + bulk
@@ -131,16 +132,13 @@ def gap(x, dt):
 
 
 @kernel
-def by_model(x, bend, p, dt):
-    """Return what learned errors of gain, oil, supply and ages leave in the input fault of [Lu17] (4), behind its lag:
-    by an old position the valve is late. `bend` is the second derivative of the pressure [1/s^2]."""
+def by_model(x, p):
+    """Return what learned errors of gain, oil and supply leave in the input fault of [Lu17] (4), behind its lag."""
     root, k = max(opening(x.drive, x.load_lag), lu17.ROOT_FLOOR), stiffness(x.x_hat[0], p)
     stiff = x.fed[filter.SOFT] - p.prior_mean[filter.SOFT]
     soft = stiff / (1.0 + stiff) * x.load_d / k
-    late = dt * (x.fed[filter.OLDER] - x.fed[filter.YOUNGER]) * (bend / k + p.L * x.load_d)
     supply = 0.5 * x.fed[filter.SUPPLY] * x.drive / (root * root)
-    valve = x.fed[filter.GAIN] * x.drive - dt * x.fed[filter.AGE] * x.drive_d
-    return (soft - late) * p.A_p / (p.phi_n * root) - supply + valve
+    return soft * p.A_p / (p.phi_n * root) - supply + x.fed[filter.GAIN] * x.drive
 
 
 @kernel
@@ -148,14 +146,14 @@ def input_fault(x, noise, disturbed, p, dt):
     """Declare a lagged input fault beyond what noise, times `noise`, and the valve's gain leave."""
     x.drive_d += dt * p.lag_omega * (p.lag_omega * (x.u_old[int(p.lag_ticks)] - x.drive) - 2.0 * p.lag_zeta * x.drive_d)
     x.drive += dt * x.drive_d
-    bend = p.lag_omega * (p.lag_omega * (x.x_hat[2] - x.load_lag) - 2.0 * p.lag_zeta * x.load_d)
-    x.load_d += dt * bend
+    x.load_d += dt * p.lag_omega * (p.lag_omega * (x.x_hat[2] - x.load_lag) - 2.0 * p.lag_zeta * x.load_d)
     x.load_lag += dt * x.load_d
     a = 1.0 - math.exp(-dt / p.run_tau)
-    x.f_slow += a * (x.f_hat - by_model(x, bend, p, dt) - x.f_slow)
+    x.f_slow += a * (x.f_hat - by_model(x, p) - x.f_slow)
     x.u_slow += a * (x.drive - x.u_slow)
-    share = p.run_share + UNLEARNED * x.sd[filter.GAIN]
-    x.r_run = math.fabs(x.f_slow) / (noise * p.run_threshold + share * math.fabs(x.u_slow))
+    late = dt / p.run_tau * x.sd[filter.AGE] * math.fabs(x.drive - x.u_slow)  # by an old position the valve is late
+    unlearned = UNLEARNED * (x.sd[filter.GAIN] * math.fabs(x.u_slow) + late)
+    x.r_run = math.fabs(x.f_slow) / (noise * p.run_threshold + p.run_share * math.fabs(x.u_slow) + unlearned)
     beyond = x.r_run >= 1.0 and not disturbed
     weighed = dt * min(x.r_run, RUN_WEIGHT) if beyond else dt
     x.run_timer, x.run = confirm(x.run_timer, x.run, beyond, weighed, p.run_confirm, p.t_release)

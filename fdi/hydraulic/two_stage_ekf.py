@@ -257,6 +257,8 @@ def measurement_update(x, u, p, dt):
     x.age_rod = 0.0 if rod else x.age_rod + dt
     if rod or spare:
         y = u.y_rod if rod else p.arm * u.y_surface + x.rigging
+        step = x.h_step + dt * (x.x_hat[1] - x.h_hat[1])  # of the last tick, with the fault known
+        y += x.fed[0] * step  # AGE of `fdi.isolation.filter`
         gamma, s, used = measure(x, 0, y, p.r_rod if rod else p.r_spare, p.gate_rod, p)
         x.gamma_rod, x.nis_rod = gamma, gamma * gamma / s
         x.skip_rod = 0.0 if used > 0.5 else x.skip_rod + 1.0
@@ -266,7 +268,7 @@ def measurement_update(x, u, p, dt):
     if p.load == 2.0:
         x.age_dp += dt
         if usable(u.y_dp, u.y_dp_valid) > 0.5 and x.dp_out < 0.5:
-            gamma, s, used = measure(x, 2, u.y_dp, p.r_dp, p.gate_rod, p)
+            gamma, s, used = measure(x, 2, u.y_dp - x.h_aged[2], p.r_dp, p.gate_rod, p)
             x.gamma_dp, x.nis_dp = gamma, gamma * gamma / s
             x.age_dp *= 1.0 - used
             x.skip_dp = 0.0 if used > 0.5 else x.skip_dp + 1.0
@@ -323,8 +325,8 @@ def predict_now(x, f, F, p, dt):
 
 @kernel
 def estimate(x, u, p, dt):
-    """Run the filter for one tick: [Lu17] (14)-(36) on measurements that are `delay` ticks old."""
-    remember(x, u)
+    """Run the filter for one tick, after `remember`: [Lu17] (14)-(36) on measurements that are `delay` ticks old, less
+    what learned ages (`fdi.isolation`) make of them."""
     if x.started < 0.5:
         if usable(u.y_rod, u.y_rod_valid) < 0.5:
             x.age += dt

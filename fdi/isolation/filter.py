@@ -23,6 +23,7 @@ equation. An error theta of the model enters the innovations as e = S theta; its
 | FAST | flow root u, of u above CORNER | share of the fast part, noise of the servo's sensors, that passes more [1] |
 | GAIN | flow root u, of u below CORNER | share by which the valve passes more [1] |
 | APART | surface sensor, by 1 | what the lever as learned does not put rod and surface apart by [m] |
+| HINGE | load, by the change of the model's | share by which the hinge moment is larger than its model [1] |
 
 The pressure follows the noise in the valve command from tick to tick: its samples of other ticks are columns of their
 own. By how much the surface's samples are older than the rod's is learned with the lever (`fdi.common.decision`).
@@ -39,8 +40,8 @@ from fdi.hydraulic.two_stage_ekf import STEP_MOST, transition
 
 ROD, SURFACE, PRESSURE = range(3)
 SENSORS = 3
-AGE, OLDER, YOUNGER, MASS, OFFSET, SCALE, SOFT, SUPPLY, FRICTION, LEAK, FLOW, FAST, GAIN, APART = range(14)
-N = 14  # columns
+AGE, OLDER, YOUNGER, MASS, OFFSET, SCALE, SOFT, SUPPLY, FRICTION, LEAK, FLOW, FAST, GAIN, APART, HINGE = range(15)
+N = 15  # columns
 TIMING = 3  # of them
 ROWS = (0, 0, 2)  # state that each sensor reads
 CORNER_HZ, CORNER_MOST = 25.0, 0.3  # an oscillation of up to 10 Hz stays below; share of the rate
@@ -51,6 +52,7 @@ SETTLES_S = 1.0  # the filter settles [s]
 FEED_TAU = 2.0  # slower than the filter forgets, so that a signature holds for the errors of some while ago, too [s]
 MODEL_TAU = 0.2  # within which friction and inertia of the model's pressure are forgotten [s]
 RATE_TAU = 0.1  # for so long a fast load or flow leaves the model in doubt [s]
+LEANS = 0.3  # random walk of the load while a stop takes part of it [1/s]
 ROOT_LEAST = 0.3  # of the valve's opening where it divides: the supply's column is linear there no more
 GATE = 25.0  # of an innovation: beyond so many sigma of a healthy one a sample counts for no more
 # Beyond WILD sigma the first `spikes` samples within a second are not taken: one would do for a noisy sensor. A sample
@@ -86,7 +88,9 @@ STATE = [
     ("h_S", "f8", (SENSORS, N)),  # signatures of this tick
     ("h_turn", "f8", (TIMING,), "m, -, -"),  # what a tick more or less of age makes of a reading
     ("h_aged", "f8", (SENSORS,)),  # what the learned ages make of it
-    ("h_rise", "f8", "-"),  # change of the pressure over the last tick
+    ("h_past", "f8", (3, N)),  # response of rod and pressure a tick ago
+    ("h_step", "f8", "m"),  # change of the rod over the last tick
+    ("h_rise", "f8", "-"),  # of the pressure
     ("h_push", "f8", "s/m"),  # change of the pressure per flow
     *LEVER_STATE,
     ("h_z", "f8", "-"),  # pressure by the model alone: what flow and force make of it, slowly drawn to the load's
@@ -106,9 +110,9 @@ NOISE = {
     "flow_share": 0.006,
     "share": 0.03,
     # tolerances of 5 % of every parameter (uniform, some of them in one column); friction of 1 % of the stall force
-    "prior_mean": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.05, 0.0, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0),
+    "prior_mean": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.05, 0.0, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     # a tick of age; mass: and friction at rest, which holds as one of 10 to 20 % would while the rod hardly moves
-    "prior_sd": (1.0, 1.0, 1.0, 0.1, 0.012, 0.002, 0.06, 0.035, 0.006, 0.002, 0.0003, 0.05, 0.05, 1e-6),
+    "prior_sd": (1.0, 1.0, 1.0, 0.1, 0.012, 0.002, 0.06, 0.035, 0.006, 0.002, 0.0003, 0.05, 0.05, 1e-6, 0.12),
 }
 
 
@@ -134,7 +138,7 @@ def start(x, q, dp, u, p):
     x.h_V[:] = 0.0
     x.load_last = load_model(x, u, p)
     x.h_z = -x.load_last
-    x.load_rate2 = x.flow2 = x.h_rise = x.h_push = 0.0
+    x.load_rate2 = x.flow2 = x.h_step = x.h_rise = x.h_push = 0.0
     x.h_lost[:] = x.h_before[:] = x.h_wild[:] = 0.0
     if x.lever_P[2] <= 0.0:
         forget_lever(x)
@@ -150,10 +154,11 @@ def measure(x, j, y, mu, p):
     limit = GATE * math.sqrt(s)
     e = min(max(y - x.h_aged[j] - x.h_hat[row], -limit), limit)
     x.h_lost[j] = 0.0
+    older = x.fed[OLDER if j == PRESSURE else AGE]
     for c in range(N):
-        S[c] = V[row, c]
+        S[c] = V[row, c] + older * (x.h_past[row, c] - V[row, c])
     if j == PRESSURE:
-        S[SCALE] += x.h_z  # the estimate of z has the noise of the innovations before this one
+        S[SCALE] += x.h_z + x.h_aged[j]  # the estimate of z has the noise of the innovations before this one
         S[OLDER] += x.h_turn[OLDER]
         S[YOUNGER] += x.h_turn[YOUNGER]
     else:
@@ -178,7 +183,7 @@ def measure(x, j, y, mu, p):
 def wild(x, j, y, p, dt):
     """Return whether the sample `y` of sensor `j` is so far from its prediction, so suddenly, that it is not taken."""
     row = 2 if j == PRESSURE else 0
-    e, before = (y - x.h_hat[row]) / math.sqrt(x.h_P[row, row] + p.h_r[j]), x.h_before[j]
+    e, before = (y - x.h_aged[j] - x.h_hat[row]) / math.sqrt(x.h_P[row, row] + p.h_r[j]), x.h_before[j]
     x.h_before[j] = e
     if math.fabs(e) <= WILD:
         x.h_wild[j] = max(x.h_wild[j] - p.spikes * dt, 0.0)  # a second without: a large oscillation has no such
@@ -195,7 +200,7 @@ def turn(x, v, p, dt):
     """Write what a tick more or less of age makes of the readings, with valve command `v` over the next one."""
     w, z, F = x.h_hat[1], x.h_hat[2], x.h_hat[3]
     net = p.phi_n / p.A_p * opening(v, z) * v - p.L * z - w
-    x.h_turn[AGE], x.h_turn[OLDER] = -dt * w, -x.h_rise
+    x.h_turn[AGE], x.h_turn[OLDER] = -x.h_step, -x.h_rise
     if p.delay > 0.0:  # no sample is of the future
         x.h_turn[YOUNGER] = math.ceil(dt / STEP_MOST - 1e-6) * (x.h_Phi[2, 3] * (z + F) + x.h_push * net)
     x.h_aged[ROD] = x.h_aged[SURFACE] = x.fed[AGE] * x.h_turn[AGE]
@@ -209,19 +214,18 @@ def measurement_update(x, u, v, mu, p, dt):
     for j in range(SENSORS):
         x.h_s[j] = 0.0
         x.h_lost[j] += dt
-    step = dt * x.h_hat[1]
     rod = usable(u.y_rod, u.y_rod_valid) > 0.5 and not wild(x, ROD, u.y_rod, p, dt)
     if rod:
         measure(x, ROD, u.y_rod, mu, p)
     surface, y = usable(u.y_surface, u.y_surface_valid) > 0.5, p.arm * u.y_surface
     if surface and x.lever_P[0] < RIGGING_SD * RIGGING_SD:
-        surface = not wild(x, SURFACE, y + lever_at(x, x.h_hat[0], step), p, dt)
+        surface = not wild(x, SURFACE, y + lever_at(x, x.h_hat[0], x.h_step), p, dt)
     if surface:
         if rod and x.sensor < 0.5 and math.fabs(x.pair_d) < TEACHES * x.pair_limit:
-            moves = step if math.fabs(step) > MOVES * dt else 0.0
+            moves = x.h_step if math.fabs(x.h_step) > MOVES * dt else 0.0
             learn_lever(x, u.y_rod - y, x.h_hat[0], moves, p.h_r[ROD] + p.h_r[SURFACE], dt)
         if x.lever_P[0] < RIGGING_SD * RIGGING_SD:
-            measure(x, SURFACE, y + lever_at(x, x.h_hat[0], step), mu, p)
+            measure(x, SURFACE, y + lever_at(x, x.h_hat[0], x.h_step), mu, p)
     if usable(u.y_dp, u.y_dp_valid) > 0.5 and not wild(x, PRESSURE, u.y_dp, p, dt):
         measure(x, PRESSURE, u.y_dp, mu, p)
 
@@ -245,16 +249,20 @@ def predict(x, u, v, mu, p, dt):
     rate = (model - x.load_last) / dt
     x.load_rate2 += min(dt / RATE_TAU, 1.0) * (rate * rate - x.load_rate2)
     feed = min(dt / FEED_TAU, 1.0)
-    for c in (AGE, OLDER, YOUNGER, SOFT, SUPPLY, FAST, GAIN):
+    for c in (AGE, OLDER, YOUNGER, SOFT, SUPPLY, FAST, GAIN, HINGE):
         x.fed[c] += feed * (mu[c] - x.fed[c])
     n = max(math.ceil(dt / STEP_MOST - 1e-6), 1)
-    x.h_rise = -x.h_hat[2]
+    q, z = x.h_hat[0], x.h_hat[2]
+    for c in range(N):
+        x.h_past[0, c], x.h_past[2, c] = x.h_V[0, c], x.h_V[2, c]
     for _ in range(n):
         advance_state(x, v, fast, model, p, dt / n)
-    x.h_rise += x.h_hat[2]
+    x.h_step, x.h_rise = x.h_hat[0] - q, x.h_hat[2] - z
     x.h_clock += dt
     now = load_model(x, u, p)
-    x.h_hat[3] += now - x.load_last if math.fabs(now - x.load_last) < 1.0 else 0.0
+    change = now - x.load_last if math.fabs(now - x.load_last) < 1.0 else 0.0
+    x.h_hat[3] += (1.0 + x.fed[HINGE]) * change
+    x.h_V[3, HINGE] += change
     x.load_last = now
 
 
@@ -298,7 +306,8 @@ def advance_state(x, v, fast, model, p, dt):
     x.h_z += rise - min(dt / MODEL_TAU, 1.0) * (x.h_z + model)
     congruence(x.h_P, Phi, x.h_W)
     in_doubt = k * k * p.flow_share * p.flow_share * x.flow2
-    walk = (0.0, 0.0, in_doubt * RATE_TAU, p.load_share * p.load_share * x.load_rate2 * RATE_TAU)
+    load = p.load_share * p.load_share * x.load_rate2 * RATE_TAU + LEANS * x.at_stop
+    walk = (0.0, 0.0, in_doubt * RATE_TAU, load)
     for i in range(4):
         x.h_P[i, i] += (p.h_q[i] + walk[i]) * dt
 
@@ -311,11 +320,6 @@ def advance(x, u, mu, p, dt):
         if usable(u.y_rod, u.y_rod_valid) < 0.5:
             return False
         start(x, u.y_rod, u.y_dp if usable(u.y_dp, u.y_dp_valid) > 0.5 else 0.0, u, p)
-    d = int(p.delay)
-    v = x.u_old[max(d - 1, 0)]
-    if d == 0:
-        predict(x, u, v, mu, p, dt)
-    measurement_update(x, u, v, mu, p, dt)
-    if d > 0:
-        predict(x, u, v, mu, p, dt)
+    predict(x, u, x.u_old[int(p.delay)], mu, p, dt)
+    measurement_update(x, u, x.u_old[max(int(p.delay) - 1, 0)], mu, p, dt)
     return True

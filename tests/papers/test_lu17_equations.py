@@ -149,8 +149,7 @@ def _known(q: float) -> float:
 def _run(which: str, own: dict, ticks: int) -> tuple[np.ndarray, Any, tuple]:
     """Return (HELD of a filter at every tick that it has a sample, its parameters, the samples)."""
     module, dt, late = (iotsekf if which == "iotsekf" else rtsekf), own.get("dt", bench.DT), int(own.get("delay", 0))
-    values = {k: v for k, v in own.items() if k not in ("load", "dt")}
-    p = module.params(load=own["load"], dt=dt, delay_s=0.0, **values)
+    p = module.params(delay_s=0.0, **{"dt": dt, **own})
     u, y, dp = _samples(ticks, dt, own["load"] > 0)
     inputs, x, found = np.zeros(1, module.INPUTS), module.init(p), []
     for name in ("y_rod_valid", *(("y_dp_valid",) if which == "iotsekf" else ())):
@@ -162,6 +161,7 @@ def _run(which: str, own: dict, ticks: int) -> tuple[np.ndarray, Any, tuple]:
         inputs["u"], inputs["y_rod"] = u[k], y[k - late] if k >= late else np.nan
         if which == "iotsekf":
             inputs["y_dp"] = dp[k - late]
+            iotsekf.two_stage.remember(x[0], inputs[0])
         run(x[0], inputs[0], p[0], dt)
         found.append(np.concatenate([np.ravel(x[name][0]) for name in HELD]))
     return np.array(found[late:]), p[0], (u, y, dp)

@@ -128,6 +128,7 @@ def _seed(tick, noise, s, c, pi, pr, x, i, r, us, ui, ur, dt, out):
         y = surface + t.bias + ROD * noise[k, 0]
         if s.watch < 0.5:
             ui.u, ui.y_rod = u, y
+            two_stage.remember(i, ui)
             two_stage.estimate(i, ui, pi, dt)
             q_hat, qd_hat, x3_hat, f_hat = i.q_now, i.v_now, i.x3_now, i.f_hat
         else:
