@@ -127,14 +127,14 @@ def best_sine(F, first, n, hz):
     """
     least, best, step = 1e300, 0.0, RATIO
     while hz <= HIGH_HZ:
-        e = beside(F, F, first, n, 6.283185307179586 * hz * EVEN_S)[0]
+        e = beside(F, F, first, n, 6.283185307179586 * hz * EVEN_S, 0.0)[0]
         if e < least:
             least, best = e, hz
         hz *= RATIO
     for _ in range(7):  # halve the step about the best
         step = math.sqrt(step)
         for hz in (best * step, best / step):
-            e = beside(F, F, first, n, 6.283185307179586 * hz * EVEN_S)[0]
+            e = beside(F, F, first, n, 6.283185307179586 * hz * EVEN_S, 0.0)[0]
             if e < least:
                 least, best = e, hz
     return best

@@ -11,7 +11,7 @@ fault state (`fdi.isolation`) raise the alarm; `name` says which of them names i
 | rod against surface; a pressure whose flow is missing | SENSOR |
 | load beyond the hinge-moment model at rest, for a second or where no pressure sensor explains it | JAM_SOLID |
 | nonlinear models of soft oil and joined chambers | EFFECTIVENESS |
-| hypothesis that leads in the longest window | SENSOR, OFC_LIQUID, OFC_SOLID, EFFECTIVENESS |
+| hypothesis that leads in the longest window; does the command pass? | SENSOR, OFC_LIQUID, OFC_SOLID, EFFECTIVENESS |
 
 Load forms: 0 ignored, as published; 1 a hinge-moment model; 2 the pressure is measured and the load is a random walk
 (default). While its pressure sensor is left out, form 2 runs on the hinge-moment model, `valid` speaks for the rod
@@ -138,6 +138,7 @@ NOISE = {
 SUSPICIOUS = 0.7  # of a threshold, from which on all evidence is asked for
 HOLD_S = 0.3  # for which a name has stood before it is given [s]
 HOLD_SLOW_S = 0.7  # of a loss, whose command may be gone
+PASSES = 0.2  # so far from half of the fast command it is known to pass or not; a quiet one tells nothing
 STILL = 0.5e-3  # rod travel of a jam: noise of its sensor [m]
 RUBS_MOST, HOLDS_S = 0.6, 2.0  # friction holds no more of the stall force, seldom a rod for longer [s]
 LASTS_S = 1.0  # a jam that has lasted outranks the pressure sensor [s]
@@ -253,8 +254,10 @@ def name(x):
         return SENSOR, likely - by_evidence.OF_ROD + 1.0
     if likely == by_evidence.WEAK or likely == by_evidence.OF_LOAD:
         return EFFECTIVENESS, 0.0
-    if likely == by_evidence.LIQUID or likely == by_evidence.SOLID:
-        return (OFC_LIQUID if likely == by_evidence.LIQUID else OFC_SOLID), 0.0
+    if likely == by_evidence.OF_VALVE:
+        doubt = PASSES + by_evidence.SURE * x.lost_sd * x.lost_sd
+        added = 0.5 - x.lost if math.fabs(x.lost - 0.5) > doubt else (x.likely_added if doubt > 0.5 else 0.0)
+        return (OFC_LIQUID if added > 0.0 else (OFC_SOLID if added < 0.0 else AMBIGUOUS)), 0.0
     return AMBIGUOUS, 0.0
 
 
@@ -278,7 +281,7 @@ def conclude(x, dt):
     alarmed(x)
     if x.alarm < 0.5:
         x.verdict, x.isolated_part, x.kind, x.next_s, x.dp_out = NONE, 0.0, 0.0, 0.0, 0.0
-        x.alarm_s = x.likely = x.named = x.likely_hz = x.emptied = 0.0
+        x.alarm_s = x.likely = x.named = x.likely_hz = x.named_hz = x.emptied = x.likely_added = 0.0
         return
     x.alarm_s += dt
     verdict, isolated_part = name(x)
@@ -288,6 +291,7 @@ def conclude(x, dt):
     slow = x.likely == by_evidence.WEAK or (x.likely == by_evidence.OF_PRESSURE and x.likely_hz == 0.0)
     if sure or x.next_s >= (HOLD_SLOW_S if slow else HOLD_S):
         x.verdict, x.isolated_part, x.named = verdict, isolated_part, x.likely
+        x.named_fault, x.named_hz = x.likely_fault, x.likely_hz
     elif x.verdict == NONE:
         x.verdict = AMBIGUOUS
     x.dp_out = 1.0 if x.verdict == SENSOR and x.isolated_part == 3.0 else 0.0

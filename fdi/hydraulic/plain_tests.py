@@ -184,7 +184,7 @@ def jammed(x, u, disturbed, p, dt):
     filter invents it, f = L e + e' / k, and there is no jam. While the sensor is left out the load is that of its
     reading. [Lu17] (4)
     """
-    model, a, out = two_stage.load_model(x, u, p), 1.0 - math.exp(-dt / p.run_tau), x.dp_out > 0.5
+    model, a, out = two_stage.load_model(x.x_hat[0], u, p), 1.0 - math.exp(-dt / p.run_tau), x.dp_out > 0.5
     x.excess += a * ((-u.y_dp if out and usable(u.y_dp, u.y_dp_valid) > 0.5 else x.x_hat[3]) - model - x.excess)
     x.r_jam = math.fabs(x.excess) / (p.jam_threshold + p.jam_share * math.fabs(model))
     tau = 5.0 * p.run_tau

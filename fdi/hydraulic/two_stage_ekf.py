@@ -96,9 +96,9 @@ STATE = [
 
 
 @kernel
-def load_model(x, u, p):
-    """Return the load that the hinge-moment model foresees at the estimated position, over the stall force [1]."""
-    return (u.hm0_model + u.hmd_model * x.x_hat[0] / p.arm) / (p.arm * p.A_p * p.P_s)
+def load_model(q, u, p):
+    """Return the load that the hinge-moment model foresees at position `q` [m], over the stall force [1]."""
+    return (u.hm0_model + u.hmd_model * q / p.arm) / (p.arm * p.A_p * p.P_s)
 
 
 @kernel
@@ -276,7 +276,7 @@ def measurement_update(x, u, p, dt):
                 x.P_bar[2, 2] += min(gamma * gamma, P_MOST_DP)
                 x.skip_dp = 0.0
         if x.age_dp > p.t_invalid:
-            measure(x, 3, load_model(x, u, p), R_MODEL, GATE_NONE, p)
+            measure(x, 3, load_model(x.x_hat[0], u, p), R_MODEL, GATE_NONE, p)
     combine(x)
 
 

@@ -1,10 +1,13 @@
 """The decision: alarm where the evidence of a fault passes its threshold, name what leads in the longest window.
 
     threshold   evidence beyond its limit in any window is an alarm, which stands down to CALM of it and RELEASE_S more
-    longest     of the windows that show a fault the longest has the most degrees of freedom: only its best hypothesis
-                may have a name, as in a short window much explains everything
+    longest     of the windows that show a fault and have a hypothesis that fits the longest has the most degrees of
+                freedom: only its best one may have a name, as in a short window much explains everything
     lead        there, or in a shorter window of the same class and frequency, it leads every other class by SURE, and
-                leaves what noise does or a small share of what health leaves
+                leaves what noise does or a small share of what health leaves; an oscillation of the valve, beside which
+                health is open to much, of all there is
+    passes      of an oscillation of the valve: it is added where the fast part of the command goes on passing, in place
+                of the command where none does (`sums`)
     hold        a lead that the longest window does not bear out before a name is given counts for nothing
     end         a window that showed the fault is silent: all begin anew, and the alarm runs out
 """
@@ -17,16 +20,17 @@ from fdi.isolation import sums
 from fdi.isolation.filter import N
 from fdi.isolation.sums import OCTAVES
 
-LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, GAP, FREE_FLOAT, DRIVEN = range(1, 12)
+# from OPENED on they have no name here
+OF_VALVE, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, FREE_FLOAT, OPENED, GAP, DRIVEN = range(1, 11)
 CLASS_OF = (  # of the hypotheses of `evidence`, in their order
-    LIQUID, SOLID, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, WEAK, WEAK, WEAK, WEAK, OF_LOAD, OPENED, FREE_FLOAT, GAP,
-    OF_PRESSURE, OF_PRESSURE, DRIVEN, OF_ROD, OF_SURFACE, OF_PRESSURE,
+    OF_VALVE, OF_VALVE, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, WEAK, WEAK, WEAK, WEAK, OF_LOAD, OPENED, FREE_FLOAT,
+    GAP, OF_PRESSURE, OF_PRESSURE, DRIVEN, OF_ROD, OF_SURFACE, OF_PRESSURE,
 )  # fmt: skip
 CALM = 0.35  # of a threshold: down to it an alarm stands
 CLEAR = 40.0  # evidence of a plain onset, at which all windows begin anew
 RELEASE_S = 1.0  # an alarm outlives its evidence by this [s]
 SURE, LEAD = 5.0, 0.05  # odds e^5, and this share of its own evidence: no model is better than that
-LEAD_SINE = 0.02  # of an oscillation of the valve: what its model errs by, added and in place have in common
+LEAD_SINE = 0.02  # of added over in place, or the other way round: what their model errs by they have in common
 FAIR, PLAIN = 1.1, 0.08  # a hypothesis fits that leaves so many times the noise, or this share of what health leaves
 PART = 0.75  # of its period that an oscillation has lasted: before, it is a step
 SILENT_PART, SILENT_S = 0.4, 0.4  # of an oscillation's period; of any other fault [s]
@@ -41,6 +45,7 @@ STATE = [
     ("own_fault", "f8", (OCTAVES,)),  # its hypothesis
     ("own_lead", "f8", (OCTAVES,)),
     ("own_fits", "f8", (OCTAVES,)),
+    ("own_added", "f8", (OCTAVES,)),  # lead of an oscillation that is added over one in place, below 0: the other way
     ("own_hz", "f8", (OCTAVES,), "Hz"),  # of an oscillation, else 0
     ("loud", "f8", (OCTAVES,)),  # largest ratio that it had
     ("evidence", "f8", "-"),  # largest evidence over its threshold
@@ -51,6 +56,9 @@ STATE = [
     ("named", "f8", "-"),  # class of the verdict that stands
     ("likely_fault", "f8"),  # hypothesis
     ("likely_hz", "f8", "Hz"),
+    ("likely_added", "f8"),  # the same of the longest window that knew at last
+    ("named_fault", "f8"),
+    ("named_hz", "f8", "Hz"),
 ]
 
 
@@ -66,40 +74,16 @@ def compare(x, p, o):
         other = max(other, x.ev[h] if CLASS_OF[h] != CLASS_OF[best] else 0.0)
     x.own[o], x.own_ratio[o], x.own_class[o], x.own_fault[o] = x.ev[best], ratio, CLASS_OF[best], best
     x.own_lead[o], x.own_hz[o] = x.ev[best] - other, x.ev_hz[best] if best < ev.SWINGS else 0.0
-    n, Q, Q0 = x.ev_n, x.ev_Q[best], x.ev_Q[ev.HYPOTHESES]
-    fits = Q < FAIR * n + ev.BELOW * math.sqrt(2.0 * n) or Q - n < PLAIN * (Q0 - n)
-    x.own_fits[o] = 1.0 if fits else 0.0
+    added = x.ev[ev.ADDED] - x.ev[ev.IN_PLACE]
+    x.own_added[o] = added if best <= ev.IN_PLACE and math.fabs(added) > max(SURE, LEAD_SINE * x.own[o]) else 0.0
+    n, Q, Q0 = x.ev_n, x.ev_Q[best], x.ev_E if best <= ev.IN_PLACE else x.ev_Q[ev.HYPOTHESES]
+    x.own_fits[o] = 1.0 if Q < FAIR * n + ev.BELOW * math.sqrt(2.0 * n) or Q - n < PLAIN * (Q0 - n) else 0.0
 
 
 @kernel
 def forget(x):
     """Forget what windows showed: they begin anew."""
-    x.own[:] = x.own_ratio[:] = x.own_class[:] = x.own_fits[:] = x.loud[:] = 0.0
-
-
-@kernel
-def longest(x):
-    """Return the octave of the longest window that shows a fault, -1 where none does."""
-    for o in range(OCTAVES - 1, -1, -1):
-        if x.own_ratio[o] >= 1.0:
-            return o
-    return -1
-
-
-@kernel
-def leader(x):
-    """Return the octave of the longest window in which one class has the lead, -1 where none has, or where a longer one
-    that shows a fault has another class or an oscillation of another octave."""
-    top = longest(x)
-    for o in range(top, -1, -1):
-        if x.own_ratio[o] < 1.0:
-            continue
-        if x.own_class[o] != x.own_class[top] or x.own_hz[o] > 2.0 * x.own_hz[top] > 0.0:
-            return -1
-        share = LEAD_SINE if x.own_class[o] <= SOLID else (LEAD if x.own_class[o] != OF_LOAD else 0.0)
-        if x.own_fits[o] > 0.5 and x.own_lead[o] > max(SURE, share * x.own[o]):
-            return o
-    return -1
+    x.own[:] = x.own_ratio[:] = x.own_class[:] = x.own_fits[:] = x.own_added[:] = x.loud[:] = 0.0
 
 
 @kernel
@@ -118,25 +102,31 @@ def healed(x, p, o, dt):
     loss = x.likely == WEAK or x.likely == FREE_FLOAT  # shows only while the valve has a command
     if x.own_ratio[o] >= CALM or x.loud[o] < 1.0 or (loss and x.ev[int(x.likely_fault)] > AGAINST):
         return False
-    least = SILENT_PART / x.likely_hz if x.likely_hz > 0.0 else SILENT_S
-    return x.window_age[o] * p.block * dt > least
+    return x.window_age[o] * p.block * dt > (SILENT_PART / x.likely_hz if x.likely_hz > 0.0 else SILENT_S)
 
 
 @kernel
 def nominate(x):
-    """Keep the class that leads, where one does that has a name, until the longest window shows another; its frequency
-    is that of the longest window."""
-    c, top = leader(x), longest(x)
+    """Keep the class that leads in the longest window, or in a shorter one where no longer one has another class or an
+    oscillation of a lower octave, until the longest shows another; its frequency is that of the longest window."""
+    top = -1
+    for o in range(OCTAVES):
+        top = o if x.own_ratio[o] >= 1.0 and x.own_fits[o] > 0.5 else top
     if top >= 0 and x.own_class[top] != x.likely:
-        x.likely = x.named
+        x.likely, x.likely_fault, x.likely_hz = x.named, x.named_fault, x.named_hz
     elif top >= 0:
         x.likely_hz = x.own_hz[top]
-    if c < 0:
-        return
-    found, hz = x.own_class[c], x.own_hz[c]
-    begins = hz > 0.0 and found != OF_LOAD and x.alarm_s < PART / hz
-    if not (begins or found == OPENED or found == GAP or found == DRIVEN):
-        x.likely, x.likely_fault, x.likely_hz = found, x.own_fault[c], hz
+    for o in range(top, -1, -1):
+        found, hz, lead = x.own_class[o], x.own_hz[o], 0.0 if x.own_class[o] == OF_LOAD else LEAD * x.own[o]
+        shows = x.own_ratio[o] >= 1.0
+        if shows and (found != x.own_class[top] or hz > 2.0 * x.own_hz[top] > 0.0):
+            return
+        if shows and x.own_fits[o] > 0.5 and x.own_lead[o] > max(SURE, lead):
+            for shorter in range(o + 1):  # the last that knew is believed
+                x.likely_added = x.own_added[shorter] if x.own_added[shorter] != 0.0 else x.likely_added
+            if found < OPENED and (found == OF_LOAD or hz == 0.0 or x.alarm_s * hz >= PART):
+                x.likely, x.likely_fault, x.likely_hz = found, x.own_fault[o], hz
+            return
 
 
 @kernel

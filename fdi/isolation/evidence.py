@@ -31,6 +31,7 @@ from fdi.isolation.filter import (
     TIMING,
     N,
 )  # fmt: skip
+from fdi.isolation.response import FLOWS2
 from fdi.isolation.sums import BESIDE, ENERGY, LINES, NEXT, NUMBER, OCTAVES, PAIRS, WAVES, B, gather
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
@@ -49,6 +50,7 @@ OF_FAST, OF_GAIN = FIRST_WAVE - 1, M - 1  # and the gain's
 # (mean, deviation) of the columns that a fault has others of than health
 BYPASS = 1.0  # leakage of an actuator that lets go, as in actuators/hydraulic [m/s]
 GONE = (-1.0, 0.03)  # of the valve's gain, where nothing comes through
+SLOW_SD = (0.3, 0.7)  # of the gain beside an oscillation that is added, whose size changes it, and in its place
 FAULTS = {
     LOSS: {FAST: (-0.45, 0.18), GAIN: (-0.45, 0.18)},  # 10 to 80 % within two sigma: beyond, it is as good as gone
     LEAKAGE: {LEAK: (0.3, 0.3)},
@@ -67,8 +69,6 @@ PARAMS = [
     ("fault_mean", "f8", (ERRORS, N)),
     ("fault_sd", "f8", (ERRORS, N)),  # 0: as in health
     ("sine_sd", "f8", (SWINGS,)),  # amplitudes expected: rod of a valve's, rod, surface [m], pressure, load [1]
-    # of the slow part's gain beside an oscillation that is added, whose size changes it, and in its place
-    ("slow_sd", "f8", (2,), "-"),
     ("occam", "f8", "-"),  # what a hypothesis of noise costs
     ("memory", "f8", "s"),  # of what the flight teaches
     ("floor", "f8", (N,), "-"),  # of a learned error's standard deviation, over the tolerance's
@@ -82,6 +82,7 @@ STATE = [
     ("wave_b", "f8", (M,)),  # with the innovations
     ("ev_octave", "f8"),  # last evaluated octave, -1 for none at this tick
     ("ev_n", "f8"),
+    ("ev_E", "f8"),  # squared innovations
     ("ev_Q", "f8", (HYPOTHESES + 1,)),  # what each leaves; the last: health
     ("ev", "f8", (HYPOTHESES,)),  # evidence against health
     ("ev_base", "f8"),  # logarithm of the likelihood of health
@@ -98,8 +99,8 @@ def design() -> dict:
     for h, columns in FAULTS.items():
         for i, own in columns.items():
             prior[:, h - SWINGS, i] = own
-    return {"fault_mean": prior[0], "fault_sd": prior[1], "sine_sd": (4e-4, 4e-4, 1e-3, 1e-3, 0.08, 0.05),
-            "slow_sd": (0.3, 0.7), "occam": 6.0, "memory": 30.0,
+    return {"fault_mean": prior[0], "fault_sd": prior[1], "sine_sd": (4e-4, 4e-4, 1e-3, 1e-3, 0.08, 0.05), "occam": 6.0,
+            "memory": 30.0,
             # an age does not change with the manoeuvre
             "floor": (0.03,) * TIMING + (0.3,) * (N - TIMING)}  # fmt: skip
 
@@ -215,7 +216,8 @@ def of_noise(x, p, Q0, logdet0):
 @kernel
 def columns(x, p, o, place):
     """Write the sums of an oscillation's columns at `place`, and of those beside it."""
-    J, b = x.wave_J, x.wave_b
+    J, b, level = x.wave_J, x.wave_b, math.log(max(x.flow2, FLOWS2[1] / 4.0) / FLOWS2[1]) / math.log(4.0) + 1.5
+    table = p.response[int(x.heard), int(min(level, len(FLOWS2) - 1.0)), place, o]
     for k in range(len(BESIDE)):
         i, a = k if k < FIRST_WAVE else OF_GAIN, BESIDE[k]
         b[i] = x.total[B + a]
@@ -228,7 +230,7 @@ def columns(x, p, o, place):
     for j in range(SENSORS):
         unit = 1.0 / math.sqrt(x.noise[j])
         m = unit * unit * x.total[NUMBER + j] / x.window_age[o]  # ticks of a block, in units of the noise
-        D, G, response = x.window_D[o, :, j], x.window_G[o], p.response[int(x.heard), place, o, :, j]
+        D, G, response = x.window_D[o, :, j], x.window_G[o], table[:, j]
         for w in range(WAVES if m > 0.0 else 0):
             i, line = FIRST_WAVE + w, w // 2 * 2
             c, s = response[w, 0], response[w, 1]
@@ -249,7 +251,7 @@ def swing(x, o, h, Q, logdet, hz):
     give(x, h, Q, logdet)
     n, told, parts = x.ev_n, x.told[o, h], x.parts[o, h]
     told[0], told[1], told[2], told[3] = Q, logdet, n if x.ev[h] > 0.0 else REFUSED, hz
-    if o > 0 and (h == ADDED or h == IN_PLACE or h == SWING_PRESSURE):
+    if o > 0 and (h <= IN_PLACE or h == SWING_PRESSURE):
         part = x.told[o - 1, h]
         m = parts[2] + part[2]
         if m > ASKED * n and logarithm(n, (parts[0] + part[0]) * n / m, parts[1] + part[1]) - x.ev_base > x.ev[h]:
@@ -265,10 +267,10 @@ def of_oscillations(x, p, o, E):
     for h in range(SWINGS):
         if h != IN_PLACE:
             columns(x, p, o, PLACE[h])
-        per_rate = 6.2831853 * p.hz[o, LINES // 2] if PLACE[h] == 0 else 1.0  # of a flow
+        per_rate = 6.2831853 * p.hz[o, LINES // 2] if h <= IN_PLACE else 1.0  # of a flow
         for i in range(M):
             x.prior[0, i], x.prior[1, i] = 0.0, x.sd[BESIDE[i]] if i < FIRST_WAVE else p.sine_sd[h] * per_rate
-        x.prior[1, OF_GAIN] = p.slow_sd[h] if h <= IN_PLACE else x.sd[GAIN]
+        x.prior[1, OF_GAIN] = SLOW_SD[h] if h <= IN_PLACE else x.sd[GAIN]
         if h == IN_PLACE:
             x.prior[0, OF_FAST], x.prior[1, OF_FAST] = -1.0 - x.mu[FAST], GONE[1]
         logdet = factor(x.wave_J, x.L, x.prior[1], 0, OF_GAIN, 0.0)
@@ -287,17 +289,17 @@ def of_oscillations(x, p, o, E):
 def evaluate(x, p, o):
     """Write the evidence of every hypothesis over the window of octave `o`, and over its parts."""
     gather(x, o)
-    x.ev_octave, x.ev_n, E = o, 0.0, 0.0
+    x.ev_octave, x.ev_n, x.ev_E = o, 0.0, 0.0
     for j in range(SENSORS):
         x.ev_n += x.total[NUMBER + j]
-        E += x.total[ENERGY + j]
+        x.ev_E += x.total[ENERGY + j]
     x.sd[APART] = math.sqrt(lever_variance(x, x.h_hat[0], 0.0))
     for i in range(N):
         x.prior[0, i], x.prior[1, i] = 0.0, x.sd[i]
     J = x.total[:PAIRS]
     logdet0 = factor(J, x.L, x.prior[1], 0, N, 0.0)
-    Q0 = left(J, x.L, x.total[B:ENERGY], x.prior[0], x.y, E, N)
+    Q0 = left(J, x.L, x.total[B:ENERGY], x.prior[0], x.y, x.ev_E, N)
     x.ev_Q[HYPOTHESES], x.ev_base = Q0, logarithm(x.ev_n, Q0, logdet0)
-    of_errors(x, p, E, Q0, logdet0)
+    of_errors(x, p, x.ev_E, Q0, logdet0)
     of_noise(x, p, Q0, logdet0)
-    of_oscillations(x, p, o, E)
+    of_oscillations(x, p, o, x.ev_E)

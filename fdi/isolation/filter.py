@@ -36,7 +36,7 @@ from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import opening
 from fdi.common.decision import LEVER_STATE, RIGGING_SD, forget_lever, learn_lever, lever_at, usable
 from fdi.common.linalg import congruence, diagonal
-from fdi.hydraulic.two_stage_ekf import STEP_MOST, transition
+from fdi.hydraulic.two_stage_ekf import STEP_MOST, load_model, transition
 
 ROD, SURFACE, PRESSURE = range(3)
 SENSORS = 3
@@ -125,18 +125,12 @@ def high_pass(dt: float) -> dict:
 
 
 @kernel
-def load_model(x, u, p):
-    """Return the load that the hinge-moment model foresees at the estimated position, over the stall force [1]."""
-    return (u.hm0_model + u.hmd_model * x.h_hat[0] / p.arm) / (p.arm * p.A_p * p.P_s)
-
-
-@kernel
 def start(x, q, dp, u, p):
     """Begin at the measurement, at rest, in equilibrium with the load."""
     x.h_hat[0], x.h_hat[1], x.h_hat[2], x.h_hat[3] = q, 0.0, dp, -dp
     diagonal(x.h_P, p.h_P0)
     x.h_V[:] = 0.0
-    x.load_last = load_model(x, u, p)
+    x.load_last = load_model(x.h_hat[0], u, p)
     x.h_z = -x.load_last
     x.load_rate2 = x.flow2 = x.h_step = x.h_rise = x.h_push = 0.0
     x.h_lost[:] = x.h_before[:] = x.h_wild[:] = 0.0
@@ -245,7 +239,7 @@ def predict(x, u, v, mu, p, dt):
     x.high[0] = p.high_b[1] * v - p.high_a[0] * fast + x.high[1]
     x.high[1] = p.high_b[2] * v - p.high_a[1] * fast
     x.u_fast = fast
-    model = load_model(x, u, p)
+    model = load_model(x.h_hat[0], u, p)
     rate = (model - x.load_last) / dt
     x.load_rate2 += min(dt / RATE_TAU, 1.0) * (rate * rate - x.load_rate2)
     feed = min(dt / FEED_TAU, 1.0)
@@ -259,7 +253,7 @@ def predict(x, u, v, mu, p, dt):
         advance_state(x, v, fast, model, p, dt / n)
     x.h_step, x.h_rise = x.h_hat[0] - q, x.h_hat[2] - z
     x.h_clock += dt
-    now = load_model(x, u, p)
+    now = load_model(x.h_hat[0], u, p)
     change = now - x.load_last if math.fabs(now - x.load_last) < 1.0 else 0.0
     x.h_hat[3] += (1.0 + x.fed[HINGE]) * change
     x.h_V[3, HINGE] += change

@@ -20,7 +20,7 @@ from fdi.hydraulic.two_stage_ekf import STEP_MOST
 from fdi.isolation import decide, evidence, filter, sums
 from fdi.isolation.evidence import at, back, factor, inverse, left
 from fdi.isolation.filter import SENSORS, N
-from fdi.isolation.response import HEARD, PLACES, responses
+from fdi.isolation.response import FLOWS2, HEARD, PLACES, responses
 from fdi.isolation.sums import ENERGY, NUMBER, PAIRS, B
 
 PERIOD = 0.005  # of the samples whose variance stands in `filter.NOISE` [s]
@@ -40,8 +40,8 @@ SLOW = 2.2  # at 50 and 60 Hz 24 fault-free flights reach 2.0 thresholds: over s
 PARAMS = [
     *filter.PARAMS,
     *sums.PARAMS,
-    # of two waves per line to cos and sin, by the position sensors that are heard
-    ("response", "f8", (len(HEARD), len(PLACES), sums.OCTAVES, sums.WAVES, SENSORS, 2)),
+    # of two waves per line to cos and sin, by the position sensors that are heard and by the flow
+    ("response", "f8", (len(HEARD), len(FLOWS2), len(PLACES), sums.OCTAVES, sums.WAVES, SENSORS, 2)),
     *evidence.PARAMS,
     ("limit", "f8", (evidence.HYPOTHESES,), "-"),  # evidence that is an alarm
     ("asks", "f8"),  # 1 where the pressure is measured, ALL: every block is asked
@@ -74,7 +74,7 @@ def respond(p: np.ndarray, dt: float) -> None:
     if p["asks"][0] < 0.5:
         return
     hz = p["hz"][0].ravel()
-    H = np.stack([responses(p[0], dt, hz, heard) for heard in HEARD])
+    H = np.stack([responses(p[0], dt, hz, heard, flow2) for heard in HEARD for flow2 in FLOWS2])
     H *= np.sinc(hz * p["block"] * dt)[:, None]  # of the sum over a block
     waves = np.stack([np.stack([H.real, -H.imag], -1), np.stack([H.imag, H.real], -1)], 3)  # ..., line, wave, sensor, 2
     p["response"][0] = waves.reshape(p["response"].shape[1:])
@@ -161,8 +161,7 @@ def listen(x, u, p, suspicious, dt):
     heard = 0.0 if rod and surface else (1.0 if rod else 2.0)
     lost = x.h_lost[filter.PRESSURE] > LOST_S or not (rod or surface)
     if stop or x.at_stop > 0.5 or lost or heard != x.heard:  # the model ends there, or is another
-        x.heard = heard
-        x.at_stop = 1.0 if stop else 0.0
+        x.heard, x.at_stop = heard, 1.0 if stop else 0.0
         restart(x)
     else:
         sums.add_tick(x)

@@ -8,7 +8,7 @@ middle, and is asked from a third of its length on. It holds
 for LINES frequencies of its octave: two periods tell no more of an octave apart. J, b and E are nested: every window
 is twice as long as that of the octave above and takes its sums when that is full, so that the sums of a window are
 those of all above it together (`gather`); the shortest one is the lesson of the flight. D turns with its own lines.
-Nothing is accumulated for longer than a window.
+Nothing is accumulated for longer than a window, but for what `passes` has of an alarm: that is forgotten in LATELY.
 """
 
 import math
@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from actuators.block import kernel
-from fdi.isolation.filter import FAST, GAIN, SENSORS, TIMING, N
+from fdi.isolation.filter import FAST, GAIN, GATE, PRESSURE, SENSORS, TIMING, N
 
 BLOCK_S = 0.02  # [s]
 OCTAVES, LINES = 5, 2
@@ -30,6 +30,8 @@ PAIRS = N * (N + 1) // 2
 # Places in the vector of sums: of S'S, packed, of S'e; by sensor of e^2, 1, and of e with that of the tick before
 B, ENERGY = PAIRS, PAIRS + N
 NUMBER, NEXT, SUMS = (ENERGY + i * SENSORS for i in range(1, 4))
+LATELY, LEFT = 400.0, 100.0  # samples of the pressure in which it is forgotten; squares of noise that it has at least
+STEP = 8.0  # of the command, in the signature: three deviations of its noise; what is more the model errs by
 SOLVE_BLOCKS = 50  # so often the lesson is solved for
 FIRST = 3 * SOLVE_BLOCKS  # until then little is known of the actuator [blocks]
 
@@ -53,6 +55,12 @@ STATE = [
     ("window_D", "f8", (OCTAVES, SIGNALS, SENSORS, WAVES)),
     ("window_G", "f8", (OCTAVES, WAVES, WAVES)),  # sums of the waves' products
     ("e_last", "f8", (SENSORS,)),  # whitened innovations of the tick before
+    ("before", "f8", (2, 2)),  # the pressure's innovation and the signature of FAST, one and two ticks before
+    # since the alarm, lately: sums of the second differences g of the signature, d of the innovation: g^2, g d, d^2, 1
+    ("passing", "f8", (4,)),
+    ("in_a_row", "f8"),  # samples of the pressure within the gate
+    ("lost", "f8", "-"),  # share of the fast command that does not pass the valve, 0 without an alarm,
+    ("lost_sd", "f8", "-"),  # its standard deviation
     ("total", "f8", (SUMS,)),  # sums of the window at hand
 ]
 
@@ -109,12 +117,28 @@ def add_tick(x):
         x.block_w[0, j] += e
         for k in range(len(BESIDE)):
             x.block_w[1 + k, j] += w[j, BESIDE[k]]
+    passes(x, x.e_last[PRESSURE], w[PRESSURE, FAST])
     i = 0
     for a in range(N):
         for b in range(a + 1):
             sums[i] += w[0, a] * w[0, b] + w[1, a] * w[1, b] + w[2, a] * w[2, b]
             i += 1
     x.block_tick += 1.0
+
+
+@kernel
+def passes(x, e, w):
+    """Write what share of the fast command is lost since the alarm, by the pressure's innovation `e` and the signature
+    `w` of FAST: no oscillation is left in their second differences, nor a sample that has passed the gate in part."""
+    old = x.before
+    d, g = e - 2.0 * old[0, 0] + old[0, 1], w - 2.0 * old[1, 0] + old[1, 1]
+    old[0, 1], old[1, 1], old[0, 0], old[1, 0] = old[0, 0], old[1, 0], e, w
+    x.in_a_row = x.in_a_row + 1.0 if x.h_s[PRESSURE] > 0.0 and math.fabs(x.h_before[PRESSURE]) < GATE else 0.0
+    add, keep = (g * g, g * d, d * d, 1.0), (1.0 - 1.0 / LATELY) * x.alarm
+    for i in range(4 if x.in_a_row > 2.0 and math.fabs(g) < STEP else 0):
+        x.passing[i] = keep * x.passing[i] + add[i]
+    J, b, E, n = max(x.passing[0], 1e-9), x.passing[1], x.passing[2], max(x.passing[3], 1e-9)
+    x.lost, x.lost_sd = x.alarm * min(max(-b / J, 0.0), 1.0), math.sqrt((LEFT + max(E - b * b / J, 0.0)) / (n * J))
 
 
 @kernel

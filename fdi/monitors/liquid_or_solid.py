@@ -13,7 +13,7 @@ well, with the command or with the gusts.
 import math
 
 from actuators.block import kernel
-from fdi.common.sinusoid import beside, put
+from fdi.common.sinusoid import fit_sine, put
 from fdi.common.verdict import AMBIGUOUS, OFC_LIQUID, OFC_SOLID
 
 SAMPLE, RING = 0.02, 250  # a sample of the ring [s]: five of a period at 10 Hz; 2.5 periods at 0.5 Hz
@@ -56,20 +56,8 @@ def weigh(x, p, h):
     n = int(min(x.since, float(RING)))
     first = (int(x.head) - n) % RING
     Y, M = x.ring[0], x.ring[1]
-    ff, fd, dd = beside(Y, M, first, n, 0.0)
-    before = ff - fd * fd / max(dd, 1e-12)
-    rest, best, apart = before, 0.0, 0.5 / (n * h)
-    hz = PERIODS / (n * h)
-    most = min(p.f_high, 0.4 / h)
-    for _ in range(3):  # half a line apart, then about the best
-        while hz <= most:
-            ff, fd, dd = beside(Y, M, first, n, 6.283185307179586 * hz * h)
-            if ff - fd * fd / max(dd, 1e-12) < rest:
-                rest, best = ff - fd * fd / max(dd, 1e-12), hz
-                x.gain, x.gain_sigma = fd / max(dd, 1e-12), dd
-            hz += apart
-        hz, most, apart = best - 0.5 * apart, best + 0.6 * apart, 0.5 * apart
-    x.gain_sigma = math.sqrt(max(rest, 0.0) * CORRELATED / (n * h) / max(x.gain_sigma, 1e-12))
+    best, rest, gain, dd, before = fit_sine(Y, M, first, n, h, PERIODS / (n * h), min(p.f_high, 0.4 / h), 0.0)
+    x.gain, x.gain_sigma = gain, math.sqrt(max(rest, 0.0) * CORRELATED / (n * h) / max(dd, 1e-12))
     x.residual, x.sine_hz = rest / before, best
     off = SURE * x.gain_sigma
     nearest = 1.0 if x.gain > 0.5 else 0.0

@@ -10,10 +10,7 @@ The bank goes from 0.5 to 10.6 Hz: a slower oscillation is found only by what it
 While the estimate is not trusted an alarm stands, for T_HOLD at most: so long a restart takes. After the restart an
 oscillation has the same time to be found again.
 
-Class. A liquid OFC is f = s(t), a solid one f = s(t) - u, or half of it where it is in one segment of two. With the
-sine taken out of both, the regression of f_hat on -u is the share of the command that does not come through: 0, 1/2
-or 1. All windows since the alarm count, of either side, each by the error of its share, so that the class is told only
-if the command moved otherwise than the fault; what is slow is AMBIGUOUS.
+The class is left open here, and so is what is slow (fdi/rfafe/segments.py).
 """
 
 import math
@@ -21,14 +18,9 @@ import math
 from actuators.block import kernel
 from fdi.common import bank
 from fdi.common.decision import T_HOLD, confirm
-from fdi.common.sinusoid import beside
-from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, OFC_SOLID
+from fdi.common.verdict import AMBIGUOUS, NONE
 
 NF = 2  # estimates at most; the command is the bank's signal behind them
-# Share of the command midway between a liquid OFC, 0, and a solid one of one segment of two, 1/2; what windows that
-# overlap and residues that are no noise make of the variance of their mean; how many of its deviations are beyond
-# doubt; what the bank's sine leaves of an oscillation of another frequency or shape, over its amplitude
-CENTRE, ALIKE, SURE, UNLIKE = 0.25, 8.0, 2.0, 0.05
 BELOW = 0.99  # r of a fit beyond its threshold that is no oscillation
 
 PARAMS = [
@@ -38,7 +30,6 @@ PARAMS = [
     ("coherence", "f8", "-"),  # least agreement of the two periods
     ("purity", "f8", "-"),  # least share of the window's power that the oscillation explains
     ("hits", "f8", "-"),  # fits in a row that must pass
-    ("margin", "f8", "-"),  # how far from CENTRE the share of the command names the class, beyond its error
     ("t_release", "f8", "s"),  # an alarm outlives its cause by this
     ("tau_energy", "f8", "s"),  # memory of the energies that name the segment
     ("tau_slow", "f8", "s"),  # lag of the slow part
@@ -53,9 +44,7 @@ STATE = [
     ("ratio", "f8", (NF, bank.K), "-"),  # fits over their thresholds; below 1 without the shape of an oscillation
     ("r_ofc", "f8", "-"),  # the largest of them
     ("ofc_timer", "f8", (NF,), "s"),  # time for which an oscillation is still held to be there
-    ("ofc_class", "f8", "-"),  # its class
-    ("lost_weight", "f8", "-"),  # sum of the weights of the windows so far
-    ("lost_share", "f8", "-"),  # share of the command that does not come through, their mean
+    ("ofc_hz", "f8", (NF,), "Hz"),  # its frequency in the bank
     ("timer", "f8", "s"),  # confirmation of the slow test
     ("static", "f8", "-"),  # its alarm
     ("blamed", "f8", "-"),  # index of the estimate that was last beyond it
@@ -85,6 +74,8 @@ def decide(x, p, dt):
     """Judge the estimates x.f beside the commands x.u less trim; set r, alarm, verdict, isolated_part."""
     x.lost = 0.0
     still = _slow_parts(x, p, dt)
+    for i in range(int(p.nf)):
+        x.ofc_timer[i] = max(x.ofc_timer[i] - dt, 0.0)
     command = 0.5 * p.unit * (x.u_late[0] + x.u_late[int(p.nu) - 1])
     if bank.push(x, p, (x.f[0], x.f[1], command)) > 0.5:
         x.r_ofc = 0.0
@@ -92,13 +83,12 @@ def decide(x, p, dt):
             _oscillation(x, p, i)
     x.timer, x.static = confirm(x.timer, x.static, still >= 1.0, dt, p.t_static, p.t_release)
     x.r = max(x.r_ofc, still)
-    x.isolated_part, x.verdict = 0.0, x.ofc_class
+    x.isolated_part = 0.0
     for i in range(int(p.nf)):
         x.isolated_part += 1.0 + i if x.ofc_timer[i] > 0.0 else 0.0
-        x.ofc_timer[i] = max(x.ofc_timer[i] - dt, 0.0)
-    if x.isolated_part == 0.0:
-        x.verdict, x.isolated_part = (AMBIGUOUS, 1.0 + x.blamed) if x.static > 0.5 else (NONE, 0.0)
-    x.alarm = 1.0 if x.isolated_part > 0.0 else 0.0
+    if x.isolated_part == 0.0 and x.static > 0.5:
+        x.isolated_part = 1.0 + x.blamed
+    x.alarm, x.verdict = (1.0, AMBIGUOUS) if x.isolated_part > 0.0 else (0.0, NONE)
 
 
 @kernel
@@ -125,7 +115,7 @@ def shaped(x, p, i, k, b):
 
 @kernel
 def _oscillation(x, p, i):
-    """Test the renewed fits of estimate i; hold an oscillation for `t_release` and name its class."""
+    """Test the renewed fits of estimate i; hold an oscillation for `t_release`."""
     found, best = -1, 0.0
     for k in range(bank.K):
         if x.bank_new[k] > 0.5:
@@ -138,38 +128,4 @@ def _oscillation(x, p, i):
         x.r_ofc = max(x.r_ofc, x.ratio[i, k])
     if found < 0:
         return
-    if x.ofc_timer[0] + x.ofc_timer[1] == 0.0:
-        x.lost_weight = 0.0
-    x.ofc_timer[i] = p.t_release
-    _name(x, p, i, found)
-
-
-@kernel
-def _name(x, p, i, k):
-    """Name the class of the oscillation at frequency k by the share of the command that does not come through."""
-    share, weight = missing(x, p, i, k)
-    x.lost_weight = max(x.lost_weight + weight, 1e-12)  # nothing is known of the share where the command rests
-    x.lost_share += (share - x.lost_share) * weight / x.lost_weight
-    apart = x.lost_share - CENTRE
-    x.ofc_class = OFC_SOLID if apart > 0.0 else OFC_LIQUID
-    if math.fabs(apart) < p.margin + SURE * math.sqrt(ALIKE / x.lost_weight):
-        x.ofc_class = AMBIGUOUS
-
-
-@kernel
-def missing(x, p, i, k):
-    """Return (share of the command that does not come through, 1 / its variance) of estimate i, by the full window of
-    frequency k."""
-    n, j = int(p.bank_n[k]), int(p.bank_level[k])
-    first = (int(x.bank_head[j]) + bank.N - n) % bank.N
-    f, u = x.bank_ring[i, j], x.bank_ring[NF, j]
-    f1, u1 = 0.0, 0.0
-    for m in range(first, first + n):
-        f1 += f[m % bank.N] / n
-        u1 += u[m % bank.N] / n
-    ff, fu, uu = beside(f, u, first, n, p.bank_angle[k])
-    ff, fu, uu = ff - n * f1 * f1, fu - n * f1 * u1, uu - n * u1 * u1  # of two periods the mean is beside the sine
-    if uu <= 0.0:
-        return 0.0, 0.0
-    unlike = UNLIKE * bank.amplitude(x, k, i)
-    return -fu / uu, uu / (max(ff - fu * fu / uu, 0.0) / (n - 2.0) + unlike * unlike)
+    x.ofc_timer[i], x.ofc_hz[i] = p.t_release, p.bank_hz[found]

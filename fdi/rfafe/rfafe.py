@@ -88,7 +88,7 @@ DETECTOR = Detector(
     finer={"segment": dict(enumerate(segments.NAMES))},
     looks_back={"u_delay": "line"},
     sizes={"ns": 0, "ny": 0, "nu": 0, "nf": 0, "n_trim": 0, **bank.SIZES},
-    places={"head": ("line", 0), **bank.PLACES},
+    places={"head": ("line", 0), "part_head": ("part_ring", 1), **bank.PLACES},
     design="rfafe",
     lacks=lambda technologies, own: lacks("rfafe", technologies, own),
     fit=lambda site: params(technology=side_kinds(site.technologies), dt=site.dt, response=RESPONSE,
@@ -158,15 +158,14 @@ def step(x, u, p, dt):
         advance(x, p, good, dt)
     else:
         servo.follow(x, p, dt)
-        known = learned(x, p, good)
-        if good > 0.5:
-            segments.compare(x, u, p, dt)
-        if known:
+        if learned(x, p, good):
             estimate(x, p, good, dt)  # its model holds beyond the rate limit, too
+    if good > 0.5:
+        segments.compare(x, u, p, dt)
     x.f_hat_left = _evened(x, p, 0)
     x.f_hat_right = _evened(x, p, 1)
     x.f_hat = x.f_hat_left if math.fabs(x.f_hat_left) >= math.fabs(x.f_hat_right) else x.f_hat_right
-    segments.name(x)
+    segments.name(x, p, dt)
     x.alarm_elevator_left = 1.0 if x.isolated_part == 1.0 or x.isolated_part == 3.0 else 0.0
     x.alarm_elevator_right = 1.0 if x.isolated_part >= 2.0 else 0.0
 

@@ -174,7 +174,7 @@ def test_what_is_beside_a_sine_is_the_rest_of_least_squares():
     at, turn = (FIRST + np.arange(N)) % RING, ANGLE * np.arange(N)  # the samples that count, oldest first
     X = np.stack([np.cos(turn), np.sin(turn)], 1)
     f, d = (y[at] - X @ np.linalg.lstsq(X, y[at])[0] for y in (F, D))
-    assert sinusoid.beside(F, D, FIRST, N, ANGLE) == pytest.approx((f @ f, f @ d, d @ d), abs=1e-9)
+    assert sinusoid.beside(F, D, FIRST, N, ANGLE, 0.0) == pytest.approx((f @ f, f @ d, d @ d), abs=1e-9)
 
 
 NAMES = ("theta", "phi", "q", "r")

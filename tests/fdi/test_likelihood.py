@@ -194,17 +194,39 @@ def test_an_oscillation_too_fast_for_a_window_is_judged_by_its_parts_where_each_
     assert x.ev[h] == evidence.logarithm(200.0, 400.0, 2.0) - x.ev_base and x.ev_hz[h] == 1.0
 
 
-def test_only_the_best_hypothesis_of_the_longest_window_that_shows_a_fault_has_a_name():
+@pytest.mark.parametrize(
+    ("fields", "likely"),
+    [
+        ({}, decide.OF_VALVE),
+        ({"own_lead": (20.0, 20.0, 3.0, 0.0, 0.0)}, decide.OF_ROD),  # a shorter one of another class has no say
+        ({"own_lead": (20.0, 20.0, 3.0, 0.0, 0.0), "own_class": decide.WEAK}, decide.WEAK),  # ... of the same class has
+        ({"own_fits": (1.0, 1.0, 0.0, 0.0, 0.0)}, decide.WEAK),  # the longest explains nothing
+        ({"own_ratio": 0.0}, decide.OF_SURFACE),
+    ],
+)
+def test_only_the_best_hypothesis_of_the_longest_window_that_shows_a_fault_has_a_name(fields, likely):
+    """A lead that the longest window takes back leaves what was named, with its frequency."""
     x = iotsekf.init(designed())[0]
-    x["own_class"][:3] = decide.WEAK, decide.WEAK, decide.LIQUID
+    x["own_class"][:3] = decide.WEAK, decide.WEAK, decide.OF_VALVE
     x["own"][:3], x["own_lead"][:3], x["own_fits"][:3], x["own_ratio"][:3] = 70.0, 20.0, 1.0, 2.0
-    assert decide.leader(x) == 2
-    x["own_lead"][2] = 3.0  # undecided: a shorter one of another class has no say
-    assert decide.leader(x) == -1
-    x["own_class"][2] = decide.WEAK  # ... one of the same class has
-    assert decide.leader(x) == 1
-    x["own_ratio"][:] = 0.0
-    assert decide.longest(x) == decide.leader(x) == -1
+    x["likely"], x["likely_hz"], x["named"], x["named_hz"] = decide.OF_SURFACE, 5.0, decide.OF_ROD, 3.0
+    for field, value in fields.items():
+        x[field] = value
+    decide.nominate(x)
+    hz = {decide.OF_SURFACE: 5.0, decide.OF_ROD: 3.0}.get(likely, 0.0)
+    assert (x["likely"], x["likely_hz"]) == (likely, hz)
+
+
+@pytest.mark.parametrize(("lost", "clean"), [(0.0, True), (1.0, True), (1.0, False)])
+def test_what_passes_the_valve_is_told_beside_an_oscillation_of_any_size(lost, clean):
+    rng, x = np.random.default_rng(3), iotsekf.init(designed())[0]
+    fast, white = rng.standard_normal((2, 200))
+    wave = 20.0 * np.sin(2.0 * np.pi * 5.0 * DT * np.arange(200))
+    x["alarm"], x["h_s"], x["h_before"] = 1.0, 1.0, 0.0 if clean else filter.GATE
+    for k in range(200):
+        x["h_S"][filter.PRESSURE, filter.FAST], x["h_e"][filter.PRESSURE] = fast[k], wave[k] + white[k] - lost * fast[k]
+        sums.add_tick(x)
+    assert (x["lost"], x["lost_sd"] < 0.1) == (pytest.approx(lost if clean else 0.0, abs=0.2), clean)
 
 
 @pytest.mark.parametrize(
@@ -216,9 +238,13 @@ def test_only_the_best_hypothesis_of_the_longest_window_that_shows_a_fault_has_a
         ({"jam": 1.0, "jam_most": 0.8, "jam_s": 1.5, "likely": decide.OF_PRESSURE}, (verdict.JAM_SOLID, 0.0)),
         ({"sensor": 1.0, "blame": 1.0, "frozen": 2.0}, (verdict.SENSOR, 2.0)),
         ({"sensor": 1.0, "blame": 1.0, "stands_open": 0.1}, (verdict.RUNAWAY, 0.0)),
-        ({"shown": (1.0, 0.0), "likely": decide.SOLID}, (verdict.EFFECTIVENESS, 0.0)),
+        ({"shown": (1.0, 0.0), "likely": decide.OF_VALVE}, (verdict.EFFECTIVENESS, 0.0)),
         ({"shown": (1.0, 0.0), "likely": decide.OF_PRESSURE}, (verdict.SENSOR, 3.0)),
         ({"likely": decide.OF_SURFACE, "backlash_suspected": 1.0}, (verdict.AMBIGUOUS, 0.0)),
+        ({"likely": decide.OF_VALVE, "lost": 0.1, "lost_sd": 0.05}, (verdict.OFC_LIQUID, 0.0)),
+        ({"likely": decide.OF_VALVE, "lost": 0.9, "lost_sd": 0.05}, (verdict.OFC_SOLID, 0.0)),
+        ({"likely": decide.OF_VALVE, "lost": 0.6, "lost_sd": 0.05, "likely_added": 20.0}, (verdict.AMBIGUOUS, 0.0)),
+        ({"likely": decide.OF_VALVE, "lost": 0.9, "lost_sd": 0.9, "likely_added": 20.0}, (verdict.OFC_LIQUID, 0.0)),
     ],
 )
 def test_what_can_be_nothing_else_is_named_first(fields, name):
@@ -232,7 +258,7 @@ def test_an_alarm_is_ambiguous_until_its_name_has_stood():
     x = iotsekf.init(designed())[0]
     x["run"], said = 1.0, []
     for k in range(100):
-        x["likely"] = decide.SOLID if 20 <= k < 30 else decide.LIQUID  # another class for less than the hold
+        x["likely"] = decide.WEAK if 20 <= k < 30 else decide.OF_VALVE  # another class for less than the hold
         iotsekf.conclude(x, DT)
         said.append(float(x["verdict"]))
     assert set(said[:90]) == {verdict.AMBIGUOUS} and said[-1] == verdict.OFC_LIQUID

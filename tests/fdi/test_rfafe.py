@@ -85,14 +85,16 @@ def test_block_estimates_and_alarms_on_the_right_side(published, side):
     assert t[np.argmax(log["alarm"] > 0.5)] < 1.0 + 3.0  # settling, then three periods
 
 
-def test_each_side_is_declared_from_the_threshold_on(published):
-    one, other, healthy = (flight(published, 1.0, size, 2400, side) for size, side in ((1.2, 0), (0.6, 1), (0.0, 0)))
+@pytest.mark.parametrize(("size", "both"), [(1.0, True), (0.6, True), (0.2, False)])
+def test_each_side_is_declared_from_the_threshold_on_and_one_below_it_that_swings_with_the_other(published, size, both):
+    one, other, healthy = (flight(published, 1.0, size, 2400, side) for size, side in ((1.2, 0), (size, 1), (0.0, 0)))
     one["surface"] += other["surface"] - healthy["surface"]
     p = params(published)
-    assert rfafe.ISOLABLE_PARTS[int(fly(p, one)["isolated_part"][-1])] == "elevator_left and elevator_right"
-    p["bank_threshold"] = np.radians(0.9)  # between the two
+    p["bank_threshold"] = np.radians(0.9)
     log = fly(p, one)
-    assert log["alarm_elevator_left"].any() and not log["alarm_elevator_right"].any()
+    parts = rfafe.ISOLABLE_PARTS
+    assert parts[int(log["isolated_part"][-1])] == ("elevator_left and elevator_right" if both else "elevator_left")
+    assert log["alarm_elevator_left"].any() and log["alarm_elevator_right"].any() == both
 
 
 @pytest.mark.parametrize("kind", ["ofc_liquid", "ofc_solid", "ambiguous"])

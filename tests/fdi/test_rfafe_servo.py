@@ -8,8 +8,8 @@ from actuators.constants import RAD_PER_DEG
 from cosim.flight.loop.signals import fly
 from cosim.scenario import parse
 from cosim.training.flights import COMMAND, POINT, SURFACES
-from fdi.common import bank
-from fdi.rfafe import decision, rfafe, segments, servo
+from fdi.common import bank, verdict
+from fdi.rfafe import rfafe, segments, servo
 from fdi.rfafe.store import read
 
 DT, ROLL_S = 0.005, 12.0
@@ -85,21 +85,23 @@ def test_the_segment_that_alone_does_not_follow_is_named(who, kind):
         assert segments.NAMES[1 + who[0]].startswith(rfafe.ISOLABLE_PARTS[int(late["isolated_part"][-1])])
 
 
-@pytest.mark.parametrize("hz", [1.0, 3.0, 8.0])
-def test_the_share_and_its_variance_are_those_of_least_squares(hz):
-    """f = -share u + noise + a sine and a constant: slope of f over u beside them, its standard error squared."""
-    p, x = rfafe.params()[0], np.zeros(1, rfafe.STATE)[0]
-    k = int(np.argmin(np.abs(p["bank_hz"] - hz)))
-    n, j = int(p["bank_n"][k]), int(p["bank_level"][k])
-    rng = np.random.default_rng(7)
-    u = rng.standard_normal(n)
-    turn = p["bank_angle"][k] * np.arange(n)
-    beside = np.stack([u, np.cos(turn), np.sin(turn), np.ones(n)], axis=1)
-    f = beside @ [-0.8, 1.0, 2.0, 0.3] + 0.5 * rng.standard_normal(n)
-    head = 5  # of a ring: the window runs over its end
-    x["bank_ring"][0, j, np.arange(head - n, head)] = f
-    x["bank_ring"][decision.NF, j, np.arange(head - n, head)] = u
-    x["bank_head"][j], x["bank_seen"][j] = head, bank.N
-    (slope, *_), (left,), *_ = np.linalg.lstsq(beside, f)
-    weight = (n - 2) / (left * np.linalg.inv(beside.T @ beside)[0, 0])
-    assert decision.missing(x, p, 0, k) == pytest.approx((-slope, weight), rel=0.1)  # over about two periods
+@pytest.mark.parametrize("hz", [1.1, 3.1, 8.9])
+@pytest.mark.parametrize(("share", "kind"), [(0.0, "ofc_liquid"), (1.0, "ofc_solid"), (0.5, "none")])
+def test_the_share_and_its_deviation_are_those_of_least_squares(hz, share, kind):
+    """e = -share m + noise + a sine and a constant, of the second segment: slope of e over m beside them, its
+    standard error by the number of samples that are independent."""
+    x, n, head = np.zeros(1, rfafe.STATE)[0], segments.RING, 5  # of a ring: the samples run over its end
+    rng, t = np.random.default_rng(7), segments.SAMPLE * (np.arange(n) - 0.5 * (n - 1))
+    columns = np.stack([rng.standard_normal(n), np.cos(2 * np.pi * hz * t), np.sin(2 * np.pi * hz * t), np.ones(n)], 1)
+    e = columns @ [-share, 1.0, 2.0, 0.3] + 0.5 * rng.standard_normal(n)
+    at = np.arange(head - n, head)
+    x["part_ring"][1, at], x["part_ring"][4, at], x["part_head"] = e, columns[:, 0], head
+    x["part_size"][1], x["part_since"], x["isolated_part"] = 1.0, n, 1.0
+    x["ofc_hz"][0] = bank.frequencies()[np.argmin(np.abs(bank.frequencies() - hz))]
+    segments._fit(x)
+    (slope, *_), (left,), *_ = np.linalg.lstsq(columns, e)
+    independent = n * segments.SAMPLE / segments.CORRELATED
+    sigma = np.sqrt(left / (independent - 1.0) * np.linalg.inv(columns.T @ columns)[0, 0])
+    assert x["share"] == pytest.approx(-slope, abs=0.2 * sigma) and x["share_sigma"] == pytest.approx(sigma, rel=0.1)
+    assert verdict.class_name(x["ofc_class"]) == kind
+    assert np.sqrt(2.0 * x["swing"][:2]) == pytest.approx([0.0, np.sqrt(5.0)], abs=0.2)
