@@ -29,8 +29,8 @@ WITHOUT_ROD, WITHOUT_PRESSURE = 1.6, 4.0  # noise of f_hat on the surface sensor
 FLAT, FLAT_S, FLAT_TAU = 0.12, 0.2, 0.1  # a valve that stands open keeps this near its lagged opening [-], for [s]
 NOISE = 0.4  # ... and this of the threshold of an input fault, which noise seldom passes
 LEFT = 0.45  # share of its opening below which it stands open no more
-FIRST = 0.2  # share of its opening by which it may have changed since it began: a slow sine turns
-FIRST_S = 0.1  # after the onset of the input fault that the opening has begun by: an oscillation comes to a crest later
+FIRST = 0.15  # share of its opening by which it may have changed since it had begun: a slow sine turns
+FIRST_S = 0.1  # after which an opening has begun, and after the onset of the input fault: crests come later
 MISREAD_S = 0.1  # flow that an excess of pressure takes is missing for [s]
 UNLEARNED = 4.0  # standard deviations of the valve's gain and of the positions' age as the flight has taught them
 # an input fault beyond its threshold counts in proportion up to this: against the servo a runaway comes and goes
@@ -68,7 +68,7 @@ STATE = [
     ("f_slow", "f8", "-"),  # lagged input fault, less what learned errors leave in it
     ("u_slow", "f8", "-"),  # lagged valve command
     ("w_flat", "f8", "-"),  # valve opening that w keeps to
-    ("w_first", "f8", "-"),  # the same as it began
+    ("w_first", "f8", "-"),  # the same FIRST_S after it began: before, the servo is still closing it
     ("w_flat_s", "f8", "s"),  # for which it has
     ("run_timer", "f8", "s"),
     ("run", "f8", "-"),  # 1 while an input fault is declared
@@ -166,8 +166,10 @@ def runaway(x, noise, p, dt):
     w, least = x.f_slow + x.u_slow, noise * p.run_threshold
     x.w_flat_s += dt
     if math.fabs(w - x.w_flat) > FLAT * math.fabs(x.w_flat) + NOISE * least:
-        x.w_flat, x.w_first, x.w_flat_s = w, w, 0.0
+        x.w_flat, x.w_flat_s = w, 0.0
     x.w_flat += dt / FLAT_TAU * (w - x.w_flat)
+    if x.w_flat_s < FIRST_S:
+        x.w_first = x.w_flat
     sudden = x.run_s < x.w_flat_s + FIRST_S and math.fabs(x.w_first - x.w_flat) < FIRST * math.fabs(x.w_flat)
     stays = x.w_flat_s >= FLAT_S and math.fabs(x.w_flat) > least
     if x.run < 0.5 or (x.r_run >= 1.0 and w * x.stands_open < LEFT * x.stands_open * x.stands_open):
