@@ -22,7 +22,7 @@ from cosim.training.rfafe import point_of
 from cosim.training.train_ema import EXACT
 from cosim.training.trainer import Limits, Training
 from fdi.common import bank
-from fdi.rfafe.decision import NF, shaped
+from fdi.rfafe.decision import NF
 
 ELEVATORS = (("hydraulic",) * 4, ("hydraulic", "hydraulic", "ema", "ema"))  # in turn; the second is the default
 MARGIN = 1.25  # 1.2 times the maximum of 40 flights left 1 alarm in 300
@@ -71,7 +71,7 @@ def _fits(log, p, out):
             for j in range(int(p.nf)):
                 out[n, 0], out[n, 1] = j * bank.K + k, i
                 out[n, 2], out[n, 3] = bank.amplitude(log[i], k, j), bank.amplitude(log[i], k, NF)
-                out[n, 4] = 1.0 if shaped(log[i], p, j, k, 0.0) or shaped(log[i], p, j, k, 1.0) else 0.0
+                out[n, 4] = 1.0 if bank.shaped(log[i], p, k, j, 0.0) or bank.shaped(log[i], p, k, j, 1.0) else 0.0
                 n += 1
     return n
 

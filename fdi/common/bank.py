@@ -174,6 +174,14 @@ def character(x, p, k, signal, b):
 
 
 @kernel
+def shaped(x, p, k, signal, b):
+    """Return whether a signal + b drive has the shape of an oscillation at frequency k: `character` of p.coherence and
+    p.purity at least."""
+    agreement, purity = character(x, p, k, signal, b)
+    return agreement >= p.coherence and purity >= p.purity
+
+
+@kernel
 def amplitude(x, k, signal):
     """Return the amplitude of a signal at frequency k."""
     c, s = x.bank_cos[signal, k], x.bank_sin[signal, k]

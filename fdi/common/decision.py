@@ -91,6 +91,14 @@ def delayed(line, head, column, value, ticks, fresh):
 
 
 @kernel
+def shift(past, now):
+    """Put `now` first into `past` (n,), newest first; the oldest is dropped."""
+    for i in range(past.size - 1, 0, -1):
+        past[i] = past[i - 1]
+    past[0] = now
+
+
+@kernel
 def usable(value, valid):
     """Return 1.0 where a measurement is flagged valid and finite, else 0.0."""
     return 1.0 if valid > 0.5 and math.isfinite(value) else 0.0

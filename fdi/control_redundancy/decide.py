@@ -90,7 +90,7 @@ def decide(x, p, dt):
     for h in range(NH):
         if x.declared[h] > 0.5:
             _follow(x, p, h, dt)
-    _name(x, p)
+    _name(x)
 
 
 @kernel
@@ -135,7 +135,7 @@ def _follow(x, p, h, dt):
 
 
 @kernel
-def _name(x, p):
+def _name(x):
     """Set the verdict: THRUST for engines; a surface that stands while its command moves is JAM_SOLID."""
     x.verdict = AMBIGUOUS
     if x.alarm < 0.5:

@@ -38,7 +38,7 @@ from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage
 from actuators.constants import RAD_PER_DEG
 from actuators.ema import jay
-from fdi.common.decision import usable
+from fdi.common.decision import shift, usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.ema import drive, gains, positions, sensor_noise, shapes, torque
@@ -276,10 +276,7 @@ def _hold(x, u):
     """Keep the hinge model and the demands of the last ticks."""
     if math.isfinite(u.hm0_model) and math.isfinite(u.hmd_model):
         x.hm0, x.hmd = u.hm0_model, u.hmd_model
-    for i in range(HISTORY, 0, -1):
-        x.u_old[i] = x.u_old[i - 1]
-    if math.isfinite(u.u):
-        x.u_old[0] = u.u
+    shift(x.u_old, u.u if math.isfinite(u.u) else x.u_old[0])
 
 
 @kernel

@@ -138,12 +138,11 @@ NOISE = {
 SUSPICIOUS = 0.7  # of a threshold, from which on all evidence is asked for
 HOLD_S = 0.3  # for which a name has stood before it is given [s]
 HOLD_SLOW_S = 0.7  # of a loss, whose command may be gone
-PASSES = 0.2  # so far from half of the fast command it is known to pass or not; a quiet one tells nothing
+PASSES = 0.2  # distance of `lost` from a half that errors of its model may make: within it the class stays open
 STILL = 0.5e-3  # rod travel of a jam: noise of its sensor [m]
 RUBS_MOST, HOLDS_S = 0.6, 2.0  # friction holds no more of the stall force, seldom a rod for longer [s]
 LASTS_S = 1.0  # a jam that has lasted outranks the pressure sensor [s]
 JAM_S = 10.0  # so long a jam outlives its last evidence while the rod is still [s]
-PERIOD = 0.005  # of the samples whose variance stands in NOISE [s]
 
 # fitted to the step response of f_hat on the linear model with these noises at 5 ms: off by 1 % rms with the pressure,
 # by 3 % without
@@ -173,7 +172,7 @@ def params(
     chosen = thresholds("iotsekf", which or f"flight_load{load}", own)
     v = {**lu17.NOMINAL, **NOISE, **LAG[load], **likelihood.design(dt, arm, travel, load == 2), **chosen}
     for name in ("r_rod", "r_dp", "r_spare"):
-        v[name] *= PERIOD / dt
+        v[name] *= likelihood.PERIOD / dt
     if load != 2:
         v["q"] = (*v["q"][:3], 0.0)
     elif dt >= SLOW_LAG[0][0]:

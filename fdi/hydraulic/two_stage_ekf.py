@@ -25,7 +25,7 @@ import math
 from actuators.block import kernel
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import jacobian, rk4
-from fdi.common.decision import usable
+from fdi.common.decision import shift, usable
 from fdi.common.linalg import congruence, diagonal, integral, joseph
 
 ITERATIONS = 4  # bound of (21)-(24)
@@ -185,16 +185,15 @@ def time_update(x, u, v, p, dt):
         b[0], b[1], b[2] = x1, x2, x3
         for i in range(4):
             b[i] += (x.eta[i] - x.U[i]) * f  # (31)
-    # covariance (18), (32)
+    # blending, covariance (18), (32)
     congruence(x.P_bar, Phi, x.W)
     for i in range(4):
+        x.V[i] = x.U[i]  # until a measurement blends further
         x.P_bar[i, i] += p.q[i] * dt
         for j in range(4):
             c = p.q_xf[j] * dt
             x.P_bar[i, j] += -p.q_xf[i] * dt * x.eta[j] - x.U[i] * (c - x.eta[j] * p.q_f * dt)
     x.P_f = P_f
-    for i in range(4):
-        x.V[i] = x.U[i]  # until a measurement blends further
     combine(x)
 
 
@@ -308,10 +307,7 @@ def clear(x):
 @kernel
 def remember(x, u):
     """Keep the valve command, newest first; the last one stands where it is not a number."""
-    for i in range(HISTORY, 0, -1):
-        x.u_old[i] = x.u_old[i - 1]
-    if math.isfinite(u.u):
-        x.u_old[0] = min(max(u.u, -1.0), 1.0)
+    shift(x.u_old, min(max(u.u, -1.0), 1.0) if math.isfinite(u.u) else x.u_old[0])
 
 
 @kernel

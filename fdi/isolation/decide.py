@@ -56,7 +56,7 @@ STATE = [
     ("named", "f8", "-"),  # class of the verdict that stands
     ("likely_fault", "f8"),  # hypothesis
     ("likely_hz", "f8", "Hz"),
-    ("likely_added", "f8"),  # the same of the longest window that knew at last
+    ("likely_added", "f8"),  # own_added of the longest window that tells it, kept while none does
     ("named_fault", "f8"),
     ("named_hz", "f8", "Hz"),
 ]
@@ -122,7 +122,7 @@ def nominate(x):
         if shows and (found != x.own_class[top] or hz > 2.0 * x.own_hz[top] > 0.0):
             return
         if shows and x.own_fits[o] > 0.5 and x.own_lead[o] > max(SURE, lead):
-            for shorter in range(o + 1):  # the last that knew is believed
+            for shorter in range(o + 1):
                 x.likely_added = x.own_added[shorter] if x.own_added[shorter] != 0.0 else x.likely_added
             if found < OPENED and (found == OF_LOAD or hz == 0.0 or x.alarm_s * hz >= PART):
                 x.likely, x.likely_fault, x.likely_hz = found, x.own_fault[o], hz

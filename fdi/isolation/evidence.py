@@ -31,7 +31,6 @@ from fdi.isolation.filter import (
     TIMING,
     N,
 )  # fmt: skip
-from fdi.isolation.response import FLOWS2
 from fdi.isolation.sums import BESIDE, ENERGY, LINES, NEXT, NUMBER, OCTAVES, PAIRS, WAVES, B, gather
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
@@ -39,7 +38,12 @@ LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, FREE, PAIR, OFF_PRESSURE, SCALE
 NOISE_ROD, NOISE_SURFACE, NOISE_PRESSURE = range(17, 20)
 SWINGS, HYPOTHESES = 6, 20
 ERRORS = NOISE_ROD - SWINGS
-PLACE = (0, 0, 1, 2, 3, 4)  # of an oscillation, in `response`
+PLACES = ("valve", "rod", "surface", "pressure", "load")  # where an oscillation enters
+PLACE = (0, 0, 1, 2, 3, 4)  # of the oscillations, in PLACES
+# position sensors that are heard: both, rod alone, surface alone; the pressure always is
+HEARD = ((0, 1, 2), (0, 2), (1, 2))
+# mean squared flows: the larger, the more the filter is in doubt of its prediction and hears its sensors [m^2/s^2]
+FLOWS2 = (0.0, 4e-4, 1.6e-3, 6.4e-3, 2.56e-2)
 NU = 50.0
 BY_ITSELF = 0.1  # least share of the gain's column that no oscillation explains: responses are those of rest
 WHITE = 0.1  # noise is not correlated more from tick to tick

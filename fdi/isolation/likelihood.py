@@ -1,6 +1,6 @@
 """Likelihood ratios of the faults of one hydraulic actuator, on the innovations of a filter without a fault state.
 
-What may be wrong with actuator and sensors is a hypothesis with a signature in the innovations (`filter`, `response`);
+What may be wrong with actuator and sensors is a hypothesis with a signature in the innovations (`filter`, `responses`);
 its evidence against health is taken over windows of growing length (`sums`, `evidence`). Errors within tolerances are
 part of every hypothesis, learned in flight while nothing is wrong. `decide` says what leads. `iotsekf` runs it beside
 its own filter, from whose record it reads the valve commands and what rod and surface say of each other; while nothing
@@ -14,16 +14,17 @@ import math
 from typing import Any
 
 import numpy as np
+from scipy.linalg import solve_discrete_are
 
 from actuators.block import kernel
-from fdi.hydraulic.two_stage_ekf import STEP_MOST
+from actuators.hydraulic import lu17
+from fdi.hydraulic.two_stage_ekf import STEP_MOST, transition
 from fdi.isolation import decide, evidence, filter, sums
-from fdi.isolation.evidence import at, back, factor, inverse, left
+from fdi.isolation.evidence import FLOWS2, HEARD, PLACES, at, back, factor, inverse, left
 from fdi.isolation.filter import SENSORS, N
-from fdi.isolation.response import FLOWS2, HEARD, PLACES, responses
 from fdi.isolation.sums import ENERGY, NUMBER, PAIRS, B
 
-PERIOD = 0.005  # of the samples whose variance stands in `filter.NOISE` [s]
+PERIOD = 0.005  # of the samples whose variances stand in NOISE of `filter` and of `iotsekf` [s]
 LEARN_S = filter.SETTLES_S + sums.FIRST * sums.BLOCK_S  # after which the flight has taught [s]
 STOP = 1e-3  # so near a stop the rod may lean on it [m]
 LESSON = 2  # octave whose window is learned from: a fault that begins in it is seen before it ends
@@ -78,6 +79,32 @@ def respond(p: np.ndarray, dt: float) -> None:
     H *= np.sinc(hz * p["block"] * dt)[:, None]  # of the sum over a block
     waves = np.stack([np.stack([H.real, -H.imag], -1), np.stack([H.imag, H.real], -1)], 3)  # ..., line, wave, sensor, 2
     p["response"][0] = waves.reshape(p["response"].shape[1:])
+
+
+def responses(p: Any, dt: float, hz: np.ndarray, heard: tuple[int, ...] = HEARD[0], flow2: float = 0.0) -> np.ndarray:
+    """Return the complex amplitudes (place, frequency, sensor) of whitened innovations per unit of a sine: flow [m/s],
+    rod [m], surface as a rod [m], pressure [1], load [1]; 0 of a sensor that is not `heard`.
+
+    `p` is a PARAMS record, `flow2` the mean squared flow of the time before [m^2/s^2]. The sensors are taken one after
+    the other: their innovations are those of all at once through the inverse of the Cholesky factor of these.
+    """
+    Phi, G, H = np.zeros((4, 4)), np.zeros(4), np.eye(4)[[filter.ROWS[j] for j in heard]]
+    transition(Phi, G, np.zeros(4), 0.0, 0.0, 0.0, 0.0, True, p, dt)
+    R = np.diag(p["h_r"][list(heard)])
+    # pressure and load are in doubt alike: the hinge moment of an oscillation changes with its flow
+    walk = (lu17.stiffness(0.0, p) * p["flow_share"]) ** 2 * flow2 * filter.RATE_TAU * np.array((0.0, 0.0, 1.0, 3.0))
+    P = solve_discrete_are(Phi.T, H.T, np.diag(p["h_q"] + walk) * dt, R)
+    S = H @ P @ H.T + R
+    K, root = P @ H.T @ np.linalg.inv(S), np.linalg.cholesky(S)
+    into, inject = np.zeros((4, len(PLACES))), np.zeros((SENSORS, len(PLACES)))
+    into[:, 0], into[:3, 4] = G * p["A_p"] / p["phi_n"], Phi[:3, 3]
+    inject[:, 1:4] = np.eye(SENSORS)
+    inject = inject[list(heard)]
+    turned = np.exp(2j * np.pi * hz * dt)[:, None, None] * np.eye(4)
+    V = np.linalg.solve(turned - Phi @ (np.eye(4) - K @ H), (into - Phi @ K @ inject)[None])
+    out = np.zeros((len(PLACES), len(hz), SENSORS), complex)
+    out[:, :, list(heard)] = np.linalg.solve(root, H @ V + inject).transpose(2, 0, 1)
+    return out
 
 
 def begin(x: np.ndarray, p: np.ndarray) -> None:

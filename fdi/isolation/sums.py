@@ -30,8 +30,8 @@ PAIRS = N * (N + 1) // 2
 # Places in the vector of sums: of S'S, packed, of S'e; by sensor of e^2, 1, and of e with that of the tick before
 B, ENERGY = PAIRS, PAIRS + N
 NUMBER, NEXT, SUMS = (ENERGY + i * SENSORS for i in range(1, 4))
-LATELY, LEFT = 400.0, 100.0  # samples of the pressure in which it is forgotten; squares of noise that it has at least
-STEP = 8.0  # of the command, in the signature: three deviations of its noise; what is more the model errs by
+LATELY, LEFT = 400.0, 100.0  # memory of `passing` in samples of the pressure; squares of noise that it begins with
+STEP = 8.0  # of the signature: three deviations of the command's noise; beyond it the model errs by more than noise
 SOLVE_BLOCKS = 50  # so often the lesson is solved for
 FIRST = 3 * SOLVE_BLOCKS  # until then little is known of the actuator [blocks]
 

@@ -72,10 +72,9 @@ FADES = np.array([
 INTEGRATES = np.array([float(row in ("phi", "theta", "psi", "turn", "speed", "height")) for row in ROWS])
 _RATES = [name.split(" or ")[0] for name in ISOLABLE_PARTS[1:]]  # a pair's rate
 # rows in which a constant error of a part stays: those that integrate nothing, and its rate's
-_PLAIN = ("climb", "sound", "impact", "baro")
 CONSTANT_IN = np.array([
-    [float(any(c[0] == name and row in (*c[1], *c[2]) and (row in _PLAIN or (c[3] is False and row == c[1][0]))
-               for c in SIGNATURES)) for row in ROWS] for name in _RATES
+    [float(any(c[0] == name and row in (*c[1], *c[2]) and (plain or (c[3] is False and row == c[1][0]))
+               for c in SIGNATURES)) for row, plain in zip(ROWS, INTEGRATES == 0.0)] for name in _RATES
 ])  # fmt: skip
 # how large an error of this size in the first row is in a row whose threshold may hide it: so many times, and times so
 # many powers of the speed; a relative error of Mach number is twice that, or more, in the impact pressure

@@ -358,10 +358,7 @@ def _oscillates(x, p, dt):
             continue
         limit = p.swing_limit + p.swing_away * x.apart + p.swing_gust * x.rms
         limit += LEFT * bank.amplitude(x, k, 1)
-        fits = bank.amplitude(x, k, 0) >= limit
-        if fits:
-            agreement, purity = bank.character(x, p, k, 0, 0.0)
-            fits = agreement >= p.coherence and purity >= p.purity
+        fits = bank.amplitude(x, k, 0) >= limit and bank.shaped(x, p, k, 0, 0.0)
         x.hit[k] = x.hit[k] + 1.0 if fits else 0.0
         if x.hit[k] >= p.hits:
             x.swing = HELD
@@ -373,24 +370,22 @@ def _decide(x, p, dt):
     """Declare each fault by its own estimate; of those declared the summary names the one that has been so longest."""
     oscillates = _oscillates(x, p, dt)
     estimates = (x.f_hat_elevator, x.f_hat_n_z, x.f_hat_alpha)
-    x.r, x.isolated_part, longest = 0.0, 0.0, 0.0
+    known = 1.0 if x.gyro_off <= 0.0 else 0.0  # which of them it is: all three estimates take q for true
+    x.r, x.alarm, x.isolated_part, longest = 0.0, 0.0, 0.0, 0.0
     for i in range(3):
         score = math.fabs(estimates[i]) / (p.limit[i] + p.limit_away[i] * x.apart + p.limit_gust[i] * x.rms)
         # an oscillation is beyond its threshold for less than the confirmation time at once
         beyond = score >= (RELEASED_AT if x.held[i] > 0.0 else 1.0) or (i == 0 and oscillates)
         x.timer[i], on = confirm(x.timer[i], 1.0 if x.held[i] > 0.0 else 0.0, beyond, dt, p.t_confirm, p.t_release)
         x.held[i] = x.held[i] + dt if on > 0.5 else 0.0
-        x.r = max(x.r, score)
+        x.r, x.alarm = max(x.r, score), max(x.alarm, on)
         if x.held[i] > longest:
-            longest, x.isolated_part = x.held[i], i + 1.0
-    x.alarm_elevator = 1.0 if x.held[0] > 0.0 else 0.0
-    x.alarm_n_z = 1.0 if x.held[1] > 0.0 else 0.0
-    x.alarm_alpha = 1.0 if x.held[2] > 0.0 else 0.0
-    x.alarm = 1.0 if longest > 0.0 else 0.0
-    x.verdict = NONE if x.alarm < 0.5 else SENSOR if x.isolated_part > 1.5 else OFC_LIQUID if oscillates else AMBIGUOUS
-    if x.alarm > 0.5 and x.gyro_off > 0.0:  # all three estimates take q for true
-        x.verdict, x.isolated_part = AMBIGUOUS, 0.0
-        x.alarm_elevator, x.alarm_n_z, x.alarm_alpha = 0.0, 0.0, 0.0
+            longest, x.isolated_part = x.held[i], known * (i + 1.0)
+    x.alarm_elevator = known if x.held[0] > 0.0 else 0.0
+    x.alarm_n_z = known if x.held[1] > 0.0 else 0.0
+    x.alarm_alpha = known if x.held[2] > 0.0 else 0.0
+    of_elevator = OFC_LIQUID if oscillates and known > 0.5 else AMBIGUOUS
+    x.verdict = NONE if x.alarm < 0.5 else SENSOR if x.isolated_part > 1.5 else of_elevator
 
 
 @kernel

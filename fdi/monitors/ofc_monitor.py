@@ -22,7 +22,7 @@ from actuators.block import dtype, entry, kernel, record, zero_state
 from actuators.common import linkage, reference
 from actuators.hydraulic import servo
 from actuators.hydraulic.lu17 import opening
-from fdi.common.decision import held, usable
+from fdi.common.decision import held, shift, usable
 from fdi.common.record import Detector
 from fdi.common.reference import chase
 from fdi.common.tuning import thresholds
@@ -199,13 +199,11 @@ def _filtered(s, v, c):
 @kernel
 def _predict(x, p, dt):
     """Advance the rod estimate to the next tick, with the limits of `actuators.common.reference`."""
-    for i in range(HISTORY, 0, -1):
-        x.past[i] = x.past[i - 1]
     away = x.target - x.est[0]
     most = p.v_max * max(opening(away, x.x3), servo.ROOT_LEAST)
     chase(x.est, away, most, p.k1, p.k2, p.k3, p.a_max, p.j_max, dt)
     x.taken += dt / T_YIELD * (x.est[0] - x.taken)
-    x.past[0] = x.est[0] - YIELD * (x.est[0] - x.taken)
+    shift(x.past, x.est[0] - YIELD * (x.est[0] - x.taken))
 
 
 @kernel
@@ -219,9 +217,7 @@ def _count(x, p, b, off, dt):
     n, half, side = int(p.half_periods), 0.5 / p.f_low[b], 1.0 if v > 0.0 else -1.0
     if side != x.side[b] and math.fabs(v) >= limit:
         x.side[b] = side
-        for i in range(COUNT - 1, 0, -1):
-            x.ages[b, i] = x.ages[b, i - 1]
-        x.ages[b, 0] = 0.0
+        shift(x.ages[b], 0.0)
     span = x.ages[b, n - 1] - x.ages[b, 0]
     if x.ages[b, 0] > (n - 1) * half:
         x.side[b] = 0.0

@@ -106,21 +106,14 @@ def _slow_parts(x, p, dt):
 
 
 @kernel
-def shaped(x, p, i, k, b):
-    """Return whether f_hat + b u of estimate i has the shape of an oscillation at frequency k; b = 1 where u is cut off
-    (solid)."""
-    agreement, purity = bank.character(x, p, k, i, b)
-    return agreement >= p.coherence and purity >= p.purity
-
-
-@kernel
 def _oscillation(x, p, i):
     """Test the renewed fits of estimate i; hold an oscillation for `t_release`."""
     found, best = -1, 0.0
     for k in range(bank.K):
         if x.bank_new[k] > 0.5:
             r = bank.amplitude(x, k, i) / (p.bank_threshold[k] + p.bank_share[k] * bank.amplitude(x, k, NF))
-            good = r >= 1.0 and (shaped(x, p, i, k, 0.0) or shaped(x, p, i, k, 1.0))
+            # of f_hat, or of f_hat + u where the command is cut off (solid)
+            good = r >= 1.0 and (bank.shaped(x, p, k, i, 0.0) or bank.shaped(x, p, k, i, 1.0))
             x.ratio[i, k] = r if good else min(r, BELOW)
             x.hit[i, k] = x.hit[i, k] + 1.0 if good else 0.0
             if x.hit[i, k] >= p.hits and r > best:

@@ -20,7 +20,7 @@ from actuators.block import dtype, entry, kernel, record, zero_state
 from actuators.constants import RAD_PER_DEG
 from fdi.common import bank
 from fdi.common.decision import held, usable
-from fdi.common.record import Detector, Estimate
+from fdi.common.record import TICK, Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.rfafe import core as rfafe_core
 from fdi.rfafe import segments, servo
@@ -33,7 +33,6 @@ ISOLABLE_PARTS = ("", "elevator_left", "elevator_right", "elevator_left and elev
 # 4.3 Hz, and at 6.1 Hz its rate limit lets half of 1 deg through
 RESPONSE = {"hydraulic": (35.9, 0.327)}
 FLAT = 60.0  # rad/s: with the resonance taken out f_hat is flat to there, damping 0.7
-DT = 0.005  # base tick [s]
 MIXED = ("hydraulic", "ema")  # segments of a side of this name
 
 PARAMS = dtype([
@@ -97,7 +96,7 @@ DETECTOR = Detector(
 
 
 def params(
-    which: str = "flight", *, stored: Any = None, technology: str = "hydraulic", dt: float = DT, response: Any = None,
+    which: str = "flight", *, stored: Any = None, technology: str = "hydraulic", dt: float = TICK, response: Any = None,
     own: Any = None,
 ) -> np.ndarray:  # fmt: skip
     """Return PARAMS from the stored design for `technology` of the elevators and the threshold set `which`.
@@ -165,7 +164,7 @@ def step(x, u, p, dt):
     x.f_hat_left = _evened(x, p, 0)
     x.f_hat_right = _evened(x, p, 1)
     x.f_hat = x.f_hat_left if math.fabs(x.f_hat_left) >= math.fabs(x.f_hat_right) else x.f_hat_right
-    segments.name(x, p, dt)
+    segments.name(x, dt)
     x.alarm_elevator_left = 1.0 if x.isolated_part == 1.0 or x.isolated_part == 3.0 else 0.0
     x.alarm_elevator_right = 1.0 if x.isolated_part >= 2.0 else 0.0
 

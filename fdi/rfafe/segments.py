@@ -35,8 +35,8 @@ NEXT = 1.15  # ratio by which it may be off the bank's frequency: half a step of
 # Amplitude of a segment over that of the largest: electromechanical segments move half as far under the same fault, a
 # third where their rate limits it; of one that is healthy the law's answer leaves a fifth
 ALONE, MOVED = 0.3, 0.25
-# Time by which samples of the rest are independent [s], error of the share that a limited servo makes, logarithm of the
-# ratio of likelihoods that names: set on 460 faults of campaigns drawn anew; 1.0, 0.2 or 5.0 change 2 % of the names
+# Time by which samples of the rest are independent [s], error of the share that a servo at a limit makes, logarithm of
+# the ratio of likelihoods from which a class is given: chosen on training flights, on which few names depend on them
 CORRELATED, MODEL, EVIDENCE = 0.3, 0.15, 8.0
 NAMES = ("", "elevator_left_outer", "elevator_left_inner", "elevator_right_inner", "elevator_right_outer")
 
@@ -48,11 +48,12 @@ STATE = [
     ("part_head", "f8", "-"),  # next place in the ring
     ("part_since", "f8", "-"),  # samples since the alarm; without one the negative of those since its end
     ("part_size", "f8", (4,), "deg2"),  # mean square of each segment's residual
-    ("swing", "f8", (4,), "deg2"),  # of it what the sine explains; of a side not declared what standing still does not
+    # of it what the sine explains, of a side not declared what no share of the command that is lost explains as well
+    ("swing", "f8", (4,), "deg2"),
     ("noise", "f8", (4,), "deg2"),  # what sine and command leave
     ("share", "f8", "-"),  # of the command that does not come through where most oscillates
     ("share_sigma", "f8", "-"),
-    ("ofc_class", "f8", "-"),  # told by it; NONE where it is open
+    ("ofc_class", "f8", "-"),  # class by the share; NONE where it is open
     ("segment", "f8", "-"),  # that alone does not follow, index into NAMES; 0: several, or open
 ]
 
@@ -76,7 +77,7 @@ def compare(x, u, p, dt):
 
 
 @kernel
-def name(x, p, dt):
+def name(x, dt):
     """Set class, sides and segment of what is declared."""
     swings = x.ofc_timer[0] + x.ofc_timer[1] > 0.0
     if x.part_ticks * dt > SAMPLE - 0.5 * dt:

@@ -18,12 +18,11 @@ def from_plain(held: Mapping[str, Any]) -> Design:
 
 
 def choose(stored: Any, technology: str, dt: float) -> tuple[Design, Any]:
-    """Return (Design, entry) for `technology` of a stored file (name or content), its discrete form made for `dt` [s].
+    """Return (Design, entry) for `technology` of the content of a stored file, its discrete form made for `dt` [s].
 
     `technology` is that of both sides, or "left/right"; a file without any pair is of a form that knows no sides and
     takes sides that differ as "mixed". Raises ValueError for a technology that the file lacks.
     """
-    stored = read(stored) if isinstance(stored, str) else stored
     if why := _lacking(stored, technology):
         raise ValueError(why)
     entry = stored["designs"][_key(technology, stored)]

@@ -12,7 +12,7 @@ from cosim.scenario.catalog import SEGMENTS
 from cosim.training.flights import scenario
 from fdi.common import verdict
 from fdi.hydraulic import iotsekf
-from fdi.isolation import decide, evidence, filter, response, sums
+from fdi.isolation import decide, evidence, filter, likelihood, sums
 
 DT, ONSET, HEALED = 0.005, 10.0, 16.0
 FIELDS = {name: f"iotsekf_in.{{}}.{name}" for name in iotsekf.INPUTS.names}
@@ -157,7 +157,7 @@ def test_a_windows_sums_are_those_of_its_ticks_and_its_waves_those_of_its_blocks
     assert x.window_G[octave] == pytest.approx(wave @ wave.T, rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize("ears", range(len(response.HEARD)))
+@pytest.mark.parametrize("ears", range(len(evidence.HEARD)))
 @pytest.mark.parametrize("place, sensor", [("rod", "y_rod"), ("surface", "y_surface"), ("pressure", "y_dp")])
 def test_the_response_to_a_sensors_sine_is_what_the_filter_makes_of_it(place, sensor, ears):
     p, hz, size = designed().copy(), 3.0, 1e-4
@@ -165,7 +165,7 @@ def test_the_response_to_a_sensors_sine_is_what_the_filter_makes_of_it(place, se
     u = np.zeros((2, 2000), iotsekf.INPUTS)
     for name in ("y_rod_valid", "y_surface_valid", "y_dp_valid"):
         u[name] = 1.0
-    heard = list(response.HEARD[ears])
+    heard = list(evidence.HEARD[ears])
     for j, name in enumerate(("y_rod_valid", "y_surface_valid", "y_dp_valid")):
         u[name][:, 400:] = 1.0 if j in heard else 0.0
     t = np.arange(2000) * DT
@@ -174,7 +174,7 @@ def test_the_response_to_a_sensors_sine_is_what_the_filter_makes_of_it(place, se
     iotsekf.rollout(x, u, np.repeat(p, 2), DT, log)
     e = (log["h_e"][1] - log["h_e"][0])[1000:, heard] / np.sqrt(log["h_s"][0, 1000:][:, heard])
     found = 2.0 * np.abs(np.exp(-2j * np.pi * hz * t[1000:]) @ e) / 1000.0 / size
-    expected = np.abs(response.responses(p[0], DT, np.array([hz]), heard)[response.PLACES.index(place), 0])
+    expected = np.abs(likelihood.responses(p[0], DT, np.array([hz]), heard)[evidence.PLACES.index(place), 0])
     most = expected[heard].max()
     assert np.abs(found - expected[heard]).max() < (0.05 if ears else 0.03) * max(most, 1.0)
     assert log["heard"][0, -1] == ears and np.all(np.delete(expected, heard) == 0.0)

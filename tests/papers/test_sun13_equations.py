@@ -35,7 +35,7 @@ def test_a_design_of_the_stored_model_meets_theorems_1_and_2(form):
     Gamma is the one whose loop has BANDWIDTH. Where every state is measured no mode is fixed, and a second design has
     (31) left of the disk's centre, where it binds.
     """
-    held = choose(form, "hydraulic", DT)[0]
+    held = choose(read(form), "hydraulic", DT)[0]
     given: Any = {"dt": DT, "bandwidth": BANDWIDTH, "min_ratio": 0.0}
     d = design(held.A, held.B, held.C, None, held.E, held.F, **given)
     one, TF = np.eye(len(d.A)), d.T @ d.F
@@ -63,7 +63,7 @@ def test_a_design_of_the_stored_model_meets_theorems_1_and_2(form):
 def test_tracking_and_noise_that_a_design_reports_are_those_of_9_and_28(form):
     """f_hat / f at 0.5, 1, 2 Hz solves (9) and (28) at s; the noise is the root of the summed squares of what unit
     samples do."""
-    d = choose(form, "hydraulic", DT)[0]
+    d = choose(read(form), "hydraulic", DT)[0]
     TF, n, l = d.T @ d.F, len(d.A), d.F.shape[1]
     sigma = np.arange(1.0, len(d.C) + 1.0)
     made = design(d.A, d.B, d.C, None, d.E, d.F, dt=DT, bandwidth=BANDWIDTH, min_ratio=0.0)
@@ -82,7 +82,7 @@ def test_tracking_and_noise_that_a_design_reports_are_those_of_9_and_28(form):
 
 def test_the_discrete_estimator_is_2_and_28_integrated():
     """A second of outputs that are linear and inputs that are held between samples; it flies without D of (40)."""
-    d = choose("rfafe", "hydraulic", DT)[0]
+    d = choose(read("rfafe"), "hydraulic", DT)[0]
     TF, gain, ticks = d.T @ d.F, d.Gamma @ d.M, 200
     D = 0.1 * np.cos(np.arange(d.D.size)).reshape(d.D.shape)
     d = dataclasses.replace(d, D=D)
@@ -116,7 +116,7 @@ def test_the_block_that_flies_is_2_and_28_on_its_samples(form):
     actuator; three samples are lost, after which the estimator begins anew with the f_hat it had.
     """
     module, ticks = FORMS[form], 260
-    d, chosen = choose(form, "hydraulic", DT)
+    d, chosen = choose(read(form), "hydraulic", DT)
     stored = {key: held for key, held in read(form).items() if key != "servos"}  # the paper knows no servo beside (37)
     p = module.params(stored=stored)
     x, u = module.init(p), all_valid(module)

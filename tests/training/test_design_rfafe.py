@@ -71,9 +71,9 @@ def test_every_elevator_has_a_design_of_its_own(kinds):
     key = side_kinds(dict(zip(SEGMENTS, kinds)))
     left, right = (kinds[i] if kinds[i] == kinds[i + 1] else "mixed" for i in (0, 2))
     assert key == (left if left == right else f"{left}/{right}")
-    assert choose("rfafe", key, 0.005)[1] == read("rfafe")["designs"][key]
+    assert choose(read("rfafe"), key, 0.005)[1] == read("rfafe")["designs"][key]
     total = key if "/" not in key else "mixed"  # the airframe form knows no sides
-    assert choose("rfafe_airframe", key, 0.005)[1] == read("rfafe_airframe")["designs"][total]
+    assert choose(read("rfafe_airframe"), key, 0.005)[1] == read("rfafe_airframe")["designs"][total]
 
 
 def test_sides_that_differ_have_an_actuator_each():

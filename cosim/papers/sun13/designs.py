@@ -22,7 +22,7 @@ from fdi.rfafe.synthesis import G_SHARE, Design
 
 
 def _stored() -> Design:
-    return choose("rfafe", "hydraulic", DT)[0]
+    return choose(tuning.read("rfafe"), "hydraulic", DT)[0]
 
 
 @functools.cache
