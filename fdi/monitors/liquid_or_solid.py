@@ -58,11 +58,11 @@ def weigh(x, p, h):
     Y, M = x.ring[0], x.ring[1]
     best, rest, gain, dd, before = fit_sine(Y, M, first, n, h, PERIODS / (n * h), min(p.f_high, 0.4 / h), 0.0)
     x.gain, x.gain_sigma = gain, math.sqrt(max(rest, 0.0) * CORRELATED / (n * h) / max(dd, 1e-12))
-    x.residual, x.sine_hz = rest / before, best
+    x.residual, x.sine_hz = rest / before if best > 0.0 else 1.0, best
     off = SURE * x.gain_sigma
     nearest = 1.0 if x.gain > 0.5 else 0.0
     away = math.fabs(x.gain - nearest)
-    if not x.residual <= SWINGS or away > NEAR + off or away + off > 0.5:
+    if x.residual > SWINGS or away > NEAR + off or away + off > 0.5:
         return AMBIGUOUS
     return OFC_LIQUID if nearest > 0.5 else OFC_SOLID
 

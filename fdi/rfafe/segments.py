@@ -123,7 +123,7 @@ def _fit(x):
     first, m = (int(x.part_head) - n) % RING, x.part_ring[4 + worst // 2]
     hz, rest, gain, mm, _ = fit_sine(x.part_ring[worst], m, first, n, SAMPLE, hz / NEXT, hz * NEXT, 1.0)
     free = max(n * SAMPLE / CORRELATED - 1.0, 1e-3)  # samples of the rest that are independent, less the share
-    x.share, x.share_sigma = -gain, math.sqrt(rest / (free * max(mm, 1e-12)))
+    x.share, x.share_sigma = -gain, math.sqrt(max(rest, 0.0) / (free * max(mm, 1e-12)))
     for i in range(4):
         e, m = x.part_ring[i], x.part_ring[4 + i // 2]
         ee, em, mm = beside(e, m, first, n, 2.0 * math.pi * hz * SAMPLE, 1.0)
