@@ -215,7 +215,7 @@ def measurement_update(x, u, v, mu, p, dt):
     if surface and x.lever_P[0] < RIGGING_SD * RIGGING_SD:
         surface = not wild(x, SURFACE, y + lever_at(x, x.h_hat[0], x.h_step), p, dt)
     if surface:
-        if rod and x.alarm < 0.5 and math.fabs(x.pair_d) < TEACHES * x.pair_limit:
+        if rod and x.sensor < 0.5 and math.fabs(x.pair_d) < TEACHES * x.pair_limit:
             moves = x.h_step if math.fabs(x.h_step) > MOVES * dt else 0.0
             learn_lever(x, u.y_rod - y, x.h_hat[0], moves, p.h_r[ROD] + p.h_r[SURFACE], dt)
         if x.lever_P[0] < RIGGING_SD * RIGGING_SD:

@@ -118,7 +118,7 @@ def _largest(x, sizes):
 def _fit(x):
     """Fit sine and share of the command to the residuals of the segments, of the worst first; weigh the class."""
     worst, _, _ = _largest(x, x.part_size)
-    hz = x.ofc_hz[worst // 2]
+    hz = x.ofc_hz[worst // 2] if x.ofc_hz[worst // 2] > 0.0 else x.ofc_hz[1 - worst // 2]  # of a side declared
     n = int(min(x.part_since + PERIODS / (hz * SAMPLE), RING))
     first, m = (int(x.part_head) - n) % RING, x.part_ring[4 + worst // 2]
     hz, rest, gain, mm, _ = fit_sine(x.part_ring[worst], m, first, n, SAMPLE, hz / NEXT, hz * NEXT, 1.0)
