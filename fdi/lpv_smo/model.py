@@ -56,13 +56,6 @@ def normalise(rho: np.ndarray, box: np.ndarray) -> np.ndarray:
     return 2 * (np.asarray(rho, float) - low) / (high - low) - 1
 
 
-def trim_at(model: LpvModel, rho: np.ndarray) -> list[np.ndarray]:
-    """Return x_eq (n,), u_eq (m,), y_eq (p,) of the trim maps at `rho` (nr,)."""
-    z = normalise(rho, model.box)
-    values = model.trim @ np.prod(z ** powers(len(z)), axis=1)
-    return np.split(values, np.cumsum(model.B.shape[1:]))
-
-
 def fit(
     rho: np.ndarray, S: np.ndarray, *, box: np.ndarray, tolerance: float = 0.02, scale: np.ndarray | None = None,
     weight: np.ndarray | None = None,

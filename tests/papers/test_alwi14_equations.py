@@ -13,6 +13,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from actuators.constants import M_S_PER_KT, RAD_PER_DEG
+from cosim.papers.alwi14.plant import trim_at
 from cosim.papers.measured import all_valid, apart
 from cosim.training import lpv as training
 from fdi.lpv_smo import lpv_smo, synthesis
@@ -240,7 +241,7 @@ def test_the_affine_fit_and_the_trim_maps_are_those_of_27_and_29_to_32():
     trim = np.vstack([maps[:5], maps[7:], np.zeros((4, 35)), maps[5:7]])
     ours = dataclasses.replace(model, box=box, trim=trim)
     for r in rng.uniform(box[:, 0], box[:, 1], (5, 4)):
-        x, u, y = lpv_model.trim_at(ours, r)
+        x, u, y = trim_at(ours, r)
         theirs = np.concatenate(_trim(model, r))
         assert (np.abs(np.concatenate([x, y[-2:], u]) - theirs) <= 1e-8 * (1e-3 + np.abs(theirs))).all()
         assert np.abs(lpv_model.at(true, r) - _at(true, r)).max() <= 1e-8

@@ -19,6 +19,13 @@ DEMAND = ((12.0, 15.0, 0.15), (15.0, 18.0, -0.15))  # (from s, to s, g), as in t
 SERVO = 0.07  # actuator and its delay as one lag, what the law is designed for [s]
 
 
+def trim_at(model: lpv_model.LpvModel, rho: np.ndarray) -> list[np.ndarray]:
+    """Return x_eq (n,), u_eq (m,), y_eq (p,) of the trim maps at `rho` (nr,)."""
+    z = lpv_model.normalise(rho, model.box)
+    values = model.trim @ np.prod(z ** lpv_model.powers(len(z)), axis=1)
+    return np.split(values, np.cumsum(model.B.shape[1:]))
+
+
 class StandIn:
     """What flies an LPV plant that has no law: a doublet of the elevator, and damping in pitch."""
 
@@ -78,7 +85,7 @@ def fly(
     the observer reads n_z off by faults[1] g, alpha by faults[2] deg. The plant is advanced exactly, its input held
     over each tick. `noise` scales sensor set transport.
     """
-    _, u_eq, y_eq = lpv_model.trim_at(made, rho)
+    _, u_eq, y_eq = trim_at(made, rho)
     A, B, C, D = (lpv_model.at(S, rho) for S in (made.A, made.B, made.C, made.D))
     n = round(seconds / h)
     step = expm(np.block([[A, B], [np.zeros((2, 7))]]) * h)[:5]
