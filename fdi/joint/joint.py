@@ -36,7 +36,7 @@ from fdi.joint import likelihood
 from fdi.joint.hypotheses import ISOLABLE_PARTS, LANES, SEGMENTS, hypotheses, segments
 
 # chosen on the training flights, rates from one half of them and names from the other:
-SURE = 0.8  # probability from which a place, and in it a class, is named
+SURE = 0.82  # probability from which a place, and in it a class, is named
 EVERY, MEMORY = 0.25, 4.0  # what is heard is weighed, and remembered [s]
 UNLIKE = 0.1  # probability that a fault is unlike all that were counted: the records speak
 ALIKE = 0.9  # how much lanes of one detector on segments that one fault moves have in common [-]
