@@ -40,7 +40,7 @@ SPEEDS = (180.0, 365.0)  # calibrated airspeed [kt]
 # The signs for which a servo misses its reference most: each lowers the rod's speed per valve opening, which is
 # phi_n sqrt(P_s) / A_p
 WORST = {"A_p": 1.0, "phi_n": -1.0, "P_s": -1.0}
-SHARES = (0.1, 0.15, 0.2, 0.25, 0.3)  # of the reference's motion, tried beside them
+SHARES = (0.1, 0.2, 0.25, 0.3, 0.4)  # of the reference's motion, tried beside them
 
 
 def survey_iotsekf(recorded: Any, load: float) -> dict[str, Any]:

@@ -1,16 +1,15 @@
 """OFC monitor: the in-service baseline, after the idea of Goupil (Control Engineering Practice 18, 2010, 1110-1119).
 
-    m  = the command through the servo's own third-order reference model, less what the load takes: for YIELD of what is
-         faster than T_YIELD a healthy servo gives way to it, until its estimate of the load has taken it up
+    m  = the command through the servo's own third-order reference model (rod estimate of a healthy actuator)
     e  = y_rod - m, split into sub-bands by second-order high- and low-pass filters
     r  = largest e of a sub-band / limit, which is threshold + share of the reference's motion there
 
 A swing is a sub-band's e beyond its limit. Swings of alternating sign are counted over a sliding window of as many half
 periods of the sub-band's lowest frequency; an alarm needs `half_periods` of them.
 
-The rest of its response depends on tolerances and, by the hinge load's stiffness, on airspeed: the share of the motion
-that it may miss. Whether an oscillation adds to the command or has taken its place is told by
-fdi/monitors/liquid_or_solid.py.
+A servo follows its reference with a response that depends on tolerances and, by the hinge load's stiffness, on
+airspeed: the share of the motion that it may miss. Whether an oscillation adds to the command or has taken its place
+is told by fdi/monitors/liquid_or_solid.py.
 """
 
 import math
@@ -37,7 +36,6 @@ COUNT = 4  # swings kept
 HISTORY = 10  # reference positions kept: 5 ms at 2 kHz
 LONG_AGO = 1e3  # [s]
 TAU_DP = 0.0224  # lag of the pressure [s]
-YIELD, T_YIELD = 0.3, 0.08  # the values that leave least of 182 healthy rods' motion over an envelope [1], [s]
 HIGH_HZ = 0.4  # high-pass of what is weighed [Hz]
 MEMORY = 2.0  # of the reference's motion, in periods of the band's lower edge
 WILD, T_WILD = 0.02, 0.1  # a residual that steps farther [m] is not believed for so long [s]: no rod moves so
@@ -78,7 +76,6 @@ STATE = dtype(
         ("target", "f8", "m"),  # last finite command
         ("x3", "f8", "-"),  # lagged pressure difference
         ("est", "f8", (3,)),  # rod estimate [m], its rate and acceleration
-        ("taken", "f8", "m"),  # lagged estimate: what the servo holds against the load
         ("past", "f8", (HISTORY + 1,), "m"),  # reference positions, newest first
         ("high", "f8", (B, 2)),  # filter states of the residual
         ("low", "f8", (B, 2)),
@@ -202,8 +199,7 @@ def _predict(x, p, dt):
     away = x.target - x.est[0]
     most = p.v_max * max(opening(away, x.x3), servo.ROOT_LEAST)
     chase(x.est, away, most, p.k1, p.k2, p.k3, p.a_max, p.j_max, dt)
-    x.taken += dt / T_YIELD * (x.est[0] - x.taken)
-    shift(x.past, x.est[0] - YIELD * (x.est[0] - x.taken))
+    shift(x.past, x.est[0])
 
 
 @kernel
@@ -231,7 +227,7 @@ def _count(x, p, b, off, dt):
 def _start(x, u, p):
     """Let the estimate begin at the first reading: the first command, with its noise, is still to be followed."""
     x.started = 1.0
-    x.est[0] = x.taken = min(max(u.y_rod, p.r_lo), p.r_hi)
+    x.est[0] = min(max(u.y_rod, p.r_lo), p.r_hi)
     x.past[:] = x.est[0]
     x.wide[1, 1] = x.est[0]  # the high-pass starts in equilibrium
     x.ages[:] = LONG_AGO

@@ -90,6 +90,7 @@ def test_what_swings_with_the_command_is_no_oscillation(seed):
     u = inputs(ofc_monitor, [fly(command, seed=seed)])
     u["y_rod"] *= np.where(t > 15.0, 0.5, 1.0)  # half of what was asked for
     log = roll(ofc_monitor, ofc_monitor.params(), u)
+    assert log["alarm"].any()
     assert set(np.unique(log["verdict"])) == {verdict.NONE, verdict.AMBIGUOUS}
 
 
