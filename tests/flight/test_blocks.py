@@ -17,7 +17,8 @@ ABOUT = {
     "mass": 3e5, "rho": 0.65, "qbar": 1e4, "nz": 1.0, "cg": 0.3, "truth": 1.0,
 }  # fmt: skip
 SIZE = {
-    ("actuators.ema.actuator", "u"): 10.0, "vel_meas": 50.0, "load_fb": 3e3, "omega": 50.0, "current": 10.0,
+    ("actuators.ema.actuator", "u"): 10.0, ("fdi.joint.joint", "alarm"): 1.0, ("fdi.joint.joint", "verdict"): 9.0,
+    "vel_meas": 50.0, "load_fb": 3e3, "omega": 50.0, "current": 10.0,
     "friction_add": 1.0,
 }  # fmt: skip
 SMALL = 0.05
