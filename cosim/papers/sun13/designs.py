@@ -11,12 +11,13 @@ import numpy as np
 from scipy.linalg import expm, subspace_angles
 
 from cosim.papers.measured import apart, worst
+from cosim.scenario.aircraft import DEFAULT, load_aircraft
 from cosim.training import rfafe as training
 from cosim.training.flights import DT
 from cosim.training.rfafe import RANK_E
 from fdi import rfafe
 from fdi.common import tuning
-from fdi.rfafe.discrete import discretise
+from fdi.rfafe.discrete import discretise, noise
 from fdi.rfafe.store import choose, from_plain
 from fdi.rfafe.synthesis import G_SHARE, Design
 
@@ -27,10 +28,14 @@ def _stored() -> Design:
 
 @functools.cache
 def published(with_E: bool = True, bandwidth: float | None = None) -> dict[str, Any]:
-    """Return the stored form of the published design made anew, hydraulic elevators, with the stored E, which six
-    fault-free flights gave, or none; `bandwidth` [rad/s] of the loop is proportional to the learning rate."""
-    E = _stored().E if with_E else None
-    return {"designs": {"hydraulic": training.entry("rfafe", "hydraulic", E, bandwidth=bandwidth)}}
+    """Return the stored form of the published design solved anew for the stored plant, hydraulic elevators, with the
+    stored E or none; `bandwidth` [rad/s] of the loop is proportional to the learning rate."""
+    held, d = tuning.read("rfafe")["designs"]["hydraulic"], _stored()
+    air, position = training.sigmas(load_aircraft(DEFAULT))
+    sigma, wb = [*air, position, position], bandwidth or training.BANDWIDTH["rfafe"]
+    made = rfafe.design(d.A, d.B, d.C, None, d.E if with_E else None, d.F, dt=DT, bandwidth=wb, sigma=sigma)
+    noise_deg = noise(made.discrete, sigma).tolist()
+    return {"designs": {"hydraulic": held | {"design": tuning.plain(made), "noise_deg": noise_deg}}}
 
 
 @functools.cache
