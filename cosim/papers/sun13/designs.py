@@ -32,7 +32,7 @@ def published(with_E: bool = True, bandwidth: float | None = None) -> dict[str, 
     stored E or none; `bandwidth` [rad/s] of the loop is proportional to the learning rate."""
     held, d = tuning.read("rfafe")["designs"]["hydraulic"], _stored()
     air, position = training.sigmas(load_aircraft(DEFAULT))
-    sigma, wb = [*air, position, position], bandwidth or training.BANDWIDTH["rfafe"]
+    sigma, wb = np.array([*air, position, position]), bandwidth or training.BANDWIDTH["rfafe"]
     made = rfafe.design(d.A, d.B, d.C, None, d.E if with_E else None, d.F, dt=DT, bandwidth=wb, sigma=sigma)
     noise_deg = noise(made.discrete, sigma).tolist()
     return {"designs": {"hydraulic": held | {"design": tuning.plain(made), "noise_deg": noise_deg}}}
