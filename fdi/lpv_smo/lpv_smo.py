@@ -58,16 +58,15 @@ from fdi.common.record import LEARN_S, TICK, Detector, Estimate, Site
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, SENSOR
 from fdi.common.why import BOX_ALPHA, BOX_MACH, LOST_SENSOR, NOT_READY, VALID
+from fdi.lpv_smo import gyro
 from fdi.lpv_smo.core import (
     DELAY,
-    GYRO_STATE,
     NB,
     M,
     N,
     P,
     R,
     T,
-    compare_gyro,
     drift,
     gust,
     inputs,
@@ -226,7 +225,7 @@ STATE = dtype(
         ("age", "f8", "s"),  # time since the (re)start; 0: not started
         ("timer", "f8", (3,), "s"),  # confirmation: elevator, n_z, alpha
         ("held", "f8", (3,), "s"),  # for how long each has been declared
-        *GYRO_STATE,
+        *gyro.STATE,
         *bank.state(2),
         ("hit", "f8", (bank.K,), "-"),  # fits in a row that passed
         ("swing", "f8", "s"),  # time for which an oscillation is still held to be there
@@ -451,7 +450,7 @@ def step(x, u, p, dt):
     good = usable(u.h, u.h_valid) * usable(u.theta, u.theta_valid) * usable(u.V, u.V_valid) * usable(u.q, u.q_valid)
     if p.gust > 0.5:
         good *= usable(u.alpha_ground, u.alpha_ground_valid)
-    compare_gyro(x, u, dt)
+    gyro.compare(x, u, dt)
     if x.age == 0.0:  # the first tick needs all of them; later n_z and alpha may drop out
         good *= usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid)
     why = inputs(x, u, p, dt) if good > 0.5 else LOST_SENSOR

@@ -6,7 +6,7 @@ import pytest
 from actuators.block import dtype
 from actuators.constants import RAD_PER_DEG
 from fdi.common import bank, decision, sinusoid, tuning
-from fdi.lpv_smo import core
+from fdi.lpv_smo import gyro
 
 DT = 0.005
 BANK_PARAMS, BANK_STATE = dtype(bank.PARAMS), dtype(bank.state(2))
@@ -179,7 +179,7 @@ def test_what_is_beside_a_sine_is_the_rest_of_least_squares():
 
 NAMES = ("theta", "phi", "q", "r")
 INPUTS = dtype([(n + tail, "f8", "-") for n in NAMES for tail in ("", "_valid")])
-STATE = dtype([*core.GYRO_STATE])
+STATE = dtype([*gyro.STATE])
 
 
 def test_an_error_of_the_pitch_rate_shows_in_its_size_within_a_third_of_a_second_and_nothing_without_one():
@@ -190,8 +190,8 @@ def test_an_error_of_the_pitch_rate_shows_in_its_size_within_a_third_of_a_second
     for k in range(len(t)):
         for name, values in zip(NAMES, (theta, phi, q, r)):
             u[name], u[name + "_valid"] = values[k], float(name != "phi" or not 2.0 <= t[k] < 3.0)
-        core.compare_gyro(x.view(np.recarray), u.view(np.recarray), DT)
+        gyro.compare(x.view(np.recarray), u.view(np.recarray), DT)
         out.append((x["gyro_error"], x["gyro_off"]))
     error, off = np.array(out).T
-    assert np.abs(error[t < 5.0]).max() < 0.3 * core.GYRO_OFF and not off[t < 5.0].any()
+    assert np.abs(error[t < 5.0]).max() < 0.3 * gyro.OFF and not off[t < 5.0].any()
     assert off[(t > 5.3) & (t < 5.35)].all() and error[-1] == pytest.approx(RAD_PER_DEG, rel=0.1)  # times cos phi
