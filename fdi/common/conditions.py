@@ -4,7 +4,6 @@ Rank decisions are taken on matrices with unit rows of C and unit columns of E a
 units.
 """
 
-
 import numpy as np
 
 RANK = 1e-9  # singular values below this count as zero

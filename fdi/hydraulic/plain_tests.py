@@ -68,7 +68,7 @@ STATE = [
     ("f_slow", "f8", "-"),  # lagged input fault, less what learned errors leave in it
     ("u_slow", "f8", "-"),  # lagged valve command
     ("w_flat", "f8", "-"),  # valve opening that w keeps to
-    ("w_first", "f8", "-"),  # the same FIRST_S after it began: before, the servo is still closing it
+    ("w_first", "f8", "-"),  # the same FIRST_S after it began: before, the lags of f_slow let it still grow
     ("w_flat_s", "f8", "s"),  # for which it has
     ("run_timer", "f8", "s"),
     ("run", "f8", "-"),  # 1 while an input fault is declared

@@ -35,7 +35,8 @@ from fdi.common.verdict import AMBIGUOUS, NAMES, NONE, code
 from fdi.joint import likelihood
 from fdi.joint.hypotheses import ISOLABLE_PARTS, LANES, SEGMENTS, hypotheses, segments
 
-# chosen on the training flights, rates from one half of them and names from the other:
+# chosen on the training flights, rates from one half of them and names from the other; SURE on flights of `fault-space`
+# and a third of campaign `joint`, too:
 SURE = 0.82  # probability from which a place, and in it a class, is named
 EVERY, MEMORY = 0.25, 4.0  # what is heard is weighed, and remembered [s]
 UNLIKE = 0.1  # probability that a fault is unlike all that were counted: the records speak
